@@ -1,0 +1,51 @@
+"""The family of errors, and the fault: one mistake at one place, in one line.
+
+    BehaviorControllerError
+    ├── FaultsFound              a file that has mistakes: all of them, found in one pass
+    │   ├── ConfigurationError
+    │   └── MissionError
+    ├── NodesMissing             robot nodes that the start-up check did not find
+    └── bt errors                (script, port, tick) derive from it where they are defined
+"""
+from typing import NamedTuple, Sequence
+
+
+class Fault(NamedTuple):
+    """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not known."""
+
+    file: str
+    line: int
+    column: int
+    text: str
+    hint: str = ""
+    is_warning: bool = False
+
+    def __str__(self) -> str:
+        """Return ``file:line:column: text (hint)``, leaving out what is not known."""
+        place = ":".join([self.file] + [str(number) for number in (self.line, self.column) if number])
+        kind = "warning: " if self.is_warning else ""
+        return "{}: {}{}{}".format(place, kind, self.text, " ({})".format(self.hint) if self.hint else "")
+
+
+class BehaviorControllerError(Exception):
+    """Whatever this package raises on purpose; its text is one line for an operator, or one line per fault."""
+
+
+class FaultsFound(BehaviorControllerError):
+    """A file has mistakes. ``faults`` holds every one of them; the file was not used."""
+
+    def __init__(self, faults: Sequence[Fault]):
+        super().__init__("\n".join(str(fault) for fault in faults))
+        self.faults = tuple(faults)
+
+
+class ConfigurationError(FaultsFound):
+    """The configuration cannot be used (exit code 2)."""
+
+
+class MissionError(FaultsFound):
+    """The mission cannot be used (exit code 2)."""
+
+
+class NodesMissing(BehaviorControllerError):
+    """Robot nodes that the mission needs are not there (exit code 1)."""

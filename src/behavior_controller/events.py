@@ -1,0 +1,80 @@
+"""What happened during a mission, as records, and where they go.
+
+Producers (leaves, the runner, the gateway's monitor) call ``Events.emit``; sinks (the terminal, the record file, the
+page) subscribe. A sink is called on the producer's thread and must be quick.
+"""
+from typing import Callable, List, NamedTuple, Optional, Union
+
+from behavior_controller.gateway import Failure
+
+
+class RunStarted(NamedTuple):
+    """The node has checked everything and starts to tick."""
+
+    mission: str
+    leaves: List[List[str]]  # [path, node type] of each mission leaf, in document order
+    settings: dict
+
+
+class LeafFinished(NamedTuple):
+    """A mission leaf ended with a result, or was halted (``status`` IDLE)."""
+
+    uid: int
+    node: str
+    path: str
+    status: str
+    resource: str
+    seconds: float
+    failure: Optional[Failure]
+
+
+class Recovered(NamedTuple):
+    """A decision of HandleFallBack: which failure, what was done about it, after how many attempts, and whether it helped."""
+
+    node: str
+    path: str
+    failure: Failure
+    policy: str
+    attempts: int
+    success: bool
+
+
+class PassFinished(NamedTuple):
+    """One visitor's pass through the mission ended."""
+
+    number: int
+    outcome: str
+    seconds: float
+
+
+class Noticed(NamedTuple):
+    """Something that an operator should know; ``level`` is ``info``, ``warning`` or ``error``."""
+
+    level: str
+    text: str
+
+
+class RunFinished(NamedTuple):
+    """The node stops. ``outcome`` is that of the last pass, or the reason to stop."""
+
+    outcome: str
+    exit_code: int
+
+
+Event = Union[RunStarted, LeafFinished, Recovered, PassFinished, Noticed, RunFinished]
+
+
+class Events:
+    """Hands each event to every sink, in order of subscription."""
+
+    def __init__(self) -> None:
+        self._sinks: List[Callable[[Event], None]] = []
+
+    def subscribe(self, sink: Callable[[Event], None]) -> None:
+        """Have ``sink`` called with every later event."""
+        self._sinks.append(sink)
+
+    def emit(self, event: Event) -> None:
+        """Tell every sink."""
+        for sink in self._sinks:
+            sink(event)
