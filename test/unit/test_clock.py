@@ -1,0 +1,55 @@
+"""Timers run in order, at their own time, once, and not after they were cancelled."""
+from behavior_controller.bt.clock import Clock, ManualClock
+
+
+def test_timers_run_in_order_of_due_time_and_see_their_own_time():
+    clock = ManualClock(100.0)
+    seen = []
+    clock.call_after(2.0, lambda: seen.append(("second", clock.now())))
+    clock.call_after(1.0, lambda: seen.append(("first", clock.now())))
+    clock.advance(1.5)
+    assert seen == [("first", 101.0)]
+    clock.advance(1.0)
+    assert seen == [("first", 101.0), ("second", 102.0)]
+    assert clock.now() == 102.5
+
+
+def test_equal_due_times_run_in_order_of_creation():
+    clock = ManualClock()
+    seen = []
+    for number in range(5):
+        clock.call_after(1.0, lambda number=number: seen.append(number))
+    clock.advance(1.0)
+    assert seen == [0, 1, 2, 3, 4]
+
+
+def test_a_cancelled_timer_does_not_run_and_is_not_waited_for():
+    clock = ManualClock()
+    clock.call_after(1.0, lambda: 1 / 0).cancel()
+    assert clock.next_due() is None
+    clock.call_after(3.0, lambda: None)
+    assert clock.next_due() == 3.0
+    clock.advance(5.0)
+
+
+def test_a_timer_may_start_and_cancel_timers():
+    clock = ManualClock()
+    seen = []
+    doomed = clock.call_after(2.0, lambda: seen.append("doomed"))
+
+    def first():
+        doomed.cancel()
+        clock.call_after(0.5, lambda: seen.append(clock.now()))
+
+    clock.call_after(1.0, first)
+    clock.advance(10.0)
+    assert seen == [1.5]
+
+
+def test_the_real_clock_runs_only_what_is_due():
+    clock = Clock()
+    seen = []
+    clock.call_after(0.0, lambda: seen.append("now"))
+    clock.call_after(3600.0, lambda: seen.append("later"))
+    clock.run_due()
+    assert seen == ["now"]

@@ -1,0 +1,30 @@
+"""A node type's name is taken once, and a wrong name finds its neighbour."""
+import pytest
+
+from behavior_controller.bt.registry import Kind, NodeSpec, Registry, did_you_mean
+
+
+def spec(node_id):
+    return NodeSpec(node_id, Kind.ACTION, lambda name: None)
+
+
+def test_types_are_found_by_name_and_kept_in_order():
+    registry = Registry([spec("WelcomeSpeech"), spec("Navigate")])
+    assert registry.find("Navigate").id == "Navigate"
+    assert registry.find("navigate") is None
+    assert [found.id for found in registry.all()] == ["WelcomeSpeech", "Navigate"]
+
+
+def test_a_second_registration_is_refused():
+    registry = Registry([spec("Navigate")])
+    with pytest.raises(ValueError, match="Navigate is registered twice"):
+        registry.extend([spec("Navigate")])
+
+
+@pytest.mark.parametrize("word, expected", [
+    ("WelcomSpeech", "did you mean WelcomeSpeech?"),
+    ("welcomespeech", "did you mean WelcomeSpeech?"),
+    ("Frobnicate", ""),
+])
+def test_suggestions(word, expected):
+    assert did_you_mean(word, ["WelcomeSpeech", "Navigate"]) == expected
