@@ -1,0 +1,202 @@
+"""Conversations with ROS peers of which every step ends in bounded time, or at once when another thread says so.
+
+``rospy.ServiceProxy`` cannot do this: it looks up, connects and shakes hands without a time limit, keeps its socket out
+of reach while it does, and does not tell whether the request had left when the connection broke. So this module speaks
+the protocols itself, with ROS's own functions for their formats: TCPROS (https://wiki.ros.org/ROS/TCPROS) and the
+XML-RPC interface of the master and of nodes (https://wiki.ros.org/ROS/Master_API, .../Slave_API).
+"""
+import http.client
+import socket
+import struct
+import xml.parsers.expat
+import xmlrpc.client
+from typing import Any, Dict, Optional, Tuple
+
+import rosgraph
+import rosgraph.network
+import rospy
+
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.gateway import Cause
+
+CONNECT_LIMIT = 4.0
+"""Seconds to look up, connect and shake hands: a peer on the robot's network that takes longer is not there."""
+
+MOST_BYTES = 64 * 1024 * 1024
+"""A longer header or answer is taken for a broken stream; the longest real one is the list of exhibits."""
+
+_XMLRPC_TROUBLE = (OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError, ValueError,
+                   TypeError)
+
+
+class Trouble(BehaviorControllerError):
+    """A conversation failed: why, in the terms of the mission, and a line for an operator without the peer's name."""
+
+    def __init__(self, cause: Cause, text: str):
+        super().__init__(" ".join(text.split())[:500])
+        self.cause = cause
+
+
+class _TimedTransport(xmlrpc.client.Transport):
+    """XML-RPC whose every step on the network ends after ``seconds``."""
+
+    def __init__(self, seconds: float):
+        super().__init__()
+        self._seconds = seconds
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        """Return the connection to ``host``, with the limit set."""
+        connection = super().make_connection(host)
+        connection.timeout = self._seconds
+        return connection
+
+
+def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> Any:
+    """Call ``method`` of the master or node at ``uri`` in our name and return its value; None if it has none to give.
+
+    Raises ``Trouble`` (not reachable) if nothing at ``uri`` answers as a ROS node does.
+    """
+    try:
+        with xmlrpc.client.ServerProxy(uri, transport=_TimedTransport(seconds)) as peer:
+            code, _, value = getattr(peer, method)(rospy.get_name(), *arguments)
+    except _XMLRPC_TROUBLE as error:
+        raise Trouble(Cause.NOT_REACHABLE, "{} does not answer ({})".format(uri, error or "timed out"))
+    return value if code == 1 else None
+
+
+def ask_master(method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> Any:
+    """Call ``method`` of the ROS master; see ``ask``."""
+    try:
+        return ask(rosgraph.get_master_uri(), method, *arguments, seconds=seconds)
+    except Trouble as trouble:
+        raise Trouble(trouble.cause, "the ROS master at {}".format(trouble))
+
+
+class Connection:
+    """One TCPROS connection. Used by one thread; ``close`` may be called from any other and ends what that one waits for.
+
+    Whatever goes wrong is raised as ``Trouble``; then the connection is open no longer, and may be opened anew.
+    """
+
+    def __init__(self) -> None:
+        self._socket: Optional[socket.socket] = None
+        self.closed = False
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a connection that the peer has not ended."""
+        if self._socket is None:
+            return False
+        try:
+            self._socket.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return True
+        except OSError:
+            pass
+        # the end of the stream, or bytes that nobody asked for: of no use either way
+        self.hang_up()
+        return False
+
+    def open(self, host: str, port: int, header: Dict[str, str], seconds: float) -> Dict[str, str]:
+        """Connect, send ``header`` and return the peer's. ``seconds`` bounds connecting, and then each reading."""
+        try:
+            self._connect(host, port, seconds)
+            self.send(rosgraph.network.encode_ros_handshake_header(header))
+            return self._read_header()
+        except socket.timeout:
+            self.hang_up()
+            raise Trouble(Cause.NO_ANSWER, "{}:{} takes the connection but does not answer; nothing was asked of it"
+                          .format(host, port))
+        except Trouble as trouble:
+            # what is lost before the handshake is over never stood
+            raise Trouble(Cause.NOT_REACHABLE, "{}:{}: {}".format(host, port, trouble))
+
+    def _connect(self, host: str, port: int, seconds: float) -> None:
+        """Connect to the first of the host's addresses that takes the connection."""
+        error: Optional[OSError] = None
+        try:
+            for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+                error = self._try(socket.socket(family, kind, protocol), address, seconds)
+                if error is None:
+                    return
+        except (OSError, UnicodeError) as failed:
+            error = failed
+        raise Trouble(Cause.NOT_REACHABLE, "nobody there ({})".format(error or "no address"))
+
+    def _try(self, sock: socket.socket, address: Tuple, seconds: float) -> Optional[OSError]:
+        """Connect ``sock``; return None or why not."""
+        self._socket = sock
+        try:
+            sock.settimeout(seconds)
+            if self.closed:  # looked at after the socket is in reach of ``close``: one of the two threads sees the other
+                raise OSError("closed")
+            sock.connect(address)
+        except OSError as error:
+            self.hang_up()
+            return error
+        return None
+
+    def _read_header(self) -> Dict[str, str]:
+        """Read and decode the peer's half of the handshake; raises ``Trouble`` if it is none."""
+        length = self.receive(4)
+        body = self.receive(struct.unpack("<I", length)[0])
+        try:
+            return rosgraph.network.decode_ros_handshake_header(length + body)
+        except (rosgraph.network.ROSHandshakeException, UnicodeDecodeError, struct.error) as error:
+            self.hang_up()
+            raise Trouble(Cause.NOT_REACHABLE, "no ROS node ({})".format(error))
+
+    def wait_without_limit(self) -> None:
+        """Let later readings take as long as they need: from here on whoever uses the connection bounds it by ``close``."""
+        if self._socket is not None:
+            self._socket.settimeout(None)
+
+    def send(self, data: bytes) -> None:
+        """Send ``data``. After ``Trouble`` it is not known whether the peer has got it."""
+        try:
+            self._socket.sendall(data)
+        except socket.timeout:
+            raise
+        except OSError as error:
+            self._lose(error)
+
+    def receive(self, length: int) -> bytes:
+        """Read ``length`` bytes."""
+        if length > MOST_BYTES:
+            self._lose("{} bytes announced".format(length))
+        data = bytearray()
+        try:
+            while len(data) < length:
+                chunk = self._socket.recv(min(length - len(data), 65536))
+                if not chunk:
+                    self._lose("closed by the peer")
+                data += chunk
+        except socket.timeout:
+            raise
+        except OSError as error:
+            self._lose(error)
+        return bytes(data)
+
+    def _lose(self, reason: Any) -> None:
+        """Give the socket back and raise."""
+        self.hang_up()
+        raise Trouble(Cause.CONNECTION_LOST, "the connection broke ({})".format(reason))
+
+    def hang_up(self) -> None:
+        """Give the socket back; from the thread that uses the connection only."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def close(self) -> None:
+        """End the connection for good, from any thread: what its user waits for fails at once, and he gives it back.
+
+        The socket is shut down but not closed here: its number must not be reused while the other thread reads from it.
+        """
+        self.closed = True
+        sock = self._socket
+        if sock is not None:
+            try:
+                sock.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass  # not connected yet, or given back a moment ago

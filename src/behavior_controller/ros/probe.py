@@ -1,0 +1,195 @@
+"""The start-up check: are the robot's nine nodes there, does each answer, and does it speak our types.
+
+A master's entry proves nothing: it outlives its node. So each service and each publisher is connected to and shakes
+hands, all at once and each bounded in time; whatever is missing is told in one go.
+"""
+import threading
+import time
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Union
+
+import rospy
+
+from behavior_controller.bt.wakeup import WakeUp
+from behavior_controller.errors import NodesMissing
+from behavior_controller.gateway import (Cause, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation,
+                                         SetAttention, Topic)
+from behavior_controller.ros.connection import Connection, Trouble, ask, ask_master
+from behavior_controller.ros.services import ROUTES, open_service
+from behavior_controller.ros.topics import FEEDS
+
+STEP_LIMIT = 2.0
+"""Seconds that a node has for each step: to take the connection, to shake hands."""
+
+PROBE_LIMIT = 3.0
+"""Seconds after which whatever has not answered is counted as missing."""
+
+ROUND = 0.5
+"""Seconds between two looks at what is still missing, while the start waits (``startupTimeout``)."""
+
+
+class Part(NamedTuple):
+    """Something that one of the robot's nodes offers, and what its absence means."""
+
+    offer: Union[type, Topic]  # a kind of request, or a topic
+    node: str
+    absence: str
+
+    @property
+    def name(self) -> str:
+        """The resolved name of the service or topic."""
+        return rospy.resolve_name(self.offer.value if isinstance(self.offer, Topic) else self.offer.service)
+
+    @property
+    def kind(self) -> str:
+        """``service`` or ``topic``."""
+        return "topic" if isinstance(self.offer, Topic) else "service"
+
+
+PARTS = (
+    Part(SetAnimation, "animateBehavior", "lifelike movement can be neither started nor stopped"),
+    Part(PerformGesture, "gestureExecution", "the robot makes no gestures"),
+    Part(QueryKnowledge, "knowledgeBase", "there are no exhibits and no way home"),
+    Part(SetAttention, "overtAttention", "the robot's gaze cannot be directed"),
+    Part(GoTo, "robotNavigation", "the robot cannot drive"),
+    Part(Prompt, "tabletEvent", "visitors cannot answer on the tablet"),
+    Part(Say, "textToSpeech", "the robot cannot speak"),
+    Part(Topic.FACES, "faceDetection", "visitors are not noticed"),
+    Part(Topic.ATTENTION, "overtAttention", "mutual gaze is not noticed"),
+    Part(Topic.SPEECH, "speechEvent", "what visitors say is not heard"),
+)
+
+
+class Missing(NamedTuple):
+    """A part that did not pass, and why."""
+
+    part: Part
+    reason: str
+
+    def __str__(self) -> str:
+        """Return a line for an operator."""
+        return "{} {} (of node /{}): {}; without it {}".format(
+            self.part.kind, self.part.name, self.part.node, self.reason, self.part.absence)
+
+
+# ---------------------------------------------------------------------------------------------------------- one probe
+
+
+def _examine(part: Part) -> Optional[str]:
+    """Return why ``part`` cannot be used, or None if it can. Ends in bounded time."""
+    try:
+        look = _examine_topic if isinstance(part.offer, Topic) else _examine_service
+        return look(part)
+    except Trouble as trouble:
+        return "{}: {}".format(trouble.cause.value, trouble)
+
+
+def _examine_service(part: Part) -> Optional[str]:
+    """Connect to a service as a probe does, which its server answers without running anything."""
+    connection = Connection()
+    answer = open_service(connection, part.name, "*", STEP_LIMIT, probe="1")
+    connection.hang_up()
+    return _compare(answer, ROUTES[part.offer].type, "its server")
+
+
+def _examine_topic(part: Part) -> Optional[str]:
+    """Connect to each publisher until one is right; else tell of the first."""
+    publishers, _, _ = ask_master("getSystemState", seconds=STEP_LIMIT) or ([], [], [])
+    nodes = [node for topic, names in publishers if topic == part.name for node in names]
+    reasons: List[str] = []
+    for node in nodes:
+        reason = _examine_publisher(part, node)
+        if reason is None:
+            return None
+        reasons.append(reason)
+    return reasons[0] if reasons else "no node publishes it"
+
+
+def _examine_publisher(part: Part, node: str) -> Optional[str]:
+    """Connect to the topic at ``node`` as a subscriber of any type does, and compare what it says that it publishes."""
+    connection = Connection()
+    try:
+        uri = ask_master("lookupNode", node, seconds=STEP_LIMIT)
+        offer = ask(uri, "requestTopic", part.name, [["TCPROS"]], seconds=STEP_LIMIT) if uri else None
+        if not offer:
+            return "node {} does not publish it any more".format(node)
+        header = {"topic": part.name, "md5sum": "*", "type": "*", "callerid": rospy.get_name(), "tcp_nodelay": "1"}
+        answer = connection.open(offer[1], int(offer[2]), header, STEP_LIMIT)
+    except Trouble as trouble:
+        return "{}: node {} is listed as its publisher, but {}".format(trouble.cause.value, node, trouble)
+    finally:
+        connection.hang_up()
+    return _compare(answer, FEEDS[part.offer].type, "node " + node)
+
+
+def _compare(answer: Any, wanted: Any, who: str) -> Optional[str]:
+    """Return how the type in a handshake differs from ours, or None."""
+    if "error" in answer:
+        return "{}: {} says: {}".format(Cause.NOT_REACHABLE.value, who, answer["error"])
+    if answer.get("md5sum") == wanted._md5sum:
+        return None
+    return "{}: {} has {} (md5 {}), expected is {} (md5 {}); build both from the same srv and msg files".format(
+        Cause.TYPE_MISMATCH.value, who, answer.get("type"), answer.get("md5sum"), wanted._type, wanted._md5sum)
+
+
+# --------------------------------------------------------------------------------------------------- all of them at once
+
+
+def find_missing(parts: Sequence[Part], wake: WakeUp, is_stopped: Callable[[], bool]) -> List[Missing]:
+    """Examine ``parts`` in parallel and return those that cannot be used, in their order.
+
+    Ends within ``PROBE_LIMIT``, or when ``wake`` says that the operator has stopped us.
+    """
+    reasons: Dict[Part, Optional[str]] = {}
+
+    def examine(part: Part) -> None:
+        reasons[part] = _examine(part)
+        wake.emit()
+
+    for part in parts:
+        threading.Thread(target=examine, args=(part,), daemon=True, name="probe " + part.name).start()
+    ends = time.monotonic() + PROBE_LIMIT
+    while len(reasons) < len(parts) and time.monotonic() < ends and not is_stopped():
+        wake.wait(max(0.0, ends - time.monotonic()))
+        wake.test_and_clear()
+    found = {part: reasons.get(part, "{}: not in {:g} s".format(Cause.NO_ANSWER.value, PROBE_LIMIT)) for part in parts}
+    return [Missing(part, reason) for part, reason in found.items() if reason is not None]
+
+
+class StartUpCheck:
+    """Waits for the robot's nodes as long as the configuration allows."""
+
+    def __init__(self, asr_enabled: bool, patience: float, tell: Callable[[str, str], None]):
+        """``patience`` is ``startupTimeout`` in seconds; ``tell`` takes a level and a line for the operator."""
+        self._asr_enabled = asr_enabled
+        self._patience = patience
+        self._tell = tell
+
+    def run(self, wake: WakeUp, is_stopped: Callable[[], bool]) -> None:
+        """Return when every part that the mission needs is there; raises ``NodesMissing``, which lists all that is not."""
+        ends = time.monotonic() + self._patience
+        missing = find_missing(PARTS, wake, is_stopped)
+        awaited: List[str] = []
+        while self._needed(missing) and time.monotonic() < ends and not is_stopped():
+            names = [part.part.name for part in self._needed(missing)]
+            if names != awaited:
+                self._tell("info", "waiting up to {:.0f} s for {}".format(ends - time.monotonic(), ", ".join(names)))
+                awaited = names
+            wake.wait(min(ROUND, max(0.0, ends - time.monotonic())))
+            wake.test_and_clear()
+            missing = find_missing([part.part for part in missing], wake, is_stopped)
+        self._report(missing)
+
+    def _needed(self, missing: List[Missing]) -> List[Missing]:
+        """Return those without which the mission does not start: without speech recognition nobody listens."""
+        return [part for part in missing if self._asr_enabled or part.part.offer is not Topic.SPEECH]
+
+    def _report(self, missing: List[Missing]) -> None:
+        """Warn of what can be done without, and raise for the rest."""
+        needed = self._needed(missing)
+        for part in missing:
+            if part not in needed:
+                self._tell("warning", "{} (asrEnabled is false: going on)".format(part))
+        if needed:
+            raise NodesMissing("{} of the {} services and topics that the mission needs are missing:\n{}\n{}".format(
+                len(needed), len(PARTS), "\n".join("  {}".format(part) for part in needed),
+                "start what is missing and start again, or set startupTimeout to wait for it"))
