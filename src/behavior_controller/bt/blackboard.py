@@ -1,0 +1,188 @@
+"""The blackboard: typed entries by name, one storage for each tree instance, linked by remapping (BT.CPP section 9)."""
+from typing import Any, Dict, Iterator, Optional
+
+from behavior_controller.bt import values
+from behavior_controller.bt.values import ANY, BT_ANY, GENERIC, TEXT, TYPES, ValueFault
+
+
+class Entry:
+    """One entry. ``value`` None is empty; ``origin`` is the type the value had when it was first stored."""
+
+    __slots__ = ("type", "value", "origin", "sequence")
+
+    def __init__(self, entry_type: str = ANY):
+        self.type = entry_type
+        self.value: Any = None
+        self.origin = ""
+        self.sequence = 0  # grows by 1 with every write, same value or not
+
+    @property
+    def is_generic(self) -> bool:
+        """Return whether any type of value is welcome."""
+        return self.type in GENERIC
+
+    def replace(self, value: Any, origin: str = "") -> None:
+        """Store ``value`` as it is."""
+        self.value = value
+        self.origin = origin or values.origin_of(value)
+        self.sequence += 1
+
+    def update(self, value: Any) -> None:
+        """Store ``value`` in the kind that is stored already. Raises ValueFault if it cannot be."""
+        if self.value is None:
+            self.origin = values.origin_of(value)
+        self.value = values.same_kind(value, self.value)
+        self.sequence += 1
+
+    def from_text(self, text: str) -> Any:
+        """Return ``text`` in the entry's type, or None if the type has no conversion. Raises ValueFault."""
+        value_type = TYPES.get(self.type)
+        return value_type.from_text(text, {}) if value_type is not None and value_type.from_text else None
+
+
+class Blackboard:
+    """The entries of one tree instance. A key that is remapped lives in the parent; ``@key`` lives in the root."""
+
+    def __init__(self, parent: Optional["Blackboard"] = None):
+        self.parent = parent
+        self.local: Dict[str, Entry] = {}
+        self.remapping: Dict[str, str] = {}
+        self.autoremap = False
+
+    def root(self) -> "Blackboard":
+        """Return the topmost parent."""
+        board = self
+        while board.parent is not None:
+            board = board.parent
+        return board
+
+    def add_remapping(self, inner: str, outer: str) -> None:
+        """Let ``inner`` mean ``outer`` of the parent."""
+        self.remapping[inner] = outer
+
+    def find(self, key: str) -> Optional[Entry]:
+        """Return the entry that ``key`` means here, or None."""
+        if key[:1] == "@":
+            return self.root().find(key[1:])
+        board: Optional[Blackboard] = self
+        for board, key in self._chain(key):
+            entry = board.local.get(key)
+            if entry is not None:
+                return entry
+        return None
+
+    def _chain(self, key: str) -> Iterator[Any]:
+        """Yield each blackboard and the name of the key there, from here up as far as remapping leads."""
+        board: Optional[Blackboard] = self
+        while board is not None:
+            yield board, key
+            if key in board.local:
+                return
+            if key in board.remapping:
+                key = board.remapping[key]
+                if key[:1] == "@":
+                    board, key = board.root(), key[1:]
+                    continue
+            elif not board.autoremap or key[:1] == "_":
+                return
+            board = board.parent
+
+    def create(self, key: str, entry_type: str = ANY) -> Entry:
+        """Return the entry, made where the chain of remappings ends if it is new. Raises ValueFault on a type clash."""
+        if key[:1] == "@":
+            return self.root().create(key[1:], entry_type)
+        board = self
+        for board, key in self._chain(key):
+            entry = board.local.get(key)
+            if entry is not None:
+                if entry.type != entry_type and not entry.is_generic and entry_type not in GENERIC:
+                    raise ValueFault(
+                        "Blackboard entry [{}]: once declared, the type of a port shall not change. "
+                        "Previously declared type [{}], current type [{}]".format(key, entry.type, entry_type))
+                return entry
+        return board.local.setdefault(key, Entry(entry_type))
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """Return the value of ``key``, or ``default`` if there is none."""
+        entry = self.find(key)
+        return default if entry is None or entry.value is None else entry.value
+
+    def set(self, key: str, value: Any, value_type: Optional[str] = None) -> None:
+        """Write as a port or the host does (BT.CPP ``Blackboard::set``). Raises ValueFault on a type clash.
+
+        ``value_type`` is the type of the writer; without one it follows from the value.
+        """
+        if key[:1] == "@":
+            self.root().set(key[1:], value, value_type)
+            return
+        if value_type is None:
+            value_type = _natural_type(value)
+        entry = self.local.get(key)
+        if entry is None:
+            self.create(key, ANY if value_type == TEXT else value_type).replace(value, value_type)
+        elif entry.is_generic:
+            entry.type = value_type
+            entry.replace(value, value_type)
+        else:
+            entry.update(_fitting(key, entry, value, value_type))
+
+    def set_any(self, key: str, value: Any, origin: str) -> None:
+        """Write a value whose type is known only now (BT.CPP ``Blackboard::set<Any>``). Raises ValueFault on a clash."""
+        if key[:1] == "@":
+            self.root().set_any(key[1:], value, origin)
+            return
+        entry = self.local.get(key)
+        if entry is None:
+            self.create(key, origin).replace(value, origin)
+        else:
+            if entry.is_generic:
+                entry.type = BT_ANY
+            elif entry.type != origin:
+                raise _changed_type(key, entry, BT_ANY)
+            entry.replace(value, origin)
+
+    def unset(self, key: str) -> None:
+        """Remove ``key`` from here; nothing happens through remapping, or if there is no such key."""
+        if key[:1] == "@":
+            self.root().unset(key[1:])
+        else:
+            self.local.pop(key, None)
+
+
+def _natural_type(value: Any) -> str:
+    if isinstance(value, bool):
+        return "bool"
+    if isinstance(value, int):
+        return "int" if -2 ** 31 <= value < 2 ** 31 else "int64"
+    return values.origin_of(value)
+
+
+def _fitting(key: str, entry: Entry, value: Any, value_type: str) -> Any:
+    """Return ``value`` as a typed entry takes it from a writer of another type. Raises ValueFault if it does not."""
+    if entry.type == value_type:
+        return value
+    if value_type == TEXT:
+        converted = entry.from_text(value)
+        if converted is not None:
+            return converted
+    if values.is_number(value) and _fits(entry.type, value):
+        return value
+    raise _changed_type(key, entry, value_type)
+
+
+def _fits(entry_type: str, value: Any) -> bool:
+    if entry_type == "double":
+        return True
+    target = TYPES.get(entry_type)
+    if target is None or target.low is None or target.high is None or entry_type == "bool":
+        return False
+    try:
+        values.to_int(value, target.low, target.high)
+    except ValueFault:
+        return False
+    return True
+
+
+def _changed_type(key: str, entry: Entry, value_type: str) -> ValueFault:
+    return ValueFault("Blackboard::set({}): once declared, the type of a port shall not change. Previously declared type "
+                      "[{}], current type [{}]".format(key, entry.type, value_type))

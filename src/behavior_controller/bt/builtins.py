@@ -1,0 +1,255 @@
+"""The built-in leaves of BehaviorTree.CPP v4, and the list of every built-in node type with its ports."""
+from functools import partial
+from typing import Any, Callable, List, Optional, Tuple
+
+from behavior_controller.bt import controls, decorators, ports
+from behavior_controller.bt.clock import Timer
+from behavior_controller.bt.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
+from behavior_controller.bt.node import ConfigureError, NodeError, Result
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
+from behavior_controller.bt.script import Script, compile_script, to_bool
+from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.values import TEXT, ValueFault, origin_of
+
+
+class AlwaysSuccess(SyncActionLeaf):
+    """SUCCESS, always."""
+
+    def update(self) -> Result:
+        """Succeed."""
+        return SUCCESS
+
+
+class AlwaysFailure(SyncActionLeaf):
+    """FAILURE, always."""
+
+    def update(self) -> Result:
+        """Fail."""
+        return FAILURE
+
+
+class _Code:
+    """The script of port ``code``: read when the tree is made, and again when the text changes."""
+
+    script: Script
+    allow_empty = True
+
+    def configure(self: Any) -> None:
+        """Parse the script; a reference must be readable already."""
+        try:
+            text = self.get_input("code")
+        except ports.PortError as error:
+            raise ConfigureError("Missing port [code] in {}: {}".format(self.registration_id, error), "code") from error
+        self.script = compile_script(text, allow_empty=True)
+
+    def run(self: Any) -> Any:
+        """Run the script."""
+        text = self.get_input("code")
+        if text != self.script.text:
+            self.script = compile_script(text, allow_empty=True)
+        return self.script.run(self.blackboard, self.services.enums)
+
+
+class RunScript(_Code, SyncActionLeaf):
+    """Run a script; always SUCCESS. An empty one does nothing."""
+
+    def update(self) -> Result:
+        """Run it."""
+        if self.get_input("code"):
+            self.run()
+        return SUCCESS
+
+
+class ScriptCondition(_Code, ConditionLeaf):
+    """SUCCESS if the value of a script is true."""
+
+    def update(self) -> Result:
+        """Run it and judge its value."""
+        return SUCCESS if to_bool(self.run()) else FAILURE
+
+
+class SetBlackboard(SyncActionLeaf):
+    """Write a text, or copy an entry, to the entry whose name is ``output_key``."""
+
+    def update(self) -> Result:
+        """Write it."""
+        key = self._key()
+        if "value" not in self.attributes:
+            raise NodeError("unordered_map::at: port [value] is missing")
+        source = ports.reference(self.attributes["value"], "value")
+        if source is None:
+            return self._write_text(key, self.attributes["value"])
+        return self._copy(key, source)
+
+    def _key(self) -> str:
+        try:
+            return self.get_input("output_key")
+        except ports.PortError as error:
+            raise NodeError("missing port [output_key]: {}".format(error)) from error
+
+    def _write_text(self, key: str, text: str) -> Result:
+        entry = self.blackboard.find(key)
+        if entry is None or entry.type == TEXT:
+            self.blackboard.set_any(key, text, TEXT)
+        else:
+            # an entry of generic type knows no conversion and becomes empty, as in the library
+            self.blackboard.set_any(key, self._converted(text, entry), entry.type)
+        return SUCCESS
+
+    def _copy(self, key: str, source: str) -> Result:
+        entry = self.blackboard.find(source)
+        if entry is None:
+            raise NodeError("there is no entry [{}] to copy".format(source))
+        target = self.blackboard.find(key)
+        if target is None:
+            target = self.blackboard.create(key, entry.type)
+        if entry.value is None:
+            return FAILURE
+        value, origin = entry.value, entry.origin
+        if isinstance(value, str) and target.type != TEXT:
+            value, origin = self._converted(value, target), target.type
+        self.blackboard.set_any(key, value, origin)
+        return SUCCESS
+
+    @staticmethod
+    def _converted(text: str, entry: Any) -> Any:
+        try:
+            return entry.from_text(text)
+        except ValueFault as fault:
+            raise NodeError("Can't convert string [{}] to type [{}]: {}".format(text, entry.type, fault)) from fault
+
+
+class UnsetBlackboard(SyncActionLeaf):
+    """Remove an entry from the blackboard of this tree instance; SUCCESS even if there is none."""
+
+    def update(self) -> Result:
+        """Remove it."""
+        try:
+            key = self.get_input("key")
+        except ports.PortError as error:
+            raise NodeError("missing input port [key]: {}".format(error)) from error
+        self.blackboard.unset(key)
+        return SUCCESS
+
+
+class Sleep(ActionLeaf):
+    """RUNNING for ``msec``, then SUCCESS."""
+
+    timer: Optional[Timer] = None
+    over = False
+
+    def on_start(self) -> Result:
+        """Start the timer."""
+        try:
+            msec = self.get_input("msec")
+        except ports.PortError as error:
+            raise NodeError("Missing parameter [msec] in SleepNode: {}".format(error)) from error
+        if msec == 0:
+            return SUCCESS
+        self.over = False
+        self.timer = self.clock.call_after(msec / 1000.0, self._due)
+        return RUNNING
+
+    def _due(self) -> None:
+        self.over = True
+        self.wake()
+
+    def on_running(self) -> Result:
+        """Wait for the timer."""
+        return SUCCESS if self.over else RUNNING
+
+    def on_halted(self) -> None:
+        """Cancel the timer."""
+        if self.timer is not None:
+            self.timer.cancel()
+
+
+class WasEntryUpdated(SyncActionLeaf):
+    """SUCCESS if ``entry`` was written since this node looked last, else FAILURE."""
+
+    seen = 0
+    key = ""
+
+    def configure(self) -> None:
+        """Find the entry's name."""
+        self.key = decorators.entry_key(self)
+
+    def update(self) -> Result:
+        """Look at the entry's write counter."""
+        entry = self.blackboard.find(self.key)
+        if entry is None or entry.sequence == self.seen:
+            return FAILURE
+        self.seen = entry.sequence
+        return SUCCESS
+
+
+def _in(name: str, type_name: str, default: Optional[str] = None, description: str = "") -> Port:
+    return Port(name, type_name, Direction.IN, default, description)
+
+
+_LOOP_QUEUE = Port("queue", "any", Direction.INOUT, None, "the items: an entry, or texts with ; between them")
+
+
+def _loop(item_type: str) -> Tuple[Port, ...]:
+    return (_LOOP_QUEUE,
+            _in("if_empty", "NodeStatus", "SUCCESS", "the result when nothing is left"),
+            Port("value", item_type, Direction.OUT, None, "the item of this round"))
+
+
+def _switch(cases: int) -> NodeSpec:
+    names = ["case_{}".format(number + 1) for number in range(cases)]
+    return NodeSpec("Switch{}".format(cases), Kind.CONTROL, partial(controls.Switch, cases=cases),
+                    (_in("variable", TEXT, None, "compared with each case"),)
+                    + tuple(_in(name, TEXT, None, "value that chooses this child") for name in names))
+
+
+_ENTRY = (_in("entry", "Any", None, "the entry to watch"),)
+_CONTROLS: Tuple[Tuple[Callable[[str], Any], Tuple[Port, ...]], ...] = (
+    (controls.Sequence, ()), (controls.AsyncSequence, ()), (controls.SequenceWithMemory, ()),
+    (controls.ReactiveSequence, ()), (controls.Fallback, ()), (controls.AsyncFallback, ()),
+    (controls.ReactiveFallback, ()), (controls.IfThenElse, ()), (controls.WhileDoElse, ()),
+    (controls.Parallel, (_in("success_count", "int", "-1", "children that must succeed; -1 is all"),
+                         _in("failure_count", "int", "1", "children that must fail to fail; -1 is all"))),
+    (controls.ParallelAll, (_in("max_failures", "int", "1", "FAILURE if at least as many children fail"),)),
+    (controls.TryCatch, (_in("catch_on_halt", "bool", "false", "tick the last child on a halt too"),)),
+)
+_DECORATORS: Tuple[Tuple[Callable[[str], Any], Tuple[Port, ...]], ...] = (
+    (decorators.Inverter, ()), (decorators.ForceSuccess, ()), (decorators.ForceFailure, ()),
+    (decorators.KeepRunningUntilFailure, ()),
+    (decorators.Repeat, (_in("num_cycles", "int", None, "rounds; -1 is for ever"),)),
+    (decorators.RetryUntilSuccessful, (_in("num_attempts", "int", None, "attempts; -1 is for ever"),)),
+    (decorators.RunOnce, (_in("then_skip", "bool", "true", "later ticks are SKIPPED, else they repeat the result"),)),
+    (decorators.Precondition, (_in("if", TEXT, None, "script that must be true"),
+                               _in("else", "NodeStatus", "FAILURE", "the result if it is not"))),
+    (decorators.Delay, (_in("delay_msec", "uint", None, "wait that long, in ms"),)),
+    (decorators.Timeout, (_in("msec", "uint", None, "give the child that long, in ms; 0 is for ever"),)),
+    (decorators.LoopInt, _loop("int")), (decorators.LoopBool, _loop("bool")),
+    (decorators.LoopDouble, _loop("double")), (decorators.LoopString, _loop(TEXT)),
+    (decorators.SkipUnlessUpdated, _ENTRY), (decorators.WaitValueUpdate, _ENTRY),
+)
+_ACTIONS: Tuple[Tuple[str, Callable[[str], Any], Tuple[Port, ...]], ...] = (
+    ("AlwaysSuccess", AlwaysSuccess, ()), ("AlwaysFailure", AlwaysFailure, ()),
+    ("Script", RunScript, (_in("code", TEXT, None, "the script"),)),
+    ("SetBlackboard", SetBlackboard, (_in("value", "any", None, "a text, or {entry} to copy"),
+                                      Port("output_key", "any", Direction.INOUT, None, "name of the entry to write"))),
+    ("UnsetBlackboard", UnsetBlackboard, (_in("key", TEXT, None, "name of the entry to remove"),)),
+    ("Sleep", Sleep, (_in("msec", "uint", None, "how long, in ms"),)),
+    ("WasEntryUpdated", WasEntryUpdated, _ENTRY),
+)
+
+
+def _spec(kind: Kind, node_id: str, factory: Callable[[str], Any], node_ports: Tuple[Port, ...]) -> NodeSpec:
+    return NodeSpec(node_id, kind, factory, node_ports, (factory.__doc__ or "").split("\n")[0])
+
+
+def builtin_specs() -> List[NodeSpec]:
+    """Return every node type that BehaviorTree.CPP 4 registers by itself."""
+    return ([_spec(Kind.CONTROL, factory.__name__, factory, node_ports) for factory, node_ports in _CONTROLS]
+            + [_switch(cases) for cases in range(2, 7)]
+            + [_spec(Kind.DECORATOR, factory.__name__, factory, node_ports) for factory, node_ports in _DECORATORS]
+            + [_spec(Kind.ACTION, node_id, factory, node_ports) for node_id, factory, node_ports in _ACTIONS]
+            + [NodeSpec("ScriptCondition", Kind.CONDITION, ScriptCondition,
+                        (_in("code", "any", None, "script that must be true"),), "SUCCESS if a script is true."),
+               NodeSpec("SubTree", Kind.SUBTREE, decorators.SubTree,
+                        (_in("_autoremap", "bool", "false", "entries of equal name are the parent's"),),
+                        "Another tree of the file in this place.")])

@@ -1,0 +1,459 @@
+"""The control nodes of BehaviorTree.CPP v4, each with its own rule for ticking several children.
+
+A control node stores RUNNING at the start of its tick. When it returns SKIPPED its stored status therefore stays RUNNING,
+and its parent will halt it: that is the library's behaviour, recorded in its traces.
+"""
+from typing import Any, List, Optional, Set
+
+from py_trees import composites
+from py_trees.common import ParallelPolicy
+
+from behavior_controller.bt import ports
+from behavior_controller.bt.node import Node, NodeError, Result, halt_child
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+
+
+class Control(Node):
+    """A node with one child or more."""
+
+    def __init__(self, name: str):
+        Node.__init__(self, name)
+
+    def add_child(self, child: Node) -> None:
+        """Append ``child``."""
+        child.parent = self
+        self.children.append(child)
+
+    def begin(self) -> None:
+        """Store RUNNING."""
+        if self.status is not RUNNING:
+            self.store(RUNNING)
+
+    def halt(self) -> None:
+        """Halt the children in order, then the node itself."""
+        self.halt_children()
+        self.reset()
+
+    def others_halted(self, kept: int) -> None:
+        """Halt every child but number ``kept``."""
+        for index, child in enumerate(self.children):
+            if index != kept and child.status is not IDLE:
+                halt_child(child)
+
+    # py_trees' composites bring generators and statuses of their own: the tick of a Node is used instead
+    stop = Node.stop
+    tick = Node.tick
+
+    def tip(self) -> Any:
+        """Return the deepest node that was active (py_trees)."""
+        for child in reversed(self.children):
+            if child.status is not IDLE:
+                return child.tip()
+        return self if self.status is not IDLE else None
+
+
+class _InOrder(Control):
+    """What Sequence and Fallback share: they are mirror images in ``ends_at``, the child's result that ends them."""
+
+    ends_at = FAILURE
+    goes_on_at = SUCCESS
+    memory = True
+
+    def __init__(self, name: str):
+        super().__init__(name)
+        self.index = 0
+        self.skipped = 0
+
+    def update(self) -> Result:
+        """Tick the children from where the last tick stopped."""
+        if self.status is not RUNNING:
+            if self.status is IDLE:
+                self.skipped = 0
+            self.store(RUNNING)
+        children = self.children
+        count = len(children)
+        while self.index < count:
+            child = children[self.index]
+            was_idle = child.status is IDLE
+            result = child.execute()
+            if result is self.goes_on_at:
+                self.index += 1
+                if was_idle and self.index < count and self.yields():
+                    return RUNNING
+            elif result is RUNNING:
+                return RUNNING
+            elif result is SKIPPED:
+                self.index += 1
+                self.skipped += 1
+            else:
+                return self.ended()
+        return self.exhausted()
+
+    def yields(self) -> bool:
+        """Return whether to give way after a child that completed at once."""
+        return False
+
+    def ended(self) -> Result:
+        """End early. The count of skipped children is not cleared, as in the library."""
+        self.halt_children()
+        self.index = 0
+        return self.ends_at
+
+    def exhausted(self) -> Result:
+        """End after the last child."""
+        all_skipped = self.skipped == len(self.children)
+        self.halt_children()
+        self.index = self.skipped = 0
+        return SKIPPED if all_skipped else self.goes_on_at
+
+    def halt(self) -> None:
+        """Start anew next time."""
+        self.index = self.skipped = 0
+        super().halt()
+
+
+class Sequence(_InOrder, composites.Sequence):
+    """Children in order, each must succeed."""
+
+
+class AsyncSequence(Sequence):
+    """A Sequence that gives way (RUNNING and a wake-up) after each child that succeeded at once."""
+
+    def yields(self) -> bool:
+        """Give way."""
+        self.wake()
+        return True
+
+
+class SequenceWithMemory(AsyncSequence):
+    """A Sequence that goes on at the child that failed or was halted. It gives way like AsyncSequence."""
+
+    def ended(self) -> Result:
+        """Halt only the children from here on; keep the place."""
+        for child in self.children[self.index:]:
+            if child.status is not IDLE:
+                halt_child(child)
+        return FAILURE
+
+    def halt(self) -> None:
+        """Halt the children; keep the place."""
+        Control.halt(self)
+
+
+class Fallback(_InOrder, composites.Selector):
+    """Children in order until one succeeds."""
+
+    ends_at = SUCCESS
+    goes_on_at = FAILURE
+
+
+class AsyncFallback(Fallback):
+    """A Fallback that gives way (RUNNING and a wake-up) after each child that failed at once."""
+
+    yields = AsyncSequence.yields
+
+
+class _Reactive(Control):
+    """What ReactiveSequence and ReactiveFallback share: every tick begins at the first child."""
+
+    ends_at = FAILURE
+    goes_on_at = SUCCESS
+    memory = False
+
+    def update(self) -> Result:
+        """Tick the children from the first; a RUNNING one halts all others."""
+        self.begin()
+        skipped = 0
+        for index, child in enumerate(self.children):
+            result = child.execute()
+            if result is RUNNING:
+                self.others_halted(index)
+                return RUNNING
+            if result is self.ends_at:
+                self.halt_children()
+                return result
+            if result is SKIPPED:
+                skipped += 1
+                halt_child(child)
+        self.halt_children()
+        return SKIPPED if skipped == len(self.children) else self.goes_on_at
+
+
+class ReactiveSequence(_Reactive, composites.Sequence):
+    """A Sequence that asks its first children again at every tick."""
+
+
+class ReactiveFallback(_Reactive, composites.Selector):
+    """A Fallback that asks its first children again at every tick."""
+
+    ends_at = SUCCESS
+    goes_on_at = FAILURE
+
+
+class _Side(Control, composites.Parallel):
+    """What Parallel and ParallelAll share: which children have completed, and how."""
+
+    policy = ParallelPolicy.SuccessOnAll(synchronise=False)
+
+    def __init__(self, name: str):
+        Control.__init__(self, name)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget which children have completed."""
+        self.completed: Set[int] = set()
+        self.successes = 0
+        self.failures = 0
+
+    def threshold(self, port: str) -> int:
+        """Return the count that a port asks for: negative ones count from the end, -1 is all."""
+        value = self.get_input(port)
+        return value if value >= 0 else max(len(self.children) + value + 1, 0)
+
+    def execute_child(self, index: int) -> Result:
+        """Tick a child that has not completed and count its result."""
+        result = self.children[index].execute()
+        if result is SUCCESS:
+            self.successes += 1
+        elif result is FAILURE:
+            self.failures += 1
+        if result is SUCCESS or result is FAILURE:
+            self.completed.add(index)
+        return result
+
+    def end(self, result: Result) -> Result:
+        """Complete with ``result``."""
+        self.clear()
+        self.halt_children()
+        return result
+
+    def halt(self) -> None:
+        """Start anew next time."""
+        self.clear()
+        Control.halt(self)
+
+
+class Parallel(_Side):
+    """All children at once; ``success_count`` and ``failure_count`` decide, and are tested after every child."""
+
+    def update(self) -> Result:
+        """Tick every child that has not completed, until the thresholds decide."""
+        needed, allowed = self._thresholds()
+        count = len(self.children)
+        skips_count = self.get_input("success_count") < 0
+        self.begin()
+        skipped = 0
+        for index in range(count):
+            if index not in self.completed and self.execute_child(index) is SKIPPED:
+                skipped += 1
+            if self.successes >= needed or (skips_count and self.successes + skipped >= needed):
+                return self.end(SUCCESS)
+            if count - self.failures < needed or self.failures == allowed:
+                return self.end(FAILURE)
+        return SKIPPED if skipped == count else RUNNING
+
+    def _thresholds(self) -> Any:
+        needed, allowed = self.threshold("success_count"), self.threshold("failure_count")
+        if len(self.children) < needed:
+            raise NodeError("Number of children is less than threshold. Can never succeed.")
+        if len(self.children) < allowed:
+            raise NodeError("Number of children is less than threshold. Can never fail.")
+        return needed, allowed
+
+
+class ParallelAll(_Side):
+    """All children to their end; FAILURE if at least ``max_failures`` of them failed."""
+
+    def update(self) -> Result:
+        """Tick every child that has not completed."""
+        allowed = self.threshold("max_failures")
+        count = len(self.children)
+        if count < allowed:
+            raise NodeError("Number of children is less than threshold. Can never fail.")
+        self.begin()
+        waiting = [index for index in range(count) if index not in self.completed]
+        skipped = sum(self.execute_child(index) is SKIPPED for index in waiting)
+        if skipped == count:
+            return SKIPPED
+        if skipped + len(self.completed) >= count:
+            return self.end(FAILURE if self.failures >= allowed else SUCCESS)
+        return RUNNING
+
+
+class _Branches(Control, composites.Composite):
+    """What IfThenElse and WhileDoElse share."""
+
+    def require_two_or_three(self) -> None:
+        """Raise NodeError unless there are two or three children."""
+        if len(self.children) not in (2, 3):
+            raise NodeError("{}Node must have either 2 or 3 children".format(type(self).__name__))
+
+    def finished(self, result: Result) -> Result:
+        """Reset the children after a branch has ended."""
+        self.halt_children()
+        return result
+
+
+class IfThenElse(_Branches):
+    """The second child if the first succeeds, else the third (or FAILURE); the first is not asked again meanwhile."""
+
+    def __init__(self, name: str):
+        super().__init__(name)
+        self.branch = 0
+
+    def update(self) -> Result:
+        """Ask the condition once, then tick the branch that it chose."""
+        self.require_two_or_three()
+        self.begin()
+        if self.branch == 0:
+            result = self.children[0].execute()
+            if result is RUNNING:
+                return RUNNING
+            if result is SKIPPED:
+                raise NodeError("Something unexpected happened in IfThenElseNode")
+            if result is FAILURE and len(self.children) == 2:
+                return FAILURE
+            self.branch = 1 if result is SUCCESS else 2
+        result = self.children[self.branch].execute()
+        if result is RUNNING:
+            return RUNNING
+        self.branch = 0
+        return self.finished(result)
+
+    def halt(self) -> None:
+        """Ask the condition again next time."""
+        self.branch = 0
+        super().halt()
+
+
+class WhileDoElse(_Branches):
+    """As IfThenElse, but the condition is asked at every tick and a change of answer changes the branch."""
+
+    def update(self) -> Result:
+        """Ask the condition, halt the other branch, tick the chosen one."""
+        self.require_two_or_three()
+        self.begin()
+        condition = self.children[0].execute()
+        if condition is RUNNING:
+            return RUNNING
+        if condition is SKIPPED:
+            return IDLE
+        if len(self.children) == 3:
+            halt_child(self.children[2 if condition is SUCCESS else 1])
+        elif condition is FAILURE:
+            return self.finished(FAILURE)
+        result = self.children[1 if condition is SUCCESS else 2].execute()
+        return RUNNING if result is RUNNING else self.finished(result)
+
+
+class Switch(Control, composites.Composite):
+    """The child whose ``case_i`` equals ``variable``, else the last one."""
+
+    def __init__(self, name: str, cases: int):
+        super().__init__(name)
+        self.cases = cases
+        self.running: Optional[int] = None
+
+    def update(self) -> Result:
+        """Choose anew at every tick; a RUNNING child that is no longer chosen is halted."""
+        if len(self.children) != self.cases + 1:
+            raise NodeError("Wrong number of children in SwitchNode; must be (num_cases + default)")
+        chosen = self._choose()
+        if self.running is not None and self.running != chosen:
+            halt_child(self.children[self.running])
+        self.running = None
+        result = self.children[chosen].execute()
+        if result is RUNNING:
+            self.running = chosen
+        elif result is not SKIPPED:
+            self.halt_children()
+        return result
+
+    def _choose(self) -> int:
+        variable = self._text("variable")
+        if variable is not None:
+            for index in range(self.cases):
+                case = self._text("case_{}".format(index + 1))
+                if case is not None and ports.same_text_or_number(variable, case, self.services.enums):
+                    return index
+        return self.cases
+
+    def _text(self, port: str) -> Optional[str]:
+        try:
+            return self.get_input(port)
+        except ports.PortError:
+            return None
+
+    def halt(self) -> None:
+        """Forget the running child."""
+        self.running = None
+        super().halt()
+
+
+class TryCatch(Control, composites.Composite):
+    """All children but the last in order; if one fails, the last one runs and the node fails."""
+
+    def __init__(self, name: str):
+        super().__init__(name)
+        self.index = 0
+        self.skipped = 0
+        self.catching = False
+
+    @property
+    def _tries(self) -> List[Any]:
+        return self.children[:-1]
+
+    def update(self) -> Result:
+        """Tick the try block, or the catch child once the block has failed."""
+        if self.status is IDLE:
+            self.skipped = 0
+            self.catching = False
+        self.begin()
+        return self._catch() if self.catching else self._try()
+
+    def _try(self) -> Result:
+        tries = self._tries
+        while self.index < len(tries):
+            result = tries[self.index].execute()
+            if result is RUNNING:
+                return RUNNING
+            if result is FAILURE:
+                self.halt_children()
+                self.index = 0
+                self.catching = True
+                return self._catch()
+            self.index += 1
+            self.skipped += result is SKIPPED
+        all_skipped = self.skipped == len(tries)
+        self._end()
+        return SKIPPED if all_skipped else SUCCESS
+
+    def _catch(self) -> Result:
+        if self.children[-1].execute() is RUNNING:
+            return RUNNING
+        self._end()
+        return FAILURE
+
+    def _end(self) -> None:
+        self.halt_children()
+        self._clear()
+
+    def _clear(self) -> None:
+        self.index = self.skipped = 0
+        self.catching = False
+
+    def halt(self) -> None:
+        """With ``catch_on_halt``, give the catch child one tick first."""
+        if self.status is not IDLE and not self.catching and self._catches_on_halt():
+            for child in self._tries:
+                halt_child(child)
+            if self.children[-1].execute() is RUNNING:
+                halt_child(self.children[-1])
+        self._clear()
+        super().halt()
+
+    def _catches_on_halt(self) -> bool:
+        try:
+            return self.get_input("catch_on_halt")
+        except ports.PortError:
+            return False

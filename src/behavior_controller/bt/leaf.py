@@ -1,0 +1,62 @@
+"""The kinds of leaf: stateful action, synchronous action and condition (BT.CPP section "Leaf kinds")."""
+from behavior_controller.bt.node import Node, NodeError, Result
+from behavior_controller.bt.status import IDLE, RUNNING
+
+
+class ActionLeaf(Node):
+    """An action that may take several ticks (BT.CPP ``StatefulActionNode``).
+
+    A leaf that has completed and was not reset returns its result again without running.
+    """
+
+    def on_start(self) -> Result:
+        """Begin a round of work."""
+        raise NotImplementedError
+
+    def on_running(self) -> Result:
+        """Go on with the round."""
+        raise NotImplementedError
+
+    def on_halted(self) -> None:
+        """Drop the round; called only when the leaf is RUNNING."""
+
+    def update(self) -> Result:
+        """Start, go on, or repeat the result."""
+        status = self.status
+        if status is IDLE:
+            result, callback = self.on_start(), "onStart"
+        elif status is RUNNING:
+            result, callback = self.on_running(), "onRunning"
+        else:
+            return status
+        if result is IDLE:
+            raise NodeError("StatefulActionNode::{}() must not return IDLE".format(callback))
+        return result
+
+    def halt(self) -> None:
+        """Tell the leaf if it is RUNNING, then reset it."""
+        if self.status is RUNNING:
+            self.on_halted()
+        self.reset()
+
+
+class SyncActionLeaf(Node):
+    """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error."""
+
+    def execute(self) -> Result:
+        """Tick; RUNNING has been stored by the time that it is refused, as in BT.CPP."""
+        return _not_running(Node.execute(self))
+
+    def execute_with_conditions(self) -> Result:
+        """Tick, with conditions."""
+        return _not_running(Node.execute_with_conditions(self))
+
+
+class ConditionLeaf(Node):
+    """A question that is asked anew at every tick, whatever the answer was before (BT.CPP ``ConditionNode``)."""
+
+
+def _not_running(result: Result) -> Result:
+    if result is RUNNING:
+        raise NodeError("SyncActionNode MUST never return RUNNING")
+    return result

@@ -1,0 +1,141 @@
+"""Ports: what an attribute of a node means (a reference to an entry, or a literal), and reading and writing through it."""
+import re
+from typing import Any, List, Optional, Tuple
+
+from behavior_controller.bt import values
+from behavior_controller.bt.blackboard import Blackboard
+from behavior_controller.bt.registry import Direction, Port
+from behavior_controller.bt.values import GENERIC, TYPES, Enums, ValueFault
+
+BLANKS = " \t\n\r"
+_WHOLE_INTEGER = re.compile(r"-?\d+")
+_WHOLE_REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)", re.IGNORECASE)
+
+
+class PortError(ValueFault):
+    """A port cannot be read or written; the text says which and why."""
+
+
+def reference(text: str, port_name: str) -> Optional[str]:
+    """Return the entry that an attribute refers to (``{key}``; ``{=}`` and ``=`` mean the port's own name), or None."""
+    if text == "=":
+        return port_name
+    inner = text.strip(BLANKS)
+    if len(inner) >= 3 and inner[0] == "{" and inner[-1] == "}":
+        return port_name if inner == "{=}" else inner[1:-1]
+    return None
+
+
+def literal_fault(text: str, port: Port, enums: Enums) -> Optional[str]:
+    """Return what is wrong with the text of a port as the load-time check sees it, or None.
+
+    That check takes for a reference only what has braces as its first and last character, so `` {k} `` is refused for an
+    ``int`` port although reading it would work.
+    """
+    if len(text) >= 3 and text[0] == "{" and text[-1] == "}":
+        return None
+    port_type = TYPES[port.type]
+    if not port_type.checked_at_load or port_type.from_text is None:
+        return None
+    try:
+        port_type.from_text(text, enums)
+    except ValueFault as fault:
+        return str(fault)
+    return None
+
+
+def entry_value(text: str, port_name: str, blackboard: Blackboard) -> Any:
+    """Return the value of the entry that ``text`` refers to. Raises PortError if there is none or it is empty."""
+    key = reference(text, port_name)
+    entry = None if key is None else blackboard.find(key)
+    if entry is None:
+        raise PortError("port [{}]: the blackboard has no entry [{}]".format(port_name, key))
+    if entry.value is None:
+        raise PortError("port [{}]: the entry [{}] is empty".format(port_name, key))
+    return entry.value
+
+
+def read(text: str, port: Port, blackboard: Blackboard, enums: Enums) -> Any:
+    """Return the value of an input port whose attribute (or default) is ``text``. Raises PortError."""
+    try:
+        if reference(text, port.name) is None:
+            port_type = TYPES[port.type]
+            return text if port_type.from_text is None else port_type.from_text(text, enums)
+        return values.convert(entry_value(text, port.name, blackboard), port.type, enums)
+    except PortError:
+        raise
+    except ValueFault as fault:
+        raise PortError("port [{}]: {}".format(port.name, fault)) from fault
+
+
+def write(text: str, port: Port, blackboard: Blackboard, value: Any) -> None:
+    """Write through an output port whose attribute is ``text``. Raises PortError."""
+    key = reference(text, port.name)
+    if key is None:
+        raise PortError("port [{}] is the literal [{}]; only an entry {{name}} can be written".format(port.name, text))
+    try:
+        blackboard.set(key, value, None if port.type in GENERIC else port.type)
+    except ValueFault as fault:
+        raise PortError("port [{}]: {}".format(port.name, fault)) from fault
+
+
+def declare(text: str, port: Port, blackboard: Blackboard) -> None:
+    """Make the entry that an attribute refers to, empty and of the port's type. Raises PortError on a type clash."""
+    key = reference(text, port.name)
+    if key is None:
+        return
+    if key.count("@") > 1:
+        raise PortError("Character '@' used multiple times in the key [{}]".format(key))
+    entry = blackboard.find(key)
+    if entry is None:
+        blackboard.create(key, port.type)
+    elif entry.type != port.type and entry.type not in GENERIC + (values.TEXT,) and port.type not in GENERIC:
+        raise PortError("the entry [{}] is of type [{}] where it is used first, but the port [{}] here has type [{}]".format(
+            key, entry.type, port.name, port.type))
+
+
+def subtree_literal(text: str) -> Tuple[str, Any]:
+    """Return the type and value that a literal attribute of a SubTree gets by its appearance (BT.CPP section 10)."""
+    if _WHOLE_INTEGER.fullmatch(text):
+        for name in ("int", "int64"):
+            try:
+                return name, TYPES[name].from_text(text, {})  # type: ignore[misc]
+            except ValueFault:
+                continue
+    if _WHOLE_REAL.fullmatch(text):
+        return "double", float(text)
+    return values.TEXT, text
+
+
+def loop_items(text: str, item_type: str) -> List[Any]:
+    """Return the items of a Loop's queue, which ``;`` separates. Raises ValueFault."""
+    items = text.split(";")
+    if items[-1] == "":
+        items.pop()
+    return [TYPES[item_type].from_text(item, {}) for item in items]  # type: ignore[misc]
+
+
+def same_text_or_number(left: str, right: str, enums: Enums) -> bool:
+    """Return whether Switch holds two texts for equal: as text, as integers (enum names count), or as reals."""
+    if left == right:
+        return True
+    for whole in (_as_int, _as_real):
+        a, b = whole(left, enums), whole(right, enums)
+        if a is not None and b is not None:
+            return abs(a - b) <= (0 if whole is _as_int else values.EPSILON)
+    return False
+
+
+def _as_int(text: str, enums: Enums) -> Optional[int]:
+    if text in enums:
+        return int(enums[text])
+    return int(text) if _WHOLE_INTEGER.fullmatch(text) and len(text) < 12 and -2 ** 31 <= int(text) < 2 ** 31 else None
+
+
+def _as_real(text: str, _enums: Enums) -> Optional[float]:
+    return float(text) if _WHOLE_REAL.fullmatch(text) else None
+
+
+def is_output(port: Port) -> bool:
+    """Return whether data leaves a node through ``port``."""
+    return port.direction is not Direction.IN
