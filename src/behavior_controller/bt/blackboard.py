@@ -23,12 +23,14 @@ class Entry:
 
     def replace(self, value: Any, origin: str = "") -> None:
         """Store ``value`` as it is."""
-        self.value = value
+        self.value = int(value) if isinstance(value, bool) else value
         self.origin = origin or values.origin_of(value)
         self.sequence += 1
 
     def update(self, value: Any) -> None:
         """Store ``value`` in the kind that is stored already. Raises ValueFault if it cannot be."""
+        if isinstance(value, bool):
+            value = int(value)
         if self.value is None:
             self.origin = values.origin_of(value)
         self.value = values.same_kind(value, self.value)

@@ -337,7 +337,7 @@ class WhileDoElse(_Branches):
         if condition is RUNNING:
             return RUNNING
         if condition is SKIPPED:
-            return IDLE
+            return self.finished(IDLE)  # which is refused, as in the library
         if len(self.children) == 3:
             halt_child(self.children[2 if condition is SUCCESS else 1])
         elif condition is FAILURE:

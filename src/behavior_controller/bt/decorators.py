@@ -38,6 +38,13 @@ class Decorator(Node, decorators.Decorator):
         self._reset_completed()
         return result
 
+    def tick_child(self) -> Result:
+        """Tick the child and reset it if it completed, before the decorator's own status changes."""
+        result = self.decorated.execute()
+        if result is SUCCESS or result is FAILURE:
+            self.decorated.reset()
+        return result
+
     def _reset_completed(self) -> None:
         status = self.decorated.status
         if status is SUCCESS or status is FAILURE:
@@ -76,7 +83,7 @@ class Inverter(Decorator):
     def update(self) -> Result:
         """Tick the child and turn its result round."""
         self.begin()
-        result = self.decorated.execute()
+        result = self.tick_child()
         if result is SUCCESS:
             return FAILURE
         return SUCCESS if result is FAILURE else result
@@ -90,7 +97,7 @@ class ForceSuccess(Decorator):
     def update(self) -> Result:
         """Tick the child."""
         self.begin()
-        result = self.decorated.execute()
+        result = self.tick_child()
         return result if result is RUNNING or result is SKIPPED else self.forced
 
 
@@ -106,7 +113,7 @@ class KeepRunningUntilFailure(Decorator):
     def update(self) -> Result:
         """Tick the child."""
         self.begin()
-        return FAILURE if self.decorated.execute() is FAILURE else RUNNING
+        return FAILURE if self.tick_child() is FAILURE else RUNNING
 
 
 class Repeat(Decorator):
@@ -182,7 +189,7 @@ class RunOnce(Decorator):
         if self.result is not None:
             return SKIPPED if self.get_input("then_skip") else self.result
         self.begin()
-        result = self.decorated.execute()
+        result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
             self.result = result
         return result
@@ -217,7 +224,7 @@ class Precondition(Decorator):
             self.latched = to_bool(self.script.run(self.blackboard, self.services.enums))
         if not self.latched:
             return otherwise
-        result = self.decorated.execute()
+        result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
             self.latched = False
         return result
@@ -240,7 +247,7 @@ class Delay(Decorator):
             self.timer = self.clock.call_after(delay / 1000.0, self._due)
         if not self.over:
             return RUNNING
-        result = self.decorated.execute()
+        result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
             self.timer = None
         return result
@@ -278,7 +285,7 @@ class Timeout(Decorator):
         if self.expired:
             self.active = False
             return FAILURE
-        result = self.decorated.execute()
+        result = self.tick_child()
         if result is SUCCESS or result is FAILURE:
             self._stop()
         return result
@@ -311,6 +318,7 @@ class Loop(Decorator):
         super().__init__(name)
         self.literal: Optional[Deque[Any]] = None
         self.queue: Optional[Deque[Any]] = None
+        self.child_runs = False  # by its last result: a SKIPPED child keeps the status RUNNING
 
     def configure(self) -> None:
         """Convert a literal queue."""
@@ -323,8 +331,9 @@ class Loop(Decorator):
     def update(self) -> Result:
         """Take the next item unless the child is under way, then tick the child."""
         if self.status is IDLE:
+            self.child_runs = False
             self.queue = None if self.literal is None else deque(self.literal)
-        if self.decorated.status is not RUNNING:
+        if not self.child_runs:
             if self.queue is None:
                 self.queue = self._from_blackboard()
             if not self.queue:
@@ -332,7 +341,9 @@ class Loop(Decorator):
             self._hand_out(self.queue.popleft())
         if self.status is IDLE:
             self.store(RUNNING)
-        return FAILURE if self.decorated.execute() is FAILURE else RUNNING
+        result = self.tick_child()
+        self.child_runs = result is RUNNING
+        return FAILURE if result is FAILURE else RUNNING
 
     def _from_blackboard(self) -> Deque[Any]:
         value = ports.entry_value(self.attributes["queue"], "queue", self.blackboard)
@@ -421,7 +432,7 @@ class SubTree(Decorator):
         """Tick the root of the tree."""
         if self.status is IDLE:
             self.store(RUNNING)
-        return self.decorated.execute()
+        return self.tick_child()
 
 
 def entry_key(node: Node) -> str:

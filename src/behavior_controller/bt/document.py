@@ -23,7 +23,7 @@ _MARKUP = re.compile(r"""
   | (?P<instruction><\?)
 """, re.VERBOSE | re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([^\s=/>"'<]+)\s*=\s*("[^"]*"|'[^']*')""", re.DOTALL)
-_NOT_PLAIN = re.compile(r"[&<\n\t\r]")
+_NOT_PLAIN = re.compile(r"[&<\n\t\r:]")
 _RAW_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|\#\d{1,7}|\#x[0-9a-fA-F]{1,6});)")
 
 
@@ -105,7 +105,7 @@ def parse(data: Any, file: str = "<text>") -> Document:
     if not document.text.strip("\ufeff \t\r\n"):
         raise _error(file, "the file is empty", hint="a mission begins with <root BTCPP_format=\"4\">")
     cleaned, edits = _clean(document)
-    parser = etree.XMLParser(target=_Builder(document), huge_tree=True, resolve_entities=False, no_network=True)
+    parser = etree.XMLParser(target=_Builder(document), huge_tree=True, no_network=True)
     try:
         document.root = etree.fromstring(cleaned.encode("utf-8", "surrogatepass"), parser)
     except etree.XMLSyntaxError as error:
@@ -148,6 +148,9 @@ def _clean(document: Document) -> Tuple[str, List[Tuple[int, int]]]:
     for match in _MARKUP.finditer(text):
         if match.group("start") is not None:
             document._starts.append(match.start())
+            if ":" in match.group("start"):
+                raise _error(document.file, "the element name {} contains ':'".format(match.group("start")),
+                             *document.position(match.start()))
             depth += not match.group("closed")
             if depth > DEEPEST:
                 raise _error(document.file, "elements are nested deeper than {} levels".format(DEEPEST),
@@ -176,6 +179,8 @@ def _shifted(edits: List[Tuple[int, int]], text: str) -> List[Tuple[int, int]]:
 
 def _escaped(match: "re.Match[str]") -> str:
     name, value = match.group(1), match.group(2)
+    if ":" in name:  # such attributes mean nothing in a mission, and their prefix need not be declared
+        return " " * len(match.group())
     inner = _RAW_AMPERSAND.sub("&amp;", value[1:-1]).replace("<", "&lt;")
     inner = inner.replace("\r\n", "\n").replace("\n", "&#10;").replace("\t", "&#9;").replace("\r", "&#13;")
     return "{}={}{}{}".format(name, value[0], inner, value[0])

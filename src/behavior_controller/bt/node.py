@@ -127,7 +127,7 @@ class Node(Behaviour):
             raise
         except Exception as error:
             raise TickError(self, error) from error
-        if result is not SKIPPED and result is not self.status:
+        if result is not SKIPPED and (result is not self.status or result is IDLE):
             self.store(result)
         return result
 
@@ -145,7 +145,7 @@ class Node(Behaviour):
             self._run_after("_onSuccess", "_post")
         elif result is FAILURE:
             self._run_after("_onFailure", "_post")
-        if result is not SKIPPED and result is not self.status:
+        if result is not SKIPPED and (result is not self.status or result is IDLE):
             self.store(result)
         return result
 

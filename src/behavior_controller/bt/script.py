@@ -208,11 +208,13 @@ class _Parser:
             raise ScriptSyntaxError("Nested too deeply at position {}: at most {} levels are allowed".format(
                 self.token.position, DEEPEST))
         start = self.token
-        left = self.ternary()
+        left = self.binary(0)
         if self._is_operator(_ASSIGNMENTS):
             sign = self._next().text
             name = start.text if self.tokens[self.at - 2] is start and _is_variable(start) else None
             left = self._assignment(name, sign, self.expression())
+        elif self._is_operator(("?",)):
+            left = self._ternary(left)
         self.depth -= 1
         return left
 
@@ -224,24 +226,19 @@ class _Parser:
             self.read.add(name)
         return lambda blackboard, enums: _assign(name, sign, right, blackboard, enums)
 
-    def ternary(self) -> Evaluate:
-        """Return ``condition ? expression : ternary``, or what the operators below give."""
-        condition = self.binary(0)
-        if not self._is_operator(("?",)):
-            return condition
-        self._next()
-        first = self.expression()
-        if not self._is_operator((":",)):
-            raise ScriptSyntaxError("Parse error at position {}: expected ':' in ternary expression (got '{}')".format(
-                self.token.position, self.token.text))
-        self._next()
-        self.depth += 1
-        if self.depth > DEEPEST:
-            raise ScriptSyntaxError("Nested too deeply at position {}".format(self.token.position))
-        second = self.ternary()
-        self.depth -= 1
-        return lambda blackboard, enums: (
-            first if _chooses(condition(blackboard, enums)) else second)(blackboard, enums)
+    def _ternary(self, condition: Evaluate) -> Evaluate:
+        """Return ``condition ? expression : …``; what follows the colon may be such a choice, but not an assignment."""
+        choices = []
+        while True:
+            self._next()
+            choices.append((condition, self.expression()))
+            if not self._is_operator((":",)):
+                raise ScriptSyntaxError("Parse error at position {}: expected ':' in ternary expression (got '{}')".format(
+                    self.token.position, self.token.text))
+            self._next()
+            condition = self.binary(0)
+            if not self._is_operator(("?",)):
+                return _choice(choices, condition)
 
     def binary(self, level: int) -> Evaluate:
         """Return a chain of operators of one level, or what the next level gives."""
@@ -279,7 +276,7 @@ class _Parser:
         if token.kind in _LITERALS:
             value = _LITERALS[token.kind](token.text)
             return lambda _blackboard, _enums: value
-        if token.kind == "name" and token.text != "@":
+        if token.kind == "name":
             return self._name(token.text)
         if token.text == "(" and token.kind == "operator":
             inner = self.expression()
@@ -309,8 +306,17 @@ class _Parser:
         return token
 
 
+def _choice(choices: List[Tuple[Evaluate, Evaluate]], otherwise: Evaluate) -> Evaluate:
+    def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
+        for condition, chosen in choices:
+            if _is_chosen(condition(blackboard, enums)):
+                return chosen(blackboard, enums)
+        return otherwise(blackboard, enums)
+    return evaluate
+
+
 def _is_variable(token: Token) -> bool:
-    return token.kind == "name" and token.text not in ("true", "false", "@")
+    return token.kind == "name" and token.text not in ("true", "false")
 
 
 def _integer(text: str) -> int:
@@ -358,7 +364,7 @@ def _unary(sign: str, value: Any) -> float:
     return float(~int(real)) if abs(real) < 2 ** 63 else float(-2 ** 63)
 
 
-def _chooses(value: Any) -> bool:
+def _is_chosen(value: Any) -> bool:
     if value is None:
         raise ScriptError("The left operand of the operator [?] is not initialized")
     if isinstance(value, str):

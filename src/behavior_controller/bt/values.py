@@ -1,7 +1,7 @@
 """Values of the blackboard and how they become one another: text to value, value to text, number to number.
 
 An integer is a Python int (int64), a real a float, a text a str; the three never change into each other silently. A
-boolean written by a port is the int 0 or 1. Rules: BT.CPP's ``convertFromString`` and ``Any``.
+boolean port gives a bool; stored in an entry it is the int 0 or 1. Rules: BT.CPP's ``convertFromString`` and ``Any``.
 """
 import json
 import re
@@ -37,7 +37,8 @@ class ValueType(NamedTuple):
 
 _INTEGER = re.compile(r"-?\d+")
 _REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)", re.IGNORECASE)
-_BOOLEANS = {"1": 1, "true": 1, "TRUE": 1, "True": 1, "0": 0, "false": 0, "FALSE": 0, "False": 0}
+_BOOLEANS = {"1": True, "true": True, "TRUE": True, "True": True,
+             "0": False, "false": False, "FALSE": False, "False": False}
 
 
 def _integer_reader(low: int, high: int) -> Callable[[str, Enums], int]:
@@ -60,7 +61,7 @@ def real_from_text(text: str, _enums: Optional[Enums] = None) -> float:
     return float(match.group())
 
 
-def _boolean(text: str, _enums: Enums) -> int:
+def _boolean(text: str, _enums: Enums) -> bool:
     if text not in _BOOLEANS:
         raise ValueFault("convertFromString(): invalid bool conversion of [{}]; allowed: 0 1 true false".format(text))
     return _BOOLEANS[text]
@@ -197,7 +198,7 @@ def convert(value: Any, wanted: str, enums: Enums) -> Any:
     if isinstance(value, str):
         return value_type.from_text(value, enums)  # type: ignore[misc]
     if wanted == "bool":
-        return int(to_bool(value))
+        return to_bool(value)
     if wanted == "double":
         return to_real(value)
     if value_type.low is not None and value_type.high is not None:

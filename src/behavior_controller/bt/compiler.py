@@ -1,0 +1,238 @@
+"""A checked mission to a tree: one node for each element, SubTrees unfolded, entries and scripts bound (BT.CPP section 10)."""
+import os
+import sys
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
+
+from behavior_controller.bt import ports
+from behavior_controller.bt.blackboard import Blackboard
+from behavior_controller.bt.checks import Checked, check, is_port_name
+from behavior_controller.bt.clock import Clock
+from behavior_controller.bt.document import Document, Element, parse, read
+from behavior_controller.bt.node import POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.script import Script, ScriptSyntaxError, compile_script
+from behavior_controller.bt.substitution import Substitutions, TestNode, substitutions
+from behavior_controller.bt.tree import Tree
+from behavior_controller.bt.values import TYPES, ValueFault
+from behavior_controller.errors import Fault, MissionError
+
+MOST_NODES = 250_000  # a file of a few SubTrees that call each other twice could unfold without end
+DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to three Python frames a level
+_FRAMES_PER_LEVEL = 3
+
+
+def load_mission(path: str, registry: Registry, **options: Any) -> Tree:
+    """Read a mission file and what it includes, check it and build its tree. Raises MissionError with every fault.
+
+    Options are those of ``build``.
+    """
+    return build(with_includes(read(path)), registry, **options)
+
+
+def load_text(text: str, registry: Registry, file: str = "<text>", **options: Any) -> Tree:
+    """As ``load_mission``, for a mission that is no file. Includes are relative to the working directory."""
+    return build(with_includes(parse(text, file)), registry, **options)
+
+
+def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clock] = None,
+          blackboard: Optional[Blackboard] = None, main_tree: Optional[str] = None, strict: bool = False,
+          enums: Optional[Dict[str, int]] = None, rules: Optional[Dict[str, Any]] = None) -> Tree:
+    """Check ``documents`` (the mission last) and build the tree. Raises MissionError with every fault.
+
+    ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``; ``enums``
+    are names of integers for scripts; ``rules`` are substitution rules.
+    """
+    checked = check(documents, registry, main_tree, strict)
+    compiler = _Compiler(checked, registry, Services(clock or Clock(), enums), substitutions(rules or {}))
+    if checked.main:
+        compiler.unfold(blackboard if blackboard is not None else Blackboard())
+    faults = list(checked.faults) + compiler.faults
+    if any(not fault.is_warning for fault in faults):
+        raise MissionError(sorted(faults, key=lambda fault: (fault.file, fault.line, fault.column)))
+    return Tree(compiler.nodes, compiler.blackboards, compiler.services, faults)
+
+
+def with_includes(document: Document) -> List[Document]:
+    """Return the document after all that it includes, each file once. Raises MissionError."""
+    found: List[Document] = []
+    seen: Set[str] = {os.path.realpath(document.file)}
+    faults: List[Fault] = []
+    _include(document, found, seen, faults, ())
+    if faults:
+        raise MissionError(faults)
+    return found
+
+
+def _include(document: Document, found: List[Document], seen: Set[str], faults: List[Fault],
+             chain: Tuple[str, ...]) -> None:
+    here = os.path.realpath(document.file)
+    for element in document.root.children if document.root.tag == "root" else ():
+        if element.tag != "include":
+            continue
+        path = element.attributes.get("path", "")
+        if not path or (element.attributes.get("ros_pkg") and not os.path.isabs(path)):
+            faults.append(element.fault("<include> needs the attribute path, relative to this file", attribute="ros_pkg"))
+            continue
+        path = os.path.join(os.path.dirname(document.file), path)
+        if os.path.realpath(path) in chain + (here,):
+            faults.append(element.fault("{} includes itself".format(path), attribute="path"))
+        elif os.path.realpath(path) not in seen:
+            seen.add(os.path.realpath(path))
+            try:
+                _include(read(path), found, seen, faults, chain + (here,))
+            except MissionError as error:
+                faults.append(element.fault("cannot include: {}".format(error.faults[0]), attribute="path"))
+    found.append(document)
+
+
+class _Place(NamedTuple):
+    """Where an element is to be made: below which node, on which blackboard, under which path."""
+
+    element: Element
+    parent: Optional[Node]
+    blackboard: Blackboard
+    prefix: str
+    depth: int
+
+
+class _Compiler:
+    """Makes the nodes of one mission and collects what only shows when they are made."""
+
+    def __init__(self, checked: Checked, registry: Registry, services: Services, rules: Substitutions):
+        self.checked = checked
+        self.registry = registry
+        self.services = services
+        self.rules = rules
+        self.nodes: List[Node] = []
+        self.blackboards: Dict[str, Blackboard] = {}
+        self.faults: List[Fault] = []
+        self._scripts: Dict[str, Script] = {}
+        self._by_spec: Dict[str, Dict[str, Port]] = {}
+        self._deepest = 0
+
+    def unfold(self, blackboard: Blackboard) -> None:
+        """Make every node, parents before children, in document order."""
+        self.blackboards[""] = blackboard
+        waiting = [_Place(child, None, blackboard, "", 1)
+                   for child in self.checked.trees[self.checked.main].children[:1]]
+        while waiting:
+            place = waiting.pop()
+            if id(place.element) in self.checked.faulty:
+                continue
+            if len(self.nodes) >= MOST_NODES or place.depth > DEEPEST:
+                self.faults.append(place.element.fault(
+                    "the mission unfolds to more than {} nodes or {} levels".format(MOST_NODES, DEEPEST)))
+                break
+            self._deepest = max(self._deepest, place.depth)
+            node = self._node(place)
+            children = place.element.children
+            if isinstance(node, TestNode):
+                continue
+            if place.element.tag == "SubTree":
+                place, children = self._enter(place, node)
+            waiting.extend(_Place(child, node, place.blackboard, place.prefix, place.depth + 1)
+                           for child in reversed(children))
+        needed = 1000 + _FRAMES_PER_LEVEL * self._deepest
+        if sys.getrecursionlimit() < needed:
+            sys.setrecursionlimit(needed)
+
+    def _node(self, place: _Place) -> Node:
+        element, uid = place.element, len(self.nodes) + 1
+        type_id = "SubTree" if element.tag == "SubTree" else element.type_id
+        own_id = element.attributes.get("ID", "") if type_id == "SubTree" else type_id
+        name = element.attributes.get("name", own_id)
+        path = place.prefix + name + ("::{}".format(uid) if name == own_id else "")
+        spec, node = self._made(type_id, name, path, element)
+        node.uid, node.registration_id, node.full_path = uid, type_id, path
+        node.blackboard, node.services = place.blackboard, self.services
+        node.ports, node.attributes = spec.ports, element.attributes
+        self.nodes.append(node)
+        if place.parent is not None:
+            place.parent.add_child(node)  # type: ignore[attr-defined]
+        self._bind(element, spec, node)
+        return node
+
+    def _made(self, type_id: str, name: str, path: str, element: Element) -> Tuple[NodeSpec, Node]:
+        spec = self.registry.find(type_id)
+        assert spec is not None  # the checks have seen to it
+        if self.rules.rules:
+            target = self.rules.target(name, type_id, path)
+            if target in self.rules.configs:
+                return NodeSpec(target, Kind.ACTION, TestNode), TestNode(name, self.rules.configs[target])
+            if target is not None:
+                replacement = self.registry.find(target)
+                if replacement is None:
+                    self.faults.append(element.fault("the substitute {} is not a node type".format(target)))
+                else:
+                    spec = replacement
+        return spec, spec.factory(name)  # type: ignore[return-value]
+
+    def _bind(self, element: Element, spec: NodeSpec, node: Node) -> None:
+        before: List[Tuple[str, Script]] = []
+        after: Dict[str, Script] = {}
+        attribute: Optional[str] = None
+        try:
+            if len(element.attributes) > 0 and spec.kind is not Kind.SUBTREE:
+                for attribute in element.attributes:
+                    self._declare(attribute, spec, node)
+            for attribute in PRE_CONDITIONS:
+                if attribute in element.attributes:
+                    before.append((attribute, self._script(element.attributes[attribute])))
+            for attribute in POST_CONDITIONS:
+                if attribute in element.attributes:
+                    after[attribute] = self._script(element.attributes[attribute])
+            attribute = None
+            node.set_conditions(before, after)
+            node.configure()
+        except ConfigureError as error:
+            self.faults.append(element.fault(str(error), attribute=error.attribute))
+        except (ValueFault, ScriptSyntaxError) as error:
+            self.faults.append(element.fault(str(error), attribute=attribute))
+
+    def _declare(self, attribute: str, spec: NodeSpec, node: Node) -> None:
+        """Create the entry that a port refers to."""
+        port = self._ports(spec).get(attribute)
+        if port is not None:
+            ports.declare(node.attributes[attribute], port, node.blackboard)
+
+    def _ports(self, spec: NodeSpec) -> Dict[str, Port]:
+        found = self._by_spec.get(spec.id)
+        if found is None:
+            found = self._by_spec[spec.id] = {port.name: port for port in spec.ports}
+        return found
+
+    def _script(self, text: str) -> Script:
+        script = self._scripts.get(text)
+        if script is None:
+            script = self._scripts[text] = compile_script(text)
+        return script
+
+    def _enter(self, place: _Place, node: Node) -> Tuple[_Place, List[Element]]:
+        """Return where the contents of a SubTree are to be made, and what they are."""
+        element = place.element
+        tree_id = element.attributes["ID"]
+        path = place.prefix + element.attributes.get("name", "{}::{}".format(tree_id, node.uid))
+        if path in self.blackboards:
+            self.faults.append(element.fault("two SubTrees have the same path {}".format(path),
+                                             "give them different names, or none", "name"))
+        inner = Blackboard(place.blackboard)
+        self.blackboards[path] = inner
+        self._remap(element, tree_id, inner)
+        return (place._replace(blackboard=inner, prefix=path + "/"), self.checked.trees[tree_id].children[:1])
+
+    def _remap(self, element: Element, tree_id: str, inner: Blackboard) -> None:
+        autoremap = bool(TYPES["bool"].from_text(  # type: ignore[misc]
+            element.attributes.get("_autoremap", "false"), {}))
+        given = {name: text for name, text in element.attributes.items() if is_port_name(name)}
+        if not autoremap:
+            for port in self.checked.models.get(tree_id, ()):
+                if port.default is not None:
+                    given.setdefault(port.name, port.default)
+        for name, text in given.items():
+            outer = None if text == "=" else ports.reference(text, name)
+            if outer is not None:
+                inner.add_remapping(name, outer)
+            else:
+                value_type, value = ports.subtree_literal(text)
+                inner.set(name, value, value_type)
+        inner.autoremap = autoremap  # not before the literals have found their place here

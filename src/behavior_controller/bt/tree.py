@@ -1,0 +1,99 @@
+"""A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
+from typing import Any, Dict, List, Sequence
+
+from behavior_controller.bt.blackboard import Blackboard
+from behavior_controller.bt.node import Node, Observer, Result, Services
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.errors import Fault
+
+# tick_once goes round at most so often before it hands control back, so that a mission that spins cannot lock out a stop
+ROUNDS_PER_TICK = 1000
+
+
+class Tree:
+    """The unfolded tree. ``nodes`` in order of uid; ``blackboards`` by path of the subtree instance, "" is the root's."""
+
+    def __init__(self, nodes: List[Node], blackboards: Dict[str, Blackboard], services: Services,
+                 warnings: Sequence[Fault] = ()):
+        self.nodes = nodes
+        self.root = nodes[0]
+        self.blackboards = blackboards
+        self.blackboard = blackboards[""]
+        self.services = services
+        self.clock = services.clock
+        self.wake = services.wake
+        self.warnings = list(warnings)
+        self.spins = False  # the last tick_once was cut short: the mission goes round without ever waiting
+        self._observers: List[Observer] = []
+
+    def setup(self, **kwargs: Any) -> None:
+        """Let each node meet what it needs at run time (py_trees' ``setup``)."""
+        for node in self.nodes:
+            node.setup(**kwargs)
+
+    def subscribe(self, observer: Observer) -> None:
+        """Call ``observer(node, old_status, new_status)`` at every change of a node's status."""
+        self._observers.append(observer)
+        for node in self.nodes:
+            node.observer = observer if len(self._observers) == 1 else self._tell_all
+
+    def _tell_all(self, node: Any, old: Any, new: Any) -> None:
+        for observer in self._observers:
+            observer(node, old, new)
+
+    def tick_exactly_once(self) -> Result:
+        """Traverse the tree once; the wake-up signal is not looked at."""
+        self.clock.run_due()
+        return self._completed(self.root.execute())
+
+    def tick_once(self) -> Result:
+        """Traverse the tree, and again for as long as it is RUNNING and a wake-up was signalled meanwhile."""
+        self.clock.run_due()
+        result = self.root.execute()
+        rounds = 1
+        while result is RUNNING and self.wake.test_and_clear():
+            if rounds == ROUNDS_PER_TICK:
+                self.wake.emit()
+                break
+            rounds += 1
+            result = self.root.execute()
+        self.spins = rounds == ROUNDS_PER_TICK
+        return self._completed(result)
+
+    def tick_while_running(self, sleep_seconds: float = 0.01) -> Result:
+        """Tick until the result is not RUNNING; sleep between ticks, at most until the next wake-up."""
+        while True:
+            result = self.tick_once()
+            if result is not RUNNING:
+                return result
+            self.sleep(sleep_seconds)
+
+    def sleep(self, seconds: float) -> bool:
+        """Wait for the wake-up signal, running timers as they fall due. Return whether it came within ``seconds``."""
+        end = self.clock.now() + seconds
+        while True:
+            self.clock.run_due()
+            if self.wake.test_and_clear():
+                return True
+            now = self.clock.now()
+            if now >= end:
+                return False
+            due = self.clock.next_due()
+            self.wake.wait((end if due is None else min(end, due)) - now)
+
+    def _completed(self, result: Result) -> Result:
+        if result is SUCCESS or result is FAILURE:
+            self.root.reset()
+        return result
+
+    def halt(self) -> None:
+        """Halt everything (BT.CPP ``haltTree``: every node's ``_onHalted`` script runs, running or not)."""
+        self.root.halt_node()
+        for node in self.nodes:
+            node.halt_node()
+        self.root.reset()
+
+    @property
+    def is_idle(self) -> bool:
+        """Return whether nothing is under way."""
+        return self.root.status is IDLE

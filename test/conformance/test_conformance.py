@@ -1,0 +1,49 @@
+"""The engine does what BehaviorTree.CPP 4.10 was recorded to do: every status change, port, blackboard value and halt."""
+import json
+import os
+
+import pytest
+
+from behavior_controller.bt import conformance
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+with open(os.path.join(HERE, "may_differ.json"), encoding="utf-8") as file:
+    MAY_DIFFER = json.load(file)
+
+
+@pytest.mark.parametrize("vectors, count", [("hand", 837), ("random.jsonl.xz", 2000)])
+def test_every_recorded_case(vectors, count):
+    cases = list(conformance.cases(os.path.join(HERE, vectors)))
+    assert len(cases) == count
+    failed = {case["name"]: found[0] for case in cases for found in [conformance.judge(case, "full", MAY_DIFFER)] if found}
+    assert failed == {}
+
+
+def test_the_exceptions_are_cases_of_the_collection_and_give_a_reason():
+    names = {case["name"] for case in conformance.cases(os.path.join(HERE, "hand"))}
+    assert set(MAY_DIFFER) <= names
+    assert all(len(reason) > 20 for reason in MAY_DIFFER.values())
+
+
+@pytest.mark.parametrize("change, level, noticed", [
+    (lambda got: got["ticks"][0].update(root="FAILURE"), "roots", True),
+    (lambda got: got["ticks"][0]["events"].pop(), "roots", False),
+    (lambda got: got["ticks"][0]["events"].pop(), "full", True),
+    (lambda got: got["blackboard"][""].update(a=1.0), "full", True),
+    (lambda got: got["blackboard"][""].update(a=1.0), "leaves", False),
+])
+def test_the_comparison_notices_what_its_level_is_for(change, level, noticed):
+    with open(os.path.join(HERE, "hand", "script_lit_int.json"), encoding="utf-8") as opened:
+        case = json.load(opened)
+    got = conformance.run(case)
+    assert conformance.differences(case["expected"], got, "full") == []
+    change(got)
+    assert bool(conformance.differences(case["expected"], got, level)) is noticed
+
+
+def test_a_mission_that_never_waits_returns_and_says_so():
+    with open(os.path.join(HERE, "hand", "tick_once_infinite_repeat_hangs.json"), encoding="utf-8") as opened:
+        case = json.load(opened)
+    tree = conformance._build(case, [])
+    assert tree.tick_once() is conformance.BY_NAME["RUNNING"]
+    assert tree.spins
