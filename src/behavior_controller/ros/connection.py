@@ -51,6 +51,11 @@ class _TimedTransport(xmlrpc.client.Transport):
         return connection
 
 
+def _reason(error: Optional[Exception]) -> str:
+    """Return why something failed, as short as the system can say it."""
+    return getattr(error, "strerror", None) or str(error or "timed out")
+
+
 def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> Any:
     """Call ``method`` of the master or node at ``uri`` in our name and return its value; None if it has none to give.
 
@@ -60,12 +65,12 @@ def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) 
         with xmlrpc.client.ServerProxy(uri, transport=_TimedTransport(seconds)) as peer:
             code, _, value = getattr(peer, method)(rospy.get_name(), *arguments)
     except _XMLRPC_TROUBLE as error:
-        raise Trouble(Cause.NOT_REACHABLE, "{} does not answer ({})".format(uri, error or "timed out"))
+        raise Trouble(Cause.NOT_REACHABLE, "{} does not answer ({})".format(uri, _reason(error)))
     return value if code == 1 else None
 
 
 def ask_master(method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> Any:
-    """Call ``method`` of the ROS master; see ``ask``."""
+    """Call ``method`` of the ROS master, as ``ask`` does."""
     try:
         return ask(rosgraph.get_master_uri(), method, *arguments, seconds=seconds)
     except Trouble as trouble:
@@ -121,7 +126,7 @@ class Connection:
                     return
         except (OSError, UnicodeError) as failed:
             error = failed
-        raise Trouble(Cause.NOT_REACHABLE, "nobody there ({})".format(error or "no address"))
+        raise Trouble(Cause.NOT_REACHABLE, "no connection ({})".format(_reason(error)))
 
     def _try(self, sock: socket.socket, address: Tuple, seconds: float) -> Optional[OSError]:
         """Connect ``sock``; return None or why not."""

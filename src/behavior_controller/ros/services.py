@@ -222,6 +222,14 @@ class RosGateway(Gateway):
         line.carry(request, lambda result: self._end(call, result))
         return call
 
+    def close(self) -> None:
+        """Give up every call under way and give back every thread and connection."""
+        for call in list(self._under_way):
+            self._give_up(call)
+        for lines in self._spare.values():
+            while lines:
+                lines.pop().cut()
+
     def _end(self, call: Call, result: Union[Answer, Failure]) -> None:
         """Finish ``call``, on the line's thread, unless somebody has given it up meanwhile."""
         held = self._under_way.pop(call, None)  # who gets it ends the call: nobody does it twice

@@ -1,0 +1,119 @@
+"""Help for the tests: run the stub robot in a process of its own, order it about, and wait for what it was asked."""
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import rosgraph
+
+STUBS = {"/stub_robot", "/peer"}
+HERE = os.path.dirname(os.path.abspath(__file__))
+
+
+class Lines:
+    """The lines of a stream, as they come; ``wait_for`` waits for one that is wanted."""
+
+    def __init__(self, stream):
+        self.all = []
+        self.ended = False
+        self._news = threading.Condition()
+        threading.Thread(target=self._read, args=(stream,), daemon=True).start()
+
+    def _read(self, stream):
+        for line in stream:
+            with self._news:
+                self.all.append((time.monotonic(), line.rstrip("\n")))
+                self._news.notify_all()
+        with self._news:
+            self.ended = True
+            self._news.notify_all()
+
+    def wait_for(self, wanted, seconds, start=0):
+        """Return (time, line) of the first line from number ``start`` on that is ``wanted``; fails if none comes in time."""
+        with self._news:
+            found = self._news.wait_for(
+                lambda: next((pair for pair in self.all[start:] if wanted(pair[1])), None) or self.ended, seconds)
+            if isinstance(found, tuple):
+                return found
+        raise AssertionError("the wanted line did not come in {} s, only:\n{}".format(seconds, self.text()))
+
+    def wait_for_end(self, seconds):
+        """Return when the stream has ended."""
+        with self._news:
+            assert self._news.wait_for(lambda: self.ended, seconds), "the stream did not end in time"
+
+    def text(self):
+        """Return all lines so far."""
+        return "\n".join(line for _, line in self.all)
+
+
+class Robot:
+    """The stub robot; ``modes`` as in ``stub_robot.py``."""
+
+    def __init__(self, **modes):
+        arguments = ["/{}={}".format(name.replace("__", "/"), mode) for name, mode in modes.items()]
+        self.process = subprocess.Popen([sys.executable, os.path.join(HERE, "stub_robot.py")] + arguments,
+                                        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                                        universal_newlines=True, bufsize=1)
+        self.lines = Lines(self.process.stdout)
+        self.lines.wait_for(lambda line: "ready" in line, 20)
+
+    def set_mode(self, name, mode):
+        """Have the service ``name`` behave otherwise."""
+        self._order(name=name, mode=mode)
+
+    def publish(self, topic, *values, **more):
+        """Publish a message of these field values, once, or from now on ``hertz`` times per second."""
+        self._order(topic=topic, values=list(values), hertz=more.get("hertz", 0))
+
+    def _order(self, **order):
+        self.process.stdin.write(json.dumps(order) + "\n")
+        self.process.stdin.flush()
+
+    def requests(self, service=""):
+        """Return the requests so far, of ``service`` or of all, each a dict of service, fields and time (monotonic)."""
+        events = [json.loads(line) for _, line in self.lines.all if '"service"' in line]
+        return [event for event in events if service in ("", event["service"])]
+
+    def wait_for_request(self, service, seconds, start=0, **fields):
+        """Return the first request to ``service`` with these field values, from line number ``start`` on."""
+        def is_wanted(line):
+            event = json.loads(line)
+            return event.get("service") == service and all(event["fields"][key] == fields[key] for key in fields)
+
+        return json.loads(self.lines.wait_for(is_wanted, seconds, start)[1])
+
+    def stop(self):
+        """End it in good order: the master forgets it."""
+        if self.process.poll() is None:
+            self.process.stdin.close()
+            try:
+                self.process.wait(10)
+            except subprocess.TimeoutExpired:
+                self.kill()
+        self._close()
+
+    def kill(self):
+        """End it as a crash does: the master's entries stay."""
+        self.process.kill()
+        self._close()
+
+    def _close(self):
+        self.process.wait(10)
+        for stream in (self.process.stdin, self.process.stdout):
+            stream.close()
+
+
+def forget_dead_entries():
+    """Have the master forget what killed stubs left behind."""
+    publishers, _, services = rosgraph.Master("/test").getSystemState()
+    for service, nodes in services:
+        if nodes[0] in STUBS:
+            master = rosgraph.Master(nodes[0])
+            master.unregisterService(service, master.lookupService(service))
+    for topic, nodes in publishers:
+        for node in STUBS.intersection(nodes):
+            master = rosgraph.Master(node)
+            master.unregisterPublisher(topic, master.lookupNode(node))

@@ -1,0 +1,131 @@
+#!/usr/bin/env python3
+"""A robot for the tests: one node that offers the seven services and three topics, and behaves as it is told.
+
+Arguments are ``name=mode``: how the service or topic behaves from the start. Modes of a service: ``done`` (default),
+``refuse``, ``odd`` (a success value that means nothing), ``raise``, ``hang`` (until the mode changes), ``exit`` (the
+process dies while it works), ``absent``, ``wrong`` (another type). Modes of a topic: ``present`` (default), ``absent``, ``wrong``.
+
+Each line on stdin is a JSON object: ``{"name": …, "mode": …}``, or ``{"topic": …, "values": [fields], "hertz": 0}``, which
+publishes once, or from now on so many times per second. Each line on stdout too: ``{"ready": true}`` once, then
+``{"service", "fields", "time"}`` for each request as it arrives; times are those of the monotonic clock.
+"""
+import json
+import os
+import sys
+import threading
+import time
+
+import genpy
+import rospy
+from cssr_system.msg import (exhibitInfoMessage, faceDetectionMessage, gestureMessage, locationMessage,
+                             overtAttentionMessage)
+from cssr_system.srv import (animateBehaviorService, gestureExecutionService, knowledgeBaseService,
+                             overtAttentionService, robotNavigationService, textService)
+from std_msgs.msg import String
+
+
+def _places(request):
+    names = {"entrance": ["entrance"], "home": ["home"]}.get(request.parameters, ["pepper", "arm"])
+    return [exhibitInfoMessage(name, name + " one", name + " two", locationMessage(1.0, 2.0, 90.0),
+                               gestureMessage(1.0, 2.0, 3.0)) for name in names]
+
+
+SERVICES = {  # name: type, values of the response for success, refusal and an odd answer
+    "/animateBehaviour/set_activation": (animateBehaviorService, lambda r: ["1"], ["0"], ["perhaps"]),
+    "/gestureExecution/perform_gesture": (gestureExecutionService, lambda r: [1], [0], [7]),
+    "/knowledgeBase/query": (knowledgeBaseService, lambda r: [True, _places(r)], [False, []],
+                             [True, [exhibitInfoMessage(location=locationMessage(float("nan"), 0.0, 0.0))]]),
+    "/overtAttention/set_mode": (overtAttentionService, lambda r: [1], [0], [7]),
+    "/robotNavigation/set_goal": (robotNavigationService, lambda r: [1], [0], [7]),
+    "/tabletEvent/prompt_and_get_response": (textService, lambda r: [True, "Yes"], [False, ""], [False, ""]),
+    "/textToSpeech/say_text": (textService, lambda r: [True, "said"], [False, ""], [False, ""]),
+}
+TOPICS = {"/faceDetection/data": faceDetectionMessage, "/overtAttention/mode": overtAttentionMessage,
+          "/speechEvent/text": String}
+
+
+def tell(**event):
+    """Write one line, at once and whole."""
+    sys.stdout.write(json.dumps(event) + "\n")
+    sys.stdout.flush()
+
+
+class StubService:
+    """One service, whose ``mode`` may change at any time."""
+
+    def __init__(self, name, mode):
+        self.name, self.mode = name, mode
+        self.type, self.done, self.refusal, self.odd = SERVICES[name]
+        self._changed = threading.Condition()
+        if mode == "wrong":
+            rospy.Service(name, robotNavigationService if self.type is textService else textService, lambda r: None)
+        elif mode != "absent":
+            rospy.Service(name, self.type, self.answer)
+
+    def set_mode(self, mode):
+        """Behave otherwise from now on; whoever hangs goes on."""
+        with self._changed:
+            self.mode = mode
+            self._changed.notify_all()
+
+    def answer(self, request):
+        """Answer as the mode says."""
+        tell(service=self.name, fields={slot: getattr(request, slot) for slot in request.__slots__},
+             time=time.monotonic())
+        if self.mode == "exit":
+            os._exit(1)
+        if self.mode == "raise":
+            raise ValueError("the stub was told\nto raise")
+        with self._changed:
+            self._changed.wait_for(lambda: self.mode != "hang")
+        values = {"refuse": self.refusal, "odd": self.odd}.get(self.mode)
+        return self.type._response_class(*(self.done(request) if values is None else values))
+
+
+class StubTopic:
+    """One topic, published to when told, or as often as told."""
+
+    def __init__(self, name, mode):
+        self.type = TOPICS[name]
+        kind = self.type if mode != "wrong" else overtAttentionMessage if self.type is String else String
+        self._publisher = rospy.Publisher(name, kind, queue_size=1000)
+        self._message = None
+        self._hertz = 0
+
+    def publish(self, values, hertz):
+        """Publish a message of these field values once, or ``hertz`` times per second from now on."""
+        message = self.type()
+        genpy.message.fill_message_args(message, values)
+        self._message = message
+        was_quiet, self._hertz = not self._hertz, hertz
+        if not hertz:
+            self._publisher.publish(message)
+        elif was_quiet:
+            threading.Thread(target=self._flood, daemon=True).start()
+
+    def _flood(self):
+        due = time.monotonic()
+        while self._hertz:
+            self._publisher.publish(self._message)
+            due += 1.0 / (self._hertz or 1)
+            time.sleep(max(0.0, due - time.monotonic()))
+
+
+def main():
+    """Offer everything, then obey stdin until it ends."""
+    modes = dict(argument.rsplit("=", 1) for argument in rospy.myargv()[1:])
+    rospy.init_node("stub_robot", disable_signals=True)
+    services = {name: StubService(name, modes.get(name, "done")) for name in SERVICES}
+    topics = {name: StubTopic(name, modes.get(name)) for name in TOPICS if modes.get(name) != "absent"}
+    tell(ready=True)
+    for line in sys.stdin:
+        order = json.loads(line)
+        if "topic" in order:
+            topics[order["topic"]].publish(order["values"], order["hertz"])
+        else:
+            services[order["name"]].set_mode(order["mode"])
+    rospy.signal_shutdown("stdin has ended")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,367 @@
+#!/usr/bin/env python3
+"""Does the gateway tell every cause of failure apart, end each call in time, and give back what a hung call held?"""
+import os
+import socket
+import struct
+import sys
+import threading
+import time
+import unittest
+
+import rosgraph
+import rospy
+import rostest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from robot import Robot, forget_dead_entries  # noqa: E402
+
+from behavior_controller.bt.clock import Clock  # noqa: E402
+from behavior_controller.bt.wakeup import WakeUp  # noqa: E402
+from behavior_controller.gateway import (Answer, Cause, Exhibit, GoTo, Location, PerformGesture, Point,  # noqa: E402
+                                         Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.ros.services import RosGateway  # noqa: E402
+
+SAY = "/textToSpeech/say_text"
+ONE_OF_EACH = (SetAnimation("enabled"), PerformGesture("deictic", 2, 1500, Point(1.5, 2.5, 3.5), 10),
+               QueryKnowledge("exhibits"), SetAttention("location", Point(4.5, 5.5, 6.5)),
+               GoTo(Location(1.25, 2.5, 90.0)), Prompt(("Yes", "No")), Say("hello"))
+
+
+class Peer:
+    """A service server that speaks no ROS but what ``talk(socket)`` says; the master lists it under ``name``."""
+
+    def __init__(self, name, talk, backlog=16):
+        self.listener = socket.socket()
+        self.listener.bind(("localhost", 0))
+        self.listener.listen(backlog)
+        self.accepted = 0
+        self._talk = talk
+        uri = "rosrpc://localhost:{}".format(self.listener.getsockname()[1])
+        rosgraph.Master("/peer").registerService(name, uri, "http://localhost:1/")
+        if talk is not None:
+            threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self):
+        while True:
+            try:
+                connection, _ = self.listener.accept()
+            except OSError:
+                return
+            self.accepted += 1
+            threading.Thread(target=self._talk, args=(connection,), daemon=True).start()
+
+    def close(self):
+        """Take no more connections; the master's entry stays."""
+        self.listener.close()
+
+
+def shake_hands(connection, error=None):
+    """Do the server's half of the handshake."""
+    read_block(connection)
+    header = {"error": error} if error else {"callerid": "/peer", "type": "cssr_system/textService",
+                                             "md5sum": "10b91f7565804f90610ee9fc2d0e20ba"}
+    rosgraph.network.write_ros_handshake_header(connection, header)
+
+
+def read_block(connection):
+    """Read a length and that many bytes; None at the end of the stream."""
+    head = connection.recv(4, socket.MSG_WAITALL)
+    return connection.recv(struct.unpack("<I", head)[0], socket.MSG_WAITALL) if len(head) == 4 else None
+
+
+def read_until_end(connection):
+    """Read and never answer; return when the other side hangs up."""
+    while connection.recv(4096):
+        pass
+    connection.close()
+
+
+class TestGateway(unittest.TestCase):
+    """Each case has a gateway of its own, whose deadline is ``self.deadline`` for every service."""
+
+    def setUp(self):
+        self.deadline = 20.0
+        self.clock = Clock()
+        self.wake = WakeUp()
+        self.gateway = RosGateway(lambda service: self.deadline, self.clock, self.wake.emit)
+
+    def tearDown(self):
+        self.gateway.close()
+        self.assert_at_rest(0, 2.0)
+        forget_dead_entries()
+
+    def robot(self, **modes):
+        """Start a stub robot for this case."""
+        robot = Robot(**modes)
+        self.addCleanup(robot.stop)
+        return robot
+
+    def finish(self, call, seconds=30.0):
+        """Do as the runner does until ``call`` has a result; return it and how long it took."""
+        started = time.monotonic()
+        while call.result is None and time.monotonic() - started < seconds:
+            due = self.clock.next_due()
+            self.wake.wait(max(0.0, min(seconds, due - self.clock.now() if due is not None else seconds)))
+            self.wake.test_and_clear()
+            self.clock.run_due()
+        self.assertIsNotNone(call.result, "no result in {} s".format(seconds))
+        return call.result, time.monotonic() - started
+
+    def ask(self, request, seconds=30.0):
+        """Send ``request`` and return its result."""
+        return self.finish(self.gateway.start(request), seconds)[0]
+
+    def assert_fails(self, request, cause, *words):
+        """Send ``request``, which must fail for ``cause``, with ``words`` in its one-line message."""
+        failure = self.ask(request)
+        self.assertEqual(getattr(failure, "cause", failure), cause)
+        for word in words:
+            self.assertIn(word, failure.message)
+        self.assertNotIn("\n", failure.message)
+        self.assertEqual(failure.resource, rospy.resolve_name(request.service))
+
+    # ------------------------------------------------------------------------------------------------ answers
+
+    def test_each_request_arrives_as_the_contract_writes_it_and_is_answered(self):
+        robot = self.robot()
+        results = [self.ask(request) for request in ONE_OF_EACH]
+        self.assertEqual([type(result) for result in results], [Answer] * 7)
+        self.assertEqual(results[5].response, "Yes")
+        self.assertEqual(results[2].exhibits, (
+            Exhibit("pepper", "pepper one", "pepper two", Location(1.0, 2.0, 90.0), Point(1.0, 2.0, 3.0)),
+            Exhibit("arm", "arm one", "arm two", Location(1.0, 2.0, 90.0), Point(1.0, 2.0, 3.0))))
+        self.assertEqual([request["fields"] for request in robot.requests()], [
+            {"state": "enabled"},
+            {"gesture_type": "deictic", "gesture_id": 2, "gesture_duration": 1500, "bow_nod_angle": 10,
+             "location_x": 1.5, "location_y": 2.5, "location_z": 3.5},
+            {"parameters": "exhibits"},
+            {"state": "location", "location_x": 4.5, "location_y": 5.5, "location_z": 6.5},
+            {"goal_x": 1.25, "goal_y": 2.5, "goal_theta": 90.0},
+            {"message": "Yes|No"},
+            {"message": "hello"}])
+
+    def test_a_refusal(self):
+        self.robot(**{request.service[1:].replace("/", "__"): "refuse" for request in ONE_OF_EACH})
+        for request in ONE_OF_EACH:
+            self.assert_fails(request, Cause.REFUSED)
+
+    def test_an_answer_that_means_nothing(self):
+        self.robot(animateBehaviour__set_activation="odd", knowledgeBase__query="odd", robotNavigation__set_goal="odd")
+        self.assert_fails(SetAnimation("enabled"), Cause.UNUSABLE_ANSWER, "'perhaps'")
+        self.assert_fails(QueryKnowledge("home"), Cause.UNUSABLE_ANSWER, "nan")
+        self.assert_fails(GoTo(Location(0.0, 0.0, 0.0)), Cause.UNUSABLE_ANSWER, "7")
+
+    # ------------------------------------------------------------------------------------------------ causes
+
+    def test_an_exception_in_the_server(self):
+        self.robot(textToSpeech__say_text="raise")
+        self.assert_fails(Say("hello"), Cause.HANDLER_EXCEPTION, "the stub was told to raise")
+
+    def test_not_advertised(self):
+        self.assert_fails(Say("hello"), Cause.NOT_ADVERTISED)
+
+    def test_an_entry_whose_node_is_dead(self):
+        self.robot().kill()
+        self.assert_fails(Say("hello"), Cause.NOT_REACHABLE, "the master lists it", "Connection refused")
+
+    def test_another_type(self):
+        self.robot(textToSpeech__say_text="wrong")
+        self.assert_fails(Say("hello"), Cause.TYPE_MISMATCH, "md5sum")
+
+    def test_a_server_that_words_a_mismatch_as_roscpp_does(self):
+        peer = Peer(SAY, lambda connection: shake_hands(connection, "client wants service /textToSpeech/say_text to have "
+                                                        "md5sum 1, but it has 2. Dropping connection."))
+        self.addCleanup(peer.close)
+        self.assert_fails(Say("hello"), Cause.TYPE_MISMATCH, "md5sum 1")
+
+    def test_a_port_that_another_node_took_over(self):
+        peer = Peer(SAY, lambda connection: shake_hands(connection, "[/other] is not a provider of [/textToSpeech/say_text]"))
+        self.addCleanup(peer.close)
+        self.assert_fails(Say("hello"), Cause.NOT_REACHABLE, "not a provider")
+
+    def test_something_that_is_no_ros_node(self):
+        peer = Peer(SAY, lambda connection: connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n"))
+        self.addCleanup(peer.close)
+        self.assert_fails(Say("hello"), Cause.NOT_REACHABLE)
+
+    def test_a_server_that_dies_while_it_works(self):
+        self.robot(textToSpeech__say_text="exit")
+        self.assert_fails(Say("hello"), Cause.CONNECTION_LOST)
+
+    def test_half_an_answer(self):
+        def talk(connection):
+            shake_hands(connection)
+            read_block(connection)
+            connection.sendall(struct.pack("<BI", 1, 5) + b"\x01")
+            connection.close()
+
+        peer = Peer(SAY, talk)
+        self.addCleanup(peer.close)
+        self.assert_fails(Say("hello"), Cause.CONNECTION_LOST)
+
+    def test_an_answer_that_is_not_of_its_type(self):
+        def talk(connection):
+            shake_hands(connection)
+            read_block(connection)
+            connection.sendall(struct.pack("<BI", 1, 3) + b"\x01\xff\xff")
+
+        peer = Peer(SAY, talk)
+        self.addCleanup(peer.close)
+        self.assert_fails(Say("hello"), Cause.UNUSABLE_ANSWER, "textService")
+
+    def test_an_announced_length_that_no_memory_holds(self):
+        def talk(connection):
+            shake_hands(connection)
+            read_block(connection)
+            connection.sendall(struct.pack("<BI", 1, 0xffffffff))
+
+        peer = Peer(SAY, talk)
+        self.addCleanup(peer.close)
+        self.assert_fails(Say("hello"), Cause.CONNECTION_LOST, "4294967295")
+
+    def test_a_request_that_does_not_fit_its_type(self):
+        self.robot()
+        self.assert_fails(PerformGesture("iconic", 256, 3000), Cause.TYPE_MISMATCH, "gesture_id")
+
+    # ------------------------------------------------------------------------------------------------ time
+
+    def test_a_call_that_hangs_ends_at_its_deadline_and_blocks_nobody(self):
+        robot = self.robot(textToSpeech__say_text="hang")
+        self.deadline = 0.5
+        result, seconds = self.finish(self.gateway.start(Say("first")))
+        self.assertEqual((result.cause, result.message), (Cause.NO_ANSWER, "waited 0.5 s"))
+        self.assertLess(abs(seconds - 0.5), 0.2)
+        robot.set_mode(SAY, "done")
+        self.assertIsInstance(self.ask(Say("second")), Answer)
+        self.assertEqual([request["fields"]["message"] for request in robot.requests(SAY)], ["first", "second"])
+
+    def test_a_server_that_never_shakes_hands(self):
+        peer = Peer(SAY, read_until_end)
+        self.addCleanup(peer.close)
+        self.deadline = 0.5
+        result, seconds = self.finish(self.gateway.start(Say("hello")))
+        self.assertEqual(result.cause, Cause.NO_ANSWER)
+        self.assertIn("nothing was asked", result.message)
+        self.assertLess(abs(seconds - 0.5), 0.2)
+        self.assert_at_rest(0, 0.3)
+
+    def test_a_host_that_does_not_take_the_connection(self):
+        peer = Peer(SAY, None, backlog=0)  # a full queue of connections drops what comes, as a host that is away does
+        fillers = [socket.socket() for _ in range(4)]
+        for filler in fillers:
+            filler.setblocking(False)
+            filler.connect_ex(peer.listener.getsockname())
+        self.addCleanup(lambda: [sock.close() for sock in fillers + [peer.listener]])
+        self.deadline = 0.5
+        result, seconds = self.finish(self.gateway.start(Say("hello")))
+        self.assertEqual(result.cause, Cause.NO_ANSWER)
+        self.assertIn("still connecting", result.message)
+        self.assertLess(abs(seconds - 0.5), 0.2)
+        self.assert_at_rest(0, 0.3)
+        self.deadline = 20.0
+        result, seconds = self.finish(self.gateway.start(Say("hello")))  # the connection has a limit of its own
+        self.assertEqual(result.cause, Cause.NOT_REACHABLE)
+        self.assertLess(seconds, 6.0)
+
+    def test_dropping_a_call_gives_everything_back_at_once_and_no_result(self):
+        robot = self.robot(textToSpeech__say_text="hang")
+        call = self.gateway.start(Say("hello"))
+        robot.wait_for_request(SAY, 5)
+        call.drop()
+        self.assert_at_rest(0, 0.5)
+        robot.set_mode(SAY, "done")
+        self.assertIsInstance(self.ask(Say("next")), Answer)
+        self.assertIsNone(call.result)
+        self.assertIsNone(self.clock.next_due(), "a timer was left behind")
+
+    def test_two_hundred_hung_calls_leave_no_thread_and_no_socket_behind(self):
+        robot = self.robot(textToSpeech__say_text="hang")
+        self.deadline = 0.02
+        self.ask(Say("warm up"))
+        self.assert_at_rest(0, 1.0)
+        files = len(os.listdir("/proc/self/fd"))
+        for _ in range(200):
+            self.assertEqual(self.ask(Say("hello")).cause, Cause.NO_ANSWER)
+        self.assert_at_rest(0, 1.0)
+        self.assertLessEqual(len(os.listdir("/proc/self/fd")), files)
+        self.deadline = 20.0
+        robot.set_mode(SAY, "done")
+        self.assertIsInstance(self.ask(Say("at last")), Answer)
+
+    def test_the_thread_and_the_connection_are_kept_from_call_to_call(self):
+        self.robot()
+        for _ in range(50):
+            self.assertIsInstance(self.ask(Say("hello")), Answer)
+        self.assert_at_rest(1, 0.0)
+
+    def assert_at_rest(self, lines, seconds):
+        """Expect that within ``seconds`` no more than ``lines`` threads talk to services."""
+        def count():
+            return sum(thread.name.startswith("service /") for thread in threading.enumerate())
+
+        ends = time.monotonic() + seconds
+        for thread in threading.enumerate():
+            if thread.name.startswith("service /") and count() > lines:
+                thread.join(max(0.0, ends - time.monotonic()))
+        self.assertEqual(count(), lines)
+
+    # ------------------------------------------------------------------------------------------------ connections
+
+    def test_two_calls_at_once_do_not_wait_for_each_other(self):
+        robot = self.robot(textToSpeech__say_text="hang")
+        first = self.gateway.start(Say("first"))
+        robot.wait_for_request(SAY, 5, message="first")
+        second = self.gateway.start(Say("second"))
+        robot.wait_for_request(SAY, 5, message="second")
+        robot.set_mode(SAY, "done")
+        self.assertIsInstance(self.finish(first)[0], Answer)
+        self.assertIsInstance(self.finish(second)[0], Answer)
+
+    def test_a_server_that_was_started_again_is_found_without_a_failure(self):
+        robot = self.robot()
+        self.assertIsInstance(self.ask(Say("first")), Answer)
+        robot.kill()
+        self.robot()
+        self.assertIsInstance(self.ask(Say("second")), Answer)
+
+    def test_a_dead_server_fails_each_call_with_its_cause_until_it_is_back(self):
+        robot = self.robot()
+        self.assertIsInstance(self.ask(Say("first")), Answer)
+        robot.kill()
+        for _ in range(2):
+            self.assert_fails(Say("second"), Cause.NOT_REACHABLE)
+        self.robot()
+        self.assertIsInstance(self.ask(Say("third")), Answer)
+
+    def test_a_request_that_may_have_been_carried_out_is_not_sent_again(self):
+        received = []
+
+        def talk(connection):
+            shake_hands(connection)
+            received.append(read_block(connection))
+            connection.close()
+
+        peer = Peer(SAY, talk)
+        self.addCleanup(peer.close)
+        self.assert_fails(Say("once"), Cause.CONNECTION_LOST)
+        self.assertEqual(received, [struct.pack("<I", 4) + b"once"])
+        self.assertEqual(peer.accepted, 1)
+
+    def test_remapped_names_are_used_and_told(self):
+        self.robot()
+        self.addCleanup(remap)
+        remap(SAY + ":=/elsewhere/say")
+        self.gateway = RosGateway(lambda service: self.deadline, self.clock, self.wake.emit)
+        failure = self.ask(Say("hello"))
+        self.assertEqual((failure.cause, failure.resource), (Cause.NOT_ADVERTISED, "/elsewhere/say"))
+
+
+def remap(*arguments):
+    """Remap names as these command-line arguments would."""
+    rospy.names.reload_mappings(["test_gateway"] + list(arguments))
+    rospy.names.initialize_mappings(rospy.get_name())
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_gateway", disable_signals=True)
+    rostest.rosrun("cssr_system", "gateway", TestGateway)

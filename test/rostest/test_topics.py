@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+"""Do the topics give the newest message as plain data, ring their alarms at once, and cost next to nothing in a flood?"""
+import os
+import resource
+import sys
+import time
+import unittest
+
+import rospy
+import rostest
+from std_msgs.msg import String
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from robot import Robot, forget_dead_entries  # noqa: E402
+
+from behavior_controller.bt.wakeup import WakeUp  # noqa: E402
+from behavior_controller.gateway import AttentionStatus, Faces, Topic  # noqa: E402
+from behavior_controller.ros.topics import RosTopics  # noqa: E402
+
+
+class TestTopics(unittest.TestCase):
+    """rospy subscribes once per topic and process, so the cases share one ``RosTopics``."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.wake = WakeUp()
+        cls.warnings = []
+        cls.topics = RosTopics(cls.wake.emit, cls.warnings.append)
+
+    def setUp(self):
+        self.robot = Robot()
+        for latch in self.topics._latches.values():
+            self.wait_until(lambda: latch._subscriber.get_num_connections() == 1)
+        self.wake.test_and_clear()
+
+    def tearDown(self):
+        self.robot.stop()
+        forget_dead_entries()
+        for latch in self.topics._latches.values():
+            self.wait_until(lambda: latch._subscriber.get_num_connections() == 0)
+
+    def wait_until(self, is_so, seconds=10.0):
+        """rospy tells nobody when it has connected: look until it has."""
+        ends = time.monotonic() + seconds
+        while not is_so():
+            self.assertLess(time.monotonic(), ends)
+            time.sleep(0.02)
+
+    def publish(self, topic, *values):
+        """Publish, and return what has arrived and when it was sent."""
+        sent = time.monotonic()
+        self.topics.wake_when("test", topic, lambda value: True)
+        self.robot.publish(topic.value, *values)
+        self.wake.wait(10)
+        self.assertTrue(self.wake.test_and_clear(), "nothing arrived")
+        return self.topics.newest(topic), sent
+
+    def test_messages_are_plain_data_with_the_time_of_their_arrival(self):
+        for topic, values, expected in (
+                (Topic.FACES, (["1", "2"], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [True, False]),
+                 Faces(("1", "2"), (True, False))),
+                (Topic.FACES, ([], [], []), Faces((), ())),
+                (Topic.ATTENTION, ("seeking", -3), AttentionStatus("seeking", -3)),
+                (Topic.SPEECH, ("Yes, please",), "Yes, please")):
+            sample, sent = self.publish(topic, *values)
+            self.assertEqual(sample.value, expected)
+            self.assertLessEqual(sent, sample.arrived)
+            self.assertLessEqual(sample.arrived, time.monotonic())
+
+    def test_the_same_message_again_counts_as_newer(self):
+        first, _ = self.publish(Topic.SPEECH, "yes")
+        second, sent = self.publish(Topic.SPEECH, "yes")
+        self.assertEqual(second.value, "yes")
+        self.assertLess(first.arrived, sent)
+        self.assertGreaterEqual(second.arrived, sent)
+
+    def test_an_alarm_rings_once_and_for_what_is_wanted_only(self):
+        self.topics.wake_when("a", Topic.ATTENTION, lambda status: status.value == 2)
+        self.publish(Topic.ATTENTION, "seeking", 1)
+        self.robot.publish("/overtAttention/mode", "seeking", 2)
+        self.wake.wait(10)
+        self.assertTrue(self.wake.test_and_clear())
+        self.robot.publish("/overtAttention/mode", "seeking", 1)
+        self.robot.publish("/overtAttention/mode", "seeking", 2)
+        self.wait_until(lambda: self.topics.newest(Topic.ATTENTION).value.value == 2)
+        self.wake.wait(0.2)
+        self.assertFalse(self.wake.test_and_clear())
+
+    def test_an_alarm_under_the_same_key_replaces_the_one_before(self):
+        self.topics.wake_when("a", Topic.SPEECH, lambda text: True)
+        self.topics.wake_when("a", Topic.ATTENTION, lambda status: True)
+        self.robot.publish("/speechEvent/text", "replaced alarm")
+        self.wait_until(lambda: getattr(self.topics.newest(Topic.SPEECH), "value", "") == "replaced alarm")
+        self.assertFalse(self.wake.test_and_clear())
+
+    def test_a_publisher_of_another_type_is_named_once_and_does_no_harm(self):
+        other = rospy.Publisher("/overtAttention/mode", String, queue_size=10)
+        self.wait_until(lambda: other.get_num_connections() == 1)
+        before, _ = self.publish(Topic.ATTENTION, "social", 0)
+        for _ in range(3):
+            other.publish("seeking")
+        self.wait_until(lambda: self.warnings)
+        self.assertIs(self.topics.newest(Topic.ATTENTION), before)
+        self.assertEqual(self.publish(Topic.ATTENTION, "social", 5)[0].value, AttentionStatus("social", 5))
+        other.unregister()
+        self.assertEqual(len(self.warnings), 1)
+        for word in (rospy.get_name(), "/overtAttention/mode", "std_msgs/String", "cssr_system/overtAttentionMessage"):
+            self.assertIn(word, self.warnings[0])
+
+    def test_two_thousand_messages_per_second_cost_next_to_nothing(self):
+        for is_awaited in (False, True):
+            if is_awaited:
+                self.topics.wake_when("gaze", Topic.ATTENTION, lambda status: status.state == "seeking")
+            self.robot.publish("/overtAttention/mode", "scanning", 0, hertz=2000)
+            time.sleep(1.0)
+            share = self.cpu_share(3.0)
+            print("2 kHz, alarm set: {}: {:.1f} % of a core".format(is_awaited, 100 * share))
+            self.assertLess(share, 0.10)
+            self.assertLess(time.monotonic() - self.topics.newest(Topic.ATTENTION).arrived, 0.2)
+        self.assertFalse(self.wake.test_and_clear())
+        self.robot.publish("/overtAttention/mode", "seeking", 1, hertz=2000)
+        self.wake.wait(1.0)
+        self.assertTrue(self.wake.test_and_clear(), "the alarm drowned in the flood")
+
+    @staticmethod
+    def cpu_share(seconds):
+        """Return the share of one core that this process takes for the next ``seconds``."""
+        def used():
+            usage = resource.getrusage(resource.RUSAGE_SELF)
+            return usage.ru_utime + usage.ru_stime
+
+        before = used()
+        time.sleep(seconds)
+        return (used() - before) / seconds
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_topics", disable_signals=True)
+    rostest.rosrun("cssr_system", "topics", TestTopics)
