@@ -1,0 +1,240 @@
+"""The configuration: a file of ``key value`` lines, overridden by ROS parameters, checked as a whole before anything starts.
+
+``read_configuration`` works on any list of keys; the test package reads its own file with it.
+"""
+import math
+import re
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+from behavior_controller import gateway
+from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.errors import ConfigurationError, Fault
+
+REQUIRED = object()
+"""The default of a key that must be given."""
+
+
+class Key(NamedTuple):
+    """One key. ``read`` turns text into a value or raises ValueError; ``allowed`` says in words what it takes."""
+
+    name: str
+    read: Callable[[str], Any]
+    allowed: str
+    default: Any
+    meaning: str
+
+
+def boolean(text: str) -> bool:
+    """Return the truth that ``true`` or ``false`` (any case) means."""
+    if text.lower() not in ("true", "false"):
+        raise ValueError(text)
+    return text.lower() == "true"
+
+
+def number(low: float = -math.inf, high: float = math.inf, infinite: bool = False) -> Callable[[str], float]:
+    """Return a reader of numbers from ``low`` to ``high``; only an ``infinite`` one takes ``inf``."""
+    def read(text: str) -> float:
+        value = float(text)
+        if math.isnan(value) or (math.isinf(value) and not infinite) or not low <= value <= high:
+            raise ValueError(text)
+        return value
+    return read
+
+
+def integer(low: int, high: int) -> Callable[[str], int]:
+    """Return a reader of integers from ``low`` to ``high``."""
+    def read(text: str) -> int:
+        if not re.fullmatch(r"-?\d{1,18}", text) or not low <= int(text) <= high:
+            raise ValueError(text)
+        return int(text)
+    return read
+
+
+def one_of(*words: str) -> Callable[[str], str]:
+    """Return a reader of exactly these words."""
+    def read(text: str) -> str:
+        if text not in words:
+            raise ValueError(text)
+        return text
+    return read
+
+
+def file_name(text: str) -> str:
+    """Return a name without a folder."""
+    if not re.fullmatch(r"[^/\\\0]+", text) or text in (".", ".."):
+        raise ValueError(text)
+    return text
+
+
+def mission_name(text: str) -> str:
+    """Return the name of a mission file without ``.xml`` and without a folder."""
+    name = file_name(text)
+    return name[:-4] if name.endswith(".xml") else name
+
+
+def words(text: str) -> str:
+    """Return any text."""
+    return text
+
+
+_SECONDS = "a number of seconds, 0 or more"
+_POSITIVE = "a number of seconds, more than 0 and at most 86400"
+
+
+def _deadline(key: str, seconds: float, what: str) -> Key:
+    return Key(key, number(0.001, 86400.0), _POSITIVE, seconds, "how long {} may take".format(what))
+
+
+KEYS: Tuple[Key, ...] = (
+    Key("scenarioSpecification", mission_name, "the name of a mission in the data folder, without .xml", REQUIRED,
+        "the mission to run: data/<name>.xml"),
+    Key("verboseMode", boolean, "true or false", REQUIRED, "a line for every leaf that finishes"),
+    Key("asrEnabled", boolean, "true or false", REQUIRED, "visitors answer by voice; else on the tablet"),
+    Key("language", file_name, "the name of a language, such as English", "English",
+        "the robot's phrases: data/phrases_<language>.ini"),
+    Key("missionRuns", integer(0, 10 ** 9), "a whole number, 0 or more", 0, "passes (visitors) to run; 0 is for ever"),
+    Key("startupTimeout", number(0.0, 86400.0), _SECONDS, 0.0, "how long to wait for missing robot nodes at the start"),
+    Key("topicMaxAge", number(0.001, 86400.0), _POSITIVE, 2.0,
+        "an older message of a continuously published topic counts as absent"),
+    Key("conditionWait", number(0.0, 86400.0), _SECONDS, 0.0,
+        "how long a condition waits for its evidence, for missions that do not wait themselves"),
+    Key("mutualGazeValue", integer(1, 2), "1 or 2", 1,
+        "the value of /overtAttention/mode that means mutual gaze: 1 in the document, 2 on the robot"),
+    Key("welcomeGestureId", integer(0, 255), "a whole number from 0 to 255", 1, "the iconic gesture of WelcomeGesture"),
+    Key("goodbyeGestureId", integer(0, 255), "a whole number from 0 to 255", 3, "the iconic gesture of GoodbyeGesture"),
+    Key("deicticGestureId", integer(0, 255), "a whole number from 0 to 255", 1, "the gesture of PerformDeicticGesture"),
+    Key("gestureDuration", integer(1, 600000), "milliseconds, a whole number from 1 to 600000", 3000,
+        "how long a gesture takes, in ms"),
+    _deadline("animateBehaviorDeadline", 5.0, "/animateBehaviour/set_activation"),
+    _deadline("gestureExecutionDeadline", 15.0, "/gestureExecution/perform_gesture"),
+    _deadline("knowledgeBaseDeadline", 5.0, "/knowledgeBase/query"),
+    _deadline("overtAttentionDeadline", 5.0, "/overtAttention/set_mode"),
+    _deadline("robotNavigationDeadline", 180.0, "/robotNavigation/set_goal"),
+    _deadline("tabletEventDeadline", 60.0, "/tabletEvent/prompt_and_get_response"),
+    _deadline("textToSpeechDeadline", 60.0, "/textToSpeech/say_text"),
+    Key("recordDirectory", words, "a folder", "", "where to write the record mission.jsonl; empty: none is written"),
+)
+
+_DEADLINES = {
+    gateway.SetAnimation.service: "animateBehaviorDeadline",
+    gateway.PerformGesture.service: "gestureExecutionDeadline",
+    gateway.QueryKnowledge.service: "knowledgeBaseDeadline",
+    gateway.SetAttention.service: "overtAttentionDeadline",
+    gateway.GoTo.service: "robotNavigationDeadline",
+    gateway.Prompt.service: "tabletEventDeadline",
+    gateway.Say.service: "textToSpeechDeadline",
+}
+
+
+class Settings:
+    """The checked configuration: one attribute for each key, in snake_case (``asrEnabled`` is ``asr_enabled``)."""
+
+    def __init__(self, values: Mapping[str, Any]):
+        self.values = dict(values)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the value of a key."""
+        head, *rest = name.split("_")
+        key = head + "".join(part.capitalize() for part in rest)
+        try:
+            return self.__dict__["values"][key]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def deadline(self, service: str) -> float:
+        """Return the seconds that a call of ``service`` (canonical name) may take."""
+        return self.values[_DEADLINES[service]]
+
+
+def defaults(**given: Any) -> Settings:
+    """Return the settings of a configuration with nothing but the required keys, changed by ``given`` (camelCase)."""
+    values = {key.name: key.default for key in KEYS}
+    values.update(scenarioSpecification="lab_tour", verboseMode=False, asrEnabled=True)
+    values.update(given)
+    return Settings(values)
+
+
+def load(path: str, overrides: Optional[Mapping[str, Any]] = None) -> Settings:
+    """Read the controller's configuration. Raises ConfigurationError with every fault."""
+    return Settings(read_configuration(path, KEYS, overrides))
+
+
+def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None) -> Dict[str, Any]:
+    """Return a value for each of ``keys`` from a file and from overriding ROS parameters.
+
+    Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad value, missing key.
+    """
+    try:
+        with open(path, encoding="utf-8") as file:
+            lines = file.read().split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ConfigurationError([Fault(path, 0, 0, "the configuration cannot be read: {}".format(reason))]) from error
+    reader = _Reader(path, {key.name: key for key in keys})
+    for line_number, line in enumerate(lines, 1):
+        reader.line(line_number, line)
+    for name, value in (overrides or {}).items():
+        reader.override(name, value)
+    return reader.result()
+
+
+class _Reader:
+    """Collects values and faults of one configuration."""
+
+    def __init__(self, path: str, keys: Dict[str, Key]):
+        self.path = path
+        self.keys = keys
+        self.values: Dict[str, Any] = {}
+        self.given: Dict[str, int] = {}
+        self.faults: List[Fault] = []
+
+    def line(self, line_number: int, line: str) -> None:
+        """Take one line of the file."""
+        match = re.match(r"\s*(#.*|([^\s=#]+)\s*=?\s*(.*?)\s*)$", line)
+        if match is None or match.group(2) is None:
+            if match is None and line.strip():
+                self._fault(line_number, 1, "this is not a line of the form: key value")
+            return
+        name, text = match.group(2), re.sub(r"(^|\s+)#.*$", "", match.group(3)).strip()
+        column = match.start(2) + 1
+        if name not in self.keys:
+            self._fault(line_number, column, "unknown key {}".format(name), did_you_mean(name, self.keys)
+                        or "the keys: {}".format(", ".join(self.keys)))
+        elif name in self.given:
+            self._fault(line_number, column, "the key {} stands in line {} already".format(name, self.given[name]))
+        else:
+            self.given[name] = line_number
+            self._value(name, text, line_number, match.start(3) + 1 if text else column)
+
+    def override(self, name: str, value: Any) -> None:
+        """Take one private ROS parameter."""
+        where = "parameter ~{}".format(name)
+        if name not in self.keys:
+            hint = did_you_mean(name, self.keys)
+            if hint:  # other parameters below our name are none of our business
+                self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name), hint))
+            return
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        self.given.setdefault(name, 0)
+        self._value(name, text, 0, 0, where)
+
+    def _value(self, name: str, text: str, line_number: int, column: int, where: str = "") -> None:
+        key = self.keys[name]
+        try:
+            self.values[name] = key.read(text)
+        except ValueError:
+            self.faults.append(Fault(where or self.path, line_number, column, "{} cannot be {}".format(
+                name, "\"{}\"".format(text) if text else "empty"), "allowed: {}".format(key.allowed)))
+
+    def _fault(self, line_number: int, column: int, text: str, hint: str = "") -> None:
+        self.faults.append(Fault(self.path, line_number, column, text, hint))
+
+    def result(self) -> Dict[str, Any]:
+        """Return all values, or raise ConfigurationError."""
+        for key in self.keys.values():
+            if key.default is REQUIRED and key.name not in self.given:
+                self.faults.append(Fault(self.path, 0, 0, "the required key {} is missing".format(key.name),
+                                         "add a line: {} <{}>".format(key.name, key.allowed)))
+        if self.faults:
+            raise ConfigurationError(self.faults)
+        return {name: self.values.get(name, key.default) for name, key in self.keys.items()}
