@@ -1,0 +1,109 @@
+"""What the robot says and shows in one language, and which words of a visitor mean yes or no.
+
+A language is a file ``data/phrases_<language>.ini`` in the form of the configuration.
+"""
+import glob
+import os
+import re
+from typing import Any, Dict, List, Optional, Tuple
+
+from behavior_controller import folders
+from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.settings import REQUIRED, Key, read_configuration
+
+SPEECHES = ("WelcomeSpeech", "QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech", "FollowMeSpeech",
+            "MaybeAnotherTimeSpeech", "EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech")
+"""The mission nodes that say a fixed text."""
+
+YES, NO = "yes", "no"
+_WORD = re.compile(r"[^\W_]+(?:['’][^\W_]+)*")
+
+
+def _text(text: str) -> str:
+    if not text:
+        raise ValueError(text)
+    return text
+
+
+def _label(text: str) -> str:
+    if not text or "|" in text:
+        raise ValueError(text)
+    return text
+
+
+def _sentence(text: str) -> Tuple[str, ...]:
+    return tuple(_WORD.findall(text.lower().replace("’", "'")))
+
+
+def _phrase_list(text: str) -> List[Tuple[str, ...]]:
+    found = [_sentence(part) for part in text.split(",")]
+    if not text or () in found:
+        raise ValueError(text)
+    return found
+
+
+KEYS = tuple(Key(name, _text, "the text to say", REQUIRED, "what {} says".format(name)) for name in SPEECHES) + tuple(
+    Key(name, _label, "a label without |", REQUIRED, "a button on the tablet") for name in ("tabletYes", "tabletNo")) + (
+    Key("yes", _phrase_list, "words with commas between them", REQUIRED, "what means yes"),
+    Key("no", _phrase_list, "words with commas between them", REQUIRED, "what means no"),
+    Key("unclear", _phrase_list, "words with commas between them", (), "what is no answer although it sounds like one"),
+)
+
+
+class Phrases:
+    """One language."""
+
+    def __init__(self, values: Dict[str, Any]):
+        self._values = values
+        self.tablet_options = (values["tabletYes"], values["tabletNo"])
+        meanings = [(phrase, meaning) for meaning in ("unclear", NO, YES) for phrase in values[meaning]]
+        # the longest phrase first, so that "why not" is not taken for its "not"
+        self._meanings = sorted(meanings, key=lambda pair: -len(pair[0]))
+
+    def speech(self, node: str) -> str:
+        """Return the text that a mission node says."""
+        return self._values[node]
+
+    def spoken_answer(self, utterance: str) -> Optional[str]:
+        """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes; an ``Error…`` is no answer."""
+        if utterance.lstrip().lower().startswith("error"):
+            return None
+        heard = self._heard(_sentence(utterance))
+        return NO if NO in heard else YES if YES in heard else None
+
+    def _heard(self, sentence: Tuple[str, ...]) -> List[str]:
+        heard, at = [], 0
+        while at < len(sentence):
+            for phrase, meaning in self._meanings:
+                if sentence[at:at + len(phrase)] == phrase:
+                    heard.append(meaning)
+                    at += len(phrase)
+                    break
+            else:
+                at += 1
+        return heard
+
+    def pressed_answer(self, response: str) -> Optional[str]:
+        """Return ``yes`` or ``no`` for a button's label or number (``1`` is the first), or None."""
+        pressed = response.strip().lower()
+        labels = [label.lower() for label in self.tablet_options]
+        if pressed in ("1", labels[0]):
+            return YES
+        return NO if pressed in ("2", labels[1]) else None
+
+
+def languages() -> List[str]:
+    """Return the languages that there are."""
+    paths = glob.glob(folders.data("phrases_*.ini"))
+    return sorted(os.path.basename(path)[len("phrases_"):-len(".ini")] for path in paths)
+
+
+def load(language: str) -> Phrases:
+    """Return the phrases of ``language``. Raises ConfigurationError with every fault."""
+    known = languages()
+    if language not in known:
+        raise ConfigurationError([Fault("language", 0, 0, "there are no phrases in {}".format(language), did_you_mean(
+            language, known) or "there are: {}; another language is a file data/phrases_{}.ini".format(
+                ", ".join(known), language))])
+    return Phrases(read_configuration(folders.data("phrases_{}.ini".format(language)), KEYS))
