@@ -1,0 +1,281 @@
+"""What mission leaves share: the context they run in, the record of failures, service calls and topic conditions.
+
+A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
+"""
+import itertools
+from typing import Any, Dict, List, NamedTuple, Optional, Union
+
+from behavior_controller.bt.clock import Clock, Timer
+from behavior_controller.bt.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
+from behavior_controller.bt.node import Node, Result
+from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
+from behavior_controller.events import Events, LeafFinished
+from behavior_controller.gateway import Answer, Call, Cause, Failure, Gateway, Request, Sample, Topic, Topics
+
+# ------------------------------------------------------------------------------- keys on the root blackboard (README)
+
+VISITOR_RESPONSE = "visitorResponse"  # "yes" or "no"; no entry: no answer yet
+EXHIBITS = "exhibits"  # list of Exhibit, in tour order
+NEXT_EXHIBIT = "nextExhibit"  # index of the one that SelectExhibit takes next
+CURRENT_EXHIBIT = "currentExhibit"  # name of the selected one
+DESCRIPTION_1 = "description1"
+DESCRIPTION_2 = "description2"
+TARGET_LOCATION = "targetLocation"  # Location where Navigate drives to
+GESTURE_TARGET = "gestureTarget"  # Point that PerformDeicticGesture points at
+QUESTION_ASKED_AT = "questionAskedAt"  # monotonic seconds: only a later utterance is an answer
+ATTENTION_SET_AT = "attentionSetAt"  # monotonic seconds: only a later gaze status counts
+OF_ONE_VISITOR = (VISITOR_RESPONSE, EXHIBITS, NEXT_EXHIBIT, CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2,
+                  TARGET_LOCATION, GESTURE_TARGET)
+
+
+class Failed(NamedTuple):
+    """One failure of a leaf, with its number in order of time."""
+
+    number: int
+    leaf: "MissionLeaf"
+    failure: Failure
+
+
+class FailureLog:
+    """The newest failure of each leaf: HandleFallBack finds in it what brought it about."""
+
+    def __init__(self) -> None:
+        self._numbers = itertools.count(1)
+        self._by_uid: Dict[int, Failed] = {}
+        self.newest_number = 0
+
+    def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
+        """Record that ``leaf`` failed."""
+        self.newest_number = next(self._numbers)
+        self._by_uid[leaf.uid] = Failed(self.newest_number, leaf, failure)
+
+    def newest(self, first_uid: int, end_uid: int, after: int) -> Optional[Failed]:
+        """Return the newest failure of the leaves ``first_uid`` to ``end_uid - 1`` with a number beyond ``after``."""
+        found = [failed for uid, failed in self._by_uid.items() if first_uid <= uid < end_uid and failed.number > after]
+        return max(found, key=lambda failed: failed.number) if found else None
+
+
+class MissionContext:
+    """What the leaves of a running mission share. ``setup(mission=…)`` hands it to each."""
+
+    def __init__(self, gateway: Gateway, topics: Topics, settings: Any, phrases: Any, policy: Any, clock: Clock,
+                 events: Events):
+        self.gateway = gateway
+        self.topics = topics
+        self.settings = settings
+        self.phrases = phrases
+        self.policy = policy
+        self.clock = clock
+        self.events = events
+        self.failures = FailureLog()
+        self.recoveries: List[float] = []  # when each recent recovery began, for the budget
+
+
+class MissionLeaf(Node):
+    """A leaf of the mission vocabulary."""
+
+    mission: MissionContext
+    resource = ""  # the service or topic that the leaf uses, by canonical name
+    started_at = 0.0
+
+    def setup(self, **kwargs: Any) -> None:
+        """Take the mission's context; a tree that is only drawn has none."""
+        if "mission" in kwargs:
+            self.mission = kwargs["mission"]
+
+    def remember(self, key: str, value: Any) -> None:
+        """Write to the root blackboard, where all subtrees share it."""
+        self.blackboard.root().set(key, value)
+
+    def recall(self, key: str) -> Any:
+        """Read from the root blackboard; None if there is no such entry."""
+        return self.blackboard.root().get(key)
+
+    def forget(self, *keys: str) -> None:
+        """Remove entries from the root blackboard."""
+        for key in keys:
+            self.blackboard.root().unset(key)
+
+    def succeeded(self) -> Result:
+        """Report SUCCESS and return it."""
+        self.report(SUCCESS)
+        return SUCCESS
+
+    def failed(self, failure: Failure) -> Result:
+        """Record and report the failure, and return FAILURE."""
+        self.mission.failures.add(self, failure)
+        self.report(FAILURE, failure)
+        return FAILURE
+
+    def report(self, status: Any, failure: Optional[Failure] = None) -> None:
+        """Tell the events that this leaf finished."""
+        resource = (failure.resource if failure is not None else "") or self.resource
+        self.feedback_message = failure.message if failure is not None else ""
+        self.mission.events.emit(LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
+                                              self.mission.clock.now() - self.started_at, failure))
+
+
+class InstantAction(MissionLeaf, SyncActionLeaf):
+    """An action without a service: done within its tick."""
+
+    def act(self) -> Optional[Failure]:
+        """Do it; return what went wrong, if anything."""
+        raise NotImplementedError
+
+    def update(self) -> Result:
+        """Act and report."""
+        self.started_at = self.mission.clock.now()
+        failure = self.act()
+        return self.succeeded() if failure is None else self.failed(failure)
+
+
+class InstantCondition(MissionLeaf, ConditionLeaf):
+    """A condition on what the mission knows."""
+
+    otherwise = "false"  # the message of its failure
+
+    def holds(self) -> bool:
+        """Return the answer."""
+        raise NotImplementedError
+
+    def update(self) -> Result:
+        """Answer and report."""
+        self.started_at = self.mission.clock.now()
+        if self.holds():
+            return self.succeeded()
+        return self.failed(Failure(Cause.CONDITION_FALSE, self.otherwise))
+
+
+class ServiceLeaf(MissionLeaf, ActionLeaf):
+    """An action that calls a service: RUNNING until the answer or the deadline, which the gateway keeps."""
+
+    call: Optional[Call] = None
+
+    def request(self) -> Union[Request, Failure, None]:
+        """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
+        raise NotImplementedError
+
+    def accept(self, answer: Answer) -> Optional[Failure]:
+        """Take what a positive answer brought; return what is wrong with it, if anything."""
+        return None
+
+    def on_start(self) -> Result:
+        """Send the request."""
+        self.started_at = self.mission.clock.now()
+        wanted = self.request()
+        if wanted is None:
+            return self.succeeded()
+        if isinstance(wanted, Failure):
+            return self.failed(wanted)
+        self.call = self.mission.gateway.start(wanted)
+        return self.on_running()
+
+    def on_running(self) -> Result:
+        """Look for the result."""
+        result = self.call.result if self.call is not None else None
+        if result is None:
+            return RUNNING
+        self.call = None
+        failure = result if isinstance(result, Failure) else self.accept(result)
+        return self.succeeded() if failure is None else self.failed(failure)
+
+    def on_halted(self) -> None:
+        """Drop the answer."""
+        if self.call is not None:
+            self.call.drop()
+            self.call = None
+        self.report(IDLE)
+
+
+class TopicCondition(MissionLeaf, ConditionLeaf):
+    """A question to the newest message of a topic.
+
+    It answers at once (with ``conditionWait`` it is RUNNING for up to that long). Nothing polls: an alarm wakes the tree
+    at the message that changes the answer, a timer when the message that it rests on grows too old.
+    """
+
+    topic: Topic
+    is_continuous = True  # published all the time: a message older than topicMaxAge counts as absent
+    otherwise = "no such message"
+    _expiry: Optional[Timer] = None
+    _patience: Optional[Timer] = None
+    _is_over = False
+    _last_failure = ""
+
+    @property
+    def resource(self) -> str:  # type: ignore[override]
+        """The topic's canonical name."""
+        return self.topic.value
+
+    def is_evidence(self, value: Any) -> bool:
+        """Return whether a message with this value makes the condition true. Called on the receiving thread too."""
+        raise NotImplementedError
+
+    def not_before(self) -> float:
+        """Return the time (monotonic seconds) that a message must be newer than."""
+        return float("-inf")
+
+    def use(self, sample: Sample) -> None:
+        """Take what the message brought."""
+
+    def update(self) -> Result:
+        """Judge the newest message."""
+        if self.status is not RUNNING:
+            self.started_at = self.mission.clock.now()
+        sample = self.mission.topics.newest(self.topic)
+        if sample is not None and self._counts(sample) and self.is_evidence(sample.value):
+            return self._true(sample)
+        self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+        return RUNNING if self._waits() else self._false(sample)
+
+    def _counts(self, sample: Sample) -> bool:
+        age = self.mission.clock.now() - sample.arrived
+        return sample.arrived > self.not_before() and (
+            not self.is_continuous or age <= self.mission.settings.topic_max_age)
+
+    def _true(self, sample: Sample) -> Result:
+        self._stop_timers()
+        if self.is_continuous:
+            self.mission.topics.wake_when(self.uid, self.topic, lambda value: not self.is_evidence(value))
+            left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
+            self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
+        self._last_failure = ""
+        self.use(sample)
+        return self.succeeded()
+
+    def _false(self, sample: Optional[Sample]) -> Result:
+        self._stop_timers()
+        failure = Failure(Cause.CONDITION_FALSE, self.otherwise, self.resource)
+        if sample is not None and not self._counts(sample):
+            failure = failure._replace(message=self.otherwise + "; the newest message is too old")
+        if failure.message == self._last_failure:
+            # asked again at every tick of a wait: recorded each time, reported once
+            self.mission.failures.add(self, failure)
+            return FAILURE
+        self._last_failure = failure.message
+        return self.failed(failure)
+
+    def _waits(self) -> bool:
+        wait = self.mission.settings.condition_wait
+        if wait <= 0.0 or self._is_over:
+            self._is_over = False
+            return False
+        if self._patience is None:
+            self._patience = self.mission.clock.call_after(wait, self._give_up)
+        return True
+
+    def _give_up(self) -> None:
+        self._is_over = True
+        self.wake()
+
+    def _stop_timers(self) -> None:
+        for timer in (self._expiry, self._patience):
+            if timer is not None:
+                timer.cancel()
+        self._expiry = self._patience = None
+        self._is_over = False
+
+    def halt(self) -> None:
+        """Stop waiting."""
+        self._stop_timers()
+        super().halt()
