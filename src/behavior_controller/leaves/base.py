@@ -43,6 +43,7 @@ class FailureLog:
         self._numbers = itertools.count(1)
         self._by_uid: Dict[int, Failed] = {}
         self.newest_number = 0
+        self.given_up = 0  # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
 
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
         """Record that ``leaf`` failed."""

@@ -1,0 +1,155 @@
+"""HandleFallBack: looks at the failure that brought it there and does what the recovery policy says (D5.4.3 §3.2.4)."""
+from typing import List, Optional, Tuple
+
+from behavior_controller.bt.clock import Timer
+from behavior_controller.bt.leaf import ActionLeaf
+from behavior_controller.bt.node import Result
+from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.events import Recovered
+from behavior_controller.gateway import Call, Cause, Failure, Request, SetAnimation, SetAttention
+from behavior_controller.leaves.base import Failed, MissionLeaf, ServiceLeaf
+from behavior_controller.policy import SKIP, Rule
+
+SAFE_STATE: Tuple[Request, ...] = (SetAttention("disabled"), SetAnimation("disabled"))
+"""Requests that leave the robot calm; a navigation goal is in flight only while Navigate runs, which is halted first."""
+
+
+class HandleFallBack(MissionLeaf, ActionLeaf):
+    """``<HandleFallBack/>``: retries the failed step before it, goes on without it, or gives up in the safe state.
+
+    The failure is the newest one of the leaves before this node below their common parent. Only a step that is itself the
+    neighbour can be retried: of a whole SubTree, redoing one leaf would not do the rest. SUCCESS only if the step was done
+    after all or may be skipped.
+    """
+
+    def __init__(self, name: str):
+        super().__init__(name)
+        self.cause: Optional[Failed] = None
+        self.rule: Rule = None  # type: ignore[assignment]
+        self.attempts = 0
+        self.call: Optional[Call] = None
+        self.timer: Optional[Timer] = None
+        self.farewell: List[Call] = []  # the safe state under way
+        self.is_giving_up = False
+        self.last_number = 0
+
+    def on_start(self) -> Result:
+        """Find the failure and decide."""
+        self.started_at = self.mission.clock.now()
+        self.cause = self.mission.failures.newest(*self._before(), after=self.last_number)
+        self.last_number = self.mission.failures.newest_number
+        self.attempts, self.is_giving_up = 0, False
+        if self.cause is None:
+            self.feedback_message = "no mission node failed before"
+            self._report_end(False, "give up", Failure(Cause.MISSING_DATA, self.feedback_message))
+            return self._finished(False)
+        self.rule = self.mission.policy.rule(self.cause.leaf.registration_id, self.cause.failure.cause)
+        if not self._within_budget():
+            self.rule = self.rule._replace(retries=0, then="giveUp")
+        if not self._is_neighbour():
+            self.rule = self.rule._replace(retries=0)
+        return self._next()
+
+    def _before(self) -> Tuple[int, int]:
+        """Return the uids of the nodes before this one below the nearest ancestor that has any: they are consecutive."""
+        node = self
+        while node.parent is not None and node.parent.children[0] is node:
+            node = node.parent
+        return (node.parent.children[0].uid if node.parent is not None else 1), self.uid
+
+    def _is_neighbour(self) -> bool:
+        assert self.cause is not None
+        return self.cause.leaf.parent is self.parent and isinstance(self.cause.leaf, ServiceLeaf)
+
+    def _within_budget(self) -> bool:
+        now, policy = self.mission.clock.now(), self.mission.policy
+        recent = [began for began in self.mission.recoveries if began > now - policy.seconds] + [now]
+        self.mission.recoveries = recent
+        return len(recent) <= policy.most
+
+    def _next(self) -> Result:
+        """Wait for the next attempt, or end."""
+        if self.attempts < self.rule.retries:
+            self.timer = self.mission.clock.call_after(self.rule.back_off * 2 ** self.attempts, self._due)
+            return RUNNING
+        if self.rule.then == SKIP:
+            return self._ended(True)
+        assert self.cause is not None
+        self.is_giving_up = True
+        if self.cause.number != self.mission.failures.given_up:  # else an inner HandleFallBack has done it
+            self.mission.failures.given_up = self.cause.number
+            self.farewell = [self.mission.gateway.start(request) for request in SAFE_STATE]
+        return self._leave()
+
+    def _due(self) -> None:
+        self.timer = None
+        self.wake()
+
+    def on_running(self) -> Result:
+        """Go on with the attempt, or with the safe state."""
+        if self.timer is not None:
+            return RUNNING
+        if self.is_giving_up:
+            return self._leave()
+        return self._attempt()
+
+    def _attempt(self) -> Result:
+        assert self.cause is not None
+        leaf = self.cause.leaf
+        assert isinstance(leaf, ServiceLeaf)
+        if self.call is None:
+            self.attempts += 1
+            wanted = leaf.request()
+            if wanted is None:
+                return self._ended(True)
+            if isinstance(wanted, Failure):
+                return self._next()
+            self.call = self.mission.gateway.start(wanted)
+        if self.call.result is None:
+            return RUNNING
+        result, self.call = self.call.result, None
+        failure = result if isinstance(result, Failure) else leaf.accept(result)
+        if failure is None:
+            return self._ended(True)
+        self.cause = self.cause._replace(failure=failure)
+        return self._next()
+
+    def _leave(self) -> Result:
+        if any(call.result is None for call in self.farewell):
+            return RUNNING
+        self.farewell = []
+        return self._ended(False)
+
+    def _ended(self, success: bool) -> Result:
+        assert self.cause is not None
+        self._report_end(success, str(self.rule), self.cause.failure)
+        return self._finished(success)
+
+    def _report_end(self, success: bool, policy: str, failure: Failure) -> None:
+        path = self.cause.leaf.full_path if self.cause is not None else self.full_path
+        node = self.cause.leaf.registration_id if self.cause is not None else self.registration_id
+        self.mission.events.emit(Recovered(node, path, failure, policy, self.attempts, success))
+
+    def _finished(self, success: bool) -> Result:
+        # a failed recovery is not a failure of its own: what an outer HandleFallBack looks for is the first one
+        failure = None if success or self.cause is None else self.cause.failure
+        self.report(SUCCESS if success else FAILURE, failure)
+        return SUCCESS if success else FAILURE
+
+    def on_halted(self) -> None:
+        """Drop what is under way."""
+        for call in self.farewell + ([self.call] if self.call is not None else []):
+            call.drop()
+        if self.timer is not None:
+            self.timer.cancel()
+        self.call, self.timer, self.farewell = None, None, []
+        self.report(IDLE)
+
+
+SPECS = (
+    NodeSpec("HandleFallBack", Kind.ACTION, HandleFallBack,
+             description="Recovers from the failure before it, as the recovery policy says."),
+    NodeSpec("HandleFallback", Kind.ACTION, HandleFallBack, description="Another spelling of HandleFallBack.",
+             warning="HandleFallback is an old spelling; write HandleFallBack"),
+)

@@ -1,0 +1,124 @@
+"""The recovery policy: what to do about which failure, read from ``config/recoveryPolicy.ini`` and checked as a whole."""
+import re
+from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Tuple
+
+from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.gateway import Cause
+
+CAUSES = {
+    "refused": Cause.REFUSED, "exception": Cause.HANDLER_EXCEPTION, "no-answer": Cause.NO_ANSWER,
+    "connection-lost": Cause.CONNECTION_LOST, "not-reachable": Cause.NOT_REACHABLE,
+    "not-advertised": Cause.NOT_ADVERTISED, "type-mismatch": Cause.TYPE_MISMATCH,
+    "unusable-answer": Cause.UNUSABLE_ANSWER, "missing-data": Cause.MISSING_DATA,
+    "condition-false": Cause.CONDITION_FALSE,
+}
+SKIP, GIVE_UP = "skip", "giveUp"
+NEVER_SKIPPED = ("Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome")
+
+
+class Rule(NamedTuple):
+    """One line of the policy. ``node`` and ``cause`` may be ``*``; ``back_off`` in seconds."""
+
+    node: str
+    cause: str
+    retries: int
+    back_off: float
+    then: str
+
+    def __str__(self) -> str:
+        """Return the rule as an operator reads it."""
+        retry = "retry {}x, then ".format(self.retries) if self.retries else ""
+        return retry + ("skip" if self.then == SKIP else "give up")
+
+
+class Policy(NamedTuple):
+    """The rules in order, and the budget: at most ``most`` recoveries in ``seconds``."""
+
+    rules: Tuple[Rule, ...]
+    most: int
+    seconds: float
+
+    def rule(self, node: str, cause: Cause) -> Rule:
+        """Return the first rule that fits; without one, a failure is given up."""
+        for rule in self.rules:
+            if rule.node in ("*", node) and (rule.cause == "*" or CAUSES[rule.cause] is cause):
+                if rule.then == SKIP and node in NEVER_SKIPPED:
+                    return rule._replace(then=GIVE_UP)
+                return rule
+        return Rule(node, "*", 0, 0.0, GIVE_UP)
+
+
+def load(path: str, nodes: Iterable[str]) -> Policy:
+    """Read a policy file; ``nodes`` are the names that it may use. Raises ConfigurationError with every fault."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            lines = file.read().split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ConfigurationError([Fault(path, 0, 0, "the recovery policy cannot be read: {}".format(reason))]) from error
+    reader = _Reader(path, set(nodes))
+    for number, line in enumerate(lines, 1):
+        words = line.split("#")[0].split()
+        if words:
+            reader.line(number, words)
+    if reader.budget is None:
+        reader.fault(0, "the line \"budget <recoveries> <seconds>\" is missing")
+    if reader.faults:
+        raise ConfigurationError(reader.faults)
+    assert reader.budget is not None
+    return Policy(tuple(reader.rules), *reader.budget)
+
+
+class _Reader:
+    def __init__(self, path: str, nodes: Any):
+        self.path = path
+        self.nodes = nodes
+        self.rules: List[Rule] = []
+        self.faults: List[Fault] = []
+        self.budget: Optional[Tuple[int, float]] = None
+        self.seen: Dict[Tuple[str, str], int] = {}
+
+    def fault(self, line: int, text: str, hint: str = "") -> None:
+        self.faults.append(Fault(self.path, line, 1 if line else 0, text, hint))
+
+    def line(self, number: int, words: List[str]) -> None:
+        if words[0] == "budget":
+            if len(words) != 3 or not _is_count(words[1]) or not _is_seconds(words[2]) or self.budget is not None:
+                self.fault(number, "a budget is one line: budget <recoveries> <seconds>")
+            else:
+                self.budget = (int(words[1]), float(words[2]))
+        elif len(words) != 5:
+            self.fault(number, "{} words; a rule has 5: node cause retries back-off then".format(len(words)))
+        else:
+            self._rule(number, words)
+
+    def _rule(self, number: int, words: List[str]) -> None:
+        node, cause, retries, back_off, then = words
+        before = len(self.faults)
+        if node != "*" and node not in self.nodes:
+            self.fault(number, "unknown node {}".format(node), did_you_mean(node, self.nodes))
+        if cause != "*" and cause not in CAUSES:
+            self.fault(number, "unknown cause {}".format(cause), did_you_mean(cause, CAUSES)
+                       or "the causes: {}".format(", ".join(CAUSES)))
+        if not _is_count(retries):
+            self.fault(number, "retries cannot be {}".format(retries), "allowed: 0 to 99")
+        if not _is_seconds(back_off):
+            self.fault(number, "back-off cannot be {}".format(back_off), "allowed: seconds, 0 to 3600")
+        if then not in (SKIP, GIVE_UP):
+            self.fault(number, "the last word cannot be {}".format(then), "allowed: skip, giveUp")
+        elif then == SKIP and node in NEVER_SKIPPED:
+            self.fault(number, "{} cannot be skipped".format(node), "write giveUp")
+        if (node, cause) in self.seen:
+            self.fault(number, "{} {} stands in line {} already".format(node, cause, self.seen[node, cause]))
+        if len(self.faults) == before:
+            self.seen[node, cause] = number
+            self.rules.append(Rule(node, cause, int(retries), float(back_off), then))
+
+
+def _is_count(text: str) -> bool:
+    return re.fullmatch(r"\d{1,2}", text) is not None
+
+
+def _is_seconds(text: str) -> bool:
+    return re.fullmatch(r"\d{1,4}(\.\d{1,3})?", text) is not None and float(text) <= 3600.0

@@ -1,0 +1,115 @@
+"""The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
+from typing import Any, Callable, Dict, Optional
+
+from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
+from behavior_controller.bt.tree import Tree
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.events import Noticed, PassFinished, RunFinished, RunStarted
+from behavior_controller.leaves.base import MissionContext, MissionLeaf
+from behavior_controller.leaves.recovery import SAFE_STATE
+
+EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
+FAILED = 3
+SHORTEST_PASS = 1.0
+"""Seconds: a pass that ends sooner is followed by a pause of that length, lest a mission that fails at once spins."""
+
+SAFE_STATE_LIMIT = 1.0
+"""Seconds that the requests of the safe state may take when the node stops."""
+
+
+class Runner:
+    """Runs passes of a mission until ``is_stopped()``, or ``runs`` passes (0: for ever)."""
+
+    def __init__(self, tree: Tree, mission: MissionContext, mission_file: str, runs: int,
+                 is_stopped: Callable[[], bool]):
+        self.tree = tree
+        self.clock = tree.clock
+        self.mission = mission
+        self.mission_file = mission_file
+        self.runs = runs
+        self.is_stopped = is_stopped
+        self._number = 0
+        self._outcome: Optional[str] = None  # of the last pass
+        self._warned = False
+
+    def run(self) -> int:
+        """Run and return the exit code: 0 if the last pass that ended was a SUCCESS (or none had ended), else 3."""
+        self.tree.setup(mission=self.mission)
+        leaves = [[node.full_path, node.registration_id] for node in self.tree.nodes if isinstance(node, MissionLeaf)]
+        self.mission.events.emit(RunStarted(self.mission_file, leaves, self.mission.settings.values))
+        while not self.is_stopped() and (self.runs == 0 or self._number < self.runs):
+            self._pass()
+        if self.is_stopped():
+            self._stop()
+        code = EXIT_CODES.get(self._outcome or "SUCCESS", FAILED)
+        ended = "stopped" if self.is_stopped() else "all passes are done"
+        self.mission.events.emit(RunFinished("{}; last pass: {}".format(ended, self._outcome or "none"), code))
+        return code
+
+    def _pass(self) -> None:
+        """Run the mission once."""
+        began = self.clock.now()
+        result: Any = RUNNING
+        while result is RUNNING and not self.is_stopped():
+            self.tree.wake.test_and_clear()
+            result = self._tick()
+            if result is RUNNING:
+                self.wait(None)
+        if result is RUNNING:
+            return
+        self._number += 1
+        self._outcome = NAMES[result]
+        seconds = self.clock.now() - began
+        self.mission.events.emit(PassFinished(self._number, self._outcome, seconds))
+        if seconds < SHORTEST_PASS and self._number != self.runs:
+            self._pause(SHORTEST_PASS)
+
+    def _tick(self) -> Any:
+        """Tick once; an exception in a node ends the pass, not the node."""
+        try:
+            result = self.tree.tick_once()
+        except BehaviorControllerError as error:
+            self.mission.events.emit(Noticed("error", " ".join(str(error).split())))
+            self._halt()
+            return FAILURE
+        if self.tree.spins and not self._warned:
+            self._warned = True
+            self.mission.events.emit(Noticed("warning", "the mission goes round and round without waiting for anything: "
+                                             "put a Sleep or a Delay into its loop"))
+        if result not in (RUNNING, SUCCESS, FAILURE):
+            self._halt()  # a root that was SKIPPED may still hold running nodes
+        return result
+
+    def wait(self, seconds: Optional[float]) -> None:
+        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run the timers that are due."""
+        due = self.clock.next_due()
+        limits = [limit for limit in (seconds, None if due is None else due - self.clock.now()) if limit is not None]
+        self.tree.wake.wait(max(0.0, min(limits)) if limits else None)
+        self.clock.run_due()
+
+    def _pause(self, seconds: float) -> None:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end and not self.is_stopped():
+            self.tree.wake.test_and_clear()
+            self.wait(end - self.clock.now())
+
+    def _halt(self) -> None:
+        try:
+            self.tree.halt()
+        except BehaviorControllerError as error:
+            self.mission.events.emit(Noticed("error", "while halting: {}".format(" ".join(str(error).split()))))
+
+    def _stop(self) -> None:
+        """Halt what runs and leave the robot in the safe state."""
+        self._halt()
+        calls = [self.mission.gateway.start(request) for request in SAFE_STATE]
+        end = self.clock.now() + SAFE_STATE_LIMIT
+        while any(call.result is None for call in calls) and self.clock.now() < end:
+            self.tree.wake.test_and_clear()
+            if any(call.result is None for call in calls):
+                self.wait(end - self.clock.now())
+        for call in calls:
+            if call.result is None:
+                call.drop()
+                self.mission.events.emit(Noticed("warning", "{} did not answer while stopping".format(
+                    call.request.service)))
