@@ -32,6 +32,8 @@ class TestTopics(unittest.TestCase):
         for latch in self.topics._latches.values():
             self.wait_until(lambda: latch._subscriber.get_num_connections() == 1)
         self.wake.test_and_clear()
+        for topic in Topic:
+            self.topics.newest(topic)
 
     def tearDown(self):
         self.robot.stop()
@@ -49,6 +51,7 @@ class TestTopics(unittest.TestCase):
     def publish(self, topic, *values):
         """Publish, and return what has arrived and when it was sent."""
         sent = time.monotonic()
+        self.topics.newest(topic)
         self.topics.wake_when("test", topic, lambda value: True)
         self.robot.publish(topic.value, *values)
         self.wake.wait(10)
@@ -85,6 +88,15 @@ class TestTopics(unittest.TestCase):
         self.wait_until(lambda: self.topics.newest(Topic.ATTENTION).value.value == 2)
         self.wake.wait(0.2)
         self.assertFalse(self.wake.test_and_clear())
+
+    def test_a_message_that_slips_in_between_the_look_and_the_alarm_rings_it(self):
+        self.publish(Topic.SPEECH, "no")
+        self.topics.newest(Topic.SPEECH)
+        self.robot.publish("/speechEvent/text", "yes")
+        latch = self.topics._latches[Topic.SPEECH]
+        self.wait_until(lambda: latch._sample.value == "yes")
+        self.topics.wake_when("answer", Topic.SPEECH, lambda text: text == "yes")
+        self.assertTrue(self.wake.test_and_clear())
 
     def test_an_alarm_under_the_same_key_replaces_the_one_before(self):
         self.topics.wake_when("a", Topic.SPEECH, lambda text: True)

@@ -67,7 +67,8 @@ class Latch:
         self._bytes: Optional[bytes] = None
         self._alarms: Dict[Any, Callable[[Any], bool]] = {}
         self._is_alarm_new = False
-        self.sample: Optional[Sample] = None
+        self._sample: Optional[Sample] = None
+        self._seen: Optional[Sample] = None
         self.name = rospy.resolve_name(topic.value)
         self._subscriber = rospy.Subscriber(self.name, undecoded(self._feed.type), self._receive, queue_size=1,
                                             buff_size=BUFFER_BYTES, tcp_nodelay=True)
@@ -90,8 +91,8 @@ class Latch:
                     return False
                 self._bytes = data
             else:
-                value = self.sample.value
-            self.sample = Sample(value, arrived)
+                value = self._sample.value
+            self._sample = Sample(value, arrived)
             if self._alarms and (is_news or self._is_alarm_new):
                 self._ring(value)
         return is_news
@@ -128,11 +129,18 @@ class Latch:
             self._warned.add(subject)
             self._warn(text)
 
+    def newest(self) -> Optional[Sample]:
+        """Return the newest message, or None; whoever sets an alarm next has seen it."""
+        self._seen = self._sample
+        return self._seen
+
     def set_alarm(self, key: Any, wanted: Callable[[Any], bool]) -> None:
-        """Wake the tree at the next message that is ``wanted``."""
+        """Wake the tree at the next message that is ``wanted``, which may have come since ``newest`` was called last."""
         with self._lock:
             self._alarms[key] = wanted
             self._is_alarm_new = True
+            if self._sample is not self._seen:
+                self._ring(self._sample.value)
 
     def clear_alarm(self, key: Any) -> None:
         """Forget the alarm ``key``, if there is one."""
@@ -149,7 +157,7 @@ class RosTopics(Topics):
 
     def newest(self, topic: Topic) -> Optional[Sample]:
         """Return the newest message, or None before the first."""
-        return self._latches[topic].sample
+        return self._latches[topic].newest()
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
         """Set the alarm ``key``. ``wanted`` must depend on the value alone: the same message again is not asked about."""
