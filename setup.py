@@ -1,0 +1,14 @@
+"""What catkin installs of the Python package; not for use by itself."""
+from distutils.core import setup
+
+from catkin_pkg.python_setup import generate_distutils_setup
+
+setup(**generate_distutils_setup(
+    packages=[
+        "behavior_controller",
+        "behavior_controller.bt",
+        "behavior_controller.leaves",
+        "behavior_controller.ros",
+    ],
+    package_dir={"": "src"},
+))

@@ -1,0 +1,19 @@
+# Where things are, and the shell that ROS needs. Sourced by the other scripts.
+
+BUILD="$REPOSITORY/build"
+export LC_ALL=C.UTF-8 PIP_USER=0
+
+# The ROS of this machine, whatever the shell had sourced before.
+use_ros() {
+  unset CMAKE_PREFIX_PATH PYTHONPATH ROS_PACKAGE_PATH ROS_ROOT ROS_IP
+  if [ -f /opt/ros/noetic/setup.bash ]; then
+    . /opt/ros/noetic/setup.bash
+  fi
+}
+
+# The built workspace, with a master of its own: nothing that runs elsewhere on the machine is met or disturbed.
+use_workspace() {
+  use_ros
+  . "$BUILD/devel/setup.bash"
+  export ROS_HOME="$BUILD/ros" ROS_HOSTNAME=localhost PYTHONUNBUFFERED=1
+}
