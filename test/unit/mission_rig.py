@@ -1,0 +1,96 @@
+"""A mission on the real engine with a robot and a visitor of the test's own, and a clock that only the test moves."""
+from behavior_controller import events, folders, leaves, phrases, policy, runner, settings
+from behavior_controller.bt.builtins import builtin_specs
+from behavior_controller.bt.clock import ManualClock
+from behavior_controller.bt.compiler import load_mission, load_text
+from behavior_controller.bt.registry import Registry
+from behavior_controller.gateway import (Answer, AttentionStatus, Cause, Exhibit, Faces, Failure, FakeGateway, FakeTopics,
+                                         Location, Point, QueryKnowledge, SetAttention, Topic)
+from behavior_controller.leaves.base import MissionContext
+
+EXHIBITS = tuple(
+    Exhibit("exhibit {}".format(n), "first text {}".format(n), "second text {}".format(n),
+            Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n in (1, 2))
+ENTRANCE = Exhibit("entrance", "", "", Location(7.0, 8.0, 180.0), Point(7.5, 8.5, 1.5))
+HOME = Exhibit("home", "", "", Location(0.5, 0.25, 0.0), Point(0.0, 0.0, 0.0))
+
+
+def registry():
+    """Return all node types."""
+    found = Registry(builtin_specs())
+    found.extend(leaves.SPECS)
+    return found
+
+
+class Rig:
+    """``answer(request)`` may return a Failure, an Answer, None (never answers) or NotImplemented (the usual answer)."""
+
+    def __init__(self, mission="lab_tour", answer=lambda request: NotImplemented, **changed):
+        self.clock = ManualClock(1000.0)
+        load = load_text if mission.lstrip().startswith("<") else lambda name, *rest, **more: load_mission(
+            folders.mission(name), *rest, **more)
+        self.tree = load(mission, registry(), clock=self.clock)
+        self.answer = answer
+        self.seen = []
+        log = events.Events()
+        log.subscribe(self.seen.append)
+        self.gateway = FakeGateway(self.tree.wake.emit, self._reply)
+        self.topics = FakeTopics(self.clock.now, self.tree.wake.emit)
+        self.settings = settings.defaults(**changed)
+        self.mission = MissionContext(
+            self.gateway, self.topics, self.settings, phrases.load(self.settings.language),
+            policy.load(folders.config("recoveryPolicy.ini"), [spec.id for spec in leaves.SPECS]), self.clock, log)
+
+    def _reply(self, request):
+        answer = self.answer(request)
+        if answer is not NotImplemented:
+            return answer
+        if isinstance(request, QueryKnowledge):
+            return Answer(exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE,), "home": (HOME,)}[request.what])
+        return Answer(response="1")
+
+    @property
+    def requests(self):
+        """What the robot was asked, in order."""
+        return self.gateway.requests
+
+    def of(self, kind):
+        """Return the events of one kind."""
+        return [event for event in self.seen if isinstance(event, kind)]
+
+    def tick(self):
+        """Set up once, and tick."""
+        if self.tree.nodes and not hasattr(self, "_is_set_up"):
+            self.tree.setup(mission=self.mission)
+            self._is_set_up = True
+        return self.tree.tick_once()
+
+    def run(self, visitor, runs=1, is_stopped=lambda: False):
+        """Run passes; ``visitor(rig)`` acts whenever the mission waits. Return the exit code."""
+        rig = self
+
+        class Waiting(runner.Runner):
+            def wait(self, seconds):
+                visitor(rig)
+
+        self.runner = Waiting(self.tree, self.mission, "lab_tour.xml", runs, is_stopped)
+        return self.runner.run()
+
+
+def visitor_who(says=None, gazes=True, step=0.5):
+    """Return a visitor who is seen, looks at the robot when it seeks, and says ``says`` again and again."""
+    def act(rig):
+        rig.clock.advance(step)
+        rig.topics.publish(Topic.FACES, Faces(("1",), (gazes,)))
+        modes = [request.state for request in rig.requests if isinstance(request, SetAttention)]
+        if modes and modes[-1] == "seeking":
+            # 3 is a failed search in either convention
+            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1 if gazes else 3))
+        if says is not None:
+            rig.topics.publish(Topic.SPEECH, says)
+    return act
+
+
+def refusal(request):
+    """Return the failure of a server that says no."""
+    return Failure(Cause.REFUSED, "the server refused", request.service)

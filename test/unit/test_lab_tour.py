@@ -1,0 +1,228 @@
+"""The lab tour on the real engine: what the robot is asked, in which order, for each kind of visitor and each failure.
+
+The expected orders are read off data/lab_tour.xml by hand, with the meaning that BehaviorTree.CPP gives its nodes.
+"""
+import pytest
+
+from behavior_controller.events import LeafFinished, PassFinished, Recovered
+from behavior_controller.gateway import (Answer, Failure, GoTo, PerformGesture, Point, Prompt, QueryKnowledge, Say,
+                                         SetAnimation, SetAttention)
+from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, visitor_who
+
+SAYS = {
+    "Welcome": "welcome", "Query": "would you like", "SayYesNo": "only understand yes or no", "Press": "press yes or no",
+    "Follow": "follow me", "Another": "another time", "End": "last exhibit", "Door": "here is the door", "Bye": "goodbye",
+}
+
+
+def named(request):
+    """Return a short name of a request: what it does, and to what."""
+    if isinstance(request, Say):
+        return "say " + next((name for name, words in SAYS.items() if words in request.text.lower()), request.text)
+    if isinstance(request, SetAttention):
+        return "attention " + request.state
+    if isinstance(request, SetAnimation):
+        return "animation " + request.state
+    if isinstance(request, QueryKnowledge):
+        return "query " + request.what
+    if isinstance(request, GoTo):
+        return "go to {:g} {:g} {:g}".format(*request.goal)
+    if isinstance(request, Prompt):
+        return "prompt " + "|".join(request.options)
+    assert isinstance(request, PerformGesture)
+    return "{} {} {} at {:g} {:g} {:g}".format(request.type, request.id, request.duration_ms, *request.target)
+
+
+GAZE = ["attention seeking", "attention social"]
+MEETING = ["animation enabled", "attention scanning", "animation disabled", "iconic 1 3000 at 0 0 0",
+           "animation enabled", "say Welcome"] + GAZE
+
+
+def drive(place):
+    return ["attention disabled", "animation disabled", "go to {:g} {:g} {:g}".format(*place.location)]
+
+
+def visit(exhibit):
+    return (["say Follow"] + drive(exhibit) + GAZE
+            + ["say " + exhibit.description1, "deictic 1 3000 at {:g} {:g} {:g}".format(*exhibit.gesture),
+               "attention social", "say " + exhibit.description2])
+
+
+FAREWELL = (["say End", "query entrance"] + drive(ENTRANCE) + GAZE
+            + ["say Door", "deictic 1 3000 at {:g} {:g} {:g}".format(*ENTRANCE.gesture),
+               "iconic 3 3000 at 0 0 0", "say Bye"])
+TOUR = ["query exhibits"] + visit(EXHIBITS[0]) + visit(EXHIBITS[1]) + FAREWELL + ["query home"] + drive(HOME)
+
+
+def asked(rig):
+    return [named(request) for request in rig.requests]
+
+
+def test_a_visitor_who_says_yes_gets_the_whole_tour():
+    rig = Rig()
+    assert rig.run(visitor_who(says="yes")) == 0
+    assert asked(rig) == MEETING + ["say Query"] + TOUR
+    assert [event.outcome for event in rig.of(PassFinished)] == ["SUCCESS"]
+    assert rig.of(Recovered) == []
+
+
+def test_without_speech_recognition_the_tablet_asks():
+    rig = Rig(asrEnabled=False)
+    assert rig.run(visitor_who()) == 0
+    assert asked(rig) == MEETING + ["say Query", "say Press", "prompt Yes|No"] + TOUR
+
+
+def test_a_visitor_who_says_no_gets_no_tour():
+    rig = Rig()
+    assert rig.run(visitor_who(says="no")) == 0
+    assert asked(rig) == MEETING + ["say Query", "say Another"]
+
+
+def test_a_visitor_who_presses_no_gets_no_tour():
+    rig = Rig(asrEnabled=False, answer=lambda request: Answer("No") if isinstance(request, Prompt) else NotImplemented)
+    assert rig.run(visitor_who()) == 0
+    assert asked(rig) == MEETING + ["say Query", "say Press", "prompt Yes|No", "say Another"]
+
+
+def test_a_silent_visitor_is_asked_three_times_and_then_let_go():
+    rig = Rig()
+    assert rig.run(visitor_who()) == 0
+    assert asked(rig) == MEETING + ["say Query"] + 3 * ["say SayYesNo"] + ["say Another"]
+
+
+def test_who_presses_nothing_is_asked_three_times_and_then_let_go():
+    rig = Rig(asrEnabled=False, answer=lambda request: Answer("") if isinstance(request, Prompt) else NotImplemented)
+    assert rig.run(visitor_who()) == 0
+    assert asked(rig) == MEETING + ["say Query"] + 3 * ["say Press", "prompt Yes|No"] + ["say Another"]
+
+
+def test_a_visitor_who_does_not_look_is_not_asked():
+    rig = Rig()
+    assert rig.run(visitor_who(says="yes", gazes=False)) == 3
+    assert asked(rig) == MEETING[:-1]
+    assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE"]
+
+
+def test_the_next_visitor_starts_afresh():
+    rig = Rig()
+    said = ["yes"]
+
+    def visitor(rig):
+        if len(rig.of(PassFinished)) == 1:
+            said[0] = "no"
+        visitor_who(says=said[0])(rig)
+
+    assert rig.run(visitor, runs=2) == 0
+    assert asked(rig) == MEETING + ["say Query"] + TOUR + MEETING + ["say Query", "say Another"]
+
+
+def test_a_yes_from_before_the_question_is_no_answer():
+    rig = Rig()
+
+    def visitor(rig):
+        has_asked = any("would you like" in request.text.lower() for request in rig.requests if isinstance(request, Say))
+        visitor_who(says=None if has_asked else "yes")(rig)
+
+    assert rig.run(visitor) == 0
+    assert asked(rig)[-1] == "say Another"
+
+
+@pytest.mark.parametrize("words", ["Welcome", "Query", "Follow", "End", "Door", "Bye"])
+def test_a_speech_that_is_refused_for_good_is_tried_twice_and_left_out(words):
+    def answer(request):
+        return refusal(request) if named(request) == "say " + words else NotImplemented
+
+    rig = Rig(answer=answer)
+    assert rig.run(visitor_who(says="yes")) == 0
+    expected = []
+    for name in MEETING + ["say Query"] + TOUR:
+        expected += 2 * [name] if name == "say " + words else [name]
+    assert asked(rig) == expected
+    assert {event.success for event in rig.of(Recovered)} == {True}
+
+
+SAFE = ["attention disabled", "animation disabled"]
+
+
+def never_reaching(place):
+    goal = "go to {:g} {:g} {:g}".format(*place.location)
+    return goal, lambda request: refusal(request) if named(request) == goal else NotImplemented
+
+
+def test_an_exhibit_that_cannot_be_reached_ends_the_tour_at_home_as_a_failure():
+    goal, answer = never_reaching(EXHIBITS[0])
+    rig = Rig(answer=answer)
+    assert rig.run(visitor_who(says="yes")) == 3
+    before = ["query exhibits"] + visit(EXHIBITS[0])[:3]
+    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"] + drive(HOME)
+
+
+def test_the_last_exhibit_out_of_reach_ends_the_tour_early_but_properly():
+    # every exhibit has been selected by then, which is what the mission asks for before it goes on to EndTour
+    goal, answer = never_reaching(EXHIBITS[1])
+    rig = Rig(answer=answer)
+    assert rig.run(visitor_who(says="yes")) == 0
+    before = ["query exhibits"] + visit(EXHIBITS[0]) + visit(EXHIBITS[1])[:3]
+    assert asked(rig) == (MEETING + ["say Query"] + before + 3 * [goal] + SAFE + FAREWELL + ["query home"] + drive(HOME))
+
+
+def test_navigation_that_works_at_the_second_attempt_changes_nothing_else():
+    goals = []
+
+    def answer(request):
+        if isinstance(request, GoTo):
+            goals.append(request)
+            if len(goals) == 1:
+                return refusal(request)
+        return NotImplemented
+
+    rig = Rig(answer=answer)
+    assert rig.run(visitor_who(says="yes")) == 0
+    first = "go to {:g} {:g} {:g}".format(*EXHIBITS[0].location)
+    whole = MEETING + ["say Query"] + TOUR
+    whole.insert(whole.index(first), first)
+    assert asked(rig) == whole
+
+
+def test_an_empty_list_of_exhibits_is_no_tour_and_no_success():
+    rig = Rig(answer=lambda request: Answer() if request == QueryKnowledge("exhibits") else NotImplemented)
+    assert rig.run(visitor_who(says="yes")) == 3
+    assert asked(rig) == (MEETING + ["say Query"] + 3 * ["query exhibits"] + SAFE + ["query home"] + drive(HOME))
+
+
+def test_a_visitor_who_looks_away_at_an_exhibit_sees_the_next_one():
+    def visitor(rig):
+        drives = [request for request in rig.requests if isinstance(request, GoTo)]
+        visitor_who(says="yes", gazes=len(drives) != 1)(rig)
+
+    rig = Rig()
+    assert rig.run(visitor) == 0
+    expected = MEETING + ["say Query", "query exhibits"] + visit(EXHIBITS[0])[:5] + visit(EXHIBITS[1]) + FAREWELL
+    assert asked(rig) == expected + ["query home"] + drive(HOME)
+
+
+def test_an_exhibit_with_nothing_to_point_at_gets_no_gesture():
+    import mission_rig
+    pointless = tuple(exhibit._replace(gesture=Point(0.0, 0.0, 0.0)) for exhibit in mission_rig.EXHIBITS)
+    rig = Rig(answer=lambda request: Answer(exhibits=pointless) if request == QueryKnowledge("exhibits")
+              else NotImplemented)
+    assert rig.run(visitor_who(says="yes")) == 0
+    pointed = [name for name in asked(rig) if name.startswith("deictic")]
+    assert pointed == ["deictic 1 3000 at {:g} {:g} {:g}".format(*ENTRANCE.gesture)]
+
+
+def test_every_leaf_of_the_mission_is_reached_by_one_visitor_or_another():
+    reached = set()
+    for changed, says in (({}, "yes"), ({"asrEnabled": False}, None), ({}, "no"), ({}, None)):
+        rig = Rig(answer=lambda request: refusal(request) if named(request) == "say Welcome" else NotImplemented, **changed)
+        rig.run(visitor_who(says=says))
+        reached |= {event.node for event in rig.of(LeafFinished)}
+    assert len(reached) == 33  # the 32 nodes of table 4 and SeekOvertAttentionMode
+
+
+def test_every_failure_is_recorded_with_cause_and_service():
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    rig.run(visitor_who(says="yes"))
+    failures = [event.failure for event in rig.of(LeafFinished) if event.failure and event.node.endswith("Gesture")]
+    assert failures and all(isinstance(failure, Failure) and failure.cause.value == "refused"
+                            and failure.resource == "/gestureExecution/perform_gesture" for failure in failures)
