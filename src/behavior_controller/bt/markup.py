@@ -1,0 +1,227 @@
+"""The markup of a mission file as people write it: what is mended before lxml reads it, and what is wrong if lxml cannot.
+
+BehaviorTree.CPP's reader takes what is not XML: raw ``&&`` and ``<`` inside attributes, line breaks in attributes that are
+kept, ``&`` in text. ``mended`` makes XML of it without changing what it means, and keeps from lxml what has no meaning in a
+mission: comments, the declared encoding, DOCTYPE, namespaces. So no entity is ever declared, let alone expanded.
+Every pattern here is linear in the length of the file, also where it does not match.
+"""
+import re
+from typing import Any, Iterator, List, Tuple
+
+DEEPEST = 2_040  # nested elements; libxml2 itself stops at 2,048
+MOST_TAGS = 600_000
+MOST_ATTRIBUTES = 500  # of one element; libxml2 2.9 compares each with each
+
+BLANKS = " \t\r\n"
+_BLANK = r"[ \t\r\n]"
+_TAG = r"""[^ \t\r\n/>!?"'=<:]+"""
+_NAME = r"""[^ \t\r\n=/>"'<]+"""
+_ATTRIBUTE = r"""{0}{1}*={1}*(?:"[^"]*"|'[^']*')""".format(_NAME, _BLANK)
+# what lxml may read as it stands
+_PLAIN_ATTRIBUTE = r"""(?!xmlns)[^ \t\r\n=/>"'<:]+="[^"&<\n\t\r]*\""""
+ATTRIBUTE = re.compile(r"""({0}){1}*={1}*("[^"]*"|'[^']*')""".format(_NAME, _BLANK))
+TOKEN = re.compile(r"""
+    <{0}(?:{1}+{2}){{0,{4}}}{1}*(?:(?P<leaf>/>)|(?P<open>>))
+  | (?P<end></[^<>]*>)
+  | <(?P<tag>{0})(?P<attributes>(?:{1}+{3})*){1}*(?P<mend>/?)>
+  | (?P<blank><!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*>)
+  | (?P<instruction><\?.*?\?>)
+  | (?P<ampersand>&)
+  | (?P<other><)
+""".format(_TAG, _BLANK, _PLAIN_ATTRIBUTE, _ATTRIBUTE, MOST_ATTRIBUTES), re.VERBOSE | re.DOTALL)
+STARTS = ("leaf", "open", "mend")
+_OUTSIDE = re.compile(r"""
+    {0}+ | \ufeff | <!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*> | <\?.*?\?> | (?P<wrong>.)
+""".format(_BLANK), re.VERBOSE | re.DOTALL)
+_RAW_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
+_CHARACTER = re.compile(r"&#(?:(\d{1,7})|x([0-9a-fA-F]{1,6}));")
+_NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+_PLAIN_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
+_TAG_NAME = re.compile(_TAG)
+_NEXT_ATTRIBUTE = re.compile("{0}+({1})".format(_BLANK, ATTRIBUTE.pattern))
+_REST_OF_TAG = re.compile(r"""({0}*)({1})?({0}*=)?{0}*(["']?)""".format(_BLANK, _NAME))
+
+
+class MarkupFault(Exception):
+    """What is wrong with the markup, and the offset of the character where it is."""
+
+    def __init__(self, text: str, offset: int, hint: str = ""):
+        super().__init__(text)
+        self.text = text
+        self.offset = offset
+        self.hint = hint
+
+
+# ------------------------------------------------------------------------------------------------------------- mending
+
+
+def mended(text: str) -> str:
+    """Return ``text`` as XML, each element on its line. Raises MarkupFault where a piece cannot be told from the next."""
+    if text.count("<") > MOST_TAGS:
+        raise MarkupFault("the file has more than {} tags".format(MOST_TAGS), 0, "split the mission into several files")
+    pieces: List[str] = []
+    done = depth = end = 0
+    for match in TOKEN.finditer(text):
+        kind = match.lastgroup
+        if kind == "end":
+            depth -= 1
+        elif kind == "open":
+            depth += 1
+        elif kind != "leaf":
+            pieces += (text[done:match.start()], _mended(match, depth))
+            done = match.end()
+            depth += kind == "mend" and not match.group("mend")
+        if depth > DEEPEST:
+            raise MarkupFault("elements are nested deeper than {} levels".format(DEEPEST), match.start(),
+                              "split the tree into SubTrees")
+        if depth == 0 and not end and kind in ("end", "leaf", "mend"):
+            end = match.end()
+    _check_outside(text, end)
+    return "".join(pieces) + text[done:]
+
+
+def _mended(match: "re.Match[str]", depth: int) -> str:
+    """Return what lxml is to read in place of a token."""
+    kind, token = match.lastgroup, match.group()
+    if kind == "mend":
+        return _mended_tag(match)
+    if kind == "ampersand":
+        return "&amp;"
+    if kind == "other" or (kind == "instruction" and depth > 0):
+        raise _refusal(match.string, match.start())
+    return "\n" * token.count("\n")
+
+
+def _mended_tag(match: "re.Match[str]") -> str:
+    tag, attributes, closed = match.group("tag", "attributes", "mend")
+    pairs = ATTRIBUTE.findall(attributes)
+    if len(pairs) > MOST_ATTRIBUTES:
+        raise MarkupFault("<{}> has more than {} attributes".format(tag, MOST_ATTRIBUTES), match.start())
+    clean = "".join(_mended_attribute(name, value) for name, value in pairs)
+    return "<{}{}{}{}>".format(tag, clean, "\n" * match.group().count("\n"), closed)
+
+
+def _mended_attribute(name: str, value: str) -> str:
+    if ":" in name or name == "xmlns":
+        return ""  # BehaviorTree.CPP ignores such names; XML takes them for namespaces
+    inner = _RAW_AMPERSAND.sub("&amp;", value[1:-1]).replace("<", "&lt;").replace("\r\n", "\n").replace("\r", "\n")
+    return " {}={}{}{}".format(name, value[0], inner.replace("\n", "&#10;").replace("\t", "&#9;"), value[0])
+
+
+def _check_outside(text: str, end: int) -> None:
+    """Refuse what stands before and after the first element (which ends at ``end``), unless it is a comment or the like."""
+    first = next((match.start() for match in TOKEN.finditer(text) if match.lastgroup in STARTS), None)
+    if first is None:
+        raise MarkupFault("there is no element", 0, "a mission begins with <root BTCPP_format=\"4\">")
+    for begin, stop in ((0, first), (end or len(text), len(text))):
+        for match in _OUTSIDE.finditer(text, begin, stop):
+            if match.group("wrong"):
+                what = "an element" if match.group("wrong") == "<" else "text"
+                raise MarkupFault("{} {} the first element".format(what, "after the end of" if begin else "before"),
+                                  match.start("wrong"), "a file holds one <root> and nothing else")
+
+
+# ------------------------------------------------------------------------------------------------------- what is wrong
+
+_UNENDED = (
+    ("<!--", "the comment is never closed", "it ends with -->"),
+    ("<![CDATA[", "the CDATA section is never closed", "it ends with ]]>"),
+    ("<!DOCTYPE", "declarations inside DOCTYPE are not allowed", "a mission needs no entities"),
+    ("<!", "<! begins nothing that a mission may hold", "a comment begins with <!--"),
+    ("</", "the closing tag is not ended with >", ""),
+)
+
+
+def _refusal(text: str, offset: int) -> MarkupFault:
+    """Return why the ``<`` at ``offset`` begins nothing."""
+    if text.startswith("<?", offset):
+        closed = text.find("?>", offset) >= 0
+        return MarkupFault("a processing instruction <?…?> is not allowed inside <root>" if closed else
+                           "the instruction <? is never closed", offset)
+    for begin, wrong, hint in _UNENDED:
+        if text.startswith(begin, offset):
+            return MarkupFault(wrong, offset, hint)
+    name = _TAG_NAME.match(text, offset + 1)
+    if name is None:
+        return MarkupFault("this < begins no tag", offset, "in text it is written &lt;")
+    if text[name.end():name.end() + 1] == ":":
+        return MarkupFault("the name of an element cannot hold a colon", offset)
+    return _unfinished_tag(text, offset, name.group(), name.end())
+
+
+def _unfinished_tag(text: str, offset: int, tag: str, at: int) -> MarkupFault:
+    """Return why the tag at ``offset``, whose name ends at ``at``, does not end where it should."""
+    found = _NEXT_ATTRIBUTE.match(text, at)
+    while found is not None:
+        if "<" in found.group(3) and "\n" in found.group(3):
+            return MarkupFault("the value of {} has no closing quote".format(found.group(2)), found.start(1))
+        at = found.end()
+        found = _NEXT_ATTRIBUTE.match(text, at)
+    rest: Any = _REST_OF_TAG.match(text, at)
+    blank, name, equals, quote = rest.groups()
+    at = rest.end(1)
+    if name is None:
+        seen = text[at:at + 1]
+        if seen in ("", "<"):
+            return MarkupFault("the tag <{}> is not ended with >".format(tag), offset)
+        return MarkupFault("unexpected {} in the tag <{}>".format(seen, tag), at)
+    if not equals:
+        return MarkupFault("the attribute {} has no value".format(name), at, "write {}=\"…\"".format(name))
+    if not quote:
+        return MarkupFault("the value of {} must stand in quotes".format(name), at, "write {}=\"…\"".format(name))
+    if not blank:
+        return MarkupFault("a blank is missing before {}".format(name), at)
+    return MarkupFault("the value of {} has no closing quote".format(name), at)
+
+
+def diagnosis(text: str) -> Iterator[MarkupFault]:
+    """Yield what lxml may have meant when it refused the mended text, in the order of the file."""
+    opened: List[Tuple[str, int]] = []
+    for match in TOKEN.finditer(text):
+        kind = match.lastgroup
+        if kind in STARTS:
+            yield from _tag_faults(match)
+            if not match.group().endswith("/>"):
+                opened.append((_tag_name(match), match.start()))
+        elif kind == "end":
+            name = match.group()[2:-1].rstrip(BLANKS)
+            if not opened or opened[-1][0] != name:
+                yield _mismatch(name, match.start(), opened)
+                return
+            opened.pop()
+    if opened:
+        yield MarkupFault("<{}> is never closed".format(opened[-1][0]), opened[-1][1])
+    for match in _NOT_IN_XML.finditer(text):
+        yield MarkupFault("a character that XML does not allow", match.start())
+
+
+def _tag_name(match: "re.Match[str]") -> str:
+    return _TAG_NAME.match(match.string, match.start() + 1).group()  # type: ignore[union-attr]
+
+
+def _mismatch(name: str, offset: int, opened: List[Tuple[str, int]]) -> MarkupFault:
+    if any(tag == name for tag, _ in opened):
+        return MarkupFault("<{}> is not closed before </{}>".format(opened[-1][0], name), opened[-1][1])
+    return MarkupFault("</{}> closes nothing".format(name), offset,
+                       "</{}> is due".format(opened[-1][0]) if opened else "")
+
+
+def _tag_faults(match: "re.Match[str]") -> Iterator[MarkupFault]:
+    """Yield what is wrong inside one start tag."""
+    if not _PLAIN_NAME.fullmatch(_tag_name(match)):
+        yield MarkupFault("{} cannot be the name of an element".format(_tag_name(match)), match.start())
+    seen = set()
+    for found in ATTRIBUTE.finditer(match.string, match.start(), match.end()):
+        name, value = found.groups()
+        if name in seen:
+            yield MarkupFault("the attribute {} is given twice".format(name), found.start())
+        elif not _PLAIN_NAME.fullmatch(name) and ":" not in name:
+            yield MarkupFault("{} cannot be the name of an attribute".format(name), found.start())
+        elif _NOT_IN_XML.search(value) or any(_NOT_IN_XML.match(_character(*code)) for code in _CHARACTER.findall(value)):
+            yield MarkupFault("the value of {} holds a character that XML does not allow".format(name), found.start())
+        seen.add(name)
+
+
+def _character(decimal: str, hexadecimal: str) -> str:
+    code = int(decimal) if decimal else int(hexadecimal, 16)
+    return chr(code) if code <= 0x10FFFF else "\x00"
