@@ -1,6 +1,8 @@
-"""Help for the tests: run the stub robot in a process of its own, order it about, and wait for what it was asked."""
+"""Help for the tests: the stub robot and the node itself, each in a process of its own, to order about and wait for."""
 import json
 import os
+import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -117,3 +119,67 @@ def forget_dead_entries():
         for node in STUBS.intersection(nodes):
             master = rosgraph.Master(node)
             master.unregisterPublisher(topic, master.lookupNode(node))
+
+
+class Package:
+    """A copy of the package in ``folder``, whose configuration, missions and code a test may spoil."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        root = os.path.dirname(os.path.dirname(HERE))
+        for name in ("src/behavior_controller", "config", "data"):
+            shutil.copytree(os.path.join(root, name), self.path(name), ignore=shutil.ignore_patterns("__pycache__"))
+
+    def path(self, name):
+        """Return the path of a file or folder of the package."""
+        return os.path.join(self.folder, name)
+
+    def write(self, name, text):
+        """Write a file."""
+        with open(self.path(name), "w", encoding="utf-8") as file:
+            file.write(text)
+
+    def configure(self, **values):
+        """Write the configuration: the required keys with working values, and ``values``."""
+        keys = dict(scenarioSpecification="lab_tour", verboseMode="false", asrEnabled="true")
+        keys.update(values)
+        self.write("config/behaviorControllerConfiguration.ini", "".join(
+            "{} {}\n".format(key, value) for key, value in keys.items()))
+
+
+class Controller:
+    """The node, run from a ``Package``, and the lines that it writes."""
+
+    def __init__(self, package, *arguments, **environment):
+        paths = [package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
+        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **environment)
+        self.started = time.monotonic()
+        self.process = subprocess.Popen(
+            [sys.executable, package.path("src/behavior_controller/behaviorController")] + list(arguments),
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+            env=environment)
+        self.lines = Lines(self.process.stdout)
+
+    def wait(self, seconds):
+        """Return the exit code; fails if it does not come in time."""
+        try:
+            code = self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            raise AssertionError("the node did not end in {} s:\n{}".format(seconds, self.lines.text()))
+        self.lines.wait_for_end(10)
+        return code
+
+    def stop(self, number=signal.SIGINT):
+        """Send a signal; return the exit code and the seconds that the node took."""
+        sent = time.monotonic()
+        self.process.send_signal(number)
+        code = self.wait(10)
+        return code, time.monotonic() - sent
+
+    def close(self):
+        """Make sure that it has ended."""
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(10)
+        self.process.stdout.close()

@@ -164,8 +164,11 @@ class StartUpCheck:
         self._patience = patience
         self._tell = tell
 
-    def run(self, wake: WakeUp, is_stopped: Callable[[], bool]) -> None:
-        """Return when every part that the mission needs is there; raises ``NodesMissing``, which lists all that is not."""
+    def run(self, wake: WakeUp, is_stopped: Callable[[], bool]) -> bool:
+        """Return whether every part that the mission needs is there: False only if the operator stopped the waiting.
+
+        Raises ``NodesMissing``, which lists all that is not there.
+        """
         ends = time.monotonic() + self._patience
         missing = find_missing(PARTS, wake, is_stopped)
         awaited: List[str] = []
@@ -177,7 +180,10 @@ class StartUpCheck:
             wake.wait(min(ROUND, max(0.0, ends - time.monotonic())))
             wake.test_and_clear()
             missing = find_missing([part.part for part in missing], wake, is_stopped)
+        if is_stopped():
+            return False
         self._report(missing)
+        return True
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
         """Return those without which the mission does not start: without speech recognition nobody listens."""

@@ -1,0 +1,223 @@
+#!/usr/bin/env python3
+"""Does the node find everything that is wrong before anything moves, say so in full, and exit with the right code?"""
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import rosgraph
+import rostest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+
+PARTS = {  # what the robot's nodes offer (contract, sections 2 and 3), by the name of the node
+    "/animateBehaviour/set_activation": "animateBehavior", "/gestureExecution/perform_gesture": "gestureExecution",
+    "/knowledgeBase/query": "knowledgeBase", "/overtAttention/set_mode": "overtAttention",
+    "/robotNavigation/set_goal": "robotNavigation", "/tabletEvent/prompt_and_get_response": "tabletEvent",
+    "/textToSpeech/say_text": "textToSpeech", "/faceDetection/data": "faceDetection",
+    "/overtAttention/mode": "overtAttention", "/speechEvent/text": "speechEvent"}
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
+  <BehaviorTree ID="M">
+    <Sequence>
+      {}
+    </Sequence>
+  </BehaviorTree>
+</root>
+"""
+
+
+class TestStartUp(unittest.TestCase):
+    """Each case has a copy of the package, and a stub robot if it needs one."""
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.addCleanup(forget_dead_entries)
+        self.package = Package(os.path.join(self.folder, "package"))
+        self.package.configure()
+
+    def robot(self, **modes):
+        """Start a stub robot for this case."""
+        robot = Robot(**modes)
+        self.addCleanup(robot.stop)
+        return robot
+
+    def controller(self, *arguments, **environment):
+        """Start the node for this case."""
+        controller = Controller(self.package, *arguments, **environment)
+        self.addCleanup(controller.close)
+        return controller
+
+    def run_node(self, *arguments, **environment):
+        """Run the node to its end; return the exit code and what it wrote, without time stamps."""
+        controller = self.controller(*arguments, **environment)
+        code = controller.wait(20)
+        text = re.sub(r"(?m)^\[(\w+)\] \[[\d.]+\]: ", r"\1 ", controller.lines.text())
+        self.assertNotIn("Traceback", text)
+        return code, text
+
+    def assert_line(self, text, *words):
+        """Expect a line that has all of ``words``."""
+        self.assertTrue(any(all(word in line for word in words) for line in text.splitlines()),
+                        "no line with {} in:\n{}".format(words, text))
+
+    # ------------------------------------------------------------------------------------------ the robot's nodes
+
+    def test_without_a_master_it_says_so_and_ends(self):
+        code, text = self.run_node(ROS_MASTER_URI="http://localhost:9")
+        self.assertEqual(code, 1)
+        self.assert_line(text, "no ROS master at http://localhost:9", "ROS_MASTER_URI")
+        self.assertEqual(len(text.splitlines()), 1)
+
+    def test_everything_that_is_missing_is_listed_at_once(self):
+        code, text = self.run_node()
+        self.assertEqual(code, 1)
+        for name, node in PARTS.items():
+            self.assert_line(text, "ERROR", " " + name + " ", "node /" + node, "without it")
+
+    def test_one_that_is_missing_is_named_with_what_it_means_and_nothing_is_called(self):
+        robot = self.robot(robotNavigation__set_goal="absent")
+        code, text = self.run_node()
+        self.assertEqual(code, 1)
+        self.assert_line(text, "ERROR", "/robotNavigation/set_goal", "node /robotNavigation", "not advertised", "drive")
+        for name in PARTS:
+            self.assertEqual(name in text, name == "/robotNavigation/set_goal")
+        self.assertEqual(robot.requests(), [])
+
+    def test_a_topic_that_nobody_publishes(self):
+        self.robot(faceDetection__data="absent")
+        code, text = self.run_node()
+        self.assertEqual(code, 1)
+        self.assert_line(text, "ERROR", "topic /faceDetection/data", "node /faceDetection", "no node publishes it")
+
+    def test_types_that_differ_are_named_with_both_md5s(self):
+        self.robot(knowledgeBase__query="wrong", speechEvent__text="wrong")
+        code, text = self.run_node()
+        self.assertEqual(code, 1)
+        self.assert_line(text, "/knowledgeBase/query", "type mismatch", "cssr_system/textService",
+                         "10b91f7565804f90610ee9fc2d0e20ba", "cssr_system/knowledgeBaseService",
+                         "230b5e3f3d344348479332bc683f6f11")
+        self.assert_line(text, "/speechEvent/text", "type mismatch", "cssr_system/overtAttentionMessage",
+                         "std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1")
+
+    def test_entries_whose_node_is_dead_do_not_count(self):
+        self.robot().kill()
+        code, text = self.run_node()
+        self.assertEqual(code, 1)
+        for name in PARTS:
+            self.assert_line(text, name, "not reachable", "Connection refused")
+
+    def test_a_robot_that_hangs_does_not_hang_the_start(self):
+        robot = self.robot()
+        robot.process.send_signal(signal.SIGSTOP)
+        self.addCleanup(robot.process.send_signal, signal.SIGCONT)
+        started = time.monotonic()
+        code, text = self.run_node()
+        self.assertLess(time.monotonic() - started, 8.0)
+        self.assertEqual(code, 1)
+        for name in PARTS:
+            self.assert_line(text, "ERROR", name, "without it")
+
+    def test_the_resolved_name_is_told(self):
+        self.robot()
+        code, text = self.run_node("/textToSpeech/say_text:=/voice/say")
+        self.assertEqual(code, 1)
+        self.assert_line(text, "ERROR", "/voice/say", "node /textToSpeech", "not advertised")
+        self.assertNotIn("/textToSpeech/say_text", text)
+
+    def test_without_speech_recognition_nobody_needs_speechEvent(self):
+        self.robot(speechEvent__text="absent")
+        self.package.configure(asrEnabled="false")
+        controller = self.controller()
+        controller.lines.wait_for(lambda line: "[WARN]" in line and "/speechEvent/text" in line, 15)
+        controller.lines.wait_for(lambda line: "mission" in line and "starts" in line, 15)
+
+    def test_it_waits_for_nodes_that_come_late(self):
+        self.package.configure(startupTimeout="30")
+        controller = self.controller()
+        controller.lines.wait_for(lambda line: "waiting up to" in line and "/knowledgeBase/query" in line, 15)
+        robot = self.robot()
+        controller.lines.wait_for(lambda line: "mission" in line and "starts" in line, 15)
+        robot.wait_for_request("/overtAttention/set_mode", 10, state="scanning")
+
+    def test_the_wait_for_nodes_ends(self):
+        self.package.configure(startupTimeout="1.5")
+        controller = self.controller()
+        began = controller.lines.wait_for(lambda line: "waiting up to" in line, 15)[0]
+        self.assertEqual(controller.wait(15), 1)
+        self.assertLess(abs(time.monotonic() - began - 1.5), 1.0)
+        self.assertIn("/tabletEvent/prompt_and_get_response", controller.lines.text())
+
+    def test_a_signal_ends_the_wait_for_nodes(self):
+        self.package.configure(startupTimeout="60")
+        controller = self.controller()
+        controller.lines.wait_for(lambda line: "waiting up to" in line, 15)
+        code, seconds = controller.stop(signal.SIGTERM)
+        self.assertEqual(code, 1)
+        self.assertLess(seconds, 2.0)
+
+    # ------------------------------------------------------------------------------------- configuration and mission
+
+    def assert_refused(self, *lines):
+        """Run the node with a complete robot: exit code 2, each of ``lines`` (words) told, and nothing called."""
+        robot = self.robot()
+        code, text = self.run_node()
+        self.assertEqual(code, 2, text)
+        for words in lines:
+            self.assert_line(text, "ERROR", *words)
+        self.assertEqual(robot.requests(), [])
+
+    def test_a_value_that_is_not_allowed(self):
+        self.package.configure(asrEnabled="maybe", verbosMode="true")
+        self.assert_refused(("behaviorControllerConfiguration.ini:3", "asrEnabled", "maybe", "true or false"),
+                            ("behaviorControllerConfiguration.ini:4", "verbosMode", "did you mean verboseMode?"))
+
+    def test_no_configuration(self):
+        os.remove(self.package.path("config/behaviorControllerConfiguration.ini"))
+        self.assert_refused(("behaviorControllerConfiguration.ini", "No such file"))
+
+    def test_a_mission_that_is_not_there(self):
+        self.package.configure(scenarioSpecification="lab_tuor")
+        self.assert_refused(("lab_tuor.xml", "did you mean lab_tour?"))
+
+    def test_all_mistakes_of_all_files_come_in_one_go(self):
+        self.package.configure(scenarioSpecification="wrong", language="Klingon")
+        self.package.write("data/wrong.xml", MISSION.format("<WelcomSpeech/>\n      <Slep msec=\"5\"/>"))
+        self.package.write("config/recoveryPolicy.ini", "budget 10 60\nNavigate * 1 1 skip\n")
+        self.assert_refused(("wrong.xml:4:", "WelcomSpeech", "WelcomeSpeech"), ("wrong.xml:5:", "Slep", "Sleep"),
+                            ("Klingon", "English"), ("recoveryPolicy.ini:2", "Navigate"))
+
+    def test_broken_xml(self):
+        self.package.configure(scenarioSpecification="broken")
+        self.package.write("data/broken.xml", MISSION.format("<Sequence>"))
+        self.assert_refused(("broken.xml:",))
+
+    def test_a_parameter_overrides_the_file(self):
+        self.robot()
+        code, text = self.run_node("_scenarioSpecification:=other")
+        self.addCleanup(rosgraph.Master("/test").deleteParam, "/behaviorController")
+        self.assertEqual(code, 2)
+        self.assert_line(text, "other.xml", "lab_tour")
+
+    # ------------------------------------------------------------------------------------------------ command line
+
+    def test_help_is_printed_by_the_installed_command(self):
+        text = subprocess.check_output(["rosrun", "cssr_system", "behaviorController", "--help"],
+                                       universal_newlines=True, timeout=20)
+        for word in ("usage", "exit codes", "behaviorControllerConfiguration.ini"):
+            self.assertIn(word, text)
+
+    def test_an_argument_that_it_does_not_know(self):
+        code, text = self.run_node("--verbose")
+        self.assertEqual(code, 2)
+        self.assert_line(text, "unknown argument '--verbose'")
+
+
+if __name__ == "__main__":
+    rostest.rosrun("cssr_system", "start_up", TestStartUp)
