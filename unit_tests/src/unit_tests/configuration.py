@@ -1,0 +1,76 @@
+"""The configuration of the simulated robot: behaviorControllerTestConfiguration.ini and the parameters that override it."""
+import os
+import re
+from typing import Any, List, Mapping, NamedTuple, Tuple
+
+from behavior_controller.settings import REQUIRED, Key, boolean, integer, number, one_of, read_configuration
+
+from unit_tests.faults import KINDS, REFUSED, PlannedFault, parse_planned_fault
+from unit_tests.robot import SERVICES
+from unit_tests.visitor import BEHAVIOURS, ENGAGES
+
+FILE_NAME = "behaviorControllerTestConfiguration.ini"
+
+
+def _items(text: str) -> List[str]:
+    return [item for item in re.split(r"[,\s]+", text) if item]
+
+
+def _kinds(text: str) -> Tuple[str, ...]:
+    read = one_of(*KINDS)
+    kinds = tuple(read(item) for item in _items(text))
+    if not kinds:
+        raise ValueError(text)
+    return kinds
+
+
+def _planned_faults(text: str) -> Tuple[PlannedFault, ...]:
+    return tuple(parse_planned_fault(item, tuple(SERVICES)) for item in _items(text))
+
+
+KEYS = (
+    Key("failureRate", number(0, 1), "a number from 0 to 1", 0.1, "share of the service calls that go wrong"),
+    Key("arrivalRate", number(1, infinite=True), "a number of messages per minute, 1 or more, or inf", REQUIRED,
+        "average rate of the messages on each topic"),
+    Key("verboseMode", boolean, "true or false", REQUIRED, "a line for every request and for every new message"),
+    Key("visitorBehaviour", one_of(*BEHAVIOURS), "one of {}".format(", ".join(BEHAVIOURS)), ENGAGES,
+        "what the visitor does"),
+    Key("missionRuns", integer(1, 10 ** 6), "a whole number, 1 or more", 1, "passes (visitors) until the test ends"),
+    Key("randomSeed", integer(0, 10 ** 9), "a whole number, 0 or more", 1, "the same seed, the same faults and gaps"),
+    Key("faultKinds", _kinds, "some of {}, with commas between them".format(", ".join(KINDS)), (REFUSED,),
+        "in which ways calls go wrong"),
+    Key("plannedFaults", _planned_faults, "node:call or node:call:kind, with commas between them, where node is one "
+        "of {}, call counts from 1 and kind is one of {}".format(", ".join(SERVICES), ", ".join(KINDS)), (),
+        "calls that go wrong in any case"),
+    Key("testTimeout", number(1, 10 ** 6), "a number of seconds, 1 or more", 900.0,
+        "a mission that has not ended by then has failed"),
+)
+
+
+class Configuration(NamedTuple):
+    """The checked values, under the names of the keys in snake_case."""
+
+    failure_rate: float
+    arrival_rate: float
+    verbose_mode: bool
+    visitor_behaviour: str
+    mission_runs: int
+    random_seed: int
+    fault_kinds: Tuple[str, ...]
+    planned_faults: Tuple[PlannedFault, ...]
+    test_timeout: float
+
+
+def share() -> str:
+    """Return the folder that holds ``config`` and ``data``: the package in the source tree, or its share folder."""
+    package = os.path.dirname(os.path.realpath(__file__))
+    source = os.path.dirname(os.path.dirname(package))
+    if os.path.isdir(os.path.join(source, "config")):
+        return source
+    prefix = os.path.abspath(os.path.join(package, *[os.pardir] * 4))  # <prefix>/lib/python3/dist-packages/unit_tests
+    return os.path.join(prefix, "share", "unit_tests")
+
+
+def load(overrides: Mapping[str, Any]) -> Configuration:
+    """Read the configuration. Raises ConfigurationError with every fault."""
+    return Configuration(*read_configuration(os.path.join(share(), "config", FILE_NAME), KEYS, overrides).values())

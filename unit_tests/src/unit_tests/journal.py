@@ -1,0 +1,62 @@
+"""What the simulated nodes were asked and what they answered: one file of JSON lines that all of them share.
+
+A file, because its order of lines is the order of events across processes, a line is there before the answer is sent,
+and none is lost while connections come up.
+"""
+import json
+import os
+import time
+from typing import Any, Dict, List, NamedTuple, Optional
+
+FILE_NAME = "journal.jsonl"
+
+
+class Line(NamedTuple):
+    """One request that a node received (``call`` counts from 1), or, with call 0, a new content of a topic."""
+
+    time: float  # unix seconds
+    node: str  # the simulated node, without the slash
+    resource: str  # resolved name of the service or topic
+    call: int
+    content: Dict[str, Any]  # the fields of the request or message
+    fault: Optional[str] = None  # how the call was made to go wrong: one of faults.KINDS
+    objection: Optional[str] = None  # why the node itself refused the request
+
+    @property
+    def done(self) -> bool:
+        """Whether the node did what the request said."""
+        return self.fault is None and self.objection is None
+
+
+class Journal:
+    """The file. Every process that writes or reads has a Journal of its own."""
+
+    def __init__(self, folder: str):
+        os.makedirs(folder, exist_ok=True)
+        self.path = os.path.join(folder, FILE_NAME)
+        self._read = 0  # bytes that ``news`` has read
+
+    def write(self, line: Line) -> None:
+        """Append a line: in one write to a file opened for appending, so that lines do not mix."""
+        with open(self.path, "ab", buffering=0) as file:
+            file.write(json.dumps(line._asdict()).encode() + b"\n")
+
+    def skip(self) -> None:
+        """Take what stands there already as read."""
+        self._read = os.path.getsize(self.path) if os.path.exists(self.path) else 0
+
+    def news(self) -> List[Line]:
+        """Return the lines that were added since the last call."""
+        if not os.path.exists(self.path):
+            return []
+        with open(self.path, "rb") as file:
+            file.seek(self._read)
+            text = file.read()
+        complete = text[:text.rfind(b"\n") + 1]
+        self._read += len(complete)
+        return [Line(**json.loads(line)) for line in complete.splitlines()]
+
+
+def now() -> float:
+    """Return the time that lines carry: unix seconds, which the controller's record uses too."""
+    return time.time()

@@ -1,0 +1,55 @@
+"""What the launch file and the configurations say, as the simulated nodes and the report read it from ROS."""
+import os
+from typing import Any, Dict
+
+import rospy
+
+from behavior_controller import folders, phrases, settings
+
+from unit_tests import configuration, exhibits
+from unit_tests.robot import World
+from unit_tests.visitor import Manners, Visitor
+
+NAMESPACE = "/unit_tests"
+"""Parameters below it override the configuration of all nodes; a private parameter that of one node."""
+
+FOLDER = NAMESPACE + "/folder"
+CONTROLLER = "/behaviorController"
+
+
+def is_launched() -> bool:
+    """Return whether behaviorControllerTest.launch started this process, so that a report runs beside it."""
+    return rospy.has_param(FOLDER)
+
+
+def ros_home() -> str:
+    """Return the folder where ROS lets programs of this user write."""
+    return os.environ.get("ROS_HOME") or os.path.join(os.path.expanduser("~"), ".ros")
+
+
+def folder() -> str:
+    """Return the folder of this run's journal and record."""
+    return rospy.get_param(FOLDER, os.path.join(ros_home(), "unit_tests"))
+
+
+def _below(name: str) -> Dict[str, Any]:
+    values = rospy.get_param(name, {})
+    return values if isinstance(values, dict) else {}
+
+
+def read_configuration(node: str = "") -> configuration.Configuration:
+    """Return the configuration of the test for ``node``. Raises ConfigurationError with every fault."""
+    return configuration.load(dict(_below(NAMESPACE), **(_below(node) if node else {})))
+
+
+def read_world(test: configuration.Configuration) -> World:
+    """Return the world before the robot's first move. Raises ConfigurationError."""
+    # the controller's configuration decides in which language the robot asks and how it takes a gaze status
+    controller = settings.load(folders.config("behaviorControllerConfiguration.ini"), _below(CONTROLLER))
+    language = phrases.load(controller.language)
+    knowledge = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
+    questions = [language.speech(node) for node in ("QueryTourSpeech", "SayYesNoSpeech")]
+    yes, no = language.tablet_options
+    home = knowledge.home.location
+    manners = Manners(test.visitor_behaviour, questions, yes, no, (home.x, home.y))
+    return World(Visitor(manners), knowledge, controller.mutual_gaze_value)

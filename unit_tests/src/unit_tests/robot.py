@@ -1,0 +1,123 @@
+"""What each of the nine simulated nodes does with a request and what it has to publish, as plain data."""
+import math
+from typing import Any, Callable, Dict, NamedTuple, Optional
+
+from unit_tests.exhibits import Knowledge
+from unit_tests.visitor import GAZE_VALUES, Visitor
+
+Fields = Dict[str, Any]
+
+
+class World(NamedTuple):
+    """What a node knows besides the request."""
+
+    visitor: Visitor
+    knowledge: Knowledge
+    mutual_gaze_value: int  # the convention for which the controller is configured
+
+
+# ------------------------------------------------------------------------------------------------------------- services
+
+
+class Service(NamedTuple):
+    """A service of the robot. ``object_to`` says what is wrong with a request; ``answer`` is what success looks like."""
+
+    name: str
+    object_to: Callable[[Fields], Optional[str]]
+    answer: Callable[[Fields, World], Fields]
+    refusal: Fields
+
+
+def _allow(field: str, *values: str) -> Callable[[Fields], Optional[str]]:
+    def object_to(request: Fields) -> Optional[str]:
+        if request[field] in values:
+            return None
+        return "{} is {!r}; allowed: {}".format(field, request[field], ", ".join(values))
+    return object_to
+
+
+def _object_to_gesture(request: Fields) -> Optional[str]:
+    if request["gesture_duration"] <= 0:
+        return "gesture_duration is {} ms; allowed: more than 0".format(request["gesture_duration"])
+    return _allow("gesture_type", "deictic", "iconic", "symbolic", "bow", "nod")(request)
+
+
+def _object_to_goal(request: Fields) -> Optional[str]:
+    return None if all(map(math.isfinite, request.values())) else "the goal {} is no place".format(request)
+
+
+def _object_to_query(request: Fields) -> Optional[str]:
+    return _allow("parameters", "exhibits", "entrance", "home")({"parameters": request["parameters"].lower()})
+
+
+def _object_to_text(request: Fields) -> Optional[str]:
+    return None if request["message"].strip() else "there is no text"
+
+
+def _fixed(**answer: Any) -> Callable[[Fields, World], Fields]:
+    return lambda request, world: answer
+
+
+def _exhibits(request: Fields, world: World) -> Fields:
+    return {"success": True, "exhibits": list(world.knowledge.query(request["parameters"]))}
+
+
+def _press(request: Fields, world: World) -> Fields:
+    return {"success": True, "response": world.visitor.press(request["message"].split("|"))}
+
+
+SERVICES: Dict[str, Service] = {
+    "animateBehavior": Service("/animateBehaviour/set_activation", _allow("state", "enabled", "disabled"),
+                               _fixed(success="1"), {"success": "0"}),
+    "overtAttention": Service("/overtAttention/set_mode",
+                              _allow("state", "disabled", "social", "scanning", "seeking", "location"),
+                              _fixed(mode_set_success=1), {"mode_set_success": 0}),
+    "gestureExecution": Service("/gestureExecution/perform_gesture", _object_to_gesture,
+                                _fixed(gesture_success=1), {"gesture_success": 0}),
+    "textToSpeech": Service("/textToSpeech/say_text", _object_to_text,
+                            _fixed(success=True, response=""), {"success": False, "response": ""}),
+    "robotNavigation": Service("/robotNavigation/set_goal", _object_to_goal,
+                               _fixed(navigation_goal_success=1), {"navigation_goal_success": 0}),
+    "knowledgeBase": Service("/knowledgeBase/query", _object_to_query,
+                             _exhibits, {"success": False, "exhibits": []}),
+    "tabletEvent": Service("/tabletEvent/prompt_and_get_response", _object_to_text,
+                           _press, {"success": False, "response": ""}),
+}
+"""Node -> its service (table 3)."""
+
+
+# --------------------------------------------------------------------------------------------------------------- topics
+
+
+class Topic(NamedTuple):
+    """A topic of the robot. ``content`` is the next message; a new content is worth a line in the journal."""
+
+    name: str
+    content: Callable[[World], Fields]
+
+
+def _faces(world: World) -> Fields:
+    if not world.visitor.is_here:
+        return {"face_label_id": [], "mutualGaze": []}
+    return {"face_label_id": ["visitor"], "mutualGaze": [world.visitor.attention == "seeking"]}
+
+
+def _attention(world: World) -> Fields:
+    state = world.visitor.attention
+    value = GAZE_VALUES[world.mutual_gaze_value][world.visitor.gaze()] if state == "seeking" else 0
+    return {"state": state, "value": value}
+
+
+def _utterance(world: World) -> Fields:
+    return {"data": world.visitor.utterance()}
+
+
+TOPICS: Dict[str, Topic] = {
+    "faceDetection": Topic("/faceDetection/data", _faces),
+    "overtAttention": Topic("/overtAttention/mode", _attention),
+    "speechEvent": Topic("/speechEvent/text", _utterance),
+}
+"""Node -> its topic (table 2)."""
+
+NODES = ("animateBehavior", "overtAttention", "gestureExecution", "textToSpeech", "robotNavigation", "knowledgeBase",
+         "tabletEvent", "speechEvent", "faceDetection")

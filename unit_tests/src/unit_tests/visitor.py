@@ -1,0 +1,116 @@
+"""The visitor in front of the robot: what can be seen and heard of one person, given what the robot has done so far.
+
+Each simulated sensor has a Visitor of its own and tells it everything that stands in the journal, so all of them know
+the same person. Only the times of messages are random.
+"""
+from typing import Callable, Dict, NamedTuple, Sequence, Tuple
+
+from unit_tests.journal import Line
+
+ENGAGES, SILENT, DECLINES, LEAVES = "engages", "silent", "declines", "leaves"
+BEHAVIOURS = (ENGAGES, SILENT, DECLINES, LEAVES)
+
+EXHIBITS_BEFORE_LEAVING = 2
+"""A visitor who leaves follows the robot to this many exhibits, and no farther."""
+
+SMALL_TALK = "What a bright room"
+"""What a visitor says when there is nothing to answer; no language takes it for an answer."""
+
+NOTHING_HEARD = "Error: no speech recognised"
+"""What speech recognition writes when it cannot make out words."""
+
+STILL_SEEKING, MUTUAL_GAZE, GAZE_FAILED = "still seeking", "mutual gaze", "failed"
+GAZE_VALUES: Dict[int, Dict[str, int]] = {
+    1: {STILL_SEEKING: 0, MUTUAL_GAZE: 1, GAZE_FAILED: 3},
+    2: {STILL_SEEKING: 1, MUTUAL_GAZE: 2, GAZE_FAILED: 3},
+}
+"""The ``value`` of /overtAttention/mode while seeking, for each ``mutualGazeValue`` of the controller."""
+
+
+class Manners(NamedTuple):
+    """How a visitor behaves, and the words of the language in which the robot speaks."""
+
+    behaviour: str
+    questions: Sequence[str]  # sentences of the robot that want a yes or no
+    yes: str
+    no: str
+    home: Tuple[float, float]  # x and y of where the robot waits between two visitors
+
+
+class Visitor:
+    """One visitor after the other: the first comes when the robot wakes up, the next when it scans for visitors again."""
+
+    def __init__(self, manners: Manners):
+        self._manners = manners
+        self.attention = "disabled"  # the mode that the robot's gaze was last set to
+        self._is_first_request = True
+        self._come()
+        self.is_here = False
+
+    def _come(self) -> None:
+        self.is_here = True
+        self._is_asked = False
+        self._drives = 0
+        self._looks = 0
+
+    # ------------------------------------------------------------------------------------------- what the robot does
+
+    def notice(self, line: Line) -> None:
+        """Take in a request of the robot; lines about topics are no news to a visitor."""
+        if line.call == 0:
+            return
+        if self._is_first_request:
+            self._is_first_request = False
+            self._come()
+        was_asked, self._is_asked = self._is_asked, False
+        reaction = self._REACTIONS.get(line.node)
+        if reaction is not None:
+            reaction(self, line, was_asked)
+
+    def _notice_attention(self, line: Line, _was_asked: bool) -> None:
+        if line.content["state"] == "scanning":
+            self._come()
+        if line.done:
+            self.attention = line.content["state"]
+            self._looks = 0
+
+    def _notice_speech(self, line: Line, was_asked: bool) -> None:
+        if not line.done:
+            self._is_asked = was_asked
+        elif line.content["message"] in self._manners.questions:
+            self._is_asked = True
+        elif was_asked and self._manners.behaviour == DECLINES:
+            self.is_here = False
+
+    def _notice_drive(self, line: Line, _was_asked: bool) -> None:
+        goal = (line.content["goal_x"], line.content["goal_y"])
+        self._drives += line.done
+        if goal == self._manners.home:
+            self.is_here = False
+        elif self._manners.behaviour == LEAVES and self._drives > EXHIBITS_BEFORE_LEAVING:
+            self.is_here = False
+
+    _REACTIONS: Dict[str, Callable[["Visitor", Line, bool], None]] = {
+        "overtAttention": _notice_attention, "textToSpeech": _notice_speech, "robotNavigation": _notice_drive}
+
+    # ------------------------------------------------------------------------------------------- what the visitor does
+
+    def gaze(self) -> str:
+        """Return what a robot that seeks mutual gaze finds at its next look: the second look is returned."""
+        if not self.is_here:
+            return GAZE_FAILED
+        self._looks += 1
+        return MUTUAL_GAZE if self._looks > 1 else STILL_SEEKING
+
+    def utterance(self) -> str:
+        """Return what speech recognition writes next. An answer is repeated until the robot goes on."""
+        answers = {ENGAGES: self._manners.yes, LEAVES: self._manners.yes, DECLINES: self._manners.no}
+        answer = answers.get(self._manners.behaviour, NOTHING_HEARD)
+        if not self.is_here:
+            return NOTHING_HEARD
+        return answer if self._is_asked or answer == NOTHING_HEARD else SMALL_TALK
+
+    def press(self, options: Sequence[str]) -> str:
+        """Return which of the tablet's options is pressed, yes being the first and no the last; nothing if silent."""
+        pressed = {ENGAGES: options[0], LEAVES: options[0], DECLINES: options[-1]}
+        return pressed.get(self._manners.behaviour, "") if self.is_here else ""

@@ -1,0 +1,61 @@
+"""Tests of the configuration of the simulated robot."""
+import math
+
+import pytest
+
+from behavior_controller.errors import ConfigurationError
+
+from unit_tests import configuration
+from unit_tests.faults import PlannedFault
+
+
+def test_the_file_that_comes_with_the_package_shows_the_defaults():
+    found = configuration.load({})
+    defaults = {key.name: key.default for key in configuration.KEYS}
+    assert found.failure_rate == 0.1  # document, table 5
+    assert found.arrival_rate == 60
+    assert (found.visitor_behaviour, found.mission_runs, found.random_seed) == ("engages", 1, 1)
+    assert found.failure_rate == defaults["failureRate"]
+    assert found[3:] == tuple(defaults[key.name] for key in configuration.KEYS[3:])
+
+
+def test_fields_have_the_names_of_the_keys():
+    names = [key.name for key in configuration.KEYS]
+    assert [name.replace("_", "") for name in configuration.Configuration._fields] == [name.lower() for name in names]
+
+
+@pytest.mark.parametrize("given, field, value", (
+    ({"failureRate": 0}, "failure_rate", 0), ({"failureRate": "1"}, "failure_rate", 1),
+    ({"arrivalRate": "inf"}, "arrival_rate", math.inf), ({"arrivalRate": 1}, "arrival_rate", 1),
+    ({"verboseMode": True}, "verbose_mode", True),
+    ({"visitorBehaviour": "leaves"}, "visitor_behaviour", "leaves"),
+    ({"faultKinds": "refused, exception"}, "fault_kinds", ("refused", "exception")),
+    ({"plannedFaults": "robotNavigation:3,textToSpeech:1:unanswered"}, "planned_faults",
+     (PlannedFault("robotNavigation", 3, "refused"), PlannedFault("textToSpeech", 1, "unanswered"))),
+))
+def test_parameters_override_the_file(given, field, value):
+    assert getattr(configuration.load(given), field) == value
+
+
+@pytest.mark.parametrize("given, message", (
+    ({"failureRate": 1.1}, "a number from 0 to 1"),
+    ({"failureRate": -0.1}, "a number from 0 to 1"),
+    ({"failureRate": "nan"}, "a number from 0 to 1"),
+    ({"arrivalRate": 0.5}, "1 or more, or inf"),
+    ({"verboseMode": "yes"}, "true or false"),
+    ({"visitorBehaviour": "shouts"}, "one of engages, silent, declines, leaves"),
+    ({"missionRuns": 0}, "1 or more"),
+    ({"faultKinds": ""}, "some of refused, exception, unanswered"),
+    ({"faultKinds": "slow"}, "some of refused, exception, unanswered"),
+    ({"plannedFaults": "faceDetection:1"}, "node:call"),
+    ({"failureRat": 1}, "failureRate"),
+))
+def test_what_is_not_allowed_is_said_with_what_is(given, message):
+    with pytest.raises(ConfigurationError, match=message):
+        configuration.load(given)
+
+
+def test_all_faults_come_at_once():
+    with pytest.raises(ConfigurationError) as caught:
+        configuration.load({"failureRate": 2, "arrivalRate": 0, "randomSeed": "x"})
+    assert len(caught.value.faults) == 3

@@ -1,0 +1,64 @@
+"""Tests of the journal that the simulated nodes share."""
+import threading
+
+from unit_tests.journal import Journal, Line
+
+
+def line(number, node="textToSpeech"):
+    return Line(float(number), node, "/" + node, number, {"message": "say {}\nä".format(number)}, None, None)
+
+
+def test_what_one_process_writes_another_reads_once_and_in_order(tmp_path):
+    writer, reader = Journal(str(tmp_path / "new")), Journal(str(tmp_path / "new"))
+    assert reader.news() == []
+    writer.write(line(1))
+    writer.write(line(2))
+    assert reader.news() == [line(1), line(2)]
+    writer.write(line(3))
+    assert reader.news() == [line(3)]
+
+
+def test_what_was_there_before_can_be_skipped(tmp_path):
+    Journal(str(tmp_path)).write(line(1))
+    reader = Journal(str(tmp_path))
+    reader.skip()
+    reader_of_all = Journal(str(tmp_path))
+    reader.write(line(2))
+    assert reader.news() == [line(2)]
+    assert reader_of_all.news() == [line(1), line(2)]
+
+
+def test_half_a_line_is_left_for_later(tmp_path):
+    journal = Journal(str(tmp_path))
+    journal.write(line(1))
+    with open(journal.path, "rb") as file:
+        whole = file.read()
+    with open(journal.path, "ab") as file:
+        file.write(whole[:20])
+    assert journal.news() == [line(1)]
+    with open(journal.path, "ab") as file:
+        file.write(whole[20:])
+    assert journal.news() == [line(1)]
+
+
+def test_lines_of_many_writers_do_not_mix(tmp_path):
+    def write(node):
+        journal = Journal(str(tmp_path))
+        for number in range(100):
+            journal.write(line(number, node))
+
+    writers = [threading.Thread(target=write, args=("node{}".format(i),)) for i in range(8)]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join(30)
+    found = Journal(str(tmp_path)).news()
+    for i in range(8):
+        assert [each for each in found if each.node == "node{}".format(i)] == [
+            line(number, "node{}".format(i)) for number in range(100)]
+
+
+def test_done_means_neither_fault_nor_objection():
+    assert line(1).done
+    assert not line(1)._replace(fault="refused").done
+    assert not line(1)._replace(objection="no such mode").done

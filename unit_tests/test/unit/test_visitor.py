@@ -1,0 +1,150 @@
+"""Tests of the visitor: what can be seen and heard of one, after what the robot has done."""
+import pytest
+
+from behavior_controller import phrases
+
+from unit_tests.journal import Line
+from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, GAZE_FAILED, GAZE_VALUES, LEAVES, MUTUAL_GAZE,
+                                NOTHING_HEARD, SILENT, SMALL_TALK, STILL_SEEKING, Manners, Visitor)
+
+HOME = (0.0, 0.0)
+
+
+def visitor(behaviour=ENGAGES):
+    return Visitor(Manners(behaviour, ("A tour?", "Yes or no?"), "Yes", "No", HOME))
+
+
+def line(node, fault=None, **content):
+    return Line(0.0, node, "/" + node, 1, content, fault)
+
+
+def attention(state, fault=None):
+    return line("overtAttention", fault, state=state)
+
+
+def say(text, fault=None):
+    return line("textToSpeech", fault, message=text)
+
+
+def drive(x, y, fault=None):
+    return line("robotNavigation", fault, goal_x=x, goal_y=y, goal_theta=0.0)
+
+
+def after(behaviour, *lines):
+    person = visitor(behaviour)
+    for each in lines:
+        person.notice(each)
+    return person
+
+
+# ---------------------------------------------------------------------------------------------------- coming and going
+
+
+@pytest.mark.parametrize("behaviour", BEHAVIOURS)
+def test_nobody_is_there_before_the_robot_wakes_up(behaviour):
+    assert not visitor(behaviour).is_here
+    assert after(behaviour, attention("scanning")).is_here
+
+
+def test_a_visitor_comes_to_a_robot_that_does_not_scan_too():
+    assert after(ENGAGES, say("Hello")).is_here
+
+
+def test_messages_on_topics_wake_nobody():
+    assert not after(ENGAGES, Line(0.0, "faceDetection", "/faceDetection/data", 0, {"face_label_id": []})).is_here
+
+
+def test_a_visitor_comes_even_if_the_scanning_failed():
+    assert after(ENGAGES, attention("scanning", "refused")).is_here
+
+
+def test_the_visitor_is_gone_when_the_robot_drives_home_and_the_next_one_comes():
+    person = after(ENGAGES, attention("scanning"), drive(1, 1), drive(*HOME))
+    assert not person.is_here
+    person.notice(attention("scanning"))
+    assert person.is_here
+
+
+def test_who_leaves_follows_to_two_exhibits():
+    person = after(LEAVES, attention("scanning"), drive(1, 1), drive(2, 2))
+    assert person.is_here
+    person.notice(drive(3, 3))
+    assert not person.is_here
+
+
+def test_a_drive_that_fails_leads_nowhere():
+    assert after(LEAVES, attention("scanning"), drive(1, 1), drive(2, 2), drive(3, 3, "refused")).is_here
+
+
+def test_the_others_stay_to_the_end():
+    assert after(ENGAGES, attention("scanning"), *(drive(x, 1) for x in range(1, 9))).is_here
+
+
+def test_who_declines_goes_when_the_robot_has_replied():
+    person = after(DECLINES, attention("scanning"), say("A tour?"))
+    assert person.is_here
+    person.notice(say("Another time!"))
+    assert not person.is_here
+
+
+# ----------------------------------------------------------------------------------------------------------------- gaze
+
+
+def test_the_second_look_of_a_seeking_robot_is_returned():
+    person = after(ENGAGES, attention("scanning"), attention("seeking"))
+    assert [person.gaze() for _ in range(3)] == [STILL_SEEKING, MUTUAL_GAZE, MUTUAL_GAZE]
+    person.notice(attention("seeking"))
+    assert person.gaze() == STILL_SEEKING
+
+
+def test_nobody_returns_the_gaze_of_a_robot_that_was_left():
+    person = after(LEAVES, attention("scanning"), drive(1, 1), drive(2, 2), drive(3, 3), attention("seeking"))
+    assert person.gaze() == GAZE_FAILED
+
+
+def test_a_mode_that_was_refused_is_not_set():
+    person = after(ENGAGES, attention("scanning"), attention("seeking", "refused"))
+    assert person.attention == "scanning"
+
+
+def test_gaze_values_are_those_of_the_two_conventions():
+    # contract section 3: 1 means mutual gaze or still seeking, 2 is always success, 3 always failure
+    assert GAZE_VALUES[1][MUTUAL_GAZE] == 1 and GAZE_VALUES[1][STILL_SEEKING] not in (1, 2, 3)
+    assert GAZE_VALUES[2] == {STILL_SEEKING: 1, MUTUAL_GAZE: 2, GAZE_FAILED: 3}
+    assert GAZE_VALUES[1][GAZE_FAILED] == 3
+
+
+# ------------------------------------------------------------------------------------------------------------- answers
+
+
+@pytest.mark.parametrize("behaviour, spoken, pressed", (
+    (ENGAGES, "Yes", "Oui"), (LEAVES, "Yes", "Oui"), (DECLINES, "No", "Non"), (SILENT, NOTHING_HEARD, "")))
+def test_answers(behaviour, spoken, pressed):
+    person = after(behaviour, attention("scanning"), say("A tour?"))
+    assert person.utterance() == spoken
+    assert person.utterance() == spoken, "an answer is repeated until the robot goes on"
+    assert person.press(["Oui", "Non"]) == pressed
+
+
+@pytest.mark.parametrize("lines", (
+    [say("Hello")],
+    [say("A tour?"), attention("social")],
+    [say("A tour?", "refused")],
+    [say("A tour?"), say("Thank you")],
+))
+def test_without_an_open_question_there_is_small_talk(lines):
+    assert after(ENGAGES, *lines).utterance() == SMALL_TALK
+
+
+def test_a_question_may_be_put_again():
+    assert after(DECLINES, say("A tour?"), say("Yes or no?")).utterance() == "No"
+    assert after(DECLINES, say("A tour?"), say("Yes or no?", "refused")).utterance() == "No", "the first one stands"
+
+
+@pytest.mark.parametrize("language", phrases.languages())
+def test_a_language_understands_its_visitors_as_they_are_meant(language):
+    known = phrases.load(language)
+    yes, no = known.tablet_options
+    assert known.spoken_answer(yes) == known.pressed_answer(yes) == "yes"
+    assert known.spoken_answer(no) == known.pressed_answer(no) == "no"
+    assert known.spoken_answer(SMALL_TALK) is known.spoken_answer(NOTHING_HEARD) is None
