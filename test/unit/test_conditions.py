@@ -1,0 +1,144 @@
+"""Topic conditions: which message counts, and that whatever changes the answer brings a tick by itself."""
+import pytest
+
+from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.gateway import Answer, AttentionStatus, Faces, Topic
+from test_leaves import one_leaf
+
+FACE, NOBODY = Faces(("7",), (False,)), Faces((), ())
+
+
+def woken(rig):
+    return rig.tree.wake.test_and_clear()
+
+
+def test_a_face_is_a_visitor_and_an_empty_message_is_none():
+    rig = one_leaf("<IsVisitorDiscovered/>")
+    assert rig.tick() is FAILURE
+    rig.topics.publish(Topic.FACES, NOBODY)
+    assert not woken(rig)
+    assert rig.tick() is FAILURE
+    rig.topics.publish(Topic.FACES, FACE)
+    assert woken(rig)
+    assert rig.tick() is SUCCESS
+
+
+def test_a_visitor_who_goes_wakes_the_tree():
+    rig = one_leaf("<IsVisitorDiscovered/>")
+    rig.topics.publish(Topic.FACES, FACE)
+    assert rig.tick() is SUCCESS
+    rig.topics.publish(Topic.FACES, FACE)
+    assert not woken(rig)
+    rig.topics.publish(Topic.FACES, NOBODY)
+    assert woken(rig)
+    assert rig.tick() is FAILURE
+
+
+def test_a_message_that_grows_too_old_wakes_the_tree_and_counts_no_more():
+    rig = one_leaf("<IsVisitorDiscovered/>")
+    rig.topics.publish(Topic.FACES, FACE)
+    assert rig.tick() is SUCCESS
+    rig.clock.advance(1.9)
+    assert not woken(rig)
+    rig.clock.advance(0.2)  # topicMaxAge is 2 s
+    assert woken(rig)
+    assert rig.tick() is FAILURE
+
+
+@pytest.mark.parametrize("convention, state, value, result", [
+    (1, "seeking", 1, SUCCESS), (1, "seeking", 2, SUCCESS), (1, "seeking", 3, FAILURE), (1, "seeking", 0, FAILURE),
+    (2, "seeking", 1, FAILURE), (2, "seeking", 2, SUCCESS), (2, "seeking", 3, FAILURE),
+    (1, "social", 1, FAILURE), (2, "social", 2, FAILURE), (1, "", 1, FAILURE),
+])
+def test_what_mutual_gaze_is(convention, state, value, result):
+    rig = one_leaf("<IsMutualGazeDiscovered/>", mutualGazeValue=convention)
+    rig.topics.publish(Topic.ATTENTION, AttentionStatus(state, value))
+    assert rig.tick() is result
+
+
+def test_a_gaze_from_before_the_mode_was_set_is_none_and_the_next_one_wakes_the_tree():
+    rig = one_leaf("<Sequence><SeekOvertAttentionMode/><IsMutualGazeDiscovered/></Sequence>")
+    rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1))
+    rig.clock.advance(0.1)
+    assert rig.tick() is FAILURE
+    rig.clock.advance(0.1)
+    # the same value as before: it is its time that makes it an answer
+    rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1))
+    assert woken(rig)
+
+
+QUESTION = "<Sequence><QueryTourSpeech/><IsYesNoUttered/></Sequence>"
+
+
+@pytest.mark.parametrize("utterance, result, stored", [
+    ("yes please", SUCCESS, "yes"), ("no", SUCCESS, "no"), ("hello", FAILURE, None), ("Error: noise", FAILURE, None)])
+def test_an_answer_is_stored(utterance, result, stored):
+    rig = one_leaf("<IsYesNoUttered/>")
+    rig.topics.publish(Topic.SPEECH, utterance)
+    assert rig.tick() is result
+    assert rig.tree.blackboard.get("visitorResponse") == stored
+
+
+def test_an_utterance_from_before_the_end_of_the_question_is_no_answer():
+    rig = one_leaf(QUESTION, lambda request: None)
+    rig.tick()
+    rig.topics.publish(Topic.SPEECH, "yes")  # the robot is still speaking
+    rig.clock.advance(1.0)
+    rig.gateway.calls[0].finish(Answer())
+    assert rig.tick() is FAILURE
+    rig.clock.advance(1.0)
+    rig.topics.publish(Topic.SPEECH, "hm")
+    woken(rig)
+    rig.topics.publish(Topic.SPEECH, "no")
+    assert woken(rig)
+
+
+def test_one_utterance_answers_one_question():
+    rig = one_leaf("<IsYesNoUttered/>")
+    rig.topics.publish(Topic.SPEECH, "yes")
+    assert rig.tick() is SUCCESS
+    assert rig.tick() is FAILURE
+
+
+def test_an_utterance_does_not_grow_old():
+    rig = one_leaf("<IsYesNoUttered/>")
+    rig.topics.publish(Topic.SPEECH, "yes")
+    rig.clock.advance(60.0)
+    assert rig.tick() is SUCCESS
+
+
+def test_with_a_condition_wait_the_evidence_may_come_later():
+    rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=3.0)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(2.9)
+    assert rig.tick() is RUNNING
+    rig.topics.publish(Topic.FACES, FACE)
+    assert woken(rig)
+    assert rig.tick() is SUCCESS
+
+
+def test_a_condition_wait_ends_exactly_then_and_begins_anew():
+    rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=3.0)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(3.0)
+    assert woken(rig)
+    assert rig.tick() is FAILURE
+    assert rig.tick() is RUNNING
+
+
+def test_a_halted_wait_begins_anew():
+    rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=3.0)
+    rig.tick()
+    rig.clock.advance(2.0)
+    rig.tree.halt()
+    assert rig.tick() is RUNNING
+    rig.clock.advance(2.0)
+    assert rig.tick() is RUNNING
+
+
+def test_a_waiting_condition_is_reported_once():
+    rig = one_leaf("<IsVisitorDiscovered/>")
+    for _ in range(5):
+        assert rig.tick() is FAILURE
+    assert len([event for event in rig.seen if type(event).__name__ == "LeafFinished"]) == 1
+    assert rig.mission.failures.newest_number == 5

@@ -1,0 +1,253 @@
+"""Each node of table 4: what it asks for, what it writes, and how it fails. Expected fields are the contract's."""
+import pytest
+
+from behavior_controller import leaves
+from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.events import LeafFinished
+from behavior_controller.gateway import (Answer, Cause, Exhibit, Failure, GoTo, Location, PerformGesture, Point, Prompt,
+                                         QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.leaves.base import FailureLog
+from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, registry
+
+TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
+FollowMeSpeech GoodbyeGesture HandleFallBack HereIsTheDoorSpeech IsASREnabled IsListWithExhibit IsMutualGazeDiscovered
+IsVisitorDiscovered IsVisitorResponseYes IsYesNoUttered LookUpEntrance LookUpHome MaybeAnotherTimeSpeech Navigate
+PerformDeicticGesture PressYesNoDialogue PressYesNoSpeech QueryTourSpeech RetrieveListOfExhibits SayGoodByeSpeech
+SayYesNoSpeech ScanningOvertAttentionMode SelectExhibit SocialOvertAttentionMode START_OF_TREE WelcomeGesture
+WelcomeSpeech""".split()
+EXTENSIONS = """SeekOvertAttentionMode SeekingOvertAttentionMode LocationOvertAttentionMode DescribeExhibitSpeech_1
+DescribeExhibitSpeech_2 SayGoodBye HandleFallback""".split()
+
+
+def one_leaf(element, answer=lambda request: NotImplemented, **changed):
+    """Return a rig whose mission is this one element."""
+    return Rig("<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(element), answer, **changed)
+
+
+def write(rig, **entries):
+    for key, value in entries.items():
+        rig.tree.blackboard.set(key, value)
+
+
+def test_the_vocabulary_is_table_4_and_the_documented_extensions():
+    assert len(TABLE_4) == 32
+    assert sorted(spec.id for spec in leaves.SPECS) == sorted(TABLE_4 + EXTENSIONS)
+    conditions = {spec.id for spec in leaves.SPECS if spec.kind.value == "Condition"}
+    assert conditions == {name for name in TABLE_4 if name.startswith("Is")}
+    assert all(spec.description for spec in leaves.SPECS)
+
+
+@pytest.mark.parametrize("node, request_", [
+    ("EnableAnimateBehavior", SetAnimation("enabled")),
+    ("DisableAnimateBehavior", SetAnimation("disabled")),
+    ("DisabledOvertAttentionMode", SetAttention("disabled")),
+    ("SocialOvertAttentionMode", SetAttention("social")),
+    ("ScanningOvertAttentionMode", SetAttention("scanning")),
+    ("SeekOvertAttentionMode", SetAttention("seeking")),
+    ("SeekingOvertAttentionMode", SetAttention("seeking")),
+    ("WelcomeGesture", PerformGesture("iconic", 1, 3000)),
+    ("GoodbyeGesture", PerformGesture("iconic", 3, 3000)),
+    ("RetrieveListOfExhibits", QueryKnowledge("exhibits")),
+    ("LookUpEntrance", QueryKnowledge("entrance")),
+    ("LookUpHome", QueryKnowledge("home")),
+    ("PressYesNoDialogue", Prompt(("Yes", "No"))),
+])
+def test_requests_that_need_nothing(node, request_):
+    rig = one_leaf("<{}/>".format(node))
+    assert rig.tick() is SUCCESS
+    assert rig.requests == [request_]
+
+
+@pytest.mark.parametrize("node", ["LocationOvertAttentionMode"])
+def test_looking_at_a_place(node):
+    rig = one_leaf("<{}/>".format(node))
+    assert rig.tick() is FAILURE
+    write(rig, gestureTarget=Point(1.0, 2.0, 3.0))
+    assert rig.tick() is SUCCESS
+    assert rig.requests == [SetAttention("location", Point(1.0, 2.0, 3.0))]
+
+
+@pytest.mark.parametrize("name, text", [("1", "one"), ("2", "two"), ("other", "one two")])
+def test_the_name_chooses_the_description(name, text):
+    rig = one_leaf("<DescribeExhibitSpeech name='{}'/>".format(name))
+    write(rig, currentExhibit="robot", description1="one", description2="two")
+    assert rig.tick() is SUCCESS
+    assert rig.requests == [Say(text)]
+
+
+@pytest.mark.parametrize("node, text", [
+    ("DescribeExhibitSpeech", "one two"), ("DescribeExhibitSpeech_1", "one"), ("DescribeExhibitSpeech_2", "two")])
+def test_descriptions_without_a_name(node, text):
+    rig = one_leaf("<{}/>".format(node))
+    write(rig, currentExhibit="robot", description1="one", description2="two")
+    assert rig.tick() is SUCCESS
+    assert rig.requests == [Say(text)]
+
+
+def test_an_empty_description_is_passed_over():
+    rig = one_leaf("<DescribeExhibitSpeech_2/>")
+    write(rig, currentExhibit="robot", description1="one", description2="")
+    assert rig.tick() is SUCCESS
+    assert rig.requests == []
+
+
+@pytest.mark.parametrize("node", ["DescribeExhibitSpeech", "PerformDeicticGesture", "Navigate", "SelectExhibit",
+                                  "LocationOvertAttentionMode"])
+def test_without_what_it_needs_a_leaf_fails_and_asks_for_nothing(node):
+    rig = one_leaf("<{}/>".format(node))
+    assert rig.tick() is FAILURE
+    assert rig.requests == []
+    assert rig.of(LeafFinished)[0].failure.cause is Cause.MISSING_DATA
+
+
+def test_pointing():
+    rig = one_leaf("<PerformDeicticGesture/>", deicticGestureId=7, gestureDuration=1234)
+    write(rig, gestureTarget=Point(1.0, 2.0, 3.0))
+    assert rig.tick() is SUCCESS
+    assert rig.requests == [PerformGesture("deictic", 7, 1234, Point(1.0, 2.0, 3.0))]
+
+
+def test_nothing_to_point_at():
+    rig = one_leaf("<PerformDeicticGesture/>")
+    write(rig, gestureTarget=Point(0.0, 0.0, 0.0))
+    assert rig.tick() is SUCCESS
+    assert rig.requests == []
+
+
+def test_driving():
+    rig = one_leaf("<Navigate/>")
+    write(rig, targetLocation=Location(1.0, 2.0, 45.0))
+    assert rig.tick() is SUCCESS
+    assert rig.requests == [GoTo(Location(1.0, 2.0, 45.0))]
+
+
+def test_exhibits_are_selected_in_tour_order():
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><SelectExhibit/><SelectExhibit/><Inverter><IsListWithExhibit/>"
+                   "</Inverter></Sequence>")
+    assert rig.tick() is SUCCESS
+    second = EXHIBITS[1]
+    board = rig.tree.blackboard
+    assert board.get("exhibits") == list(EXHIBITS)
+    assert (board.get("currentExhibit"), board.get("targetLocation"), board.get("gestureTarget"),
+            board.get("description1"), board.get("description2"), board.get("nextExhibit")) == (
+        second.name, second.location, second.gesture, second.description1, second.description2, 2)
+
+
+def test_the_entrance_has_a_gesture_target_and_home_has_none():
+    rig = one_leaf("<LookUpEntrance/>")
+    assert rig.tick() is SUCCESS
+    assert rig.tree.blackboard.get("targetLocation") == ENTRANCE.location
+    assert rig.tree.blackboard.get("gestureTarget") == ENTRANCE.gesture
+    rig = one_leaf("<Sequence><LookUpEntrance/><LookUpHome/></Sequence>")
+    assert rig.tick() is SUCCESS
+    assert rig.tree.blackboard.get("targetLocation") == HOME.location
+    assert rig.tree.blackboard.get("gestureTarget") is None
+
+
+@pytest.mark.parametrize("node, answer, cause", [
+    ("RetrieveListOfExhibits", Answer(), Cause.MISSING_DATA),
+    ("LookUpEntrance", Answer(), Cause.UNUSABLE_ANSWER),
+    ("LookUpHome", Answer(exhibits=EXHIBITS), Cause.UNUSABLE_ANSWER),
+    ("PressYesNoDialogue", Answer(""), Cause.MISSING_DATA),
+    ("PressYesNoDialogue", Answer("0"), Cause.MISSING_DATA),
+    ("PressYesNoDialogue", Answer("perhaps"), Cause.UNUSABLE_ANSWER),
+])
+def test_answers_that_are_none(node, answer, cause):
+    rig = one_leaf("<{}/>".format(node), lambda request: answer)
+    assert rig.tick() is FAILURE
+    assert rig.of(LeafFinished)[0].failure.cause is cause
+
+
+@pytest.mark.parametrize("response, stored", [("Yes", "yes"), ("1", "yes"), ("no", "no"), ("2", "no")])
+def test_the_tablet_stores_the_answer(response, stored):
+    rig = one_leaf("<PressYesNoDialogue/>", lambda request: Answer(response))
+    assert rig.tick() is SUCCESS
+    assert rig.tree.blackboard.get("visitorResponse") == stored
+
+
+@pytest.mark.parametrize("stored, result", [("yes", SUCCESS), ("no", FAILURE), (None, FAILURE)])
+def test_the_stored_answer(stored, result):
+    rig = one_leaf("<IsVisitorResponseYes/>")
+    if stored:
+        write(rig, visitorResponse=stored)
+    assert rig.tick() is result
+
+
+@pytest.mark.parametrize("enabled, result", [(True, SUCCESS), (False, FAILURE)])
+def test_the_configuration_decides_about_speech(enabled, result):
+    assert one_leaf("<IsASREnabled/>", asrEnabled=enabled).tick() is result
+
+
+def test_the_start_forgets_the_last_visitor():
+    rig = one_leaf("<START_OF_TREE/>")
+    write(rig, visitorResponse="yes", exhibits=list(EXHIBITS), nextExhibit=1, targetLocation=Location(1.0, 1.0, 1.0),
+          gestureTarget=Point(1.0, 1.0, 1.0), currentExhibit="robot", description1="one", description2="two")
+    assert rig.tick() is SUCCESS
+    assert {key: entry.value for key, entry in rig.tree.blackboard.local.items()} == {"questionAskedAt": 1000.0}
+
+
+CALLERS = [spec.id for spec in leaves.SPECS if spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits"))
+           or spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))]
+
+
+@pytest.mark.parametrize("node", CALLERS)
+@pytest.mark.parametrize("cause", list(Cause)[:8])
+def test_every_cause_of_failure_is_recorded_as_it_came(node, cause):
+    rig = one_leaf("<{}/>".format(node), lambda request: Failure(cause, "because", request.service))
+    write(rig, gestureTarget=Point(1.0, 1.0, 1.0), currentExhibit="robot", description1="one", description2="two")
+    assert rig.tick() is FAILURE
+    failure = rig.of(LeafFinished)[0].failure
+    assert failure == Failure(cause, "because", rig.requests[0].service)
+    assert rig.mission.failures.newest(1, 2, 0).failure == failure
+
+
+def test_a_leaf_waits_for_its_answer_and_is_woken_by_it():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    assert rig.tick() is RUNNING
+    assert not rig.tree.wake.test_and_clear()
+    rig.gateway.calls[0].finish(Answer())
+    assert rig.tree.wake.test_and_clear()
+    assert rig.tick() is SUCCESS
+    assert len(rig.requests) == 1
+
+
+def test_a_halted_leaf_drops_its_answer():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    rig.tick()
+    dropped = []
+    rig.gateway.calls[0]._abandon = lambda: dropped.append(True)
+    rig.tree.halt()
+    assert dropped == [True]
+    rig.gateway.calls[0].finish(Answer())
+    assert rig.tick() is RUNNING  # a new round, a new request
+    assert len(rig.requests) == 2
+
+
+def test_the_old_spelling_of_handlefallback_loads_with_a_warning():
+    rig = one_leaf("<HandleFallback/>")
+    assert [str(warning) for warning in rig.tree.warnings] == [
+        "<text>:1:45: warning: HandleFallback is an old spelling; write HandleFallBack"]
+
+
+def test_the_failure_log_finds_the_newest_in_a_range():
+    class Leaf:
+        def __init__(self, uid):
+            self.uid = uid
+
+    log = FailureLog()
+    first, second = (Failure(Cause.REFUSED, text) for text in ("first", "second"))
+    log.add(Leaf(3), first)
+    log.add(Leaf(2), second)
+    assert log.newest(1, 4, 0).failure == second
+    assert log.newest(3, 4, 0).failure == first
+    assert log.newest(3, 4, 1) is None
+    assert log.newest(4, 9, 0) is None
+
+
+def test_every_leaf_can_be_made_without_anything_running():
+    for spec in registry().all():
+        assert spec.factory("name") is not None
+
+
+def test_exhibits_are_plain_records():
+    assert Exhibit("a", "b", "c", Location(1.0, 2.0, 3.0), Point(1.0, 2.0, 3.0)).location.theta_deg == 3.0

@@ -1,0 +1,74 @@
+"""What the robot says, and what it takes for a yes or a no."""
+import pytest
+
+from behavior_controller import folders, phrases
+from behavior_controller.errors import ConfigurationError
+
+ENGLISH = phrases.load("English")
+
+
+@pytest.mark.parametrize("utterance, meaning", [
+    ("yes", "yes"), ("Yes.", "yes"), ("YES PLEASE!", "yes"), ("yeah, sure", "yes"), ("of course", "yes"),
+    ("why not", "yes"), ("okay", "yes"),
+    ("no", "no"), ("No, thank you.", "no"), ("nope", "no"), ("not now", "no"), ("I don't want to", "no"),
+    ("I don’t want to", "no"), ("yes... no!", "no"),
+    # from the contract: none of these is a yes
+    ("not good", "no"), ("goodbye", None), ("I know", None),
+    ("", None), ("hello robot", None), ("yesterday", None), ("nothing", None), ("Error: no speech", None),
+    ("error yes", None), ("I don't know", None), ("good morning", None),
+])
+def test_spoken_answers(utterance, meaning):
+    assert ENGLISH.spoken_answer(utterance) == meaning
+
+
+@pytest.mark.parametrize("response, meaning", [
+    ("Yes", "yes"), ("yes", "yes"), (" YES ", "yes"), ("1", "yes"), ("No", "no"), ("no", "no"), ("2", "no"),
+    ("", None), ("0", None), ("3", None), ("maybe", None),
+])
+def test_pressed_answers(response, meaning):
+    assert ENGLISH.pressed_answer(response) == meaning
+
+
+@pytest.mark.parametrize("node, words", [
+    ("WelcomeSpeech", "welcome"), ("QueryTourSpeech", "tour"), ("SayYesNoSpeech", "only understand yes or no"),
+    ("PressYesNoSpeech", "press yes or no"), ("FollowMeSpeech", "follow me"), ("MaybeAnotherTimeSpeech", "another time"),
+    ("EndTourSpeech", "last exhibit"), ("EndTourSpeech", "hope you enjoyed"), ("EndTourSpeech", "way out"),
+    ("HereIsTheDoorSpeech", "here is the door"), ("SayGoodByeSpeech", "goodbye"),
+])
+def test_the_english_phrases_say_what_table_4_asks_for(node, words):
+    assert words in ENGLISH.speech(node).lower()
+
+
+
+
+def test_the_kinyarwanda_draft_is_complete_and_says_that_it_is_one():
+    kinyarwanda = phrases.load("Kinyarwanda")
+    assert all(kinyarwanda.speech(node) for node in phrases.SPEECHES)
+    assert (kinyarwanda.spoken_answer("Yego"), kinyarwanda.spoken_answer("oya")) == ("yes", "no")
+    with open(folders.data("phrases_Kinyarwanda.ini"), encoding="utf-8") as file:
+        first = file.readline()
+    assert "DRAFT" in first and "native speaker" in first
+
+
+def test_a_language_that_is_not_there_is_a_clear_error():
+    with pytest.raises(ConfigurationError) as raised:
+        phrases.load("isiZulu")
+    assert str(raised.value) == ("language: there are no phrases in isiZulu (there are: English, Kinyarwanda; "
+                                 "another language is a file data/phrases_isiZulu.ini)")
+    with pytest.raises(ConfigurationError, match="did you mean English"):
+        phrases.load("english")
+
+
+def test_faults_of_a_language_come_at_once(tmp_path, monkeypatch):
+    with open(folders.data("phrases_English.ini"), encoding="utf-8") as file:
+        text = file.read()
+    text = text.replace("tabletYes               Yes", "tabletYes               Yes|Yeah")
+    text = text.replace("FollowMeSpeech ", "FolowMeSpeech ")
+    (tmp_path / "phrases_Broken.ini").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(folders, "data", lambda name: str(tmp_path / name))
+    with pytest.raises(ConfigurationError) as raised:
+        phrases.load("Broken")
+    found = "\n".join(fault.text + fault.hint for fault in raised.value.faults)
+    assert "unknown key FolowMeSpeech" in found and "did you mean FollowMeSpeech?" in found
+    assert "tabletYes cannot be \"Yes|Yeah\"" in found
+    assert "the required key FollowMeSpeech is missing" in found

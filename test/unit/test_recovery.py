@@ -1,0 +1,198 @@
+"""HandleFallBack and its policy: what is retried, left out, given up, and when the budget is spent."""
+import pytest
+
+from behavior_controller import folders, leaves, policy
+from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.errors import ConfigurationError
+from behavior_controller.events import Recovered
+from behavior_controller.gateway import (Answer, Cause, Failure, GoTo, Location, QueryKnowledge, Say, SetAnimation,
+                                         SetAttention)
+from behavior_controller.leaves.base import TARGET_LOCATION
+from mission_rig import EXHIBITS
+from test_leaves import one_leaf, write
+
+NODES = [spec.id for spec in leaves.SPECS]
+DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), NODES)
+SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
+
+
+def fallback(leaf, answer, **changed):
+    return one_leaf("<Fallback>{}<HandleFallBack/></Fallback>".format(leaf), answer, **changed)
+
+
+def failing(times, cause, value=Answer()):
+    """Return a server that fails that often, then answers ``value``."""
+    left = [times]
+
+    def answer(request):
+        if request in SAFE:
+            return Answer()
+        left[0] -= 1
+        return Failure(cause, "test", request.service) if left[0] >= 0 else value
+    return answer
+
+
+def to_the_end(rig):
+    for _ in range(50):
+        result = rig.tick()
+        if result is not RUNNING:
+            return result
+        rig.clock.advance(0.5)
+    raise AssertionError("no end")
+
+
+def test_a_retry_waits_its_back_off_and_then_twice_as_long():
+    rig = fallback("<Navigate/>", failing(9, Cause.REFUSED))
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    when = []
+    for _ in range(80):
+        before = len(rig.requests)
+        result = rig.tick()
+        when += [rig.clock.now() - 1000.0] * (len(rig.requests) - before)
+        if result is not RUNNING:
+            break
+        rig.clock.advance(0.125)
+    goals = [request for request in rig.requests if isinstance(request, GoTo)]
+    assert goals == 3 * [GoTo(Location(1.0, 2.0, 3.0))]
+    assert when[:3] == [0.0, 1.0, 3.0]  # the policy's back-off is 1 s for Navigate
+
+
+def test_a_step_that_works_at_the_second_attempt_has_its_effects():
+    rig = fallback("<RetrieveListOfExhibits/>", failing(1, Cause.REFUSED, Answer(exhibits=EXHIBITS)))
+    assert to_the_end(rig) is SUCCESS
+    assert rig.tree.blackboard.get("exhibits") == list(EXHIBITS)
+    assert [(event.attempts, event.success) for event in rig.of(Recovered)] == [(1, True)]
+
+
+def test_an_answer_without_content_counts_as_a_failed_attempt():
+    rig = fallback("<RetrieveListOfExhibits/>", lambda request: Answer())
+    assert to_the_end(rig) is FAILURE
+    assert rig.requests == 3 * [QueryKnowledge("exhibits")] + SAFE
+
+
+@pytest.mark.parametrize("node, cause, asked, result", [
+    # refused: surely nothing was done, so once more; then the tour goes on without
+    ("WelcomeSpeech", Cause.REFUSED, 2, SUCCESS),
+    ("WelcomeSpeech", Cause.NOT_REACHABLE, 2, SUCCESS),
+    # it may have been said: never twice
+    ("WelcomeSpeech", Cause.NO_ANSWER, 1, SUCCESS),
+    ("WelcomeSpeech", Cause.CONNECTION_LOST, 1, SUCCESS),
+    ("WelcomeGesture", Cause.NO_ANSWER, 1, SUCCESS),
+    ("SocialOvertAttentionMode", Cause.NO_ANSWER, 2, SUCCESS),
+    ("SocialOvertAttentionMode", Cause.TYPE_MISMATCH, 1, SUCCESS),
+    ("Navigate", Cause.NO_ANSWER, 3, FAILURE),
+    ("Navigate", Cause.TYPE_MISMATCH, 1, FAILURE),
+    ("LookUpHome", Cause.REFUSED, 3, FAILURE),
+    ("PressYesNoDialogue", Cause.REFUSED, 1, FAILURE),
+])
+def test_the_delivered_policy(node, cause, asked, result):
+    rig = fallback("<{}/>".format(node), failing(99, cause))
+    write(rig, **{TARGET_LOCATION: Location(1.0, 2.0, 3.0)})
+    assert to_the_end(rig) is result
+    assert [request for request in rig.requests if request not in SAFE] == asked * [rig.requests[0]]
+    assert rig.requests[asked:] == (SAFE if result is FAILURE else [])
+
+
+@pytest.mark.parametrize("node", policy.NEVER_SKIPPED)
+@pytest.mark.parametrize("cause", list(Cause))
+def test_what_the_tour_rests_on_is_never_skipped(node, cause):
+    assert DELIVERED.rule(node, cause).then == policy.GIVE_UP
+
+
+def test_not_even_by_a_rule_for_all():
+    rules = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
+    assert rules.rule("Navigate", Cause.REFUSED).then == policy.GIVE_UP
+    assert rules.rule("WelcomeSpeech", Cause.REFUSED).then == policy.SKIP
+
+
+def test_after_a_subtree_only_going_on_or_giving_up_is_possible():
+    rig = fallback("<Sequence><FollowMeSpeech/></Sequence>", failing(9, Cause.REFUSED))
+    assert to_the_end(rig) is SUCCESS
+    assert len(rig.requests) == 1
+
+
+def test_nothing_failed_before_is_a_failure():
+    rig = one_leaf("<Fallback><AlwaysFailure/><HandleFallBack/></Fallback>")
+    assert rig.tick() is FAILURE
+    assert [event.success for event in rig.of(Recovered)] == [False]
+    assert rig.requests == []
+
+
+def test_an_old_failure_is_not_handled_again():
+    rig = one_leaf("<Fallback><Sequence><WelcomeSpeech/><AlwaysFailure/></Sequence><HandleFallBack/></Fallback>",
+                   failing(1, Cause.NO_ANSWER))
+    assert to_the_end(rig) is SUCCESS
+    assert to_the_end(rig) is FAILURE  # the speech worked: what failed now is no mission node
+
+
+def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
+    def answer(request):
+        return Failure(Cause.REFUSED, "test", request.service) if isinstance(request, Say) else Answer()
+
+    rig = one_leaf("<Parallel><Fallback><GoodbyeGesture/><HandleFallBack/></Fallback>"
+                   "<Fallback><SayGoodByeSpeech/><HandleFallBack/></Fallback></Parallel>", answer)
+    assert to_the_end(rig) is SUCCESS
+    assert [event.node for event in rig.of(Recovered)] == ["SayGoodByeSpeech"]
+
+
+def test_the_budget_ends_endless_recovery():
+    rig = one_leaf("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>", failing(9999, Cause.NO_ANSWER))
+    rig.mission.policy = rig.mission.policy._replace(most=2, seconds=100.0)
+    assert [to_the_end(rig) for _ in range(3)] == [SUCCESS, SUCCESS, FAILURE]
+    rig.clock.advance(101.0)
+    assert to_the_end(rig) is SUCCESS
+
+
+def test_the_safe_state_is_taken_once_for_one_failure():
+    rig = one_leaf("<Fallback><Sequence><Fallback><Navigate/><HandleFallBack/></Fallback></Sequence>"
+                   "<HandleFallBack/></Fallback>", failing(9, Cause.TYPE_MISMATCH))
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    assert to_the_end(rig) is FAILURE
+    assert rig.requests[1:] == SAFE
+
+
+def test_halting_a_recovery_drops_its_call():
+    rig = fallback("<LookUpHome/>", lambda request: Failure(Cause.REFUSED, "test", request.service)
+                   if len(rig.requests) == 1 else None)
+    rig.tick()
+    rig.clock.advance(1.0)
+    assert rig.tick() is RUNNING
+    dropped = []
+    rig.gateway.calls[1]._abandon = lambda: dropped.append(True)
+    rig.tree.halt()
+    assert dropped == [True]
+
+
+def read(tmp_path, text):
+    path = tmp_path / "policy.ini"
+    path.write_text(text, encoding="utf-8")
+    return policy.load(str(path), NODES)
+
+
+@pytest.mark.parametrize("line, expected", [
+    ("Navigate refused 1 0 skip", "2:1: Navigate cannot be skipped (write giveUp)"),
+    ("Navigat refused 1 0 giveUp", "2:1: unknown node Navigat (did you mean Navigate?)"),
+    ("Navigate refusd 1 0 giveUp", "2:1: unknown cause refusd (did you mean refused?)"),
+    ("Navigate refused -1 0 giveUp", "2:1: retries cannot be -1 (allowed: 0 to 99)"),
+    ("Navigate refused 1 soon giveUp", "2:1: back-off cannot be soon (allowed: seconds, 0 to 3600)"),
+    ("Navigate refused 1 0 ignore", "2:1: the last word cannot be ignore (allowed: skip, giveUp)"),
+    ("Navigate refused 1 0", "2:1: 4 words; a rule has 5: node cause retries back-off then"),
+    ("budget 1 1", "2:1: a budget is one line: budget <recoveries> <seconds>"),
+])
+def test_a_wrong_line_is_named(tmp_path, line, expected):
+    with pytest.raises(ConfigurationError) as raised:
+        read(tmp_path, "budget 5 10\n" + line + "\n")
+    assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [expected]
+
+
+def test_all_wrong_lines_come_at_once_and_a_missing_budget_too(tmp_path):
+    with pytest.raises(ConfigurationError) as raised:
+        read(tmp_path, "* * 0 0 skip\n* * 0 0 skip\nx y 0 0 skip # comment\n")
+    assert len(raised.value.faults) == 4
+
+
+def test_the_first_rule_that_fits_decides(tmp_path):
+    rules = read(tmp_path, "budget 5 10\nWelcomeSpeech refused 3 0.5 skip\nWelcomeSpeech * 1 0 giveUp\n")
+    assert rules.rule("WelcomeSpeech", Cause.REFUSED).retries == 3
+    assert rules.rule("WelcomeSpeech", Cause.NO_ANSWER).retries == 1
+    assert rules.rule("FollowMeSpeech", Cause.REFUSED).then == policy.GIVE_UP

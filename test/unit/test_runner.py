@@ -1,0 +1,102 @@
+"""The tick loop: passes, stop, the safe state, exit codes, and errors that end a pass but not the node."""
+from behavior_controller.events import Noticed, PassFinished, RunFinished, RunStarted
+from behavior_controller.gateway import Answer, Say, SetAnimation, SetAttention
+from behavior_controller.runner import Runner
+from mission_rig import refusal
+from test_leaves import one_leaf
+
+SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
+
+
+def advance(rig):
+    rig.clock.advance(0.25)
+
+
+def test_as_many_passes_as_asked_for():
+    rig = one_leaf("<WelcomeSpeech/>")
+    assert rig.run(advance, runs=3) == 0
+    assert [(event.number, event.outcome) for event in rig.of(PassFinished)] == [
+        (1, "SUCCESS"), (2, "SUCCESS"), (3, "SUCCESS")]
+    assert [event.exit_code for event in rig.of(RunFinished)] == [0]
+
+
+def test_the_last_pass_decides_the_exit_code():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: refusal(request) if len(rig.requests) < 2 else Answer())
+    assert rig.run(advance, runs=2) == 0
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: refusal(request) if len(rig.requests) > 1 else Answer())
+    assert rig.run(advance, runs=2) == 3
+
+
+def test_passes_that_end_at_once_are_paced():
+    rig = one_leaf("<AlwaysFailure/>")
+    assert rig.run(advance, runs=4) == 3
+    assert rig.clock.now() == 1003.0  # a second between them, none after the last
+
+
+def test_the_run_is_announced_with_its_leaves():
+    rig = one_leaf("<Sequence><WelcomeSpeech/><Sleep msec='1'/><FollowMeSpeech name='come'/></Sequence>")
+    rig.run(advance)
+    started = rig.of(RunStarted)[0]
+    assert started.leaves == [["WelcomeSpeech::2", "WelcomeSpeech"], ["come", "FollowMeSpeech"]]
+    assert started.settings["asrEnabled"] is True
+
+
+def test_stopping_halts_the_mission_and_leaves_the_robot_calm_once():
+    stopped = []
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None if isinstance(request, Say) else Answer())
+    assert rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped)) == 0
+    assert rig.requests[1:] == SAFE
+    assert rig.of(PassFinished) == []
+    assert rig.tree.is_idle
+
+
+def test_stopping_does_not_wait_for_a_robot_that_hangs():
+    stopped = []
+
+    def visitor(rig):
+        stopped.append(True)
+        rig.clock.advance(0.25)
+
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    rig.run(visitor, runs=0, is_stopped=lambda: bool(stopped))
+    assert rig.clock.now() - 1000.0 <= 1.5
+    assert [event.text for event in rig.of(Noticed)] == [
+        "/overtAttention/set_mode did not answer while stopping",
+        "/animateBehaviour/set_activation did not answer while stopping"]
+
+
+def test_a_run_that_ends_by_itself_asks_for_nothing_more():
+    rig = one_leaf("<WelcomeSpeech/>")
+    rig.run(advance)
+    assert len(rig.requests) == 1
+
+
+def test_an_error_in_a_node_ends_the_pass_with_one_line_and_the_next_one_runs():
+    rig = one_leaf("<Script code=\"x := 'a' * 2\"/>")
+    assert rig.run(advance, runs=2) == 3
+    lines = [event.text for event in rig.of(Noticed)]
+    assert len(lines) == 2
+    assert lines[0].startswith("Exception in node 'Script::1' [Script]: Error in script [x := 'a' * 2]")
+    assert "\n" not in lines[0]
+    assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE", "FAILURE"]
+
+
+def test_a_mission_that_spins_can_be_stopped_and_is_named():
+    rounds = []
+
+    def is_stopped():
+        rounds.append(True)
+        return len(rounds) > 8
+
+    rig = one_leaf("<Repeat num_cycles='-1'><AlwaysSuccess/></Repeat>")
+    rig.run(lambda rig: None, runs=0, is_stopped=is_stopped)
+    assert [event.text for event in rig.of(Noticed)] == [
+        "the mission goes round and round without waiting for anything: put a Sleep or a Delay into its loop"]
+
+
+def test_waiting_ends_at_the_next_timer():
+    rig = one_leaf("<WelcomeSpeech/>")
+    fired = []
+    rig.clock.call_after(0.0, lambda: fired.append(True))
+    Runner(rig.tree, rig.mission, "x", 1, lambda: False).wait(None)
+    assert fired == [True]

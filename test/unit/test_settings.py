@@ -1,0 +1,123 @@
+"""The configuration: every fault in one pass, each with its line, what is allowed, and a suggestion."""
+import pytest
+
+from behavior_controller import folders, settings
+from behavior_controller.errors import ConfigurationError
+
+GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"
+
+
+def load(tmp_path, text, overrides=None):
+    path = tmp_path / "test.ini"
+    path.write_text(text, encoding="utf-8")
+    return settings.load(str(path), overrides)
+
+
+def faults(tmp_path, text, overrides=None):
+    with pytest.raises(ConfigurationError) as raised:
+        load(tmp_path, text, overrides)
+    return [str(fault).replace(str(tmp_path) + "/", "") for fault in raised.value.faults]
+
+
+def test_the_delivered_file_is_right_and_shows_every_default():
+    delivered = settings.load(folders.config("behaviorControllerConfiguration.ini"))
+    assert delivered.values == settings.defaults().values
+    with open(folders.config("behaviorControllerConfiguration.ini"), encoding="utf-8") as file:
+        words = {line.split()[0] for line in file if line.strip() and not line.startswith("#")}
+    assert words == {key.name for key in settings.KEYS}
+
+
+def test_the_documents_defaults(tmp_path):
+    found = load(tmp_path, GOOD)
+    # contract sections 3 to 7
+    assert (found.language, found.topic_max_age, found.condition_wait, found.mutual_gaze_value) == ("English", 2.0, 0.0, 1)
+    assert (found.welcome_gesture_id, found.goodbye_gesture_id, found.gesture_duration) == (1, 3, 3000)
+    assert (found.mission_runs, found.startup_timeout) == (0, 0.0)
+
+
+@pytest.mark.parametrize("line, name, value", [
+    ("missionRuns 3", "mission_runs", 3),
+    ("missionRuns=3", "mission_runs", 3),
+    ("  missionRuns\t= 3   # three visitors", "mission_runs", 3),
+    ("startupTimeout 2.5", "startup_timeout", 2.5),
+    ("language Kinyarwanda", "language", "Kinyarwanda"),
+    ("recordDirectory /tmp/a b", "record_directory", "/tmp/a b"),
+    ("recordDirectory", "record_directory", ""),
+])
+def test_ways_to_write_a_line(tmp_path, line, name, value):
+    assert getattr(load(tmp_path, GOOD + line + "\n"), name) == value
+
+
+@pytest.mark.parametrize("text, expected", [("TRUE", True), ("True", True), ("false", False), ("FALSE", False)])
+def test_booleans_in_any_case(tmp_path, text, expected):
+    assert load(tmp_path, GOOD.replace("true", text)).asr_enabled is expected
+
+
+@pytest.mark.parametrize("value, expected", [("lab_tour.xml", "lab_tour"), ("my tour", "my tour")])
+def test_the_mission_with_an_extension_is_tolerated(tmp_path, value, expected):
+    assert load(tmp_path, GOOD.replace("lab_tour", value)).scenario_specification == expected
+
+
+@pytest.mark.parametrize("line, expected", [
+    ("asrEnable true", "test.ini:4:1: unknown key asrEnable (did you mean asrEnabled?)"),
+    ("asrEnabled false", "test.ini:4:1: the key asrEnabled stands in line 3 already"),
+    ("missionRuns many", "test.ini:4:13: missionRuns cannot be \"many\" (allowed: a whole number, 0 or more)"),
+    ("missionRuns -1", "test.ini:4:13: missionRuns cannot be \"-1\" (allowed: a whole number, 0 or more)"),
+    ("startupTimeout nan", "test.ini:4:16: startupTimeout cannot be \"nan\" (allowed: a number of seconds, 0 or more)"),
+    ("startupTimeout inf", "test.ini:4:16: startupTimeout cannot be \"inf\" (allowed: a number of seconds, 0 or more)"),
+    ("mutualGazeValue 3", "test.ini:4:17: mutualGazeValue cannot be \"3\" (allowed: 1 or 2)"),
+    ("welcomeGestureId 256",
+     "test.ini:4:18: welcomeGestureId cannot be \"256\" (allowed: a whole number from 0 to 255)"),
+    ("language", "test.ini:4:1: language cannot be empty (allowed: the name of a language, such as English)"),
+])
+def test_one_fault_each(tmp_path, line, expected):
+    assert faults(tmp_path, GOOD + line + "\n") == [expected]
+
+
+@pytest.mark.parametrize("value", ["yes", "1", "0", "on", "tru"])
+def test_nothing_else_is_a_boolean(tmp_path, value):
+    assert faults(tmp_path, GOOD.replace("true", value)) == [
+        "test.ini:3:12: asrEnabled cannot be \"{}\" (allowed: true or false)".format(value)]
+
+
+@pytest.mark.parametrize("value", ["../lab_tour", "data/lab_tour", "a\\b"])
+def test_a_mission_is_no_path(tmp_path, value):
+    assert "scenarioSpecification cannot be" in faults(tmp_path, GOOD.replace("lab_tour", value))[0]
+
+
+def test_all_faults_come_at_once(tmp_path):
+    found = faults(tmp_path, "verboseMode maybe\nnonsense 1\nmissionRuns x\n")
+    assert len(found) == 5
+    assert [fault for fault in found if "required key" in fault] == [
+        "test.ini: the required key scenarioSpecification is missing (add a line: scenarioSpecification <the name of a "
+        "mission in the data folder, without .xml>)",
+        "test.ini: the required key asrEnabled is missing (add a line: asrEnabled <true or false>)"]
+
+
+def test_a_file_that_is_not_there_and_one_that_is_not_text(tmp_path):
+    with pytest.raises(ConfigurationError, match="cannot be read: No such file"):
+        settings.load(str(tmp_path / "none.ini"))
+    (tmp_path / "binary.ini").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigurationError, match="not UTF-8"):
+        settings.load(str(tmp_path / "binary.ini"))
+
+
+def test_parameters_override_the_file(tmp_path):
+    found = load(tmp_path, GOOD, {"asrEnabled": False, "missionRuns": 2, "scenarioSpecification": "other"})
+    assert (found.asr_enabled, found.mission_runs, found.scenario_specification) == (False, 2, "other")
+
+
+def test_a_parameter_may_give_a_required_key(tmp_path):
+    assert load(tmp_path, "verboseMode false\nasrEnabled true\n", {"scenarioSpecification": "x"}).asr_enabled is True
+
+
+def test_faults_of_parameters_name_the_parameter(tmp_path):
+    assert faults(tmp_path, GOOD, {"asrEnabled": "perhaps", "misionRuns": 1}) == [
+        "parameter ~asrEnabled: asrEnabled cannot be \"perhaps\" (allowed: true or false)",
+        "parameter ~misionRuns: unknown key misionRuns (did you mean missionRuns?)"]
+
+
+def test_each_service_has_its_deadline(tmp_path):
+    found = load(tmp_path, GOOD + "robotNavigationDeadline 42\n")
+    assert found.deadline("/robotNavigation/set_goal") == 42.0
+    assert found.deadline("/textToSpeech/say_text") == 60.0
