@@ -52,13 +52,13 @@ class Lines:
 
 
 class Robot:
-    """The stub robot; ``modes`` as in ``stub_robot.py``."""
+    """The stub robot; ``modes`` as in ``stub_robot.py``, by name of the service or topic."""
 
-    def __init__(self, **modes):
-        arguments = ["/{}={}".format(name.replace("__", "/"), mode) for name, mode in modes.items()]
+    def __init__(self, modes=None, **environment):
+        arguments = ["{}={}".format(name, mode) for name, mode in (modes or {}).items()]
         self.process = subprocess.Popen([sys.executable, os.path.join(HERE, "stub_robot.py")] + arguments,
                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                                        universal_newlines=True, bufsize=1)
+                                        universal_newlines=True, bufsize=1, env=dict(os.environ, **environment))
         self.lines = Lines(self.process.stdout)
         self.lines.wait_for(lambda line: "ready" in line, 20)
 
@@ -82,7 +82,7 @@ class Robot:
     def wait_for_request(self, service, seconds, start=0, **fields):
         """Return the first request to ``service`` with these field values, from line number ``start`` on."""
         def is_wanted(line):
-            event = json.loads(line)
+            event = json.loads(line) if '"service"' in line else {}
             return event.get("service") == service and all(event["fields"][key] == fields[key] for key in fields)
 
         return json.loads(self.lines.wait_for(is_wanted, seconds, start)[1])

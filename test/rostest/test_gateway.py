@@ -90,9 +90,9 @@ class TestGateway(unittest.TestCase):
         self.assert_at_rest(0, 2.0)
         forget_dead_entries()
 
-    def robot(self, **modes):
+    def robot(self, modes=None):
         """Start a stub robot for this case."""
-        robot = Robot(**modes)
+        robot = Robot(modes)
         self.addCleanup(robot.stop)
         return robot
 
@@ -141,12 +141,12 @@ class TestGateway(unittest.TestCase):
             {"message": "hello"}])
 
     def test_a_refusal(self):
-        self.robot(**{request.service[1:].replace("/", "__"): "refuse" for request in ONE_OF_EACH})
+        self.robot({request.service: "refuse" for request in ONE_OF_EACH})
         for request in ONE_OF_EACH:
             self.assert_fails(request, Cause.REFUSED)
 
     def test_an_answer_that_means_nothing(self):
-        self.robot(animateBehaviour__set_activation="odd", knowledgeBase__query="odd", robotNavigation__set_goal="odd")
+        self.robot({request.service: "odd" for request in ONE_OF_EACH})
         self.assert_fails(SetAnimation("enabled"), Cause.UNUSABLE_ANSWER, "'perhaps'")
         self.assert_fails(QueryKnowledge("home"), Cause.UNUSABLE_ANSWER, "nan")
         self.assert_fails(GoTo(Location(0.0, 0.0, 0.0)), Cause.UNUSABLE_ANSWER, "7")
@@ -154,7 +154,7 @@ class TestGateway(unittest.TestCase):
     # ------------------------------------------------------------------------------------------------ causes
 
     def test_an_exception_in_the_server(self):
-        self.robot(textToSpeech__say_text="raise")
+        self.robot({"/textToSpeech/say_text": "raise"})
         self.assert_fails(Say("hello"), Cause.HANDLER_EXCEPTION, "the stub was told to raise")
 
     def test_not_advertised(self):
@@ -165,7 +165,7 @@ class TestGateway(unittest.TestCase):
         self.assert_fails(Say("hello"), Cause.NOT_REACHABLE, "the master lists it", "Connection refused")
 
     def test_another_type(self):
-        self.robot(textToSpeech__say_text="wrong")
+        self.robot({"/textToSpeech/say_text": "wrong"})
         self.assert_fails(Say("hello"), Cause.TYPE_MISMATCH, "md5sum")
 
     def test_a_server_that_words_a_mismatch_as_roscpp_does(self):
@@ -185,7 +185,7 @@ class TestGateway(unittest.TestCase):
         self.assert_fails(Say("hello"), Cause.NOT_REACHABLE)
 
     def test_a_server_that_dies_while_it_works(self):
-        self.robot(textToSpeech__say_text="exit")
+        self.robot({"/textToSpeech/say_text": "exit"})
         self.assert_fails(Say("hello"), Cause.CONNECTION_LOST)
 
     def test_half_an_answer(self):
@@ -226,7 +226,7 @@ class TestGateway(unittest.TestCase):
     # ------------------------------------------------------------------------------------------------ time
 
     def test_a_call_that_hangs_ends_at_its_deadline_and_blocks_nobody(self):
-        robot = self.robot(textToSpeech__say_text="hang")
+        robot = self.robot({"/textToSpeech/say_text": "hang"})
         self.deadline = 0.5
         result, seconds = self.finish(self.gateway.start(Say("first")))
         self.assertEqual((result.cause, result.message), (Cause.NO_ANSWER, "waited 0.5 s"))
@@ -264,7 +264,7 @@ class TestGateway(unittest.TestCase):
         self.assertLess(seconds, 6.0)
 
     def test_dropping_a_call_gives_everything_back_at_once_and_no_result(self):
-        robot = self.robot(textToSpeech__say_text="hang")
+        robot = self.robot({"/textToSpeech/say_text": "hang"})
         call = self.gateway.start(Say("hello"))
         robot.wait_for_request(SAY, 5)
         call.drop()
@@ -275,7 +275,7 @@ class TestGateway(unittest.TestCase):
         self.assertIsNone(self.clock.next_due(), "a timer was left behind")
 
     def test_two_hundred_hung_calls_leave_no_thread_and_no_socket_behind(self):
-        robot = self.robot(textToSpeech__say_text="hang")
+        robot = self.robot({"/textToSpeech/say_text": "hang"})
         self.deadline = 0.02
         self.ask(Say("warm up"))
         self.assert_at_rest(0, 1.0)
@@ -308,7 +308,7 @@ class TestGateway(unittest.TestCase):
     # ------------------------------------------------------------------------------------------------ connections
 
     def test_two_calls_at_once_do_not_wait_for_each_other(self):
-        robot = self.robot(textToSpeech__say_text="hang")
+        robot = self.robot({"/textToSpeech/say_text": "hang"})
         first = self.gateway.start(Say("first"))
         robot.wait_for_request(SAY, 5, message="first")
         second = self.gateway.start(Say("second"))

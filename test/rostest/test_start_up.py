@@ -42,9 +42,9 @@ class TestStartUp(unittest.TestCase):
         self.package = Package(os.path.join(self.folder, "package"))
         self.package.configure()
 
-    def robot(self, **modes):
+    def robot(self, modes=None):
         """Start a stub robot for this case."""
-        robot = Robot(**modes)
+        robot = Robot(modes)
         self.addCleanup(robot.stop)
         return robot
 
@@ -82,7 +82,7 @@ class TestStartUp(unittest.TestCase):
             self.assert_line(text, "ERROR", " " + name + " ", "node /" + node, "without it")
 
     def test_one_that_is_missing_is_named_with_what_it_means_and_nothing_is_called(self):
-        robot = self.robot(robotNavigation__set_goal="absent")
+        robot = self.robot({"/robotNavigation/set_goal": "absent"})
         code, text = self.run_node()
         self.assertEqual(code, 1)
         self.assert_line(text, "ERROR", "/robotNavigation/set_goal", "node /robotNavigation", "not advertised", "drive")
@@ -91,13 +91,13 @@ class TestStartUp(unittest.TestCase):
         self.assertEqual(robot.requests(), [])
 
     def test_a_topic_that_nobody_publishes(self):
-        self.robot(faceDetection__data="absent")
+        self.robot({"/faceDetection/data": "absent"})
         code, text = self.run_node()
         self.assertEqual(code, 1)
         self.assert_line(text, "ERROR", "topic /faceDetection/data", "node /faceDetection", "no node publishes it")
 
     def test_types_that_differ_are_named_with_both_md5s(self):
-        self.robot(knowledgeBase__query="wrong", speechEvent__text="wrong")
+        self.robot({"/knowledgeBase/query": "wrong", "/speechEvent/text": "wrong"})
         code, text = self.run_node()
         self.assertEqual(code, 1)
         self.assert_line(text, "/knowledgeBase/query", "type mismatch", "cssr_system/textService",
@@ -132,7 +132,7 @@ class TestStartUp(unittest.TestCase):
         self.assertNotIn("/textToSpeech/say_text", text)
 
     def test_without_speech_recognition_nobody_needs_speechEvent(self):
-        self.robot(speechEvent__text="absent")
+        self.robot({"/speechEvent/text": "absent"})
         self.package.configure(asrEnabled="false")
         controller = self.controller()
         controller.lines.wait_for(lambda line: "[WARN]" in line and "/speechEvent/text" in line, 15)

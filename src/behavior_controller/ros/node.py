@@ -4,12 +4,11 @@ Nothing moves before the configuration, the mission and the robot's nodes have b
 told in full, in lines for an operator, and the exit code says of which kind it was.
 """
 import os
-import queue
 import signal
 import sys
 import threading
 import time
-from typing import Any, Callable, Dict, List, NamedTuple
+from typing import Any, Callable, Dict, List, NamedTuple, Set
 
 import rosgraph
 import rospy
@@ -99,38 +98,48 @@ def _explain(arguments: List[str]) -> int:
 
 
 class Stop:
-    """That somebody wants the node to stop: who is woken by it, and the end if waking does not help."""
+    """That somebody wants the node to stop: who is woken by it, and the end if waking does not help.
+
+    The signals are blocked and taken by a thread that does nothing else. A Python signal handler would not do: it runs on
+    the main thread, and not before that thread wakes if the signal comes in the moment before it falls asleep.
+    """
 
     def __init__(self, console: Console):
         self.requested = False
         self.is_over = False
         self._console = console
         self._wakes: List[Callable[[], None]] = []
-        asked: "queue.SimpleQueue[None]" = queue.SimpleQueue()
-        self.wake(lambda: asked.put(None))
-        threading.Thread(target=self._end_in_time, args=(asked,), name="stop", daemon=True).start()
+        self._lock = threading.Lock()
 
     def listen(self) -> None:
-        """Take the signals that stop us, but not a hang-up that ``nohup`` has switched off."""
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, lambda *_: self.request())
+        """Take the signals that stop us, but not a hang-up that ``nohup`` has switched off. Before any thread is started."""
+        signals = {signal.SIGINT, signal.SIGTERM}
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+            signals.add(signal.SIGHUP)
+        signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+        threading.Thread(target=self._take, args=(signals,), name="stop", daemon=True).start()
 
     def wake(self, callback: Callable[[], None]) -> None:
-        """Have ``callback`` called, in the signal handler, when somebody wants us to stop."""
-        self._wakes.append(callback)
-        if self.requested:
+        """Have ``callback`` called, on another thread, when somebody wants us to stop; at once if he does already."""
+        with self._lock:
+            self._wakes.append(callback)
+            is_late = self.requested
+        if is_late:
             callback()
 
-    def request(self) -> None:
-        """Ask to stop. May run in a signal handler at any moment: it sets and wakes, and nothing else."""
-        self.requested = True
-        for wake in self._wakes:
-            wake()
+    @staticmethod
+    def request() -> None:
+        """Ask to stop, as a signal from outside does."""
+        os.kill(os.getpid(), signal.SIGTERM)
 
-    def _end_in_time(self, asked: "queue.SimpleQueue[None]") -> None:
-        """End the process when it has not ended ``STOP_LIMIT`` seconds after it was asked to."""
-        asked.get()
+    def _take(self, signals: Set[signal.Signals]) -> None:
+        """Pass the first signal on, and end the process if it has not ended ``STOP_LIMIT`` seconds later."""
+        signal.sigwait(signals)
+        with self._lock:
+            self.requested = True
+            wakes = list(self._wakes)
+        for wake in wakes:
+            wake()
         time.sleep(STOP_LIMIT)
         if not self.is_over:
             # the terminal may be what hangs: the line is tried on a thread of its own
@@ -157,10 +166,11 @@ def _join_ros(argv: List[str]) -> None:
 
 
 def _part_from_ros() -> None:
-    """Have the master forget us, unless it hangs."""
-    thread = threading.Thread(target=rospy.signal_shutdown, args=("the node ends",), daemon=True)
-    thread.start()
-    thread.join(0.4)
+    """Have the master forget us, unless it hangs. rospy then waits for threads of its own, which we need not do."""
+    is_forgotten = threading.Event()
+    rospy.core.add_shutdown_hook(lambda reason: is_forgotten.set())
+    threading.Thread(target=rospy.signal_shutdown, args=("the node ends",), daemon=True).start()
+    is_forgotten.wait(0.4)
 
 
 def _private_parameters() -> Dict[str, Any]:

@@ -1,0 +1,159 @@
+#!/usr/bin/env python3
+"""Does the node stop within two seconds, whatever it is doing, and leave the robot in the safe state once?"""
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import rosgraph
+import rostest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+
+ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
+SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
+LIMIT = 2.0
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
+  <BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree>
+</root>
+"""
+
+
+class TestStop(unittest.TestCase):
+    """Each case runs a mission of its own up to the moment in question."""
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.addCleanup(forget_dead_entries)
+        self.package = Package(os.path.join(self.folder, "package"))
+
+    def start(self, mission, robot_modes=None, environment=None, **keys):
+        """Run ``mission`` (leaves) against a stub robot; return both."""
+        self.package.write("data/m.xml", MISSION.format(mission))
+        self.package.configure(scenarioSpecification="m", **keys)
+        environment = environment or {}
+        robot = Robot(robot_modes or {}, **environment)
+        self.addCleanup(robot.stop)
+        controller = Controller(self.package, **environment)
+        self.addCleanup(controller.close)
+        return robot, controller
+
+    def assert_safe_state_once(self, robot):
+        """Expect that the last two requests, and no others, switched attention and animation off."""
+        off = [request["service"] for request in robot.requests() if request["fields"].get("state") == "disabled"]
+        self.assertEqual(sorted(off), sorted([ATTENTION, ANIMATION]))
+        self.assertEqual(sorted(request["service"] for request in robot.requests()[-2:]), sorted(off))
+
+    def test_while_a_service_call_hangs(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
+            robot.wait_for_request(SAY, 20)
+            code, seconds = controller.stop(number)
+            print("stopped by {} in a hung call: {:.2f} s".format(number.name, seconds))
+            self.assertLess(seconds, LIMIT)
+            self.assertEqual(code, 0)
+            self.assert_safe_state_once(robot)
+            self.assertNotIn("Traceback", controller.lines.text())
+            robot.stop()
+
+    def test_while_it_drives(self):
+        robot, controller = self.start("<LookUpHome/><Navigate/>", {DRIVE: "hang"})
+        robot.wait_for_request(DRIVE, 20)
+        self.assertLess(controller.stop()[1], LIMIT)
+        self.assert_safe_state_once(robot)
+
+    def test_while_it_waits_for_a_visitor(self):
+        robot, controller = self.start("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec=\"600000\"/></ReactiveFallback>")
+        controller.lines.wait_for(lambda line: "starts" in line, 20)
+        code, seconds = controller.stop()
+        print("stopped while waiting for a visitor: {:.2f} s".format(seconds))
+        self.assertLess(seconds, LIMIT)
+        self.assert_safe_state_once(robot)
+
+    def test_when_the_services_of_the_safe_state_hang_too(self):
+        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang", ATTENTION: "hang", ANIMATION: "hang"})
+        robot.wait_for_request(SAY, 20)
+        code, seconds = controller.stop()
+        print("stopped with everything hung: {:.2f} s".format(seconds))
+        self.assertLess(seconds, LIMIT)
+        self.assert_safe_state_once(robot)
+        self.assertIn(ATTENTION, controller.lines.text())
+
+    def test_when_the_robot_has_frozen(self):
+        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
+        robot.wait_for_request(SAY, 20)
+        robot.process.send_signal(signal.SIGSTOP)
+        code, seconds = controller.stop()
+        robot.process.send_signal(signal.SIGCONT)
+        self.assertLess(seconds, LIMIT)
+        self.assertNotIn("Traceback", controller.lines.text())
+
+    def test_when_the_robot_has_died(self):
+        robot, controller = self.start("<WelcomeSpeech/><Sleep msec=\"600000\"/>")
+        robot.wait_for_request(SAY, 20)
+        robot.kill()
+        code, seconds = controller.stop()
+        self.assertLess(seconds, LIMIT)
+        self.assertNotIn("Traceback", controller.lines.text())
+
+    def test_a_second_signal_changes_nothing(self):
+        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
+        robot.wait_for_request(SAY, 20)
+        controller.process.send_signal(signal.SIGINT)
+        controller.process.send_signal(signal.SIGTERM)
+        self.assertLess(controller.stop()[1], LIMIT)
+        self.assert_safe_state_once(robot)
+        self.assertNotIn("Traceback", controller.lines.text())
+
+    def test_rosnode_kill_stops_it_in_good_order(self):
+        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
+        robot.wait_for_request(SAY, 20)
+        killed = time.monotonic()
+        subprocess.check_call(["rosnode", "kill", "/behaviorController"], stdout=subprocess.DEVNULL)
+        self.assertEqual(controller.wait(10), 0)
+        self.assertLess(time.monotonic() - killed, LIMIT + 1.0)  # of which starting rosnode takes a part
+        self.assert_safe_state_once(robot)
+
+    def test_the_master_forgets_it(self):
+        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
+        robot.wait_for_request(SAY, 20)
+        controller.stop()
+        nodes = [node for entries in rosgraph.Master("/test").getSystemState() for _, names in entries for node in names]
+        self.assertIn("/stub_robot", nodes)
+        self.assertNotIn("/behaviorController", nodes)
+
+    def test_with_nobody_who_reads_what_it_writes(self):
+        robot, controller = self.start("<Repeat num_cycles=\"-1\"><Sequence><WelcomeSpeech/><Sleep msec=\"1\"/></Sequence></Repeat>",
+                                       verboseMode="true")
+        robot.wait_for_request(SAY, 20)
+        controller.process.stdout.close()
+        count = len(robot.requests(SAY))
+        robot.lines.wait_for(lambda line: len(robot.requests(SAY)) > count + 20, 10)
+        controller.process.send_signal(signal.SIGINT)
+        self.assertEqual(controller.process.wait(LIMIT), 0)
+        self.assert_safe_state_once(robot)
+
+    def test_when_the_master_has_died(self):
+        port = "11" + str(500 + os.getpid() % 400)
+        environment = {"ROS_MASTER_URI": "http://localhost:" + port}
+        roscore = subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(roscore.wait)
+        self.addCleanup(roscore.terminate)
+        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"}, environment)
+        robot.wait_for_request(SAY, 20)
+        roscore.terminate()
+        roscore.wait(20)
+        code, seconds = controller.stop()
+        print("stopped without a master: {:.2f} s".format(seconds))
+        self.assertLess(seconds, LIMIT)
+        self.assertNotIn("Traceback", controller.lines.text())
+
+
+if __name__ == "__main__":
+    rostest.rosrun("cssr_system", "stop", TestStop)
