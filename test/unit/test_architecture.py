@@ -1,0 +1,147 @@
+"""The shape of the code, read from the files with ``ast``: who may import whom, and what every module owes its reader."""
+import ast
+import os
+import re
+import subprocess
+
+import pytest
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+PRODUCT = "behavior_controller"
+
+# From the top: a module imports from its own layer and from those below. The longest name that fits decides.
+LAYERS = [
+    ["behaviorController", "exportNodeModel", "validateMission"],
+    ["ros", "cli"],
+    ["watch", "record", "leaves"],
+    ["runner", "bt.compiler", "bt.checks", "bt.lint", "bt.conformance"],
+    ["bt", "gateway", "events", "settings", "folders", "phrases", "policy"],
+    ["errors"],
+]
+ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rosnode", "rospy", "rosservice", "rostopic",
+       "std_msgs"}
+LONGEST_FUNCTION = 60  # lines
+MACHINE_PATH = re.compile(r"(?<![\w.>-])/(?:work|root|Users|home/\w+|opt/(?:wheels|pypi))/")
+
+
+def is_python(path):
+    if path.endswith(".py"):
+        return True
+    with open(path, "rb") as file:
+        return file.readline().startswith(b"#!/usr/bin/env python3")
+
+
+def python_files(*folders):
+    """Return the paths, relative to the root, of all modules and executables below ``folders``."""
+    found = []
+    for folder in folders:
+        for place, _, names in os.walk(os.path.join(ROOT, folder)):
+            paths = [os.path.join(place, name) for name in names if not name.endswith(".pyc")]
+            found += [os.path.relpath(path, ROOT) for path in paths if is_python(path)]
+    return sorted(found)
+
+
+def parse(path):
+    with open(os.path.join(ROOT, path), encoding="utf-8") as file:
+        return ast.parse(file.read(), path, feature_version=(3, 8))
+
+
+def module_name(path):
+    """Return ``package.module`` of a path such as ``src/package/module.py``."""
+    name = os.path.splitext(path.split("src/", 1)[1])[0].replace("/", ".")
+    return name[:-len(".__init__")] if name.endswith(".__init__") else name
+
+
+MODULES = {module_name(path): path for path in python_files("src", "unit_tests/src")}
+OURS = [name for name in MODULES if name.startswith(PRODUCT + ".")]
+
+
+def imports(name):
+    """Return the names that a module imports: of ours the module, not what is taken from it."""
+    found = set()
+    for node in ast.walk(parse(MODULES[name])):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, "{} imports relatively".format(name)
+            for alias in node.names:
+                inner = "{}.{}".format(node.module, alias.name)
+                found.add(inner if inner in MODULES else node.module)
+    return found
+
+
+def layer(name):
+    """Return the index of a module's layer in LAYERS; the package's own docstring lies below all of them."""
+    inner = name.split(".", 1)[1] if "." in name else ""
+    fits = [(len(head), index) for index, heads in enumerate(LAYERS) for head in heads
+            if (inner + ".").startswith(head + ".")]
+    assert fits or not inner, "{} has no layer: add it to LAYERS".format(name)
+    return max(fits)[1] if fits else len(LAYERS)
+
+
+def outer(name):
+    return name.split(".")[0]
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_imports_point_down(name):
+    upwards = {other for other in imports(name) if outer(other) == PRODUCT and layer(other) < layer(name)}
+    assert upwards == set()
+
+
+def test_no_module_imports_itself_through_others():
+    graph = {name: imports(name) & set(MODULES) - {name} for name in MODULES}
+    while True:  # take away whatever depends on nothing that is left; a circle stays
+        free = {name for name, others in graph.items() if not others}
+        if not free:
+            break
+        graph = {name: others - free for name, others in graph.items() if name not in free}
+    assert graph == {}
+
+
+@pytest.mark.parametrize("name", [name for name in OURS if name.startswith(PRODUCT + ".bt.")])
+def test_the_engine_knows_neither_ros_nor_this_robot(name):
+    known = {other for other in imports(name) if outer(other) == PRODUCT}
+    assert {other for other in known if not other.startswith((PRODUCT + ".bt", PRODUCT + ".errors"))} == set()
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_only_the_ros_folder_imports_ros(name):
+    assert name.startswith(PRODUCT + ".ros.") or {outer(other) for other in imports(name)} & ROS == set()
+
+
+def test_only_the_document_imports_lxml():
+    assert [name for name in MODULES if "lxml" in map(outer, imports(name))] == [PRODUCT + ".bt.document"]
+
+
+def test_nothing_that_runs_on_the_robot_imports_the_test_package():
+    assert [name for name in OURS if "unit_tests" in map(outer, imports(name))] == []
+
+
+@pytest.mark.parametrize("path", python_files("src", "unit_tests", "test", "tools"))
+def test_every_module_says_what_it_is_for_and_no_function_is_long(path):
+    tree = parse(path)
+    assert ast.get_docstring(tree) or not tree.body, "no docstring"
+    functions = [node for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
+    assert [node.name for node in functions if node.end_lineno - node.lineno >= LONGEST_FUNCTION] == []
+
+
+@pytest.mark.parametrize("package, folder", [("cssr_system", "."), ("unit_tests", "unit_tests")])
+def test_every_python_package_is_installed(package, folder):
+    text = ast.dump(parse(os.path.join(folder, "setup.py")))
+    start = os.path.join(ROOT, folder, "src")
+    packages = {os.path.relpath(place, start).replace(os.sep, ".") for place, _, names in os.walk(start)
+                if "__init__.py" in names}
+    assert packages
+    assert {name for name in packages if "'{}'".format(name) not in text} == set()
+
+
+def test_no_file_names_a_place_on_somebodys_machine():
+    if not os.path.isdir(os.path.join(ROOT, ".git")):
+        pytest.skip("not a git checkout")
+    found = []
+    for path in subprocess.check_output(["git", "ls-files"], cwd=ROOT, text=True).splitlines():
+        if os.path.isfile(os.path.join(ROOT, path)) and not path.endswith(("test_architecture.py", ".xz")):
+            with open(os.path.join(ROOT, path), encoding="utf-8", errors="replace") as file:
+                found += ["{}: {}".format(path, match.group()) for match in MACHINE_PATH.finditer(file.read())]
+    assert found == []

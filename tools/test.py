@@ -1,0 +1,222 @@
+"""Run the test suites one after another: a line for each, what failed, and the sum as the last line.
+
+``python3 tools/test.py [WORD…]`` in the environment that tools/test.sh makes. With words: only suites whose name has one.
+The output of each suite and its results as JUnit XML are in a folder of its own under build/log/tests.
+"""
+import glob
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from typing import Dict, Iterator, List, NamedTuple, Optional
+from xml.etree import ElementTree
+
+REPOSITORY = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+BUILD = os.path.join(REPOSITORY, "build")
+LOGS = os.path.join(BUILD, "log", "tests")
+OWN = "{}.{}".format(*sys.version_info[:2])
+CORE = ["test/unit", "test/conformance"]
+TEST_PACKAGE = ["unit_tests/test/unit"]
+PYTEST_LIMIT = 1200.0  # seconds
+ROSTEST_LIMIT = 600.0
+NAMED_AT_MOST = 20
+
+
+class Suite(NamedTuple):
+    """A command that leaves JUnit XML in ``folder``. ``missing`` says why it cannot run here; empty: it can."""
+
+    name: str
+    command: List[str]
+    folder: str
+    limit: float
+    environment: Dict[str, str]
+    missing: str = ""
+
+    @property
+    def log(self) -> str:
+        """The file that takes what the command prints."""
+        return os.path.join(self.folder, "output.log")
+
+
+class Outcome(NamedTuple):
+    """How many cases passed, and a line for each of the others."""
+
+    passed: int
+    failed: List[str]
+    skipped: List[str]
+
+
+# ------------------------------------------------------------------------------------------------------------ the suites
+
+
+def suites() -> Iterator[Suite]:
+    """Yield every suite, the quick ones first."""
+    others = sorted({"3.8", "3.11"} - {OWN})
+    for name, folders in (("core", CORE), ("test package", TEST_PACKAGE)):
+        yield pytest_suite(name, folders, OWN, sys.executable, dict(os.environ))
+        for version in others:
+            yield other_python(name, folders, version)
+    for test in sorted(glob.glob("test/rostest/*.test")) + sorted(glob.glob("unit_tests/test/rostest/*.test")):
+        yield rostest_suite(test)
+
+
+def pytest_suite(name: str, folders: List[str], version: str, python: str, environment: Dict[str, str],
+                 missing: str = "") -> Suite:
+    """Return the suite that runs pytest over ``folders``."""
+    results = os.path.join(LOGS, "{}-{}".format(name.replace(" ", "-"), version))
+    command = [python, "-m", "pytest", "-q", "-rfE", "--junit-xml", os.path.join(results, "pytest.xml")] + folders
+    return Suite("{}, Python {}".format(name, version), command, results, PYTEST_LIMIT, environment, missing)
+
+
+def other_python(name: str, folders: List[str], version: str) -> Suite:
+    """Return the suite for an interpreter that is not the workspace's: without ROS."""
+    python = os.path.join(BUILD, "venv-" + version, "bin", "python")
+    environment = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "ROS_PACKAGE_PATH")}
+    missing = "" if os.path.exists(python) else "python{} is not installed".format(version)
+    return pytest_suite(name, folders, version, python, environment, missing)
+
+
+def rostest_suite(test: str) -> Suite:
+    """Return the suite of one rostest file; rostest gives it a master of its own."""
+    package = "unit_tests" if test.startswith("unit_tests") else "cssr_system"
+    name = os.path.splitext(os.path.basename(test))[0]
+    results = os.path.join(LOGS, "rostest-{}-{}".format(package, name))
+    command = ["rostest", "--results-base-dir", results, "--results-filename", name + ".xml", os.path.abspath(test)]
+    return Suite("rostest {} {}".format(package, name), command, results, ROSTEST_LIMIT, dict(os.environ))
+
+
+# --------------------------------------------------------------------------------------------------------------- running
+
+
+def main(words: List[str]) -> int:
+    """Run the suites, print the sum, and return the exit code."""
+    os.chdir(REPOSITORY)
+    shutil.rmtree(LOGS, ignore_errors=True)
+    os.makedirs(LOGS)
+    started = time.monotonic()
+    outcomes = [run(suite) for suite in suites() if not words or any(word in suite.name for word in words)]
+    failed = sum(len(outcome.failed) for outcome in outcomes)
+    passed = sum(outcome.passed for outcome in outcomes)
+    for reason in sorted({reason for outcome in outcomes for reason in outcome.skipped}):
+        print("skipped: {}".format(reason))
+    skipped = sum(len(outcome.skipped) for outcome in outcomes)
+    print("{} passed, {} failed, {} skipped in {:.0f} s".format(passed, failed, skipped, time.monotonic() - started))
+    return 0 if passed and not failed else 1
+
+
+def run(suite: Suite) -> Outcome:
+    """Run one suite, print its line and what failed, and return its outcome."""
+    print("{:<44} ".format(suite.name), end="", flush=True)
+    if suite.missing:
+        print("skipped: {}".format(suite.missing), flush=True)
+        return Outcome(0, [], ["{}: {}".format(suite.name, suite.missing)])
+    started = time.monotonic()
+    os.makedirs(suite.folder)
+    with open(suite.log, "w") as log:
+        fault = execute(suite, log)
+    outcome = read_results(suite.folder, fault)
+    print("{:5} passed {:3} failed {:3} skipped {:5.0f} s".format(
+        outcome.passed, len(outcome.failed), len(outcome.skipped), time.monotonic() - started), flush=True)
+    show_failures(suite, outcome)
+    return outcome
+
+
+def execute(suite: Suite, log) -> str:
+    """Run the command to its end or its limit, and return what went wrong; empty: nothing."""
+    process = subprocess.Popen(suite.command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                               env=suite.environment, start_new_session=True)
+    try:
+        code = process.wait(suite.limit)
+    except (subprocess.TimeoutExpired, KeyboardInterrupt) as reason:
+        stop(process)
+        if isinstance(reason, KeyboardInterrupt):
+            raise
+        return "not done after {:.0f} s".format(suite.limit)
+    return "exit code {}".format(code) if code else ""
+
+
+def stop(process: subprocess.Popen) -> None:
+    """End a suite: by SIGINT, so that roslaunch can take its nodes along, and after 20 s by force."""
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        process.wait(20.0)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+# --------------------------------------------------------------------------------------------------------------- results
+
+
+def read_results(folder: str, fault: str) -> Outcome:
+    """Return the outcome of a suite. One that went wrong without a failed case counts as one failure.
+
+    rostest writes rosunit-*.xml for the cases of each test node, and rostest-*.xml in which a node is one case: that
+    one matters only if it is all there is, or if a node failed as a whole.
+    """
+    outcome = judge(cases(folder, "rosunit-*.xml") or cases(folder, "*.xml"))
+    if outcome.failed:
+        return outcome
+    if fault:
+        return outcome._replace(failed=judge(cases(folder, "*.xml")).failed or [fault])
+    return outcome if outcome.passed or outcome.skipped else outcome._replace(failed=["no test was found"])
+
+
+def cases(folder: str, pattern: str) -> List[ElementTree.Element]:
+    """Return the test cases in the JUnit files of that name; a file that cannot be read has none."""
+    found: List[ElementTree.Element] = []
+    for path in sorted(glob.glob(os.path.join(folder, "**", pattern), recursive=True)):
+        try:
+            found.extend(ElementTree.parse(path).iter("testcase"))
+        except ElementTree.ParseError as error:
+            print("(cannot read {}: {}) ".format(os.path.relpath(path), error), end="")
+    return found
+
+
+def judge(found: List[ElementTree.Element]) -> Outcome:
+    """Return how many of the cases passed, and the others."""
+    outcome = Outcome(0, [], [])
+    for case in found:
+        complaint = next((child for child in case if child.tag in ("failure", "error")), None)
+        if complaint is not None:
+            outcome.failed.append("{}.{}: {}".format(case.get("classname"), case.get("name"), first_line(complaint)))
+        elif case.find("skipped") is not None:
+            outcome.skipped.append(skip_reason(case))
+        else:
+            outcome = outcome._replace(passed=outcome.passed + 1)
+    return outcome
+
+
+def first_line(complaint: ElementTree.Element) -> str:
+    """Return the first line of a failure's message, or of its text."""
+    lines = (complaint.get("message") or complaint.text or "").strip().splitlines()
+    return lines[0][:200] if lines else complaint.tag
+
+
+def skip_reason(case: ElementTree.Element) -> str:
+    """Return ``test: reason`` of a skipped case; pytest writes a skipped module as a tuple's text."""
+    skipped: Optional[ElementTree.Element] = case.find("skipped")
+    assert skipped is not None
+    text = skipped.text or "" if skipped.get("message") == "collection skipped" else skipped.get("message") or ""
+    return "{}: {}".format(case.get("name"), text.split("Skipped: ")[-1].rstrip("')"))
+
+
+def show_failures(suite: Suite, outcome: Outcome) -> None:
+    """Print what failed, the end of the output, and where the whole of it is."""
+    for line in outcome.failed[:NAMED_AT_MOST]:
+        print("    FAILED {}".format(line))
+    if len(outcome.failed) > NAMED_AT_MOST:
+        print("    … and {} more".format(len(outcome.failed) - NAMED_AT_MOST))
+    if outcome.failed:
+        with open(suite.log, errors="replace") as log:
+                print("".join("    | " + line for line in log.readlines()[-25:]), end="")
+        print("    the whole output: {}".format(os.path.relpath(suite.log)), flush=True)
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        sys.exit("interrupted")
