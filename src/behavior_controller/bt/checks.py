@@ -3,7 +3,7 @@
 ``check`` accepts what BehaviorTree.CPP's loader accepts, says everything wrong in one pass, and warns of what loads but is
 likely a mistake. What depends on an instance (types of entries, paths of SubTrees) is the compiler's to find.
 """
-from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt import ports, values
 from behavior_controller.bt.document import EXPLICIT, Document, Element
@@ -17,15 +17,35 @@ FORBIDDEN = " \t\n\r<>&\"'/\\:*?|."
 CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
 PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
+SCRIPT_PORTS = {"Script": "code", "ScriptCondition": "code", "Precondition": "if"}
+_OPEN = -1  # in place of the size of a tree whose calls are being followed
+MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
+_COMPARISONS = 20_000  # names compared for "did you mean", in all: each takes some 10 microseconds
+_BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
 
-_VERSION_3 = {
+_BLACKBOARD_CHECK = "version 4 writes _skipIf, _failureIf or Precondition"
+# what other versions and other tools call it
+_ELSEWHERE = {
     "SubTreePlus": "version 4 writes <SubTree>, and _autoremap for __autoremap",
     "SequenceStar": "version 4 calls it SequenceWithMemory",
+    "FallbackStar": "version 4 calls it Fallback",
     "RetryUntilSuccesful": "version 4 spells it RetryUntilSuccessful",
-    "BlackboardCheckInt": "version 4 writes a Precondition, or _skipIf and its like",
-    "BlackboardCheckDouble": "version 4 writes a Precondition, or _skipIf and its like",
-    "BlackboardCheckString": "version 4 writes a Precondition, or _skipIf and its like",
-    "BlackboardCheckBool": "version 4 writes a Precondition, or _skipIf and its like",
+    "BlackboardCheckInt": _BLACKBOARD_CHECK,
+    "BlackboardCheckDouble": _BLACKBOARD_CHECK,
+    "BlackboardCheckString": _BLACKBOARD_CHECK,
+    "BlackboardCheckBool": _BLACKBOARD_CHECK,
+    "ConsumeQueue": "version 4 has LoopString, LoopInt, LoopDouble and LoopBool",
+    "ManualSelector": "version 4 has Switch2 to Switch6",
+    "Selector": "BehaviorTree.CPP calls it Fallback",
+}
+_PORTS_ELSEWHERE = {
+    ("Parallel", "threshold"): "version 4 writes success_count",
+    ("Parallel", "success_threshold"): "version 4 writes success_count",
+    ("Parallel", "failure_threshold"): "version 4 writes failure_count",
+}
+_SUBTREE_ELSEWHERE = {
+    "__shared_blackboard": "version 4 ignores it: write _autoremap=\"true\"",
+    "__autoremap": "version 4 ignores it: write _autoremap",
 }
 
 
@@ -37,6 +57,8 @@ class Checked(NamedTuple):
     models: Dict[str, List[Port]]
     faults: List[Fault]
     faulty: Set[int]  # id() of elements that cannot be instantiated
+    calls: Dict[str, List[Element]]  # tree -> its SubTree elements
+    used: Set[str]  # trees that are part of the mission; all, where there is no main tree
 
     @property
     def errors(self) -> List[Fault]:
@@ -52,55 +74,84 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
     no other tree calls is it (Groot2 drops the attribute when it saves); and the ID of a tree may contain blanks and dots
     (the published lab tour has such), with a warning.
     """
-    checker = _Checker(registry, "" if strict else " .")
+    index = _Index(registry, "" if strict else " .")
     for document in documents:
-        checker.document(document)
-    checker.collect_calls()
-    main = checker.main_tree(documents[-1], main_tree, not strict)
-    checker.find_used(main)
-    checker.check_trees()
-    checker.check_cycles(main)
-    return Checked(checker.trees, main, checker.models, checker.faults, checker.faulty)
+        index.add(document)
+    main = index.main_tree(documents[-1], main_tree, not strict)
+    index.check_calls(main)
+    nodes = _Nodes(registry, index)
+    for tree_id, tree in index.bodies:
+        nodes.check_tree(tree, tree_id in index.used and index.trees[tree_id] is tree)
+    faults = sorted(index.faults, key=lambda fault: (fault.file, fault.line, fault.column))
+    return Checked(index.trees, main, index.models, faults, index.faulty, index.calls, index.used)
 
 
-class _Checker:
-    def __init__(self, registry: Registry, tolerated: str):
-        self.registry = registry
-        self.tolerated = tolerated  # letters in the ID of a tree that only earn a warning
-        self.trees: Dict[str, Element] = {}
-        self.models: Dict[str, List[Port]] = {}
+def below(tree: Element) -> List[Element]:
+    """Return every element below ``tree``, in document order."""
+    # a loop, not recursion: a file may be nested deeper than Python's stack
+    found: List[Element] = []
+    waiting = tree.children[::-1]
+    while waiting:
+        element = waiting.pop()
+        found.append(element)
+        if element.children:
+            waiting.extend(element.children[::-1])
+    return found
+
+
+class _Faults:
+    """Collects faults, and makes suggestions at a bounded cost."""
+
+    def __init__(self) -> None:
         self.faults: List[Fault] = []
         self.faulty: Set[int] = set()
-        self.calls: Dict[str, List[Element]] = {}  # tree -> its SubTree elements
-        self.used: Set[str] = set()
-        self.is_used = True  # the tree being checked is part of the mission
+        self._comparisons = _COMPARISONS
 
     def fault(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
         """Record a fault; the element cannot be instantiated."""
         self.faults.append(element.fault(text, hint, attribute))
         self.faulty.add(id(element))
 
-    def fault_in_use(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
-        """Record what BehaviorTree.CPP notices only when it makes the node: in a tree that nothing uses, a warning."""
-        (self.fault if self.is_used else self.warn)(element, text, hint, attribute)
-
     def warn(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
         """Record a warning."""
         self.faults.append(element.fault(text, hint, attribute, is_warning=True))
 
-    # ------------------------------------------------------------------------------------------------------- documents
+    def nearest(self, word: str, known: Iterable[str], otherwise: str = "") -> str:
+        """Return ``did you mean …?``, or ``otherwise`` and the known names if they are few."""
+        names = list(known)
+        self._comparisons -= len(names)
+        near = did_you_mean(word, names) if len(word) < 60 and self._comparisons > 0 else ""
+        if near or not otherwise:
+            return near
+        return "{}: {}".format(otherwise, ", ".join(sorted(names)[:10]) or "none")
 
-    def document(self, document: Document) -> None:
+
+# ------------------------------------------------------------------------------------------------- the mission as a whole
+
+
+class _Index(_Faults):
+    """Collects the trees and models of all documents, and sees who calls whom."""
+
+    def __init__(self, registry: Registry, tolerated: str):
+        super().__init__()
+        self.registry = registry
+        self.tolerated = tolerated  # letters in the ID of a tree that only earn a warning
+        self.trees: Dict[str, Element] = {}
+        self.bodies: List[Tuple[str, Element]] = []  # every <BehaviorTree>, also those that another replaces
+        self.models: Dict[str, List[Port]] = {}
+        self.calls: Dict[str, List[Element]] = {}
+        self.used: Set[str] = set()
+        self.is_complete = True  # False: a file is missing, and what it would define
+
+    def add(self, document: Document) -> None:
         """Collect the trees and models of one file."""
         root = document.root
+        self.faults.extend(document.faults)
+        self.is_complete = self.is_complete and not document.faults
         if root.tag != "root":
             self.fault(root, "the first element is <{}>; it must be <root>".format(root.tag))
             return
-        if "BTCPP_format" not in root.attributes:
-            self.warn(root, "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4")
-        elif root.attributes["BTCPP_format"] != "4":
-            self.warn(root, "BTCPP_format is {}; the file is read as version 4".format(
-                root.attributes["BTCPP_format"]), attribute="BTCPP_format")
+        self._format(root)
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
         for extra in models[1:]:
             self.fault(extra, "a file may hold only one <TreeNodesModel>")
@@ -109,54 +160,57 @@ class _Checker:
                 self._tree(child, root)
             elif models and child.tag in EXPLICIT + ("SubTree",) and "ID" not in child.attributes:
                 self.fault(child, "<{}> lacks the attribute ID".format(child.tag))
-            elif child.tag not in ("include", "TreeNodesModel"):
-                self.warn(child, "<{}> below <root> is ignored".format(child.tag),
-                          did_you_mean(child.tag, ("BehaviorTree", "include", "TreeNodesModel")))
+            elif child.tag not in _BELOW_ROOT:
+                self.warn(child, "<{}> below <root> is ignored".format(child.tag), self.nearest(child.tag, _BELOW_ROOT))
         for model in models[:1]:
             self._models(model)
+
+    def _format(self, root: Element) -> None:
+        version = root.attributes.get("BTCPP_format")
+        if version is None:
+            self.warn(root, "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4")
+        elif version != "4":
+            self.warn(root, "BTCPP_format is {}; the file is read as version 4".format(version), attribute="BTCPP_format")
 
     def _tree(self, tree: Element, root: Element) -> None:
         tree_id = tree.attributes.get("ID", "")
         if not tree_id:
             if len(root.children) > 1:
                 self.fault(tree, "<BehaviorTree> lacks the attribute ID", "only a file with nothing else may go without")
-                return
             tree_id = "BehaviorTree_{}".format(len(self.trees) + 1)
-        elif not self._usable_id(tree, tree_id):
-            return
+        else:
+            self.check_id(tree, tree_id)
         if tree_id in self.trees:
-            line, _ = self.trees[tree_id].place()
+            first = self.trees[tree_id]
             self.warn(tree, "the tree {} is defined again; this one is used, not that of {}:{}".format(
-                tree_id, self.trees[tree_id].document.file, line), attribute="ID")
+                tree_id, first.document.file, first.place()[0]), attribute="ID")
         if len(tree.children) != 1:
             self.fault(tree, "<BehaviorTree ID=\"{}\"> has {} children; it must have exactly 1".format(
                 tree_id, len(tree.children)), "put a Sequence around them" if tree.children else "")
         self.trees[tree_id] = tree
+        self.bodies.append((tree_id, tree))
 
-    def _usable_id(self, element: Element, tree_id: str) -> bool:
+    def check_id(self, element: Element, tree_id: str) -> None:
+        """Check the ID of a <BehaviorTree> or <SubTree>."""
         if tree_id in ("Root", "root"):
             self.fault(element, "{} is a reserved name; a tree cannot be called so".format(tree_id), attribute="ID")
         elif self.registry.find(tree_id) is not None:
-            self.fault(element, "{} is the name of a node type; a tree cannot be called so".format(tree_id), attribute="ID")
-        elif any(ord(letter) < 32 or letter == "\x7f" for letter in tree_id):
-            self.fault(element, "the ID {!r} contains a control character".format(tree_id), attribute="ID")
-        elif self._has_forbidden(element, tree_id):
-            pass
-        else:
-            return True
-        return False
+            self.fault(element, "{} is the name of a node type; a tree cannot be called so".format(tree_id),
+                       "a node of that type is written <{}/>".format(tree_id) if element.tag == "SubTree" else "", "ID")
+        elif any(letter in FORBIDDEN or letter < " " or letter == "\x7f" for letter in tree_id):
+            self._forbidden(element, tree_id)
 
-    def _has_forbidden(self, element: Element, tree_id: str) -> bool:
-        bad = sorted(set(tree_id) & set(FORBIDDEN))
-        if not bad:
-            return False
-        if set(bad) <= set(self.tolerated):
-            self.warn(element, "the ID {} contains {}; BehaviorTree.CPP 4.10 refuses such a name".format(
-                tree_id, " and ".join(repr(letter) for letter in bad)), attribute="ID")
-            return False
-        self.fault(element, "the ID {} contains {}; not allowed are blanks and any of <>&\"'/\\:*?|.".format(
-            tree_id, " and ".join(repr(letter) for letter in bad)), attribute="ID")
-        return True
+    def _forbidden(self, element: Element, tree_id: str) -> None:
+        bad = sorted({letter for letter in tree_id if letter in FORBIDDEN or letter < " " or letter == "\x7f"})
+        shown = " and ".join(repr(letter) for letter in bad)
+        if not set(bad) <= set(self.tolerated):
+            self.fault(element, "the ID {} contains {}; not allowed are blanks and any of <>&\"'/\\:*?|.".format(
+                tree_id, shown), attribute="ID")
+        elif element.tag == "BehaviorTree":
+            self.warn(element, "the ID {} contains {}; BehaviorTree.CPP 4.10 refuses such a name".format(tree_id, shown),
+                      attribute="ID")
+
+    # ---------------------------------------------------------------------------------------------------------- models
 
     def _models(self, models: Element) -> None:
         for model in models.children:
@@ -177,208 +231,257 @@ class _Checker:
             self.fault(port, "the name of a port cannot be empty", attribute="name")
         elif name in RESERVED_PORTS:
             self.fault(port, "{} is a reserved attribute; a port cannot be called so".format(name), attribute="name")
-        elif name[0].isdigit():
+        elif name[0] in "0123456789":
             self.fault(port, "the name of a port cannot start with a digit: {}".format(name), attribute="name")
-        elif set(name) & set(FORBIDDEN):
+        elif any(letter in FORBIDDEN or letter < " " for letter in name):
             self.fault(port, "the name of a port cannot contain blanks or any of <>&\"'/\\:*?|.: {}".format(name),
                        attribute="name")
         else:
             return True
         return False
 
-    # ----------------------------------------------------------------------------------------------------------- trees
-
-    def collect_calls(self) -> None:
-        """Note which trees each tree calls."""
-        for tree_id, tree in self.trees.items():
-            self.calls[tree_id] = [element for _, element in _below(tree) if element.tag == "SubTree"]
-
-    def find_used(self, main: str) -> None:
-        """Note which trees are part of the mission; all, if there is no main tree."""
-        waiting = [main] if main else list(self.trees)
-        while waiting:
-            tree_id = waiting.pop()
-            if tree_id in self.calls and tree_id not in self.used:
-                self.used.add(tree_id)
-                waiting.extend(call.attributes.get("ID", "") for call in self.calls[tree_id])
-
-    def check_trees(self) -> None:
-        """Check the nodes of every tree."""
-        for tree_id, tree in self.trees.items():
-            self.is_used = tree_id in self.used
-            for parent, element in _below(tree):
-                self._node(parent, element)
-
-    def _node(self, parent: Element, element: Element) -> None:
-        if element.tag == "SubTree":
-            self._subtree(element)
-            return
-        node_id = element.type_id
-        if element.tag in EXPLICIT:
-            if not node_id:
-                self.fault(element, "<{}> lacks the attribute ID".format(element.tag), "the ID is the node type")
-                return
-            if parent.type_id == "ReactiveSequence":
-                self.fault(element, "BehaviorTree.CPP refuses <{}> directly below ReactiveSequence".format(element.tag),
-                           "write <{}/>".format(node_id))
-        elif "ID" in element.attributes:
-            self.fault_in_use(element, "the attribute ID is not allowed in <{}>".format(element.tag),
-                       "write name=\"…\" for the name of the node", "ID")
-        spec = self.registry.find(node_id)
-        if spec is None or spec.kind is Kind.SUBTREE:
-            self._unknown(element, node_id)
-            return
-        if spec.warning:
-            self.warn(element, spec.warning)
-        self._children(element, spec)
-        self._attributes(element, spec)
-
-    def _unknown(self, element: Element, node_id: str) -> None:
-        if node_id == "BehaviorTree":
-            self.fault_in_use(element, "a <BehaviorTree> cannot stand inside another", "call it with <SubTree ID=\"…\"/>")
-            return
-        hint = _VERSION_3.get(node_id) or did_you_mean(node_id, [spec.id for spec in self.registry.all()])
-        if not hint and node_id in self.trees:
-            hint = "a tree is called with <SubTree ID=\"{}\"/>".format(node_id)
-        self.fault(element, "unknown node {}".format(node_id), hint, "ID" if element.tag in EXPLICIT else None)
-
-    def _children(self, element: Element, spec: NodeSpec) -> None:
-        count = len(element.children)
-        if spec.kind is Kind.DECORATOR and count != 1:
-            self.fault(element, "{} has {} children; a decorator must have exactly 1".format(spec.id, count))
-        elif spec.kind is Kind.CONTROL and count == 0:
-            self.fault(element, "{} has no child; it must have 1 or more".format(spec.id))
-        elif spec.kind in (Kind.ACTION, Kind.CONDITION) and count:
-            self.fault(element, "{} is a leaf and cannot have children".format(spec.id))
-        elif spec.id == "TryCatch" and count < 2:
-            self.fault(element, "TryCatch must have at least 2 children: the last is the one that catches")
-        elif spec.id == "ReactiveSequence" and sum(child.tag == "AsyncSequence" for child in element.children) > 1:
-            self.fault(element, "a ReactiveSequence cannot have more than one AsyncSequence child")
-
-    def _attributes(self, element: Element, spec: NodeSpec) -> None:
-        self._instance_name(element)
-        by_name = {port.name: port for port in spec.ports}
-        for name, text in element.attributes.items():
-            if name in CONDITIONS:
-                self._condition(element, name, text)
-            elif is_port_name(name):
-                port = by_name.get(name)
-                if port is None:
-                    known = ", ".join(by_name) or "none"
-                    self.fault_in_use(element, "{} has no port {}".format(spec.id, name),
-                                      did_you_mean(name, by_name) or "its ports: {}".format(known), name)
-                else:
-                    self._literal(element, port, text)
-
-    def _instance_name(self, element: Element) -> None:
-        name = element.attributes.get("name", "")
-        if any(ord(letter) < 32 and letter not in "\t\n\r" for letter in name):
-            self.fault_in_use(element, "the name {!r} contains a control character".format(name), attribute="name")
-
-    def _literal(self, element: Element, port: Port, text: str) -> None:
-        wrong = ports.literal_fault(text, port, {})
-        if wrong is not None:
-            self.fault_in_use(element, "port {} of type {} cannot be \"{}\"".format(port.name, port.type, text[:60]),
-                              wrong, port.name)
-
-    def _condition(self, element: Element, name: str, text: str) -> None:
-        try:
-            compile_script(text)
-        except ScriptSyntaxError as error:
-            self.fault_in_use(element, "the script of {} cannot be read: {}".format(name, error), attribute=name)
-
-    def _subtree(self, element: Element) -> None:
-        tree_id = element.attributes.get("ID", "")
-        self._instance_name(element)
-        for name, text in element.attributes.items():
-            if name in CONDITIONS:
-                self._condition(element, name, text)
-        if not tree_id:
-            self.fault(element, "<SubTree> lacks the attribute ID", "the ID is that of a <BehaviorTree>")
-        elif element.children:
-            self.fault(element, "<SubTree ID=\"{}\"> cannot have children".format(tree_id))
-        elif self._usable_id(element, tree_id):
-            self._subtree_attributes(element, tree_id)
-
-    def _subtree_attributes(self, element: Element, tree_id: str) -> None:
-        if tree_id not in self.trees:
-            self.fault_in_use(element, "there is no tree {}".format(tree_id), did_you_mean(tree_id, self.trees)
-                       or "the trees: {}".format(", ".join(sorted(self.trees)[:10])), "ID")
-        autoremap = element.attributes.get("_autoremap", "false")
-        try:
-            remaps_all = values.TYPES["bool"].from_text(autoremap, {})  # type: ignore[misc]
-        except ValueFault as fault:
-            self.fault_in_use(element, str(fault), attribute="_autoremap")
-            return
-        for port in self.models.get(tree_id, ()):
-            if not remaps_all and port.default is None and port.name not in element.attributes:
-                self.fault_in_use(element, "the model of {} asks for the port {}, which is not given".format(tree_id, port.name))
-        for old in ("__shared_blackboard", "__autoremap"):
-            if old in element.attributes:
-                self.warn(element, "{} means nothing in version 4".format(old), "write _autoremap=\"true\"", old)
-
-    # ------------------------------------------------------------------------------------------------- the whole mission
+    # ------------------------------------------------------------------------------------------------ who calls whom
 
     def main_tree(self, document: Document, wanted: Optional[str], guess: bool) -> str:
         """Return the ID of the main tree, or an empty text if there is a fault."""
+        self.calls = {tree_id: [element for element in below(tree) if element.tag == "SubTree"]
+                      for tree_id, tree in self.trees.items()}
         root = document.root
         named = wanted or root.attributes.get("main_tree_to_execute")
-        if named:
-            if named in self.trees:
-                return named
-            self.fault(root, "there is no tree {} to execute".format(named), did_you_mean(named, self.trees)
-                       or "the trees: {}".format(", ".join(sorted(self.trees)[:10]) or "none"),
-                       None if wanted else "main_tree_to_execute")
-            return ""
+        if named in self.trees:
+            return named
         own = [tree_id for tree_id, tree in self.trees.items() if tree.document is document]
-        if len(own) == 1:
-            return own[0]
-        if len(self.trees) == 1:
-            return next(iter(self.trees))
+        if named:
+            self.fault(root, "there is no tree {} to execute".format(named),
+                       self.nearest(named, self.trees, "the trees"), None if wanted else "main_tree_to_execute")
+            return ""
+        if len(own) == 1 or len(self.trees) == 1:
+            return own[0] if len(own) == 1 else next(iter(self.trees))
         called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
         free = [tree_id for tree_id in self.trees if tree_id not in called]
         if guess and len(free) == 1:
             return free[0]
         if root.tag == "root":
-            self.fault(root, "main_tree_to_execute is not given, and {}".format(
-                "no tree is left that no other calls" if not free else
-                "these trees are called by no other: {}".format(", ".join(free[:10]))) if self.trees else
-                "the file has no <BehaviorTree>", "name one in <root main_tree_to_execute=\"…\">" if self.trees else "")
+            self._no_main_tree(root, free)
         return ""
 
-    def check_cycles(self, main: str) -> None:
-        """Find SubTrees that contain themselves."""
-        open_, done = 1, 2
-        state: Dict[str, int] = {}
+    def _no_main_tree(self, root: Element, free: List[str]) -> None:
+        if not self.trees:
+            self.fault(root, "the file has no <BehaviorTree>")
+            return
+        why = "these trees are called by no other: {}".format(", ".join(free[:10])) if free else "each tree is called by another"
+        self.fault(root, "main_tree_to_execute is not given, and {}".format(why),
+                   "name the main tree in <root main_tree_to_execute=\"…\">")
+
+    def check_calls(self, main: str) -> None:
+        """Note which trees are used; find SubTrees that contain themselves, and missions that are too large."""
+        sizes: Dict[str, int] = {}
         for start in [main] if main else list(self.trees):
-            path: List[str] = []
-            waiting: List[Tuple[str, Optional[Element]]] = [(start, None)]
-            while waiting:
-                tree_id, call = waiting.pop()
-                if not tree_id:
-                    state[path.pop()] = done
-                elif state.get(tree_id) == open_ and call is not None:
-                    self.fault(call, "the tree {} contains itself: {}".format(
-                        tree_id, " > ".join(path[path.index(tree_id):] + [tree_id])), attribute="ID")
-                elif tree_id in self.calls and tree_id not in state:
-                    state[tree_id] = open_
-                    path.append(tree_id)
-                    waiting.append(("", None))
-                    waiting.extend((inner.attributes.get("ID", " "), inner) for inner in reversed(self.calls[tree_id]))
+            self._unfold(start, sizes, self.fault)
+        self.used = set(sizes)
+        if main and sizes.get(main, 0) > MOST_NODES:
+            self.fault(self.trees[main], "the mission unfolds to {} nodes; at most {} are allowed".format(
+                "more than a billion" if sizes[main] > 10 ** 9 else sizes[main], MOST_NODES), "call fewer SubTrees")
+        for start in self.trees:
+            self._unfold(start, sizes, self.warn)
+
+    def _unfold(self, start: str, sizes: Dict[str, int], complain: Callable[..., None]) -> None:
+        """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each tree, unfolded."""
+        path: List[str] = []
+        waiting: List[Tuple[str, Optional[Element]]] = [(start, None)]
+        while waiting:
+            tree_id, call = waiting.pop()
+            if call is None and path and path[-1] == tree_id:
+                path.pop()
+                inner = [max(sizes.get(found.attributes.get("ID", ""), 0), 0) for found in self.calls[tree_id]]
+                sizes[tree_id] = min(len(below(self.trees[tree_id])) + sum(inner), 10 ** 10)
+            elif sizes.get(tree_id) == _OPEN and call is not None:
+                complain(call, "the tree {} contains itself: {}".format(
+                    tree_id, " > ".join(path[path.index(tree_id):][:8] + [tree_id])), attribute="ID")
+            elif tree_id in self.calls and tree_id not in sizes:
+                sizes[tree_id] = _OPEN
+                path.append(tree_id)
+                waiting.append((tree_id, None))
+                waiting.extend((found.attributes.get("ID", ""), found) for found in reversed(self.calls[tree_id]))
 
 
-def _below(tree: Element) -> Iterator[Tuple[Element, Element]]:
-    """Yield (parent, element) for everything below ``tree``, in document order."""
-    # a loop, not recursion: a file may be nested deeper than Python's stack
-    waiting = [(tree, child) for child in reversed(tree.children)]
-    while waiting:
-        parent, element = waiting.pop()
-        yield parent, element
-        waiting.extend((element, child) for child in reversed(element.children))
+# ------------------------------------------------------------------------------------------------------------- the nodes
+
+
+class _Known(NamedTuple):
+    """What the check of a node needs to know of its type."""
+
+    spec: NodeSpec
+    ports: Dict[str, Port]
+    fewest: int  # children
+    most: int
+    script: str  # the port that holds a script
+
+
+def _known(spec: NodeSpec) -> _Known:
+    fewest, most = {Kind.CONTROL: (1, 10 ** 9), Kind.DECORATOR: (1, 1)}.get(spec.kind, (0, 0))
+    return _Known(spec, {port.name: port for port in spec.ports}, 2 if spec.id == "TryCatch" else fewest, most,
+                  SCRIPT_PORTS.get(spec.id, ""))
+
+
+class _Nodes:
+    """Checks the nodes of trees."""
+
+    def __init__(self, registry: Registry, index: _Index):
+        self.registry = registry
+        self.index = index
+        self.fault = index.fault
+        self.warn = index.warn
+        self.is_used = True  # the tree being checked is part of the mission
+        self._known = {spec.id: _known(spec) for spec in registry.all() if spec.kind is not Kind.SUBTREE}
+        self._compact = {name: known for name, known in self._known.items()
+                         if name not in EXPLICIT and name != "ReactiveSequence" and not known.spec.warning}
+        self._scripts: Dict[str, str] = {}  # text -> what is wrong with it
+
+    def check_tree(self, tree: Element, is_used: bool) -> None:
+        """Check what is below a <BehaviorTree>. What BehaviorTree.CPP notices only when it makes a node is a warning
+        in a tree that the mission does not use."""
+        self.is_used = is_used
+        known = self._compact
+        for element in below(tree):
+            found = known.get(element.tag) or self._identified(element)
+            if found is None:
+                continue
+            if not found.fewest <= len(element.children) <= found.most:
+                self._children(element, found)
+            for name, text in element.attributes.items():
+                if name != "name":
+                    self._attribute(element, found, name, text)
+
+    def fault_in_use(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
+        """Record a fault of an element that may not be in use."""
+        (self.fault if self.is_used else self.warn)(element, text, hint, attribute)
+
+    def _identified(self, element: Element) -> Optional[_Known]:
+        """Return the type of an element that is not plainly one; None if there is nothing more to check."""
+        if element.tag == "SubTree":
+            self._subtree(element)
+            return None
+        node_id = element.type_id
+        if not node_id:
+            self.fault(element, "<{}> lacks the attribute ID".format(element.tag), "the ID is the node type")
+            return None
+        known = self._known.get(node_id)
+        if known is None:
+            self._unknown(element, node_id)
+            return None
+        if known.spec.warning:
+            self.warn(element, known.spec.warning)
+        if node_id == "ReactiveSequence":
+            self._below_reactive_sequence(element)
+        return known
+
+    def _unknown(self, element: Element, node_id: str) -> None:
+        attribute = "ID" if element.tag in EXPLICIT else None
+        if node_id == "BehaviorTree":
+            self.fault_in_use(element, "a <BehaviorTree> cannot stand inside another", "call it with <SubTree ID=\"…\"/>")
+        elif node_id in self.index.trees:
+            self.fault(element, "{} is a tree, not a node".format(node_id),
+                       "it is called with <SubTree ID=\"{}\"/>".format(node_id), attribute)
+        else:
+            hint = _ELSEWHERE.get(node_id) or self.index.nearest(node_id, [spec.id for spec in self.registry.all()])
+            self.fault(element, "unknown node {}".format(node_id), hint, attribute)
+
+    def _below_reactive_sequence(self, element: Element) -> None:
+        for child in element.children:
+            if child.tag in EXPLICIT and child.type_id:
+                self.fault(child, "BehaviorTree.CPP refuses <{}> directly below ReactiveSequence".format(child.tag),
+                           "write <{}/>".format(child.type_id))
+        if sum(child.tag == "AsyncSequence" for child in element.children) > 1:
+            self.fault(element, "a ReactiveSequence cannot have more than one AsyncSequence child")
+
+    def _children(self, element: Element, known: _Known) -> None:
+        count, node_id = len(element.children), known.spec.id
+        if known.most == 0:
+            self.fault(element, "{} is a leaf and cannot have children".format(node_id))
+        elif known.most == 1:
+            self.fault(element, "{} has {} children; a decorator must have exactly 1".format(node_id, count),
+                       "put a Sequence around them" if count else "")
+        elif known.fewest == 2:
+            self.fault(element, "{} must have at least 2 children: the last is the one that catches".format(node_id))
+        else:
+            self.fault(element, "{} has no child; it must have 1 or more".format(node_id))
+
+    def _attribute(self, element: Element, known: _Known, name: str, text: str) -> None:
+        port = known.ports.get(name)
+        if name in CONDITIONS:
+            self._script(element, name, text)
+        elif port is not None:
+            self._port(element, known, port, text)
+        elif name == "ID":
+            if element.tag not in EXPLICIT:
+                self.fault_in_use(element, "the attribute ID is not allowed in <{}>".format(element.tag),
+                                  "write name=\"…\" for the name of the node", "ID")
+        elif is_port_name(name):
+            hint = _PORTS_ELSEWHERE.get((known.spec.id, name)) or self.index.nearest(name, known.ports, "its ports")
+            self.fault_in_use(element, "{} has no port {}".format(known.spec.id, name), hint, name)
+
+    def _port(self, element: Element, known: _Known, port: Port, text: str) -> None:
+        wrong = ports.literal_fault(text, port, {})
+        if wrong is not None:
+            self.fault_in_use(element, "port {} of type {} cannot be \"{}\"".format(port.name, port.type, text), wrong,
+                              port.name)
+        elif port.name == known.script and text and ports.reference(text, port.name) is None:
+            self._script(element, port.name, text)
+
+    def _script(self, element: Element, name: str, text: str) -> None:
+        wrong = self._scripts.get(text)
+        if wrong is None:
+            try:
+                compile_script(text)
+                wrong = ""
+            except ScriptSyntaxError as error:
+                wrong = str(error)
+            self._scripts[text] = wrong
+        if wrong:
+            self.fault_in_use(element, "the script of {} cannot be read: {}".format(name, wrong), text, name)
+
+    def _subtree(self, element: Element) -> None:
+        tree_id = element.attributes.get("ID", "")
+        for name, text in element.attributes.items():
+            if name in CONDITIONS:
+                self._script(element, name, text)
+            elif name in _SUBTREE_ELSEWHERE:
+                self.warn(element, "{} means nothing in version 4".format(name), _SUBTREE_ELSEWHERE[name], name)
+        if not tree_id:
+            self.fault(element, "<SubTree> lacks the attribute ID", "the ID is that of a <BehaviorTree>")
+        else:
+            self.index.check_id(element, tree_id)
+        if element.children:
+            self.fault(element, "<SubTree ID=\"{}\"> cannot have children".format(tree_id))
+        if tree_id and id(element) not in self.index.faulty:
+            self._call(element, tree_id)
+
+    def _call(self, element: Element, tree_id: str) -> None:
+        if tree_id not in self.index.trees and self.index.is_complete:
+            self.fault_in_use(element, "there is no tree {}".format(tree_id),
+                              self.index.nearest(tree_id, self.index.trees, "the trees"), "ID")
+        try:
+            remaps_all = values.TYPES["bool"].from_text(  # type: ignore[misc]
+                element.attributes.get("_autoremap", "false"), {})
+        except ValueFault as fault:
+            self.fault_in_use(element, str(fault), attribute="_autoremap")
+            return
+        for port in self.index.models.get(tree_id, ()):
+            if not remaps_all and port.default is None and port.name not in element.attributes:
+                self.fault_in_use(element, "the model of {} asks for the port {}, which is not given".format(
+                    tree_id, port.name), "write {0}=\"{{{0}}}\"".format(port.name))
+        if element.document.root.attributes.get("BTCPP_format") != "4":
+            self._unbraced(element)
+
+    def _unbraced(self, element: Element) -> None:
+        for name, text in element.attributes.items():
+            if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
+                self.warn(element, "{0}=\"{1}\" is the text {1} in version 4".format(name, text),
+                          "the entry of that name is written {{{}}}".format(text), name)
 
 
 def is_port_name(name: str) -> bool:
     """Return whether an attribute is taken for a port: others, like ``_uid`` or ``xmlns:x``, mean nothing."""
     return (name[0].isalpha() and name[0].isascii() and name not in ("name", "ID")
             and not any(letter in FORBIDDEN for letter in name))
-

@@ -1,13 +1,12 @@
 """A checked mission to a tree: one node for each element, SubTrees unfolded, entries and scripts bound (BT.CPP section 10)."""
-import os
 import sys
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.bt import ports
 from behavior_controller.bt.blackboard import Blackboard
 from behavior_controller.bt.checks import Checked, check, is_port_name
 from behavior_controller.bt.clock import Clock
-from behavior_controller.bt.document import Document, Element, parse, read
+from behavior_controller.bt.document import Document, Element, parse, read, with_includes
 from behavior_controller.bt.node import POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.script import Script, ScriptSyntaxError, compile_script
@@ -46,43 +45,10 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     compiler = _Compiler(checked, registry, Services(clock or Clock(), enums), substitutions(rules or {}))
     if checked.main:
         compiler.unfold(blackboard if blackboard is not None else Blackboard())
-    faults = list(checked.faults) + compiler.faults
+    faults = list(dict.fromkeys(checked.faults + compiler.faults))
     if any(not fault.is_warning for fault in faults):
         raise MissionError(sorted(faults, key=lambda fault: (fault.file, fault.line, fault.column)))
     return Tree(compiler.nodes, compiler.blackboards, compiler.services, faults)
-
-
-def with_includes(document: Document) -> List[Document]:
-    """Return the document after all that it includes, each file once. Raises MissionError."""
-    found: List[Document] = []
-    seen: Set[str] = {os.path.realpath(document.file)}
-    faults: List[Fault] = []
-    _include(document, found, seen, faults, ())
-    if faults:
-        raise MissionError(faults)
-    return found
-
-
-def _include(document: Document, found: List[Document], seen: Set[str], faults: List[Fault],
-             chain: Tuple[str, ...]) -> None:
-    here = os.path.realpath(document.file)
-    for element in document.root.children if document.root.tag == "root" else ():
-        if element.tag != "include":
-            continue
-        path = element.attributes.get("path", "")
-        if not path or (element.attributes.get("ros_pkg") and not os.path.isabs(path)):
-            faults.append(element.fault("<include> needs the attribute path, relative to this file", attribute="ros_pkg"))
-            continue
-        path = os.path.join(os.path.dirname(document.file), path)
-        if os.path.realpath(path) in chain + (here,):
-            faults.append(element.fault("{} includes itself".format(path), attribute="path"))
-        elif os.path.realpath(path) not in seen:
-            seen.add(os.path.realpath(path))
-            try:
-                _include(read(path), found, seen, faults, chain + (here,))
-            except MissionError as error:
-                faults.append(element.fault("cannot include: {}".format(error.faults[0]), attribute="path"))
-    found.append(document)
 
 
 class _Place(NamedTuple):

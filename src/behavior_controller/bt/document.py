@@ -4,7 +4,7 @@ import itertools
 import os
 import re
 import stat
-from typing import Any, Callable, Dict, List, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Set, Tuple, Union
 
 from lxml import etree
 
@@ -13,6 +13,7 @@ from behavior_controller.errors import Fault, MissionError
 
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
 MOST_FILES = 500  # that one mission may include
+DEEPEST_INCLUDE = 50
 EXPLICIT = ("Action", "Condition", "Control", "Decorator")
 _LONGEST = 300  # characters of a fault's text: names and values in it are as long as the file wants
 
@@ -51,6 +52,7 @@ class Document:
         self.file = file
         self.text = text
         self.root: Element = None  # type: ignore[assignment]
+        self.faults: List[Fault] = []  # of what it includes
         self._starts: List[int] = []  # these two are made when the first place is asked for
         self._lines: List[int] = []
 
@@ -171,3 +173,58 @@ def _not_well_formed(document: Document, error: Exception) -> MissionError:
     line = getattr(error, "lineno", None) or 0
     message = re.sub(r",? line \d+(, column \d+)?.*", "", str(error))
     return MissionError([Fault(document.file, line, 0, "not well-formed XML: {}".format(one_line(message)))])
+
+
+# ------------------------------------------------------------------------------------------------------- included files
+
+
+def with_includes(document: Document) -> List[Document]:
+    """Return the document after all that it includes, each file once, in the order in which their trees count.
+
+    What cannot be included is a fault of the document that wants it (``Document.faults``).
+    """
+    found: List[Document] = []
+    _include(document, found, {os.path.realpath(document.file)}, ())
+    return found
+
+
+def _include(document: Document, found: List[Document], seen: Set[str], chain: Tuple[str, ...]) -> None:
+    chain += (os.path.realpath(document.file),)
+    for element in document.root.children if document.root.tag == "root" else ():
+        if element.tag == "include":
+            path = _included_path(element)
+            if path is None:
+                continue
+            real = os.path.realpath(path)
+            if real in chain:
+                document.faults.append(element.fault("{} includes itself".format(path), attribute="path"))
+            elif real not in seen:
+                seen.add(real)
+                _include_file(element, path, found, seen, chain)
+    found.append(document)
+
+
+def _included_path(element: Element) -> Optional[str]:
+    path = element.attributes.get("path", "")
+    faults = element.document.faults
+    if not path:
+        faults.append(element.fault("<include> lacks the attribute path", "it is relative to this file", "path"))
+    elif "ros_pkg" in element.attributes and not os.path.isabs(path):
+        faults.append(element.fault("ros_pkg is not supported", "give the path relative to this file", "ros_pkg"))
+    else:
+        return os.path.join(os.path.dirname(element.document.file), path)
+    return None
+
+
+def _include_file(element: Element, path: str, found: List[Document], seen: Set[str], chain: Tuple[str, ...]) -> None:
+    faults = element.document.faults
+    if len(seen) > MOST_FILES or len(chain) > DEEPEST_INCLUDE:
+        faults.append(element.fault("more than {} files are included, or {} deep".format(MOST_FILES, DEEPEST_INCLUDE)))
+        return
+    try:
+        included = read(path)
+    except MissionError as error:
+        fault = error.faults[0]
+        faults.append(fault if fault.line else element.fault("cannot include {}: {}".format(path, fault.text), attribute="path"))
+        return
+    _include(included, found, seen, chain)
