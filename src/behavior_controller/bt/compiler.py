@@ -1,13 +1,15 @@
 """A checked mission to a tree: one node for each element, SubTrees unfolded, entries and scripts bound (BT.CPP section 10)."""
+import contextlib
+import gc
 import sys
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.bt import ports
 from behavior_controller.bt.blackboard import Blackboard
-from behavior_controller.bt.checks import Checked, check, is_port_name
+from behavior_controller.bt.checks import CONDITIONS, Checked, check, is_port_name
 from behavior_controller.bt.clock import Clock
 from behavior_controller.bt.document import Document, Element, parse, read, with_includes
-from behavior_controller.bt.node import POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services
+from behavior_controller.bt.node import PRE_CONDITIONS, ConfigureError, Node, Services
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.script import Script, ScriptSyntaxError, compile_script
 from behavior_controller.bt.substitution import Substitutions, TestNode, substitutions
@@ -41,14 +43,27 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``; ``enums``
     are names of integers for scripts; ``rules`` are substitution rules.
     """
-    checked = check(documents, registry, main_tree, strict)
-    compiler = _Compiler(checked, registry, Services(clock or Clock(), enums), substitutions(rules or {}))
-    if checked.main:
-        compiler.unfold(blackboard if blackboard is not None else Blackboard())
+    with _collector_at_rest():
+        checked = check(documents, registry, main_tree, strict)
+        compiler = _Compiler(checked, registry, Services(clock or Clock(), enums), substitutions(rules or {}))
+        if checked.main:
+            compiler.unfold(blackboard if blackboard is not None else Blackboard())
     faults = list(dict.fromkeys(checked.faults + compiler.faults))
     if any(not fault.is_warning for fault in faults):
         raise MissionError(sorted(faults, key=lambda fault: (fault.file, fault.line, fault.column)))
     return Tree(compiler.nodes, compiler.blackboards, compiler.services, faults)
+
+
+@contextlib.contextmanager
+def _collector_at_rest() -> Iterator[None]:
+    """Keep Python's collector from walking a growing tree, of which nothing is garbage, again and again."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 class _Place(NamedTuple):
@@ -134,21 +149,18 @@ class _Compiler:
         return spec, spec.factory(name)  # type: ignore[return-value]
 
     def _bind(self, element: Element, spec: NodeSpec, node: Node) -> None:
-        before: List[Tuple[str, Script]] = []
-        after: Dict[str, Script] = {}
         attribute: Optional[str] = None
         try:
-            if len(element.attributes) > 0 and spec.kind is not Kind.SUBTREE:
+            if spec.kind is not Kind.SUBTREE:
                 for attribute in element.attributes:
                     self._declare(attribute, spec, node)
-            for attribute in PRE_CONDITIONS:
-                if attribute in element.attributes:
-                    before.append((attribute, self._script(element.attributes[attribute])))
-            for attribute in POST_CONDITIONS:
-                if attribute in element.attributes:
-                    after[attribute] = self._script(element.attributes[attribute])
+            scripts = {}
+            for attribute in element.attributes:
+                if attribute in CONDITIONS:
+                    scripts[attribute] = self._script(element.attributes[attribute])
             attribute = None
-            node.set_conditions(before, after)
+            if scripts:
+                node.set_conditions([(name, scripts[name]) for name in PRE_CONDITIONS if name in scripts], scripts)
             node.configure()
         except ConfigureError as error:
             self.faults.append(element.fault(str(error), attribute=error.attribute))
