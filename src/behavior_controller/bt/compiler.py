@@ -17,9 +17,8 @@ from behavior_controller.bt.tree import Tree
 from behavior_controller.bt.values import TYPES, ValueFault
 from behavior_controller.errors import Fault, MissionError
 
-MOST_NODES = 250_000  # a file of a few SubTrees that call each other twice could unfold without end
-DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to three Python frames a level
-_FRAMES_PER_LEVEL = 3
+DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to four Python frames a level
+_FRAMES_PER_LEVEL = 4
 
 
 def load_mission(path: str, registry: Registry, **options: Any) -> Tree:
@@ -46,7 +45,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     with _collector_at_rest():
         checked = check(documents, registry, main_tree, strict)
         compiler = _Compiler(checked, registry, Services(clock or Clock(), enums), substitutions(rules or {}))
-        if checked.main:
+        if checked.main and id(checked.trees[checked.main]) not in checked.faulty:
             compiler.unfold(blackboard if blackboard is not None else Blackboard())
     faults = list(dict.fromkeys(checked.faults + compiler.faults))
     if any(not fault.is_warning for fault in faults):
@@ -100,9 +99,8 @@ class _Compiler:
             place = waiting.pop()
             if id(place.element) in self.checked.faulty:
                 continue
-            if len(self.nodes) >= MOST_NODES or place.depth > DEEPEST:
-                self.faults.append(place.element.fault(
-                    "the mission unfolds to more than {} nodes or {} levels".format(MOST_NODES, DEEPEST)))
+            if place.depth > DEEPEST:
+                self.faults.append(place.element.fault("the mission unfolds to more than {} levels".format(DEEPEST)))
                 break
             self._deepest = max(self._deepest, place.depth)
             node = self._node(place)

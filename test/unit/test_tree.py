@@ -1,0 +1,176 @@
+"""The tree: exact time under a test clock, waiting, py_trees' tools, depth, and what a mission may unfold to."""
+import threading
+import time
+
+import py_trees
+import pytest
+
+from behavior_controller.bt.builtins import builtin_specs
+from behavior_controller.bt.clock import Clock, ManualClock
+from behavior_controller.bt.compiler import load_mission, load_text
+from behavior_controller.bt.registry import Registry
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.errors import MissionError
+
+REGISTRY = Registry(builtin_specs())
+
+
+def load(body, rest="", clock=None):
+    text = "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{}</BehaviorTree>{}</root>"
+    return load_text(text.format(body, rest), REGISTRY, clock=clock or ManualClock())
+
+
+@pytest.mark.parametrize("body, milliseconds, result", [
+    ("<Sleep msec='1500'/>", 1500, SUCCESS),
+    ("<Delay delay_msec='250'><AlwaysFailure/></Delay>", 250, FAILURE),
+    ("<Timeout msec='700'><Sleep msec='9000'/></Timeout>", 700, FAILURE),
+    ("<Timeout msec='9000'><Sleep msec='700'/></Timeout>", 700, SUCCESS),
+    ("<Sequence><Sleep msec='300'/><Sleep msec='400'/></Sequence>", 700, SUCCESS),
+])
+def test_time_is_exact(body, milliseconds, result):
+    tree = load(body)
+    assert tree.tick_once() is RUNNING
+    elapsed = 0
+    while elapsed < milliseconds - 1:
+        tree.clock.advance(0.001)
+        elapsed += 1
+        assert tree.tick_once() is RUNNING, elapsed
+    tree.clock.advance(0.0011)
+    assert tree.tick_once() is result
+
+
+def test_a_timeout_halts_its_child_at_the_time_and_not_at_the_next_tick():
+    tree = load("<Timeout msec='100'><Sleep msec='5000' _onHalted='halted := 1'/></Timeout>")
+    tree.tick_once()
+    tree.clock.advance(0.1)
+    assert tree.blackboard.get("halted") == 1
+    assert tree.nodes[1].status is IDLE
+    assert tree.wake.test_and_clear()
+
+
+def test_sleeping_ends_at_the_wake_up_of_another_thread():
+    tree = load("<Sleep msec='60000'/>", clock=Clock())
+    tree.tick_once()
+    threading.Timer(0.05, tree.wake.emit).start()
+    began = time.monotonic()
+    assert tree.sleep(30.0)
+    assert time.monotonic() - began < 10.0
+
+
+def test_sleeping_runs_timers_and_ends_when_one_wakes_the_tree():
+    tree = load("<Sleep msec='20'/>", clock=Clock())
+    assert tree.tick_while_running(sleep_seconds=30.0) is SUCCESS
+
+
+def test_every_observer_hears_every_change():
+    tree = load("<Sequence><AlwaysSuccess/></Sequence>")
+    first, second = [], []
+    tree.subscribe(lambda node, old, new: first.append((node.uid, old, new)))
+    tree.subscribe(lambda node, old, new: second.append((node.uid, old, new)))
+    tree.tick_exactly_once()
+    assert first == second == [(1, IDLE, RUNNING), (2, IDLE, SUCCESS), (2, SUCCESS, IDLE), (1, RUNNING, SUCCESS),
+                               (1, SUCCESS, IDLE)]
+
+
+# ------------------------------------------------------------------------------------------------------ py_trees' tools
+
+FAMILY = ("<Sequence name='steps'><Fallback name='choice'><Inverter><AlwaysSuccess/></Inverter><Sleep name='nap' msec='5'/>"
+          "</Fallback><Parallel name='both'><AlwaysSuccess/><SubTree ID='T'/></Parallel></Sequence>")
+TREE_T = "<BehaviorTree ID='T'><AlwaysSuccess name='inside'/></BehaviorTree>"
+
+
+def test_py_trees_draws_our_trees():
+    tree = load(FAMILY, TREE_T)
+    text = py_trees.display.ascii_tree(tree.root, show_status=True)
+    assert [line.strip().split(" ")[1] for line in text.splitlines() if line.strip()] == [
+        "steps", "choice", "Inverter", "AlwaysSuccess", "nap", "both", "AlwaysSuccess", "T", "inside"]
+    dot = py_trees.display.dot_tree(tree.root, visibility_level=py_trees.common.VisibilityLevel.ALL).to_string()
+    shapes = {"steps": "box", "choice": "octagon", "both": "parallelogram"}
+    for name, shape in shapes.items():
+        assert any(name in line and "shape={}".format(shape) in line for line in dot.splitlines()), name
+
+
+def test_subtrees_fold_in_py_trees_drawings():
+    tree = load(FAMILY, TREE_T)
+    folded = py_trees.display.dot_tree(tree.root, visibility_level=py_trees.common.VisibilityLevel.BIG_PICTURE).to_string()
+    assert "inside" not in folded and "steps" in folded
+
+
+def test_py_trees_visitors_and_the_tree_manager_work():
+    tree = load(FAMILY, TREE_T)
+    manager = py_trees.trees.BehaviourTree(tree.root)
+    snapshot = py_trees.visitors.SnapshotVisitor()
+    manager.add_visitor(snapshot)
+    manager.tick()
+    assert tree.root.status is RUNNING
+    assert tree.root.tip().name == "nap"
+    assert snapshot.visited[tree.nodes[4].id] is RUNNING
+    tree.root.stop(IDLE)
+    assert {node.status for node in tree.nodes} == {IDLE}
+    assert [node.name for node in tree.root.iterate()][-1] == "steps"
+
+
+# ---------------------------------------------------------------------------------------------------------------- depth
+
+
+def test_two_thousand_levels_tick_and_halt():
+    body = "<Inverter>" * 2000 + "<Sleep msec='10'/>" + "</Inverter>" * 2000
+    tree = load(body)
+    assert tree.tick_once() is RUNNING
+    tree.halt()
+    tree.tick_once()
+    tree.clock.advance(0.02)
+    assert tree.tick_once() is SUCCESS  # an even number of turns
+    assert len(list(tree.root.iterate())) == 2001
+
+
+@pytest.mark.parametrize("body, rest, words", [pytest.param(*case, id=case[2]) for case in [
+    ("<Inverter>" * 10000 + "<AlwaysSuccess/>" + "</Inverter>" * 10000, "", "nested"),
+    ("<SubTree ID='T0'/>", "".join(
+        "<BehaviorTree ID='T{0}'><Sequence><SubTree ID='T{1}'/><SubTree ID='T{1}'/></Sequence></BehaviorTree>".format(n, n + 1)
+        for n in range(40)) + "<BehaviorTree ID='T40'><AlwaysSuccess/></BehaviorTree>", "unfolds to more than a billion nodes"),
+    ("<SubTree ID='A'/>", "<BehaviorTree ID='A'><Inverter><SubTree ID='B'/></Inverter></BehaviorTree>"
+                          "<BehaviorTree ID='B'><SubTree ID='A'/></BehaviorTree>", "contains itself: A > B > A"),
+]])
+def test_what_would_never_end_is_a_fault(body, rest, words):
+    with pytest.raises(MissionError) as raised:
+        load(body, rest)
+    assert words in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_faults_of_every_stage_come_in_one_pass():
+    with pytest.raises(MissionError) as raised:
+        load("<Sequence><Nonsense/><Script code='1 +'/><Sleep msec='soon'/><SetBlackboard value='1' output_key='{x}'/>"
+             "<Repeat num_cycles='{x}'><LoopInt queue='1;b' value='{x}'><AlwaysSuccess/></LoopInt></Repeat></Sequence>")
+    texts = [fault.text for fault in raised.value.faults]
+    assert len(texts) == 4
+    assert texts[0] == "unknown node Nonsense"
+    assert "Expected operand" in texts[1]
+    assert "port msec of type uint cannot be \"soon\"" in texts[2]
+    assert "integer" in texts[3]
+
+
+def test_includes_are_read_relative_to_their_file_and_once(tmp_path):
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "a.xml").write_text(
+        "<root BTCPP_format='4'><include path='b.xml'/><BehaviorTree ID='A'><SubTree ID='B'/></BehaviorTree></root>")
+    (tmp_path / "lib" / "b.xml").write_text(
+        "<root BTCPP_format='4'><BehaviorTree ID='B'><AlwaysSuccess/></BehaviorTree></root>")
+    main = tmp_path / "main.xml"
+    main.write_text("<root BTCPP_format='4' main_tree_to_execute='M'><include path='lib/a.xml'/><include path='lib/b.xml'/>"
+                    "<BehaviorTree ID='M'><SubTree ID='A'/></BehaviorTree></root>")
+    tree = load_mission(str(main), REGISTRY)
+    assert tree.tick_once() is SUCCESS
+    assert tree.warnings == []
+
+
+@pytest.mark.parametrize("path, words", [("none.xml", "none.xml"), ("main.xml", "includes itself")])
+def test_includes_that_cannot_be(tmp_path, path, words):
+    main = tmp_path / "main.xml"
+    main.write_text("<root BTCPP_format='4'>\n <include path='{}'/>\n <BehaviorTree ID='M'><AlwaysSuccess/></BehaviorTree>"
+                    "</root>".format(path))
+    with pytest.raises(MissionError) as raised:
+        load_mission(str(main), REGISTRY)
+    assert words in str(raised.value)
+    assert "main.xml:2:" in str(raised.value)
