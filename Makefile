@@ -14,7 +14,14 @@ setup:      ## system packages, virtual environments and the catkin workspace
 
 conformance: ## compare the engine with recorded traces: VECTORS=folder or .jsonl(.xz) file, LEVEL=roots, leaves or full
 	@tools/in_workspace.sh python3 -m behavior_controller.bt.conformance --level $(or $(LEVEL),full) \
+	  --may-differ test/conformance/may_differ.json \
 	  $(or $(VECTORS),$(error say VECTORS=folder or file of traces, as in test/conformance/hand))
+
+bench:      ## ratios of the engine to plain py_trees and to lxml, measured in one run, as JSON
+	@tools/in_workspace.sh python3 bench/bench_engine.py
+
+mutations:  ## break each rule of the engine in turn: the traces and tests must notice every one
+	@tools/in_workspace.sh python3 test/mutation/run_mutations.py
 
 clean:      ## everything that was built
 	rm -rf build

@@ -110,7 +110,7 @@ def notices(root):
         try:
             done = subprocess.run(
                 [sys.executable, "-m", "behavior_controller.bt.conformance", os.path.join(VECTORS, vectors),
-                 "--allowed", os.path.join(VECTORS, "may_differ.json")],
+                 "--may-differ", os.path.join(VECTORS, "may_differ.json")],
                 env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120, check=False)
         except subprocess.TimeoutExpired:
             return "no end"
