@@ -6,8 +6,9 @@ Arguments are ``name=mode``: how the service or topic behaves from the start. Mo
 process dies while it works), ``absent``, ``wrong`` (another type). Modes of a topic: ``present`` (default), ``absent``, ``wrong``.
 
 Each line on stdin is a JSON object: ``{"name": …, "mode": …}``, or ``{"topic": …, "values": [fields], "hertz": 0}``, which
-publishes once, or from now on so many times per second. Each line on stdout too: ``{"ready": true}`` once, then
-``{"service", "fields", "time"}`` for each request as it arrives; times are those of the monotonic clock.
+publishes once, or from now on so many times per second. Each line on stdout too: ``{"ready": true}`` once,
+``{"service", "fields", "time"}`` for each request as it arrives, ``{"answered"}`` before its answer, and
+``{"topic", "time"}`` as a message leaves, but not in a flood; times are those of the monotonic clock.
 """
 import json
 import os
@@ -78,6 +79,7 @@ class StubService:
             raise ValueError("the stub was told\nto raise")
         with self._changed:
             self._changed.wait_for(lambda: self.mode != "hang")
+        tell(answered=self.name)
         values = {"refuse": self.refusal, "odd": self.odd}.get(self.mode)
         return self.type._response_class(*(self.done(request) if values is None else values))
 
@@ -86,6 +88,7 @@ class StubTopic:
     """One topic, published to when told, or as often as told."""
 
     def __init__(self, name, mode):
+        self._name = name
         self.type = TOPICS[name]
         kind = self.type if mode != "wrong" else overtAttentionMessage if self.type is String else String
         self._publisher = rospy.Publisher(name, kind, queue_size=1000)
@@ -99,6 +102,7 @@ class StubTopic:
         self._message = message
         was_quiet, self._hertz = not self._hertz, hertz
         if not hertz:
+            tell(topic=self._name, time=time.monotonic())
             self._publisher.publish(message)
         elif was_quiet:
             threading.Thread(target=self._flood, daemon=True).start()

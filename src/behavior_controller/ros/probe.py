@@ -112,7 +112,8 @@ def _examine_publisher(part: Part, node: str) -> Optional[str]:
         offer = ask(uri, "requestTopic", part.name, [["TCPROS"]], seconds=STEP_LIMIT) if uri else None
         if not offer:
             return "node {} does not publish it any more".format(node)
-        header = {"topic": part.name, "md5sum": "*", "type": "*", "callerid": rospy.get_name(), "tcp_nodelay": "1"}
+        # under a name of its own: a publisher drops the older of two connections from the same node, our subscription
+        header = {"topic": part.name, "md5sum": "*", "type": "*", "callerid": rospy.get_name() + "_start_up_check"}
         answer = connection.open(offer[1], int(offer[2]), header, STEP_LIMIT)
     except Trouble as trouble:
         return "{}: node {} is listed as its publisher, but {}".format(trouble.cause.value, node, trouble)
