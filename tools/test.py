@@ -1,6 +1,6 @@
 """Run the test suites one after another: a line for each, what failed, and the sum as the last line.
 
-``python3 tools/test.py [WORD…]`` in the environment that tools/test.sh makes. With words: only suites whose name has one.
+``python3 tools/test.py [WORD…]`` in the environment that tools/test.sh makes. Words choose suites by their name.
 The output of each suite and its results as JUnit XML are in a folder of its own under build/log/tests.
 """
 import glob
@@ -48,7 +48,7 @@ class Outcome(NamedTuple):
     skipped: List[str]
 
 
-# ------------------------------------------------------------------------------------------------------------ the suites
+# ----------------------------------------------------------------------------------------------------------- the suites
 
 
 def suites() -> Iterator[Suite]:
@@ -87,7 +87,7 @@ def rostest_suite(test: str) -> Suite:
     return Suite("rostest {} {}".format(package, name), command, results, ROSTEST_LIMIT, dict(os.environ))
 
 
-# --------------------------------------------------------------------------------------------------------------- running
+# -------------------------------------------------------------------------------------------------------------- running
 
 
 def main(words: List[str]) -> int:
@@ -147,7 +147,7 @@ def stop(process: subprocess.Popen) -> None:
         process.wait()
 
 
-# --------------------------------------------------------------------------------------------------------------- results
+# -------------------------------------------------------------------------------------------------------------- results
 
 
 def read_results(folder: str, fault: str) -> Outcome:

@@ -1,4 +1,4 @@
-"""The shape of the code, read from the files with ``ast``: who may import whom, and what every module owes its reader."""
+"""The shape of the code, read from the files with ``ast``: who may import whom, what a module owes its reader."""
 import ast
 import os
 import re
@@ -19,8 +19,8 @@ LAYERS = [
     ["bt", "gateway", "events", "settings", "folders", "phrases", "policy"],
     ["errors"],
 ]
-ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rosnode", "rospy", "rosservice", "rostopic",
-       "std_msgs"}
+ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rosnode", "rospy", "rosservice",
+       "rostopic", "std_msgs"}
 LONGEST_FUNCTION = 60  # lines
 MACHINE_PATH = re.compile(r"(?<![\w.>-])/(?:work|root|Users|home/\w+|opt/(?:wheels|pypi))/")
 
@@ -141,7 +141,8 @@ def test_no_file_names_a_place_on_somebodys_machine():
     if not os.path.isdir(os.path.join(ROOT, ".git")) or shutil.which("git") is None:
         pytest.skip("not a git checkout")
     found = []
-    for path in subprocess.check_output(["git", "-c", "safe.directory=*", "ls-files"], cwd=ROOT, text=True).splitlines():
+    listed = subprocess.check_output(["git", "-c", "safe.directory=*", "ls-files"], cwd=ROOT, text=True)
+    for path in listed.splitlines():
         if os.path.isfile(os.path.join(ROOT, path)) and not path.endswith(("test_architecture.py", ".xz")):
             with open(os.path.join(ROOT, path), encoding="utf-8", errors="replace") as file:
                 found += ["{}: {}".format(path, match.group()) for match in MACHINE_PATH.finditer(file.read())]
