@@ -14,7 +14,7 @@ from behavior_controller.errors import BehaviorControllerError
 __all__ = ["Script", "ScriptError", "ScriptSyntaxError", "compile_script", "to_bool"]
 
 Evaluate = Callable[[Blackboard, Enums], Any]
-DEEPEST = 200  # levels of nesting; each costs a few Python frames when the script is read and when it runs
+DEEPEST = 60  # levels of nesting; a parenthesis takes eleven Python frames when the script is read, and 1,000 are allowed
 
 
 class ScriptSyntaxError(BehaviorControllerError):
