@@ -5,16 +5,34 @@ A language is a file ``data/phrases_<language>.ini`` in the form of the configur
 import glob
 import os
 import re
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller import folders
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.settings import REQUIRED, Key, read_configuration
 
-SPEECHES = ("WelcomeSpeech", "QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech", "FollowMeSpeech",
-            "MaybeAnotherTimeSpeech", "EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech")
-"""The mission nodes that say a fixed text."""
+
+
+class Speech(NamedTuple):
+    """A mission node that says a fixed text; ``asks``: the visitor's answer may follow."""
+
+    node: str
+    asks: bool
+    description: str
+
+
+SPEECHES = (
+    Speech("WelcomeSpeech", False, "Welcomes the visitor."),
+    Speech("QueryTourSpeech", True, "Asks whether the visitor would like a tour."),
+    Speech("SayYesNoSpeech", True, "Says that it only understands yes or no."),
+    Speech("PressYesNoSpeech", True, "Asks to press yes or no on the tablet."),
+    Speech("FollowMeSpeech", False, "Asks the visitor to follow."),
+    Speech("MaybeAnotherTimeSpeech", False, "Lets a visitor go who wants no tour."),
+    Speech("EndTourSpeech", False, "Closes the tour after the last exhibit."),
+    Speech("HereIsTheDoorSpeech", False, "Shows the way out in words."),
+    Speech("SayGoodByeSpeech", False, "Says goodbye."),
+)
 
 YES, NO = "yes", "no"
 _WORD = re.compile(r"[^\W_]+(?:['’][^\W_]+)*")
@@ -43,7 +61,7 @@ def _phrase_list(text: str) -> List[Tuple[str, ...]]:
     return found
 
 
-KEYS = tuple(Key(name, _text, "the text to say", REQUIRED, "what {} says".format(name)) for name in SPEECHES) + tuple(
+KEYS = tuple(Key(name, _text, "the text to say", REQUIRED, "what {} says".format(name)) for name, _, _ in SPEECHES) + tuple(
     Key(name, _label, "a label without |", REQUIRED, "a button on the tablet") for name in ("tabletYes", "tabletNo")) + (
     Key("yes", _phrase_list, "words with commas between them", REQUIRED, "what means yes"),
     Key("no", _phrase_list, "words with commas between them", REQUIRED, "what means no"),

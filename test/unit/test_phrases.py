@@ -43,7 +43,7 @@ def test_the_english_phrases_say_what_table_4_asks_for(node, words):
 
 def test_the_kinyarwanda_draft_is_complete_and_says_that_it_is_one():
     kinyarwanda = phrases.load("Kinyarwanda")
-    assert all(kinyarwanda.speech(node) for node in phrases.SPEECHES)
+    assert all(kinyarwanda.speech(speech.node) for speech in phrases.SPEECHES)
     assert (kinyarwanda.spoken_answer("Yego"), kinyarwanda.spoken_answer("oya")) == ("yes", "no")
     with open(folders.data("phrases_Kinyarwanda.ini"), encoding="utf-8") as file:
         first = file.readline()

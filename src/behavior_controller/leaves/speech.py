@@ -6,6 +6,7 @@ from behavior_controller.bt.node import Result
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.gateway import Answer, Cause, Failure, Request, Say
 from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT, ServiceLeaf)
+from behavior_controller.phrases import SPEECHES
 
 
 class FixedSpeech(ServiceLeaf):
@@ -61,21 +62,9 @@ class DescribeExhibitSpeech(ServiceLeaf):
         return Say(text) if text else None
 
 
-# name, class, what it says
-SPEECHES = (
-    ("WelcomeSpeech", FixedSpeech, "Welcomes the visitor."),
-    ("QueryTourSpeech", Question, "Asks whether the visitor would like a tour."),
-    ("SayYesNoSpeech", Question, "Says that it only understands yes or no."),
-    ("PressYesNoSpeech", Question, "Asks to press yes or no on the tablet."),
-    ("FollowMeSpeech", FixedSpeech, "Asks the visitor to follow."),
-    ("MaybeAnotherTimeSpeech", FixedSpeech, "Lets a visitor go who wants no tour."),
-    ("EndTourSpeech", FixedSpeech, "Closes the tour after the last exhibit."),
-    ("HereIsTheDoorSpeech", FixedSpeech, "Shows the way out in words."),
-    ("SayGoodByeSpeech", FixedSpeech, "Says goodbye."),
-)
-
 SPECS = tuple(
-    NodeSpec(name, Kind.ACTION, partial(leaf, phrase=name), description=text) for name, leaf, text in SPEECHES
+    NodeSpec(speech.node, Kind.ACTION, partial(Question if speech.asks else FixedSpeech, phrase=speech.node),
+             description=speech.description) for speech in SPEECHES
 ) + (
     NodeSpec("SayGoodBye", Kind.ACTION, partial(FixedSpeech, phrase="SayGoodByeSpeech"),
              description="Another name of SayGoodByeSpeech."),
