@@ -3,7 +3,8 @@
 ``check`` accepts what BehaviorTree.CPP's loader accepts, says everything wrong in one pass, and warns of what loads but is
 likely a mistake. What depends on an instance (types of entries, paths of SubTrees) is the compiler's to find.
 """
-from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+import itertools
+from typing import Callable, Collection, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt import ports, values
 from behavior_controller.bt.document import EXPLICIT, Document, Element
@@ -20,6 +21,8 @@ RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
 SCRIPT_PORTS = {"Script": "code", "ScriptCondition": "code", "Precondition": "if"}
 _OPEN = -1  # in place of the size of a tree whose calls are being followed
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
+MOST_FAULTS = 1_000  # that are told, and as many warnings
+LONGEST_SCRIPT = 20_000  # characters
 _COMPARISONS = 20_000  # names compared for "did you mean", in all: each takes some 10 microseconds
 _BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
 
@@ -55,7 +58,7 @@ class Checked(NamedTuple):
     trees: Dict[str, Element]
     main: str
     models: Dict[str, List[Port]]
-    faults: List[Fault]
+    faults: List[Fault]  # in the order of the files
     faulty: Set[int]  # id() of elements that cannot be instantiated
     calls: Dict[str, List[Element]]  # tree -> its SubTree elements
     used: Set[str]  # trees that are part of the mission; all, where there is no main tree
@@ -82,8 +85,7 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
     nodes = _Nodes(registry, index)
     for tree_id, tree in index.bodies:
         nodes.check_tree(tree, tree_id in index.used and index.trees[tree_id] is tree)
-    faults = sorted(index.faults, key=lambda fault: (fault.file, fault.line, fault.column))
-    return Checked(index.trees, main, index.models, faults, index.faulty, index.calls, index.used)
+    return Checked(index.trees, main, index.models, index.all(documents[-1].file), index.faulty, index.calls, index.used)
 
 
 def below(tree: Element) -> List[Element]:
@@ -100,30 +102,44 @@ def below(tree: Element) -> List[Element]:
 
 
 class _Faults:
-    """Collects faults, and makes suggestions at a bounded cost."""
+    """Collects faults, and makes suggestions, both at a bounded cost."""
 
     def __init__(self) -> None:
-        self.faults: List[Fault] = []
+        self.errors: List[Fault] = []
+        self.warnings: List[Fault] = []
         self.faulty: Set[int] = set()
+        self.unrecorded = 0
         self._comparisons = _COMPARISONS
 
     def fault(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
         """Record a fault; the element cannot be instantiated."""
-        self.faults.append(element.fault(text, hint, attribute))
         self.faulty.add(id(element))
+        if len(self.errors) < MOST_FAULTS:
+            self.errors.append(element.fault(text, hint, attribute))
+        else:
+            self.unrecorded += 1
 
     def warn(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
         """Record a warning."""
-        self.faults.append(element.fault(text, hint, attribute, is_warning=True))
+        if len(self.warnings) < MOST_FAULTS:
+            self.warnings.append(element.fault(text, hint, attribute, is_warning=True))
 
-    def nearest(self, word: str, known: Iterable[str], otherwise: str = "") -> str:
+    def all(self, file: str) -> List[Fault]:
+        """Return every fault in the order of the files; the last may say that there are more in ``file``."""
+        faults = sorted(self.errors + self.warnings, key=lambda fault: (fault.file, fault.line, fault.column))
+        if self.unrecorded:
+            faults.append(Fault(file, 0, 0, "{} more faults are not shown".format(self.unrecorded)))
+        return faults
+
+    def nearest(self, word: str, known: Collection[str], otherwise: str = "") -> str:
         """Return ``did you mean …?``, or ``otherwise`` and the known names if they are few."""
-        names = list(known)
-        self._comparisons -= len(names)
-        near = did_you_mean(word, names) if len(word) < 60 and self._comparisons > 0 else ""
+        if len(self.errors) >= MOST_FAULTS:
+            return ""
+        self._comparisons -= len(known)
+        near = did_you_mean(word, known) if len(word) < 60 and self._comparisons > 0 else ""
         if near or not otherwise:
             return near
-        return "{}: {}".format(otherwise, ", ".join(sorted(names)[:10]) or "none")
+        return "{}: {}".format(otherwise, ", ".join(itertools.islice(known, 10)) or "none")
 
 
 # ------------------------------------------------------------------------------------------------- the mission as a whole
@@ -146,7 +162,7 @@ class _Index(_Faults):
     def add(self, document: Document) -> None:
         """Collect the trees and models of one file."""
         root = document.root
-        self.faults.extend(document.faults)
+        self.errors.extend(document.faults)
         self.is_complete = self.is_complete and not document.faults
         if root.tag != "root":
             self.fault(root, "the first element is <{}>; it must be <root>".format(root.tag))
@@ -384,7 +400,7 @@ class _Nodes:
             self.fault(element, "{} is a tree, not a node".format(node_id),
                        "it is called with <SubTree ID=\"{}\"/>".format(node_id), attribute)
         else:
-            hint = _ELSEWHERE.get(node_id) or self.index.nearest(node_id, [spec.id for spec in self.registry.all()])
+            hint = _ELSEWHERE.get(node_id) or self.index.nearest(node_id, list(self._known) + ["SubTree"])
             self.fault(element, "unknown node {}".format(node_id), hint, attribute)
 
     def _below_reactive_sequence(self, element: Element) -> None:
@@ -432,12 +448,7 @@ class _Nodes:
     def _script(self, element: Element, name: str, text: str) -> None:
         wrong = self._scripts.get(text)
         if wrong is None:
-            try:
-                compile_script(text)
-                wrong = ""
-            except ScriptSyntaxError as error:
-                wrong = str(error)
-            self._scripts[text] = wrong
+            wrong = self._scripts[text] = _script_fault(text)
         if wrong:
             self.fault_in_use(element, "the script of {} cannot be read: {}".format(name, wrong), text, name)
 
@@ -479,6 +490,17 @@ class _Nodes:
             if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
                 self.warn(element, "{0}=\"{1}\" is the text {1} in version 4".format(name, text),
                           "the entry of that name is written {{{}}}".format(text), name)
+
+
+def _script_fault(text: str) -> str:
+    """Return what is wrong with the text of a script, or nothing."""
+    if len(text) > LONGEST_SCRIPT:
+        return "it has {} characters; at most {} are allowed".format(len(text), LONGEST_SCRIPT)
+    try:
+        compile_script(text)
+    except ScriptSyntaxError as error:
+        return str(error)
+    return ""
 
 
 def is_port_name(name: str) -> bool:

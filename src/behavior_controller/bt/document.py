@@ -75,10 +75,10 @@ class Document:
         line = bisect.bisect_right(self._lines, offset)
         return line, offset - self._lines[line - 1] + 1
 
-    def error(self, text: str, offset: int, hint: str = "") -> MissionError:
-        """Return the error for a fault at a character of the file."""
-        line, column = self.position(offset)
-        return MissionError([Fault(self.file, line, column, one_line(text), one_line(hint))])
+    def fault(self, fault: MarkupFault) -> Fault:
+        """Return a fault of the markup with its place."""
+        line, column = self.position(fault.offset)
+        return Fault(self.file, line, column, one_line(fault.text), one_line(fault.hint))
 
 
 def one_line(text: str) -> str:
@@ -112,17 +112,17 @@ def _unreadable(path: str, why: str) -> MissionError:
 
 
 def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
-    """Parse text or bytes. Raises MissionError with the first fault of the markup, at its place in ``data``."""
+    """Parse text or bytes. Raises MissionError with what is wrong with the markup, at its place in ``data``."""
     document = Document(file, data if isinstance(data, str) else _decoded(data, file))
     text = document.text
-    if not text.strip("\ufeff \t\r\n"):
-        raise document.error("the file is empty", 0, "a mission begins with <root BTCPP_format=\"4\">")
-    if "\x00" in text:
-        raise document.error("the file holds a NUL character and is not text", text.index("\x00"), "save it as UTF-8")
     try:
+        if not text.strip("\ufeff \t\r\n"):
+            raise MarkupFault("the file is empty", 0, "a mission begins with <root BTCPP_format=\"4\">")
+        if "\x00" in text:
+            raise MarkupFault("a NUL character: the file is not UTF-8 text", text.index("\x00"), "save the file as UTF-8")
         document.root = _parsed(mended(text), document)
     except MarkupFault as fault:
-        raise document.error(fault.text, fault.offset, fault.hint) from fault
+        raise MissionError([document.fault(fault)]) from fault
     except (etree.XMLSyntaxError, UnicodeError) as error:
         raise _not_well_formed(document, error) from error
     return document
@@ -136,8 +136,8 @@ def _decoded(data: bytes, file: str) -> str:
         # what comes before the first wrong byte is text, and says where it is
         before = Document(file, data[:error.start].decode(encoding, "ignore"))
         name = encoding[:6].rstrip("-").upper()
-        raise before.error("byte 0x{:02x} is not {}".format(data[error.start], name), len(before.text),
-                           "save the file as UTF-8") from error
+        wrong = MarkupFault("byte 0x{:02x} is not {}".format(data[error.start], name), len(before.text), "save the file as UTF-8")
+        raise MissionError([before.fault(wrong)]) from error
 
 
 class _Target:
@@ -168,11 +168,11 @@ def _parsed(clean: str, document: Document) -> Element:
 
 
 def _not_well_formed(document: Document, error: Exception) -> MissionError:
-    for fault in diagnosis(document.text):
-        return document.error(fault.text, fault.offset, fault.hint)
-    line = getattr(error, "lineno", None) or 0
-    message = re.sub(r",? line \d+(, column \d+)?.*", "", str(error))
-    return MissionError([Fault(document.file, line, 0, "not well-formed XML: {}".format(one_line(message)))])
+    faults = [document.fault(fault) for fault in diagnosis(document.text)]
+    if not faults:
+        message = re.sub(r",? line \d+(, column \d+)?.*", "", str(error))
+        faults = [Fault(document.file, getattr(error, "lineno", None) or 0, 0, one_line("not well-formed XML: " + message))]
+    return MissionError(faults)
 
 
 # ------------------------------------------------------------------------------------------------------- included files

@@ -9,26 +9,31 @@ import re
 from typing import Any, Iterator, List, Tuple
 
 DEEPEST = 2_040  # nested elements; libxml2 itself stops at 2,048
-MOST_TAGS = 600_000
+MOST_TAGS = 400_000
 MOST_ATTRIBUTES = 500  # of one element; libxml2 2.9 compares each with each
+LONGEST_NAME = 300
+LONGEST_VALUE = 100_000
+MOST_FAULTS = 100
 
 BLANKS = " \t\r\n"
 _BLANK = r"[ \t\r\n]"
 _TAG = r"""[^ \t\r\n/>!?"'=<:]+"""
 _NAME = r"""[^ \t\r\n=/>"'<]+"""
-_ATTRIBUTE = r"""{0}{1}*={1}*(?:"[^"]*"|'[^']*')""".format(_NAME, _BLANK)
+# repetitions are bounded: that keeps the memory of Python's pattern engine bounded too
+_ATTRIBUTE = r"""{0}{{1,{2}}}{1}*={1}*(?:"[^"]{{0,{3}}}"|'[^']{{0,{3}}}')""".format(
+    _NAME[:-1], _BLANK, LONGEST_NAME, LONGEST_VALUE)
 # what lxml may read as it stands
-_PLAIN_ATTRIBUTE = r"""(?!xmlns)[^ \t\r\n=/>"'<:]+="[^"&<\n\t\r]*\""""
+_PLAIN_ATTRIBUTE = r"""(?!xmlns)[^ \t\r\n=/>"'<:]{{1,{0}}}="[^"&<\n\t\r]{{0,{1}}}\"""".format(LONGEST_NAME, LONGEST_VALUE)
 ATTRIBUTE = re.compile(r"""({0}){1}*={1}*("[^"]*"|'[^']*')""".format(_NAME, _BLANK))
 TOKEN = re.compile(r"""
-    <{0}(?:{1}+{2}){{0,{4}}}{1}*(?:(?P<leaf>/>)|(?P<open>>))
+    <{0}{{1,{5}}}(?:{1}+{2}){{0,{4}}}{1}*(?:(?P<leaf>/>)|(?P<open>>))
   | (?P<end></[^<>]*>)
-  | <(?P<tag>{0})(?P<attributes>(?:{1}+{3})*){1}*(?P<mend>/?)>
+  | <(?P<tag>{0}{{1,{5}}})(?P<attributes>(?:{1}+{3}){{0,{4}}}){1}*(?P<mend>/?)>
   | (?P<blank><!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*>)
   | (?P<instruction><\?.*?\?>)
-  | (?P<ampersand>&)
+  | (?P<text>&[^<]*)
   | (?P<other><)
-""".format(_TAG, _BLANK, _PLAIN_ATTRIBUTE, _ATTRIBUTE, MOST_ATTRIBUTES), re.VERBOSE | re.DOTALL)
+""".format(_TAG[:-1], _BLANK, _PLAIN_ATTRIBUTE, _ATTRIBUTE, MOST_ATTRIBUTES, LONGEST_NAME), re.VERBOSE | re.DOTALL)
 STARTS = ("leaf", "open", "mend")
 _OUTSIDE = re.compile(r"""
     {0}+ | \ufeff | <!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*> | <\?.*?\?> | (?P<wrong>.)
@@ -38,6 +43,7 @@ _CHARACTER = re.compile(r"&#(?:(\d{1,7})|x([0-9a-fA-F]{1,6}));")
 _NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _PLAIN_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
 _TAG_NAME = re.compile(_TAG)
+_GOOD_TAG = re.compile(r"""<[A-Za-z_][\w.-]*(?:[ ]+[A-Za-z_][\w.-]*="[^&"\x00-\x1f\ud800-\udfff\ufffe\uffff]*")?[ ]*/?>""")
 _NEXT_ATTRIBUTE = re.compile("{0}+({1})".format(_BLANK, ATTRIBUTE.pattern))
 _REST_OF_TAG = re.compile(r"""({0}*)({1})?({0}*=)?{0}*(["']?)""".format(_BLANK, _NAME))
 
@@ -85,8 +91,6 @@ def _mended(match: "re.Match[str]", depth: int) -> str:
     kind, token = match.lastgroup, match.group()
     if kind == "mend":
         return _mended_tag(match)
-    if kind == "ampersand":
-        return "&amp;"
     if kind == "other" or (kind == "instruction" and depth > 0):
         raise _refusal(match.string, match.start())
     return "\n" * token.count("\n")
@@ -94,10 +98,7 @@ def _mended(match: "re.Match[str]", depth: int) -> str:
 
 def _mended_tag(match: "re.Match[str]") -> str:
     tag, attributes, closed = match.group("tag", "attributes", "mend")
-    pairs = ATTRIBUTE.findall(attributes)
-    if len(pairs) > MOST_ATTRIBUTES:
-        raise MarkupFault("<{}> has more than {} attributes".format(tag, MOST_ATTRIBUTES), match.start())
-    clean = "".join(_mended_attribute(name, value) for name, value in pairs)
+    clean = "".join(_mended_attribute(name, value) for name, value in ATTRIBUTE.findall(attributes))
     return "<{}{}{}{}>".format(tag, clean, "\n" * match.group().count("\n"), closed)
 
 
@@ -116,6 +117,8 @@ def _check_outside(text: str, end: int) -> None:
     for begin, stop in ((0, first), (end or len(text), len(text))):
         for match in _OUTSIDE.finditer(text, begin, stop):
             if match.group("wrong"):
+                for fault in diagnosis(text):
+                    raise fault
                 what = "an element" if match.group("wrong") == "<" else "text"
                 raise MarkupFault("{} {} the first element".format(what, "after the end of" if begin else "before"),
                                   match.start("wrong"), "a file holds one <root> and nothing else")
@@ -151,12 +154,24 @@ def _refusal(text: str, offset: int) -> MarkupFault:
 
 def _unfinished_tag(text: str, offset: int, tag: str, at: int) -> MarkupFault:
     """Return why the tag at ``offset``, whose name ends at ``at``, does not end where it should."""
-    found = _NEXT_ATTRIBUTE.match(text, at)
-    while found is not None:
-        if "<" in found.group(3) and "\n" in found.group(3):
-            return MarkupFault("the value of {} has no closing quote".format(found.group(2)), found.start(1))
-        at = found.end()
+    if len(tag) > LONGEST_NAME:
+        return MarkupFault("the name of the element is longer than {} characters".format(LONGEST_NAME), offset)
+    for _ in range(MOST_ATTRIBUTES):
         found = _NEXT_ATTRIBUTE.match(text, at)
+        if found is None:
+            return _no_attribute(text, offset, tag, at)
+        name, value = found.group(2, 3)
+        if "<" in value and "\n" in value:
+            return MarkupFault("the value of {} has no closing quote".format(name), found.start(2))
+        if max(len(name) - LONGEST_NAME, len(value) - LONGEST_VALUE - 2) > 0:
+            return MarkupFault("this attribute is too long: names may have {} characters, values {}".format(
+                LONGEST_NAME, LONGEST_VALUE), found.start(2))
+        at = found.end()
+    return MarkupFault("<{}> has more than {} attributes".format(tag, MOST_ATTRIBUTES), offset)
+
+
+def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
+    """Return what is wrong at ``at``, where the tag at ``offset`` should go on with an attribute or end."""
     rest: Any = _REST_OF_TAG.match(text, at)
     blank, name, equals, quote = rest.groups()
     at = rest.end(1)
@@ -174,25 +189,29 @@ def _unfinished_tag(text: str, offset: int, tag: str, at: int) -> MarkupFault:
     return MarkupFault("the value of {} has no closing quote".format(name), at)
 
 
-def diagnosis(text: str) -> Iterator[MarkupFault]:
-    """Yield what lxml may have meant when it refused the mended text, in the order of the file."""
+def diagnosis(text: str) -> List[MarkupFault]:
+    """Return what lxml may have meant when it refused the mended text, in the order of the file."""
+    faults: List[MarkupFault] = []
     opened: List[Tuple[str, int]] = []
     for match in TOKEN.finditer(text):
         kind = match.lastgroup
         if kind in STARTS:
-            yield from _tag_faults(match)
-            if not match.group().endswith("/>"):
+            if not _GOOD_TAG.fullmatch(match.group()):
+                faults.extend(_tag_faults(match))
+            if kind == "open" or (kind == "mend" and not match.group("mend")):
                 opened.append((_tag_name(match), match.start()))
         elif kind == "end":
             name = match.group()[2:-1].rstrip(BLANKS)
             if not opened or opened[-1][0] != name:
-                yield _mismatch(name, match.start(), opened)
-                return
+                # nothing after it can be told from what follows from it
+                return faults[:MOST_FAULTS] + [_mismatch(name, match.start(), opened)]
             opened.pop()
     if opened:
-        yield MarkupFault("<{}> is never closed".format(opened[-1][0]), opened[-1][1])
-    for match in _NOT_IN_XML.finditer(text):
-        yield MarkupFault("a character that XML does not allow", match.start())
+        faults.append(MarkupFault("<{}> is never closed".format(opened[-1][0]), opened[-1][1]))
+    if not faults:
+        faults = [MarkupFault("a character that XML does not allow", match.start())
+                  for match in _NOT_IN_XML.finditer(text)]
+    return faults[:MOST_FAULTS]
 
 
 def _tag_name(match: "re.Match[str]") -> str:
