@@ -126,6 +126,8 @@ class Say:
 Request = Union[SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say]
 REQUESTS = (SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say)
 SERVICES = tuple(request.service for request in REQUESTS)
+SAFE_STATE: Tuple[Request, ...] = (SetAttention("disabled"), SetAnimation("disabled"))
+"""Requests that leave the robot calm; a navigation goal is in flight only while Navigate runs, which is halted first."""
 
 
 class Answer(NamedTuple):

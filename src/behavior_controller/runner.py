@@ -5,8 +5,7 @@ from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.bt.tree import Tree
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, RunFinished, RunStarted
-from behavior_controller.leaves.base import MissionContext, MissionLeaf
-from behavior_controller.leaves.recovery import SAFE_STATE
+from behavior_controller.gateway import SAFE_STATE
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
 FAILED = 3
@@ -18,9 +17,12 @@ SAFE_STATE_LIMIT = 1.0
 
 
 class Runner:
-    """Runs passes of a mission until ``is_stopped()``, or ``runs`` passes (0: for ever)."""
+    """Runs passes of a mission until ``is_stopped()``, or ``runs`` passes (0: for ever).
 
-    def __init__(self, tree: Tree, mission: MissionContext, mission_file: str, runs: int,
+    ``mission`` is the leaves' context: each leaf gets it, and the runner uses its gateway, events and settings.
+    """
+
+    def __init__(self, tree: Tree, mission: Any, mission_file: str, runs: int,
                  is_stopped: Callable[[], bool]):
         self.tree = tree
         self.clock = tree.clock
@@ -35,8 +37,8 @@ class Runner:
     def run(self) -> int:
         """Run and return the exit code: 0 if the last pass that ended was a SUCCESS (or none had ended), else 3."""
         self.tree.setup(mission=self.mission)
-        leaves = [[node.full_path, node.registration_id] for node in self.tree.nodes if isinstance(node, MissionLeaf)]
-        self.mission.events.emit(RunStarted(self.mission_file, leaves, self.mission.settings.values))
+        self.mission.events.emit(RunStarted(
+            self.mission_file, self.mission.leaves_of(self.tree), self.mission.settings.values))
         while not self.is_stopped() and (self.runs == 0 or self._number < self.runs):
             self._pass()
         if self.is_stopped():

@@ -9,6 +9,7 @@ from behavior_controller.bt.clock import Clock, Timer
 from behavior_controller.bt.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.node import Node, Result
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
+from behavior_controller.bt.tree import Tree
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Answer, Call, Cause, Failure, Gateway, Request, Sample, Topic, Topics
 
@@ -70,6 +71,10 @@ class MissionContext:
         self.events = events
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget
+
+    def leaves_of(self, tree: Tree) -> List[List[str]]:
+        """Return path and type of each mission leaf, in document order."""
+        return [[node.full_path, node.registration_id] for node in tree.nodes if isinstance(node, MissionLeaf)]
 
 
 class MissionLeaf(Node):

@@ -7,12 +7,9 @@ from behavior_controller.bt.node import Result
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.events import Recovered
-from behavior_controller.gateway import Call, Cause, Failure, Request, SetAnimation, SetAttention
+from behavior_controller.gateway import SAFE_STATE, Call, Cause, Failure
 from behavior_controller.leaves.base import Failed, MissionLeaf, ServiceLeaf
 from behavior_controller.policy import SKIP, Rule
-
-SAFE_STATE: Tuple[Request, ...] = (SetAttention("disabled"), SetAnimation("disabled"))
-"""Requests that leave the robot calm; a navigation goal is in flight only while Navigate runs, which is halted first."""
 
 
 class HandleFallBack(MissionLeaf, ActionLeaf):
