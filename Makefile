@@ -2,26 +2,31 @@
 
 .PHONY: run test setup conformance bench mutations clean
 
-run:        ## the lab tour once, against nine simulated nodes; the exit code tells the outcome
-	@tools/run.sh
+# the lab tour once, against nine simulated nodes; the exit code tells the verdict. ARGS=failureRate:=0.2
+run:
+	@tools/run.sh $(ARGS)
 
-test:       ## every test; ONLY=rostest chooses suites by a word of their name
+# every test; ONLY=rostest chooses suites by a word of their name
+test:
 	@tools/test.sh $(ONLY)
 
-setup:      ## system packages, virtual environments and the catkin workspace
+# system packages, virtual environments and the catkin workspace
+setup:
 	@tools/setup.sh --tests
-	@echo "source $(CURDIR)/build/devel/setup.bash"
+	@echo 'source $(CURDIR)/build/devel/setup.bash'
 
-conformance: ## compare the engine with recorded traces: VECTORS=folder or .jsonl(.xz) file, LEVEL=roots, leaves or full
-	@tools/in_workspace.sh python3 -m behavior_controller.bt.conformance --level $(or $(LEVEL),full) \
-	  --may-differ test/conformance/may_differ.json \
-	  $(or $(VECTORS),$(error say VECTORS=folder or file of traces, as in test/conformance/hand))
+# compare the engine with recorded traces. VECTORS: folder of .json, or .jsonl(.xz) file; LEVEL: roots, leaves or full
+conformance:
+	@test -n '$(VECTORS)' || { echo 'say where the traces are: make conformance VECTORS=test/conformance/hand'; exit 2; }
+	@tools/in_workspace.sh python3 -m behavior_controller.bt.conformance --level $(or $(LEVEL),full) '$(VECTORS)'
 
-bench:      ## ratios of the engine to plain py_trees and to lxml, measured in one run, as JSON
+# the engine against plain py_trees and lxml
+bench:
 	@tools/in_workspace.sh python3 bench/bench_engine.py
 
-mutations:  ## break each rule of the engine in turn: the traces and tests must notice every one
+# break a rule at a time: does a test notice?
+mutations:
 	@tools/in_workspace.sh python3 test/mutation/run_mutations.py
 
-clean:      ## everything that was built
+clean:
 	rm -rf build

@@ -16,4 +16,10 @@ use_workspace() {
   use_ros
   . "$BUILD/devel/setup.bash"
   export ROS_HOME="$BUILD/ros" ROS_HOSTNAME=localhost PYTHONUNBUFFERED=1
+  ROS_MASTER_URI="http://localhost:$(free_port)"
+  export ROS_MASTER_URI
+}
+
+free_port() {
+  "$BUILD/venv/bin/python" -c 'import socket; s = socket.socket(); s.bind(("", 0)); print(s.getsockname()[1])'
 }
