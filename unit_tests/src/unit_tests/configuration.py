@@ -1,4 +1,4 @@
-"""The configuration of the simulated robot: behaviorControllerTestConfiguration.ini and the parameters that override it."""
+"""The configuration of the simulated robot: behaviorControllerTestConfiguration.ini and what overrides it."""
 import os
 import re
 from typing import Any, List, Mapping, NamedTuple, Tuple

@@ -14,7 +14,7 @@ class Knowledge(NamedTuple):
     home: Exhibit
 
     def query(self, what: str) -> Tuple[Exhibit, ...]:
-        """Return the places that ``exhibits``, ``entrance`` or ``home`` (any case) means. Raises KeyError for the rest."""
+        """Return what ``exhibits``, ``entrance`` or ``home`` (any case) means. Raises KeyError for the rest."""
         return {"exhibits": self.exhibits, "entrance": (self.entrance,), "home": (self.home,)}[what.lower()]
 
 

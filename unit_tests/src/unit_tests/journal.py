@@ -28,13 +28,36 @@ class Line(NamedTuple):
         return self.fault is None and self.objection is None
 
 
+class Tail:
+    """Reads a file of JSON lines while another process writes it."""
+
+    def __init__(self, path: str):
+        self.path = path
+        self._read = 0  # bytes
+
+    def skip(self) -> None:
+        """Take what stands there already as read."""
+        self._read = os.path.getsize(self.path) if os.path.exists(self.path) else 0
+
+    def news(self) -> List[Dict[str, Any]]:
+        """Return the complete lines that were added since the last call."""
+        if not os.path.exists(self.path):
+            return []
+        with open(self.path, "rb") as file:
+            file.seek(self._read)
+            text = file.read()
+        complete = text[:text.rfind(b"\n") + 1]
+        self._read += len(complete)
+        return [json.loads(line) for line in complete.splitlines()]
+
+
 class Journal:
     """The file. Every process that writes or reads has a Journal of its own."""
 
     def __init__(self, folder: str):
         os.makedirs(folder, exist_ok=True)
         self.path = os.path.join(folder, FILE_NAME)
-        self._read = 0  # bytes that ``news`` has read
+        self._tail = Tail(self.path)
 
     def write(self, line: Line) -> None:
         """Append a line: in one write to a file opened for appending, so that lines do not mix."""
@@ -43,18 +66,11 @@ class Journal:
 
     def skip(self) -> None:
         """Take what stands there already as read."""
-        self._read = os.path.getsize(self.path) if os.path.exists(self.path) else 0
+        self._tail.skip()
 
     def news(self) -> List[Line]:
         """Return the lines that were added since the last call."""
-        if not os.path.exists(self.path):
-            return []
-        with open(self.path, "rb") as file:
-            file.seek(self._read)
-            text = file.read()
-        complete = text[:text.rfind(b"\n") + 1]
-        self._read += len(complete)
-        return [Line(**json.loads(line)) for line in complete.splitlines()]
+        return [Line(**line) for line in self._tail.news()]
 
 
 def now() -> float:

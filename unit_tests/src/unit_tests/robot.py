@@ -20,7 +20,7 @@ class World(NamedTuple):
 
 
 class Service(NamedTuple):
-    """A service of the robot. ``object_to`` says what is wrong with a request; ``answer`` is what success looks like."""
+    """A service. ``object_to`` says what is wrong with a request; ``answer`` is what success looks like."""
 
     name: str
     object_to: Callable[[Fields], Optional[str]]

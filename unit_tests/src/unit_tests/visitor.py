@@ -38,7 +38,7 @@ class Manners(NamedTuple):
 
 
 class Visitor:
-    """One visitor after the other: the first comes when the robot wakes up, the next when it scans for visitors again."""
+    """One visitor after the other: the first comes when the robot wakes up, the next when it scans again."""
 
     def __init__(self, manners: Manners):
         self._manners = manners
@@ -79,8 +79,6 @@ class Visitor:
             self._is_asked = was_asked
         elif line.content["message"] in self._manners.questions:
             self._is_asked = True
-        elif was_asked and self._manners.behaviour == DECLINES:
-            self.is_here = False
 
     def _notice_drive(self, line: Line, _was_asked: bool) -> None:
         goal = (line.content["goal_x"], line.content["goal_y"])

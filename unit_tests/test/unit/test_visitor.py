@@ -80,13 +80,6 @@ def test_the_others_stay_to_the_end():
     assert after(ENGAGES, attention("scanning"), *(drive(x, 1) for x in range(1, 9))).is_here
 
 
-def test_who_declines_goes_when_the_robot_has_replied():
-    person = after(DECLINES, attention("scanning"), say("A tour?"))
-    assert person.is_here
-    person.notice(say("Another time!"))
-    assert not person.is_here
-
-
 # ----------------------------------------------------------------------------------------------------------------- gaze
 
 

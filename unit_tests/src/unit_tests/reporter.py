@@ -1,0 +1,96 @@
+"""The node that waits for the end of the mission, writes the report and gives the verdict."""
+import datetime
+import os
+import sys
+import time
+from typing import Any, Dict, List, Optional, Tuple
+
+import rospy
+
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.record import FILE_NAME as RECORD
+
+from unit_tests import configuration, parameters
+from unit_tests.controller import STARTUP_TIMEOUT, read_exit_code
+from unit_tests.journal import Journal, Tail
+from unit_tests.report import Facts, write
+
+OUTPUT = "behaviorControllerTestOutput.dat"
+VERDICT = "verdict"
+"""File in the folder of the run that holds the exit code of the test."""
+
+START_LIMIT = STARTUP_TIMEOUT + 30.0
+"""Seconds after which a controller that has not started its mission is given up."""
+
+LOOK_INTERVAL = 0.1
+"""Seconds between two looks at what the controller has recorded."""
+
+
+def main() -> int:
+    """Return the exit code: 0 passed, 1 failed, 2 the configuration cannot be used."""
+    rospy.init_node("behaviorControllerTest")
+    try:
+        test = parameters.read_configuration()
+        world = parameters.read_world(test)
+    except BehaviorControllerError as error:
+        print(error)
+        return _finish(2)
+    folder = parameters.folder()
+    events, exit_code, cut_off = wait_for_end(folder, test.test_timeout)
+    facts = Facts(events, Journal(folder).news(), exit_code, test.visitor_behaviour, test.mission_runs,
+                  world.knowledge, cut_off)
+    verdict, text = write(facts, _title(events, test))
+    print("\n" + text, flush=True)
+    print("written to {}; the record and the journal are in {}".format(_save(text), folder), flush=True)
+    return _finish(0 if verdict.passed else 1)
+
+
+def wait_for_end(folder: str, limit: float) -> Tuple[List[Dict[str, Any]], Optional[int], str]:
+    """Return the controller's record, its exit code once it has ended, and else why nobody waits any longer."""
+    record = Tail(os.path.join(folder, RECORD))
+    events: List[Dict[str, Any]] = []
+    began = time.monotonic()
+    cut_off = ""
+    while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
+        events += record.news()
+        waited = time.monotonic() - began
+        if not events and waited > START_LIMIT:
+            cut_off = "the controller did not start its mission within {:g} s".format(START_LIMIT)
+        elif waited > limit:
+            cut_off = "the mission did not end within {:g} s (testTimeout)".format(limit)
+        else:
+            time.sleep(LOOK_INTERVAL)
+    if rospy.is_shutdown():
+        cut_off = "the test was stopped before the mission had ended"
+    return events + record.news(), read_exit_code(folder), cut_off
+
+
+def _title(events: List[Dict[str, Any]], test: configuration.Configuration) -> str:
+    mission = os.path.basename(events[0].get("mission", "?")) if events else "that did not start"
+    return "{}: mission {}; visitorBehaviour {}; failureRate {:g}; arrivalRate {:g}; randomSeed {}".format(
+        datetime.datetime.now().isoformat(timespec="seconds"), mission, test.visitor_behaviour, test.failure_rate,
+        test.arrival_rate, test.random_seed)
+
+
+def _save(text: str) -> str:
+    """Write the report where this user may write and return the path."""
+    places = [os.path.join(configuration.share(), "data", OUTPUT), os.path.join(parameters.ros_home(), OUTPUT)]
+    wanted = rospy.get_param(parameters.NAMESPACE + "/outputFile", "")
+    for path in [wanted] if wanted else places:
+        try:
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text)
+            return path
+        except OSError as error:
+            reason = "nowhere: {}: {}".format(path, error.strerror)
+    return reason
+
+
+def _finish(code: int) -> int:
+    """Leave the exit code where whoever started the launch can find it: roslaunch does not pass it on."""
+    if parameters.is_launched():
+        os.makedirs(parameters.folder(), exist_ok=True)
+        with open(os.path.join(parameters.folder(), VERDICT), "w") as file:
+            file.write("{}\n".format(code))
+    sys.stdout.flush()
+    return code
