@@ -9,7 +9,7 @@ from behavior_controller.bt.node import ConfigureError, NodeError, Result
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
 from behavior_controller.bt.script import Script, compile_script, to_bool
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.bt.values import TEXT, ValueFault, origin_of
+from behavior_controller.bt.values import TEXT, ValueFault
 
 
 class AlwaysSuccess(SyncActionLeaf):
@@ -32,7 +32,6 @@ class _Code:
     """The script of port ``code``: read when the tree is made, and again when the text changes."""
 
     script: Script
-    allow_empty = True
 
     def configure(self: Any) -> None:
         """Parse the script; a reference must be readable already."""

@@ -20,7 +20,7 @@ from behavior_controller.bt.compiler import build, with_includes
 from behavior_controller.bt.document import Document, parse, read
 from behavior_controller.bt.node import Node, Result
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
-from behavior_controller.bt.status import BY_NAME, FAILURE, IDLE, NAMES, SUCCESS
+from behavior_controller.bt.status import BY_NAME, IDLE, NAMES
 from behavior_controller.bt.tree import Tree
 from behavior_controller.errors import BehaviorControllerError
 

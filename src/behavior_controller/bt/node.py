@@ -13,9 +13,9 @@ from py_trees.common import BlackBoxLevel, Status
 from behavior_controller.bt import ports
 from behavior_controller.bt.blackboard import Blackboard
 from behavior_controller.bt.clock import Clock
-from behavior_controller.bt.registry import Direction, Port
+from behavior_controller.bt.registry import Port
 from behavior_controller.bt.script import Script, to_bool
-from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SKIPPED, SUCCESS, Skipped
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.bt.wakeup import WakeUp
 from behavior_controller.errors import BehaviorControllerError
 
