@@ -203,7 +203,8 @@ class TestStartUp(unittest.TestCase):
         code, text = self.run_node("_scenarioSpecification:=other")
         self.addCleanup(rosgraph.Master("/test").deleteParam, "/behaviorController")
         self.assertEqual(code, 2)
-        self.assert_line(text, "other.xml", "lab_tour")
+        self.assert_line(text, "INFO", "override", "scenarioSpecification other")
+        self.assert_line(text, "ERROR", "other.xml", "lab_tour")
 
     # ------------------------------------------------------------------------------------------------ command line
 

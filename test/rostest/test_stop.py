@@ -102,6 +102,15 @@ class TestStop(unittest.TestCase):
         self.assertLess(seconds, LIMIT)
         self.assertNotIn("Traceback", controller.lines.text())
 
+    def test_at_any_moment_of_its_start(self):
+        for delay in (0.0, 0.1, 0.2, 0.3, 0.5, 0.8):
+            robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
+            time.sleep(delay)
+            code, seconds = controller.stop()
+            self.assertLess(seconds, LIMIT, "after {} s".format(delay))
+            self.assertNotIn("Traceback", controller.lines.text())
+            robot.stop()
+
     def test_a_second_signal_changes_nothing(self):
         robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
         robot.wait_for_request(SAY, 20)

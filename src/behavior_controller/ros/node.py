@@ -66,7 +66,7 @@ def main(argv: List[str]) -> int:
     try:
         return _run(argv, console, stop)
     except FaultsFound as found:
-        console.tell("error", str(found))
+        _tell_faults(found, console)
         return BAD_FILES
     except NodesMissing as missing:
         console.tell("error", str(missing))
@@ -77,6 +77,14 @@ def main(argv: List[str]) -> int:
     finally:
         _part_from_ros()
         stop.is_over = True
+
+
+def _tell_faults(found: FaultsFound, console: Console) -> None:
+    """Write a line for each fault, and the sum."""
+    for fault in found.faults:
+        console.tell("warning" if fault.is_warning else "error", str(fault))
+    count = sum(not fault.is_warning for fault in found.faults)
+    console.tell("error", "nothing was started: {} mistake{}, see above".format(count, "" if count == 1 else "s"))
 
 
 def leave(code: int) -> None:
@@ -210,8 +218,12 @@ def _run(argv: List[str], console: Console, stop: Stop) -> int:
 
 def _read_plan(console: Console) -> Plan:
     """Read configuration, phrases, recovery policy and mission; raises FaultsFound with all that is wrong in any of them."""
-    settings = load_settings(folders.config(CONFIGURATION), _private_parameters())
+    overrides = _private_parameters()
+    settings = load_settings(folders.config(CONFIGURATION), overrides)
     console.is_verbose = settings.verbose_mode
+    if overrides.keys() & settings.values.keys():
+        console.tell("info", "parameters of the node override the configuration: {}".format(", ".join(
+            "{} {}".format(key, settings.values[key]) for key in settings.values if key in overrides)))
     mission = _find_mission(settings.scenario_specification)
     faults: List[Fault] = []
 
