@@ -45,10 +45,10 @@ install_packages() {
   missing="$(missing_packages $wanted)"
   [ -n "$missing" ] || return 0
   if [ "$(id -u)" = 0 ]; then
-    step packages "installing $(wc -w <<<"$missing") system packages" apt_install $missing
+    step packages "installing system packages ($(wc -w <<<"$missing"))" apt_install $missing
   elif command -v sudo >/dev/null; then
     sudo -v || fail "Root is needed to install packages. As root: apt-get install" $missing
-    step packages "installing $(wc -w <<<"$missing") system packages" apt_install $missing
+    step packages "installing system packages ($(wc -w <<<"$missing"))" apt_install $missing
   else
     fail "System packages are missing. As root: apt-get install" $missing
   fi
