@@ -223,7 +223,7 @@ def _read_plan(console: Console) -> Plan:
     console.is_verbose = settings.verbose_mode
     if overrides.keys() & settings.values.keys():
         console.tell("info", "parameters of the node override the configuration: {}".format(", ".join(
-            "{} {}".format(key, settings.values[key]) for key in settings.values if key in overrides)))
+            "{} {}".format(key, overrides[key]) for key in settings.values if key in overrides)))
     mission = _find_mission(settings.scenario_specification)
     faults: List[Fault] = []
 
