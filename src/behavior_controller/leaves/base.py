@@ -253,7 +253,8 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         self._stop_timers()
         failure = Failure(Cause.CONDITION_FALSE, self.otherwise, self.resource)
         if sample is not None and not self._counts(sample):
-            failure = failure._replace(message=self.otherwise + "; the newest message is too old")
+            when = "came before" if sample.arrived <= self.not_before() else "is too old"
+            failure = failure._replace(message="{}; the newest message {}".format(self.otherwise, when))
         if failure.message == self._last_failure:
             # asked again at every tick of a wait: recorded each time, reported once
             self.mission.failures.add(self, failure)
