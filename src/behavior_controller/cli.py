@@ -3,94 +3,90 @@ import argparse
 import json
 import os
 import sys
-from typing import Any, List, Optional
-from xml.sax.saxutils import quoteattr
+from typing import Any, List, Optional, Tuple
 
 from behavior_controller import folders, leaves
-from behavior_controller.bt.builtins import builtin_specs
-from behavior_controller.bt.compiler import load_mission
-from behavior_controller.bt.registry import Registry
+from behavior_controller.bt.document import one_line
+from behavior_controller.bt.palette import tree_nodes_model
 from behavior_controller.errors import Fault, MissionError
+from behavior_controller.leaves import vocabulary
 
 GOOD, BAD = 0, 2
 
 
-def registry() -> Registry:
-    """Return every node type that a mission may use."""
-    return Registry(builtin_specs() + list(leaves.SPECS))
-
-
 def validate(argv: Optional[List[str]] = None) -> int:
     """``validateMission FILE…``: print every fault of each file. Return 0 if all can be run, else 2."""
-    parser = argparse.ArgumentParser(prog="validateMission", description="Check robot missions without running them.")
+    parser = argparse.ArgumentParser(prog="validateMission", description="Check robot missions without running them.",
+                                     epilog="exit code: 0 if every file can be run, else 2")
     parser.add_argument("files", nargs="+", metavar="FILE", help="a mission, as Groot2 saves it")
     parser.add_argument("--json", action="store_true", help="print the faults as a JSON array, for editors")
-    options = parser.parse_args(argv)
+    options = parser.parse_args(_without_ros_arguments(argv))
     found: List[Fault] = []
     for path in options.files:
-        faults = _faults(path)
+        faults, nodes = _judged(path)
         found.extend(faults)
         if not options.json:
-            _print_faults(path, faults)
+            _print_judgement(path, faults, nodes)
     if options.json:
-        print(json.dumps([fault._asdict() for fault in found], indent=1))
+        _print(json.dumps([fault._asdict() for fault in found], indent=1))
     return BAD if any(not fault.is_warning for fault in found) else GOOD
 
 
-def _faults(path: str) -> List[Fault]:
+def _print(text: str) -> None:
+    # a terminal that does not know a letter gets its code, not a traceback
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    print(text.encode(encoding, "backslashreplace").decode(encoding))
+
+
+def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
+    """Return the arguments but for those of the form ``name:=value``, which ROS tools add."""
+    return [argument for argument in (sys.argv[1:] if argv is None else argv) if ":=" not in argument]
+
+
+def _judged(path: str) -> Tuple[List[Fault], int]:
+    """Return the faults of a mission, and how many nodes it unfolds to if it can be run."""
     try:
-        return load_mission(path, registry()).warnings
+        tree = vocabulary.load(path)
     except MissionError as error:
-        return list(error.faults)
+        return list(error.faults), 0
+    return tree.warnings, len(tree.nodes)
 
 
-def _print_faults(path: str, faults: List[Fault]) -> None:
+def _print_judgement(path: str, faults: List[Fault], nodes: int) -> None:
     for fault in faults:
-        print(fault)
-    errors = sum(not fault.is_warning for fault in faults)
-    print("{}: {}".format(path, "{} fault{}".format(errors, "" if errors == 1 else "s") if errors else "can be run"))
+        _print(str(fault))
+    warnings = sum(fault.is_warning for fault in faults)
+    counts = [] if nodes else [_count(len(faults) - warnings, "fault")]
+    if warnings or nodes:
+        counts.append(_count(warnings, "warning"))
+    _print("{}: {}{}".format(one_line(path), "can be run, {}, ".format(_count(nodes, "node")) if nodes else "", ", ".join(counts)))
+
+
+def _count(number: int, what: str) -> str:
+    return "{} {}{}".format(number, what, "" if number == 1 else "s")
 
 
 def export_node_model(argv: Optional[List[str]] = None) -> int:
     """``exportNodeModel``: print the mission's node types as Groot2 imports them. Return 0."""
-    argparse.ArgumentParser(
-        prog="exportNodeModel", description="Print the palette of mission nodes for Groot2 (Import models from file)."
-    ).parse_args(argv)
-    print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n  <TreeNodesModel>')
-    for spec in leaves.SPECS:
-        print("    <{} ID={} editable=\"true\">".format(spec.kind.value, quoteattr(spec.id)))
-        print("      <MetadataFields>\n        <Metadata description={}/>\n      </MetadataFields>".format(
-            quoteattr(spec.description)))
-        for port in spec.ports:
-            default = "" if port.default is None else " default={}".format(quoteattr(port.default))
-            print("      <{} name={} type={}{}>{}</{}>".format(
-                port.direction.value, quoteattr(port.name), quoteattr(port.type), default, port.description,
-                port.direction.value))
-        print("    </{}>".format(spec.kind.value))
-    print("  </TreeNodesModel>\n</root>")
+    parser = argparse.ArgumentParser(
+        prog="exportNodeModel", description="Print the palette of mission nodes for Groot2 (Import models from file).")
+    parser.parse_args(_without_ros_arguments(argv))
+    _print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n{}\n</root>'.format(
+        tree_nodes_model(leaves.SPECS, indent="  ")))
     return GOOD
 
 
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:
     """Return the root of a mission to draw with ``py-trees-render behavior_controller.cli.create_tree``.
 
-    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws that tree of the file alone. A node is
-    labelled with its own name and type, or with its type and uid, so that those of the same type can be told apart.
+    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws that tree of the file alone. Nodes
+    carry the last part of their path (``Navigate::101``), so that those of the same name can be told apart.
     """
     path = mission if mission.endswith(".xml") or os.sep in mission else folders.mission(mission)
     try:
-        tree = load_mission(path, registry(), main_tree=subtree)
+        tree = vocabulary.load(path, main_tree=subtree)
     except MissionError as error:
         sys.exit(str(error))
     for node in tree.nodes:
-        node.name = _label(node)
-        node.memory = False  # else py_trees puts a sign before the name that few fonts have; the label tells the type
-    tree.root.name = subtree or os.path.splitext(os.path.basename(path))[0]
+        node.name = node.full_path.rsplit("/", 1)[-1]
     return tree.root
-
-
-def _label(node: Any) -> str:
-    last = node.full_path.rsplit("/", 1)[-1]
-    if last == "{}::{}".format(node.name, node.uid):
-        return "{} #{}".format(node.name, node.uid)  # a colon would be a port in the dot language
-    return "{} ({}) #{}".format(node.name, node.registration_id, node.uid)

@@ -1,0 +1,48 @@
+"""The node types that missions are read with, and what the linter must know of the mission's own leaves."""
+from typing import Any
+
+from behavior_controller import leaves
+from behavior_controller.bt.builtins import builtin_specs
+from behavior_controller.bt.checks import check
+from behavior_controller.bt.compiler import build
+from behavior_controller.bt.document import read, with_includes
+from behavior_controller.bt.lint import Vocabulary, lint
+from behavior_controller.bt.outcomes import SUCCEEDS
+from behavior_controller.bt.registry import Registry
+from behavior_controller.bt.tree import Tree
+from behavior_controller.leaves.base import ATTENTION_SET_AT, OF_ONE_VISITOR, QUESTION_ASKED_AT
+
+_TARGET = ("SelectExhibit", "LookUpEntrance", "LookUpHome")
+_SEEKING = ("SeekOvertAttentionMode", "SeekingOvertAttentionMode")
+
+VOCABULARY = Vocabulary(
+    keys=OF_ONE_VISITOR + (QUESTION_ASKED_AT, ATTENTION_SET_AT),
+    ends={"START_OF_TREE": SUCCEEDS},
+    needs={
+        "IsMutualGazeDiscovered": (_SEEKING, "overtAttention looks for mutual gaze only in the mode seeking"),
+        "IsVisitorResponseYes": (("IsYesNoUttered", "PressYesNoDialogue"), "nothing takes the visitor's answer"),
+        "Navigate": (_TARGET, "nothing sets the target location"),
+        "IsListWithExhibit": (("RetrieveListOfExhibits",), "the exhibits are never asked for"),
+        "SelectExhibit": (("RetrieveListOfExhibits",), "the exhibits are never asked for"),
+        "DescribeExhibitSpeech": (("SelectExhibit",), "no exhibit is ever selected"),
+    },
+    recoveries=("HandleFallBack", "HandleFallback"),
+)
+
+
+def registry() -> Registry:
+    """Return the node types that a mission may use: BehaviorTree.CPP's own and the mission's."""
+    return Registry(builtin_specs() + list(leaves.SPECS))
+
+
+def load(path: str, **options: Any) -> Tree:
+    """Return the tree of a mission file; ``tree.warnings`` has those of the linter too. Raises MissionError.
+
+    Options are those of ``bt.compiler.build``.
+    """
+    documents, types = with_includes(read(path)), registry()
+    tree = build(documents, types, **options)
+    checked = check(documents, types, options.get("main_tree"))
+    tree.warnings += lint(documents, checked, types, VOCABULARY)
+    tree.warnings.sort(key=lambda fault: (fault.file, fault.line, fault.column))
+    return tree
