@@ -33,7 +33,7 @@ class Lines:
             self._news.notify_all()
 
     def wait_for(self, wanted, seconds, start=0):
-        """Return (time, line) of the first line from number ``start`` on that is ``wanted``; fails if none comes in time."""
+        """Return (time, line) of the first line from number ``start`` on that is ``wanted``; fails if none comes."""
         with self._news:
             found = self._news.wait_for(
                 lambda: next((pair for pair in self.all[start:] if wanted(pair[1])), None) or self.ended, seconds)

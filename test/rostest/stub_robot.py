@@ -3,10 +3,10 @@
 
 Arguments are ``name=mode``: how the service or topic behaves from the start. Modes of a service: ``done`` (default),
 ``refuse``, ``odd`` (a success value that means nothing), ``raise``, ``hang`` (until the mode changes), ``exit`` (the
-process dies while it works), ``absent``, ``wrong`` (another type). Modes of a topic: ``present`` (default), ``absent``, ``wrong``.
+process dies while it works), ``absent``, ``wrong`` (another type). Modes of a topic: ``absent``, ``wrong``.
 
-Each line on stdin is a JSON object: ``{"name": …, "mode": …}``, or ``{"topic": …, "values": [fields], "hertz": 0}``, which
-publishes once, or from now on so many times per second. Each line on stdout too: ``{"ready": true}`` once,
+Each line on stdin is a JSON object: ``{"name": …, "mode": …}``, or ``{"topic": …, "values": [fields], "hertz": 0}``,
+which publishes once, or from now on so many times per second. Each line on stdout too: ``{"ready": true}`` once,
 ``{"service", "fields", "time"}`` for each request as it arrives, ``{"answered"}`` before its answer, and
 ``{"topic", "time"}`` as a message leaves, but not in a flood; times are those of the monotonic clock.
 """

@@ -169,13 +169,14 @@ class TestGateway(unittest.TestCase):
         self.assert_fails(Say("hello"), Cause.TYPE_MISMATCH, "md5sum")
 
     def test_a_server_that_words_a_mismatch_as_roscpp_does(self):
-        peer = Peer(SAY, lambda connection: shake_hands(connection, "client wants service /textToSpeech/say_text to have "
-                                                        "md5sum 1, but it has 2. Dropping connection."))
+        error = "client wants service /textToSpeech/say_text to have md5sum 1, but it has 2. Dropping connection."
+        peer = Peer(SAY, lambda connection: shake_hands(connection, error))
         self.addCleanup(peer.close)
         self.assert_fails(Say("hello"), Cause.TYPE_MISMATCH, "md5sum 1")
 
     def test_a_port_that_another_node_took_over(self):
-        peer = Peer(SAY, lambda connection: shake_hands(connection, "[/other] is not a provider of [/textToSpeech/say_text]"))
+        error = "[/other] is not a provider of [/textToSpeech/say_text]"
+        peer = Peer(SAY, lambda connection: shake_hands(connection, error))
         self.addCleanup(peer.close)
         self.assert_fails(Say("hello"), Cause.NOT_REACHABLE, "not a provider")
 

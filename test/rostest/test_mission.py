@@ -90,8 +90,9 @@ class TestMission(unittest.TestCase):
         self.assertNotIn("WelcomeSpeech", "\n".join(lines))
 
     def test_verbose_mode_has_a_line_for_each_leaf_that_finishes(self):
-        robot, controller = self.start("<WelcomeSpeech/><ForceSuccess><WelcomeGesture/></ForceSuccess><IsVisitorResponseYes/>",
-                                       {"/gestureExecution/perform_gesture": "raise"}, missionRuns="1", verboseMode="true")
+        mission = "<WelcomeSpeech/><ForceSuccess><WelcomeGesture/></ForceSuccess><IsVisitorResponseYes/>"
+        modes = {"/gestureExecution/perform_gesture": "raise"}
+        robot, controller = self.start(mission, modes, missionRuns="1", verboseMode="true")
         self.assertEqual(controller.wait(20), 3)
         text = "\n".join(self.lines(controller))
         self.assertRegex(text, r"(?m)^INFO START_OF_TREE .*: SUCCESS, 0\.\d+ s$")
@@ -123,7 +124,7 @@ class TestMission(unittest.TestCase):
             print("message to request with attention at {} Hz: median {:.2f} ms, slowest of 40 {:.2f} ms".format(
                 hertz, 1000 * statistics.median(delays), 1000 * max(delays)))
             self.assertLess(statistics.median(delays), 0.02)
-            self.assertLess(max(delays), 0.5)  # a message that was lost would wait for the expiry of the one before, 2 s
+            self.assertLess(max(delays), 0.5)  # a message that was lost would wait until the one before expires, 2 s
 
     def wait_until_connected(self, robot):
         """Show a face until the node reacts, and then none: rospy connects to publishers in its own time."""

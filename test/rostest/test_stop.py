@@ -69,7 +69,8 @@ class TestStop(unittest.TestCase):
         self.assert_safe_state_once(robot)
 
     def test_while_it_waits_for_a_visitor(self):
-        robot, controller = self.start("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec=\"600000\"/></ReactiveFallback>")
+        robot, controller = self.start("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec=\"600000\"/>"
+                                       "</ReactiveFallback>")
         controller.lines.wait_for(lambda line: "starts" in line, 20)
         code, seconds = controller.stop()
         print("stopped while waiting for a visitor: {:.2f} s".format(seconds))
@@ -133,13 +134,14 @@ class TestStop(unittest.TestCase):
         robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
         robot.wait_for_request(SAY, 20)
         controller.stop()
-        nodes = [node for entries in rosgraph.Master("/test").getSystemState() for _, names in entries for node in names]
+        state = rosgraph.Master("/test").getSystemState()
+        nodes = [node for entries in state for _, names in entries for node in names]
         self.assertIn("/stub_robot", nodes)
         self.assertNotIn("/behaviorController", nodes)
 
     def test_with_nobody_who_reads_what_it_writes(self):
-        robot, controller = self.start("<Repeat num_cycles=\"-1\"><Sequence><WelcomeSpeech/><Sleep msec=\"1\"/></Sequence></Repeat>",
-                                       verboseMode="true")
+        mission = "<Repeat num_cycles=\"-1\"><Sequence><WelcomeSpeech/><Sleep msec=\"1\"/></Sequence></Repeat>"
+        robot, controller = self.start(mission, verboseMode="true")
         robot.wait_for_request(SAY, 20)
         controller.process.stdout.close()
         count = len(robot.requests(SAY))

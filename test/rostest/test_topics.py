@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Do the topics give the newest message as plain data, ring their alarms at once, and cost next to nothing in a flood?"""
+"""Do the topics give the newest message, ring their alarms at once, and cost next to nothing in a flood?"""
 import os
 import resource
 import sys

@@ -78,7 +78,7 @@ def ask_master(method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> 
 
 
 class Connection:
-    """One TCPROS connection. Used by one thread; ``close`` may be called from any other and ends what that one waits for.
+    """One TCPROS connection. Used by one thread; ``close`` may be called from any other and ends what it waits for.
 
     Whatever goes wrong is raised as ``Trouble``; then the connection is open no longer, and may be opened anew.
     """
@@ -133,7 +133,8 @@ class Connection:
         self._socket = sock
         try:
             sock.settimeout(seconds)
-            if self.closed:  # looked at after the socket is in reach of ``close``: one of the two threads sees the other
+            # looked at only now that the socket is in reach of ``close``: one of the two threads sees the other
+            if self.closed:
                 raise OSError("closed")
             sock.connect(address)
         except OSError as error:
@@ -152,7 +153,7 @@ class Connection:
             raise Trouble(Cause.NOT_REACHABLE, "no ROS node ({})".format(error))
 
     def wait_without_limit(self) -> None:
-        """Let later readings take as long as they need: from here on whoever uses the connection bounds it by ``close``."""
+        """Let later readings take as long as they need: from here on ``close`` is the limit."""
         if self._socket is not None:
             self._socket.settimeout(None)
 

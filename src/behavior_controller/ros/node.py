@@ -44,6 +44,8 @@ SUCCESS, NODES_MISSING, BAD_FILES, FAILED = 0, 1, 2, 3
 STOP_LIMIT = 1.8
 """Seconds after the first signal at which the process ends, whatever it is doing (the limit is 2 s)."""
 
+NOT_STOPPED = "did not stop in time: ending now; make sure that the robot has stopped too"
+
 USAGE = """usage: rosrun cssr_system behaviorController [_key:=value ...] [name:=other_name ...]
 
 Runs the robot mission that config/behaviorControllerConfiguration.ini names, visitor after visitor, until it is stopped
@@ -108,8 +110,8 @@ def _explain(arguments: List[str]) -> int:
 class Stop:
     """That somebody wants the node to stop: who is woken by it, and the end if waking does not help.
 
-    The signals are blocked and taken by a thread that does nothing else. A Python signal handler would not do: it runs on
-    the main thread, and not before that thread wakes if the signal comes in the moment before it falls asleep.
+    The signals are blocked and taken by a thread that does nothing else. A Python signal handler would not do: it runs
+    on the main thread, and not before that thread wakes if the signal comes in the moment before it falls asleep.
     """
 
     def __init__(self, console: Console):
@@ -120,7 +122,7 @@ class Stop:
         self._lock = threading.Lock()
 
     def listen(self) -> None:
-        """Take the signals that stop us, but not a hang-up that ``nohup`` has switched off. Before any thread is started."""
+        """Take the signals that stop us, but no hang-up under ``nohup``. To be called before any thread is started."""
         signals = {signal.SIGINT, signal.SIGTERM}
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
             signals.add(signal.SIGHUP)
@@ -151,8 +153,7 @@ class Stop:
         time.sleep(STOP_LIMIT)
         if not self.is_over:
             # the terminal may be what hangs: the line is tried on a thread of its own
-            threading.Thread(target=self._console.tell, args=("error", "did not stop in time: ending now; make sure that "
-                                                              "the robot has stopped too"), daemon=True).start()
+            threading.Thread(target=self._console.tell, args=("error", NOT_STOPPED), daemon=True).start()
             time.sleep(0.1)
             os._exit(FAILED)
 
@@ -217,7 +218,7 @@ def _run(argv: List[str], console: Console, stop: Stop) -> int:
 
 
 def _read_plan(console: Console) -> Plan:
-    """Read configuration, phrases, recovery policy and mission; raises FaultsFound with all that is wrong in any of them."""
+    """Read configuration, phrases, recovery policy and mission; raises FaultsFound with all that is wrong."""
     overrides = _private_parameters()
     settings = load_settings(folders.config(CONFIGURATION), overrides)
     console.is_verbose = settings.verbose_mode

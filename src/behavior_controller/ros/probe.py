@@ -132,7 +132,7 @@ def _compare(answer: Any, wanted: Any, who: str) -> Optional[str]:
         Cause.TYPE_MISMATCH.value, who, answer.get("type"), answer.get("md5sum"), wanted._type, wanted._md5sum)
 
 
-# --------------------------------------------------------------------------------------------------- all of them at once
+# -------------------------------------------------------------------------------------------------- all of them at once
 
 
 def find_missing(parts: Sequence[Part], wake: WakeUp, is_stopped: Callable[[], bool]) -> List[Missing]:

@@ -103,7 +103,7 @@ def encode(route: Route, request: Request) -> bytes:
 
 
 def receive_response(route: Route, connection: Connection) -> genpy.Message:
-    """Read the server's answer: a byte that tells whether its handler ran through, a length, and a message or an error."""
+    """Read the server's answer: a byte that tells whether its handler ran through, a length, a message or an error."""
     ok, length = struct.unpack("<BI", connection.receive(5))
     body = connection.receive(length)
     if not ok:
@@ -121,7 +121,7 @@ def read_answer(route: Route, response: genpy.Message) -> Answer:
     if success == route.refused:
         raise Trouble(Cause.REFUSED, "answered {} = {!r}".format(route.success, success))
     if success != route.done:
-        raise Trouble(Cause.UNUSABLE_ANSWER, "answered {} = {!r}, which is neither {!r} (done) nor {!r} (refused)".format(
+        raise Trouble(Cause.UNUSABLE_ANSWER, "answered {} = {!r}: neither {!r} (done) nor {!r} (refused)".format(
             route.success, success, route.done, route.refused))
     return Answer(response=getattr(response, "response", ""),
                   exhibits=tuple(_exhibit(place) for place in getattr(response, "exhibits", ())))

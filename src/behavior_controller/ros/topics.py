@@ -119,9 +119,9 @@ class Latch:
             self._trusted = header
             return True
         sender = header.get("callerid", "an unknown node")
-        self._warn_once(sender, "ignoring what {} publishes on {}: it sends {} (md5 {}), expected is {} (md5 {})".format(
-            sender, self.name, header.get("type"), header.get("md5sum"), self._feed.type._type,
-            self._feed.type._md5sum))
+        wanted = self._feed.type
+        self._warn_once(sender, "ignoring what {} publishes on {}: it is {} (md5 {}), expected is {} (md5 {})".format(
+            sender, self.name, header.get("type"), header.get("md5sum"), wanted._type, wanted._md5sum))
         return False
 
     def _warn_once(self, subject: str, text: str) -> None:
@@ -135,7 +135,7 @@ class Latch:
         return self._seen
 
     def set_alarm(self, key: Any, wanted: Callable[[Any], bool]) -> None:
-        """Wake the tree at the next message that is ``wanted``, which may have come since ``newest`` was called last."""
+        """Wake the tree at the next message that is ``wanted``; it may have come since ``newest`` was called last."""
         with self._lock:
             self._alarms[key] = wanted
             self._is_alarm_new = True
@@ -160,7 +160,7 @@ class RosTopics(Topics):
         return self._latches[topic].newest()
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
-        """Set the alarm ``key``. ``wanted`` must depend on the value alone: the same message again is not asked about."""
+        """Set the alarm ``key``. ``wanted`` must depend on the value alone: the same one is not asked about again."""
         for latch in self._latches.values():
             latch.clear_alarm(key)
         self._latches[topic].set_alarm(key, wanted)
