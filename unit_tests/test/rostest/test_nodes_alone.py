@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+"""Does each simulated node run alone, by rosrun, under the name and with the types of the real one?"""
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import rosnode
+import rospy
+import rosservice
+import rostest
+import rostopic
+from cssr_system.srv import robotNavigationService, textService
+
+# node, service and its type, topic and its type: contract, sections 2 and 3
+TABLE = (
+    ("animateBehavior", "/animateBehaviour/set_activation", "cssr_system/animateBehaviorService", None, None),
+    ("gestureExecution", "/gestureExecution/perform_gesture", "cssr_system/gestureExecutionService", None, None),
+    ("knowledgeBase", "/knowledgeBase/query", "cssr_system/knowledgeBaseService", None, None),
+    ("overtAttention", "/overtAttention/set_mode", "cssr_system/overtAttentionService",
+     "/overtAttention/mode", "cssr_system/overtAttentionMessage"),
+    ("robotNavigation", "/robotNavigation/set_goal", "cssr_system/robotNavigationService", None, None),
+    ("tabletEvent", "/tabletEvent/prompt_and_get_response", "cssr_system/textService", None, None),
+    ("textToSpeech", "/textToSpeech/say_text", "cssr_system/textService", None, None),
+    ("faceDetection", None, None, "/faceDetection/data", "cssr_system/faceDetectionMessage"),
+    ("speechEvent", None, None, "/speechEvent/text", "std_msgs/String"),
+)
+LIMIT = 20.0  # seconds for a node to start or end
+
+
+class TestNodesAlone(unittest.TestCase):
+    """Starts nodes one by one."""
+
+    def setUp(self):
+        self.home = tempfile.TemporaryDirectory()
+        self.addCleanup(self.home.cleanup)
+
+    def start(self, *arguments):
+        process = subprocess.Popen(("rosrun", "unit_tests") + arguments, env=dict(os.environ, ROS_HOME=self.home.name),
+                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        self.addCleanup(process.stdout.close)
+        self.addCleanup(process.wait, LIMIT)
+        self.addCleanup(process.terminate)
+        return process
+
+    def test_each_node_offers_what_the_real_one_does(self):
+        for node, service, service_type, topic, topic_type in TABLE:
+            with self.subTest(node):
+                process = self.start(node, "_failureRate:=0", "_arrivalRate:=6000")
+                if service:
+                    rospy.wait_for_service(service, LIMIT)
+                    self.assertEqual(rosservice.get_service_type(service), service_type)
+                    self.assertEqual(rosservice.get_service_node(service), "/" + node)
+                if topic:
+                    rospy.wait_for_message(topic, rospy.AnyMsg, LIMIT)
+                    self.assertEqual(rostopic.get_topic_type(topic)[0], topic_type)
+                self.assertIn("/" + node, rosnode.get_node_names())
+                process.terminate()
+                process.wait(LIMIT)
+
+    def test_names_can_be_remapped(self):
+        self.start("textToSpeech", "/textToSpeech/say_text:=/other/say", "_failureRate:=0")
+        rospy.wait_for_service("/other/say", LIMIT)
+        self.assertTrue(rospy.ServiceProxy("/other/say", textService)("Hello").success)
+
+    def test_requests_are_refused_at_the_failure_rate(self):
+        self.start("robotNavigation", "_failureRate:=1")
+        rospy.wait_for_service("/robotNavigation/set_goal", LIMIT)
+        go = rospy.ServiceProxy("/robotNavigation/set_goal", robotNavigationService, persistent=True)
+        self.assertEqual([go(1.0, 2.0, 90.0).navigation_goal_success for _ in range(5)], 5 * [0])
+
+    def test_a_wrong_configuration_is_one_line_and_exit_code_2(self):
+        process = self.start("textToSpeech", "_failureRate:=2")
+        output, _ = process.communicate(timeout=LIMIT)
+        self.assertEqual(output, "parameter ~failureRate: failureRate cannot be \"2\" (allowed: a number from 0 to 1)\n")
+        self.assertEqual(process.returncode, 2)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_nodes_alone")
+    rostest.rosrun("unit_tests", "nodes_alone", TestNodesAlone, sys.argv)

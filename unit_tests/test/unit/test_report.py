@@ -1,0 +1,414 @@
+"""Tests of the verdict: what passes, and every way in which a test must fail."""
+import pytest
+
+from behavior_controller.gateway import Exhibit, Location, Point
+
+from unit_tests.exhibits import Knowledge
+from unit_tests.journal import Line
+from unit_tests.report import Facts, failure_lines, judge, summary_lines, write
+
+SAY, GO, ATTEND = "/textToSpeech/say_text", "/robotNavigation/set_goal", "/overtAttention/set_mode"
+ANIMATE = "/animateBehaviour/set_activation"
+
+
+def place(name, x):
+    return Exhibit(name, name + " one", name + " two", Location(x, 0.0, 0.0), Point(x, 1.0, 1.0))
+
+
+KNOWLEDGE = Knowledge((place("Arm", 1.0), place("Base", 2.0), place("Desk", 3.0)), place("Door", 4.0), place("Home", 0.0))
+TOUR_LEAVES = ("RetrieveListOfExhibits", "SelectExhibit", "Navigate", "IsYesNoUttered")
+
+
+class Story:
+    """A test as it happened, told step by step, a second each."""
+
+    def __init__(self, behaviour="engages", leaves=TOUR_LEAVES, runs=1):
+        self.now, self.passes, self.exit_code, self.cut_off = 100.0, 0, None, ""
+        self.behaviour, self.runs = behaviour, runs
+        self.journal, self.calls = [], {}
+        self.events = [self.event("RunStarted", mission="lab_tour.xml", leaves=[["p", leaf] for leaf in leaves])]
+
+    def event(self, kind, **fields):
+        self.now += 1.0
+        return dict(fields, event=kind, time=self.now)
+
+    def record(self, kind, **fields):
+        self.events.append(self.event(kind, **fields))
+
+    def call(self, node, resource, fault=None, objection=None, **content):
+        self.now += 1.0
+        self.calls[node] = self.calls.get(node, 0) + 1
+        self.journal.append(Line(self.now, node, resource, self.calls[node], content, fault, objection))
+
+    def say(self, text, fault=None):
+        self.call("textToSpeech", SAY, fault, message=text)
+
+    def go(self, x, fault=None):
+        self.call("robotNavigation", GO, fault, goal_x=x, goal_y=0.0, goal_theta=0.0)
+
+    def failed(self, node, resource, cause, message="-", path=None, status="FAILURE"):
+        self.record("LeafFinished", uid=1, node=node, path=path or node, status=status, resource=resource, seconds=0.1,
+                    failure={"cause": cause, "message": message, "resource": resource} if status == "FAILURE" else None)
+
+    def done(self, node, resource=""):
+        self.record("LeafFinished", uid=1, node=node, path=node, status="SUCCESS", resource=resource, seconds=0.1,
+                    failure=None)
+
+    def recovered(self, node, resource, attempts, success=True, cause="refused", path=None):
+        self.record("Recovered", node=node, path=path or node, policy="retry", attempts=attempts, success=success,
+                    failure={"cause": cause, "message": "-", "resource": resource})
+
+    def visit(self, exhibit, described=True):
+        self.go(exhibit.location.x)
+        if described:
+            self.say(exhibit.description1)
+            self.say(exhibit.description2)
+
+    def tour(self, described=3):
+        for index, exhibit in enumerate(KNOWLEDGE.exhibits):
+            self.visit(exhibit, index < described)
+
+    def end_pass(self, outcome="SUCCESS"):
+        self.passes += 1
+        self.record("PassFinished", number=self.passes, outcome=outcome, seconds=1.0)
+
+    def end(self, exit_code=0):
+        self.exit_code = exit_code
+        self.record("RunFinished", outcome="all passes are done", exit_code=exit_code)
+
+    def facts(self):
+        return Facts(self.events, self.journal, self.exit_code, self.behaviour, self.runs, KNOWLEDGE, self.cut_off)
+
+    def objections(self):
+        return list(judge(self.facts()).objections)
+
+
+def finished(story, outcome="SUCCESS"):
+    story.end_pass(outcome)
+    story.end(0 if outcome == "SUCCESS" else 3)
+    return story
+
+
+# -------------------------------------------------------------------------------------------------------------- passes
+
+
+def test_a_tour_of_all_exhibits_passes():
+    story = Story()
+    story.tour()
+    verdict = judge(finished(story).facts())
+    assert verdict.passed
+    assert str(verdict) == ("PASSED: 1 pass ended as a visitor who engages should; "
+                            "0 of 9 calls were made to fail, and all of these are on record")
+
+
+@pytest.mark.parametrize("behaviour", ("declines", "silent"))
+def test_no_tour_passes_when_nobody_wants_one(behaviour):
+    story = Story(behaviour)
+    story.say("Maybe another time")
+    assert finished(story).objections() == []
+
+
+def test_who_leaves_sees_no_description_after_the_second_exhibit():
+    story = Story("leaves")
+    story.tour(described=2)
+    assert finished(story).objections() == []
+
+
+def test_every_pass_is_judged_for_itself():
+    story = Story(runs=2)
+    story.tour()
+    story.end_pass()
+    story.visit(KNOWLEDGE.exhibits[0])
+    assert finished(story).objections() == ["pass 2: the robot did not get to exhibit Base",
+                                            "pass 2: the robot did not get to exhibit Desk"]
+
+
+def test_a_mission_without_a_tour_needs_no_exhibits():
+    assert finished(Story(leaves=("WelcomeSpeech",))).objections() == []
+
+
+def test_a_mission_that_does_not_ask_gives_its_tour_to_everybody():
+    story = Story("silent", leaves=TOUR_LEAVES[:3])
+    story.tour()
+    assert finished(story).objections() == []
+
+
+# ----------------------------------------------------------------------------------------------------------- exhibits
+
+
+def test_an_exhibit_that_was_left_out_is_named():
+    story = Story()
+    story.visit(KNOWLEDGE.exhibits[0])
+    story.visit(KNOWLEDGE.exhibits[2])
+    assert finished(story).objections() == ["pass 1: the robot did not get to exhibit Base"]
+
+
+def test_a_drive_that_failed_does_not_count():
+    story = Story()
+    story.tour()
+    story.journal[0] = story.journal[0]._replace(fault="refused")
+    assert "pass 1: the robot did not get to exhibit Arm" in finished(story).objections()
+
+
+@pytest.mark.parametrize("behaviour", ("engages", "leaves"))
+def test_an_exhibit_that_was_not_described_to_a_visitor_is_named(behaviour):
+    story = Story(behaviour)
+    story.visit(KNOWLEDGE.exhibits[0])
+    story.visit(KNOWLEDGE.exhibits[1], described=False)
+    story.visit(KNOWLEDGE.exhibits[2])
+    assert ["exhibit Base was not described" in text for text in finished(story).objections()] == [True]
+
+
+@pytest.mark.parametrize("behaviour", ("declines", "silent"))
+def test_a_tour_that_nobody_wanted_is_wrong(behaviour):
+    story = Story(behaviour)
+    story.go(1.0)
+    assert finished(story).objections() == ["pass 1: the robot was sent to 1 place without a visitor who wants a tour"]
+
+
+# ------------------------------------------------------------------------------------------------------ start and end
+
+
+def test_a_pass_that_failed_is_wrong_and_what_was_given_up_is_named():
+    story = Story()
+    story.tour()
+    for call in range(3):
+        story.go(0.0, "refused")
+        if call == 0:
+            story.failed("Navigate", GO, "refused")
+    story.recovered("Navigate", GO, 2, success=False)
+    assert finished(story, "FAILURE").objections() == [
+        "pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (given up: Navigate)"]
+
+
+def test_a_controller_that_never_started():
+    story = Story()
+    story.events, story.cut_off = [], "the controller did not start its mission within 60 s"
+    assert story.objections() == [story.cut_off]
+
+
+def test_a_controller_that_refused_to_start():
+    story = Story()
+    story.events, story.exit_code = [], 2
+    assert story.objections() == ["the controller ended with exit code 2 before it started its mission"]
+
+
+def test_a_controller_that_crashed():
+    story = Story(runs=2)
+    story.tour()
+    story.end_pass()
+    story.exit_code = -11
+    assert story.objections() == ["the controller was ended by signal 11 in the middle of its mission, in pass 2"]
+
+
+def test_a_controller_that_never_ended():
+    story = Story()
+    story.cut_off = "the mission did not end within 900 s (testTimeout)"
+    assert story.objections() == [story.cut_off]
+
+
+def test_a_controller_that_ends_otherwise_than_it_said():
+    story = Story()
+    story.tour()
+    finished(story).exit_code = 1
+    assert story.objections() == ["the controller ended with exit code 1, but announced exit code 0"]
+
+
+def test_too_few_passes():
+    story = Story(runs=3)
+    story.tour()
+    assert finished(story).objections() == ["the controller made 1 pass instead of 3"]
+
+
+def test_a_request_that_a_node_objected_to():
+    story = Story(leaves=())
+    story.call("overtAttention", ATTEND, None, "state is 'sleeping'", state="sleeping")
+    story.failed("SocialOvertAttentionMode", ATTEND, "refused")
+    objections = finished(story).objections()
+    assert objections[0] == "/overtAttention/set_mode received a request that makes no sense: state is 'sleeping'"
+    assert len(objections) == 2  # it was not injected either
+
+
+# ------------------------------------------------------------------------------------------------- injected = recorded
+
+
+def without_tour():
+    return Story(leaves=())
+
+
+def test_an_injected_failure_that_is_on_record_passes():
+    for fault, cause in (("refused", "refused"), ("exception", "exception in the server"),
+                         ("unanswered", "no answer in time")):
+        story = without_tour()
+        story.say("Hello", fault)
+        story.failed("WelcomeSpeech", SAY, cause)
+        assert finished(story).objections() == []
+
+
+def test_a_failure_that_was_not_injected():
+    story = without_tour()
+    story.say("Hello")
+    story.failed("WelcomeSpeech", SAY, "connection lost", "the server hung up")
+    assert finished(story).objections() == [
+        "WelcomeSpeech failed and nothing was injected there: connection lost: the server hung up"]
+
+
+def test_a_failure_of_another_service_than_the_injected_one():
+    story = without_tour()
+    story.say("Hello", "refused")
+    story.failed("Navigate", GO, "refused")
+    assert len(finished(story).objections()) == 2
+
+
+def test_a_failure_of_another_cause_than_the_injected_one():
+    story = without_tour()
+    story.say("Hello", "exception")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    assert len(finished(story).objections()) == 2
+
+
+def test_a_failure_on_record_before_it_was_injected():
+    story = without_tour()
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.say("Hello", "refused")
+    assert len(finished(story).objections()) == 2
+
+
+def test_one_injected_failure_does_not_explain_two():
+    story = without_tour()
+    story.say("Hello", "refused")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.failed("WelcomeSpeech", SAY, "refused", "again")
+    assert finished(story).objections() == ["WelcomeSpeech failed and nothing was injected there: refused: again"]
+
+
+def test_an_injected_failure_that_is_not_on_record():
+    story = without_tour()
+    story.say("Hello")
+    story.say("Hello", "refused")
+    story.done("WelcomeSpeech", SAY)
+    assert finished(story).objections() == [
+        "call 2 of /textToSpeech/say_text was made to fail (refused) and is not on record as a failure"]
+
+
+def test_failed_attempts_of_the_recovery_belong_to_it():
+    story = without_tour()
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.go(1.0, "refused")
+    story.go(1.0)
+    story.recovered("Navigate", GO, 2)
+    assert finished(story).objections() == []
+
+
+def test_more_failed_calls_than_the_recovery_made_attempts():
+    story = without_tour()
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.go(1.0, "refused")
+    story.go(1.0, "refused")
+    story.recovered("Navigate", GO, 1)
+    assert len(finished(story).objections()) == 1
+
+
+def test_a_recovery_does_not_cover_what_came_before_its_leaf_failed():
+    story = without_tour()
+    story.go(1.0, "refused")
+    story.done("Navigate", GO)
+    story.go(2.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.go(2.0)
+    story.recovered("Navigate", GO, 1)
+    assert finished(story).objections() == [
+        "call 1 of /robotNavigation/set_goal was made to fail (refused) and is not on record as a failure"]
+
+
+def test_the_failure_of_a_handlefallback_is_the_one_before():
+    story = without_tour()
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.recovered("Navigate", GO, 0, success=False)
+    story.failed("HandleFallBack", GO, "refused")
+    assert finished(story).objections() == []
+
+
+def test_the_safe_state_may_fail_when_a_recovery_gives_up():
+    story = without_tour()
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.call("overtAttention", ATTEND, "refused", state="disabled")
+    story.call("animateBehavior", ANIMATE, "refused", state="disabled")
+    story.recovered("Navigate", GO, 0, success=False)
+    assert finished(story).objections() == []
+
+
+def test_without_giving_up_there_is_no_safe_state():
+    story = without_tour()
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.call("overtAttention", ATTEND, "refused", state="disabled")
+    story.recovered("Navigate", GO, 0)
+    assert len(finished(story).objections()) == 1
+
+
+def test_the_answer_of_a_halted_leaf_is_lost():
+    story = without_tour()
+    story.say("Hello", "unanswered")
+    story.failed("WelcomeSpeech", SAY, "", status="IDLE")
+    assert finished(story).objections() == []
+
+
+def test_conditions_that_are_false_need_no_injection():
+    story = without_tour()
+    story.failed("IsMutualGazeDiscovered", "/overtAttention/mode", "condition false")
+    assert finished(story).objections() == []
+
+
+def test_only_a_silent_visitor_presses_nothing():
+    for behaviour, number in (("silent", 0), ("engages", 1)):
+        story = Story(behaviour, leaves=())
+        story.failed("PressYesNoDialogue", "/tabletEvent/prompt_and_get_response", "missing data", "pressed nothing")
+        assert len(finished(story).objections()) == number
+
+
+# -------------------------------------------------------------------------------------------------------------- report
+
+
+def test_every_failure_has_a_line_of_its_own():
+    story = without_tour()
+    for number in range(3):
+        story.say("Hello", "refused")
+        story.failed("WelcomeSpeech", SAY, "refused", "answer {}\n".format(number), "Tree::1/WelcomeSpeech::2")
+    story.done("WelcomeSpeech", SAY)
+    lines = [line.split("\t") for line in failure_lines(story.facts())]
+    assert [line[1:] for line in lines] == [
+        ["WelcomeSpeech", "Tree::1/WelcomeSpeech::2", SAY, "refused", "answer {}".format(number)] for number in range(3)]
+    assert lines[0][0] < lines[1][0] < lines[2][0]
+
+
+def test_the_summary_counts_every_node():
+    story = without_tour()
+    story.say("Hello", "refused")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.say("Hello")
+    story.recovered("WelcomeSpeech", SAY, 1)
+    story.done("FollowMeSpeech", SAY)
+    counts = [line.split() for line in summary_lines(story.facts())]
+    assert ["FollowMeSpeech", "1", "0"] in counts
+    assert ["WelcomeSpeech", "1", "1"] in counts
+    assert ["textToSpeech", "2", "1"] in counts
+    assert ["robotNavigation", "0", "0"] in counts
+    assert "recoveries: 1; 1 went on, 0 gave up" in summary_lines(story.facts())
+
+
+def test_the_report_ends_with_the_verdict():
+    story = without_tour()
+    story.failed("IsVisitorDiscovered", "/faceDetection/data", "condition false", "no face")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    verdict, text = write(finished(story).facts(), "title")
+    lines = text.splitlines()
+    assert not verdict.passed
+    assert lines[0] == "# title"
+    assert lines[2].split("\t")[1] == "IsVisitorDiscovered"
+    assert "2 failures; 1 of them conditions that were false for a while" in lines
+    assert lines[-1] == "FAILED: WelcomeSpeech failed and nothing was injected there: refused: -"
