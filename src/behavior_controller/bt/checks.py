@@ -40,6 +40,8 @@ _ELSEWHERE = {
     "ConsumeQueue": "version 4 has LoopString, LoopInt, LoopDouble and LoopBool",
     "ManualSelector": "version 4 has Switch2 to Switch6",
     "Selector": "BehaviorTree.CPP calls it Fallback",
+    "include": "it stands directly below <root>",
+    "TreeNodesModel": "it stands directly below <root>",
 }
 _PORTS_ELSEWHERE = {
     ("Parallel", "threshold"): "version 4 writes success_count",
@@ -469,9 +471,11 @@ class _Nodes:
             self._call(element, tree_id)
 
     def _call(self, element: Element, tree_id: str) -> None:
-        if tree_id not in self.index.trees and self.index.is_complete:
-            self.fault_in_use(element, "there is no tree {}".format(tree_id),
-                              self.index.nearest(tree_id, self.index.trees, "the trees"), "ID")
+        if tree_id not in self.index.trees:
+            self.index.faulty.add(id(element))
+            if self.index.is_complete:
+                self.fault_in_use(element, "there is no tree {}".format(tree_id),
+                                  self.index.nearest(tree_id, self.index.trees, "the trees"), "ID")
         try:
             remaps_all = values.TYPES["bool"].from_text(  # type: ignore[misc]
                 element.attributes.get("_autoremap", "false"), {})

@@ -1,14 +1,12 @@
 """A checked mission to a tree: one node for each element, SubTrees unfolded, entries and scripts bound (BT.CPP section 10)."""
-import contextlib
-import gc
 import sys
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.bt import ports
 from behavior_controller.bt.blackboard import Blackboard
 from behavior_controller.bt.checks import CONDITIONS, Checked, check, is_port_name
 from behavior_controller.bt.clock import Clock
-from behavior_controller.bt.document import Document, Element, parse, read, with_includes
+from behavior_controller.bt.document import Document, Element, collector_at_rest, parse, read, with_includes
 from behavior_controller.bt.node import PRE_CONDITIONS, ConfigureError, Node, Services
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.script import Script, ScriptSyntaxError, compile_script
@@ -42,7 +40,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``; ``enums``
     are names of integers for scripts; ``rules`` are substitution rules.
     """
-    with _collector_at_rest():
+    with collector_at_rest():
         checked = check(documents, registry, main_tree, strict)
         compiler = _Compiler(checked, registry, Services(clock or Clock(), enums), substitutions(rules or {}))
         if checked.main and id(checked.trees[checked.main]) not in checked.faulty:
@@ -51,18 +49,6 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     if any(not fault.is_warning for fault in faults):
         raise MissionError(sorted(faults, key=lambda fault: (fault.file, fault.line, fault.column)))
     return Tree(compiler.nodes, compiler.blackboards, compiler.services, faults)
-
-
-@contextlib.contextmanager
-def _collector_at_rest() -> Iterator[None]:
-    """Keep Python's collector from walking a growing tree, of which nothing is garbage, again and again."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 class _Place(NamedTuple):

@@ -1,10 +1,12 @@
 """A mission file as elements that know where they stand, and the files that it includes. The only user of lxml."""
 import bisect
+import contextlib
+import gc
 import itertools
 import os
 import re
 import stat
-from typing import Any, Callable, Dict, List, Optional, Set, Tuple, Union
+from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple, Union
 
 from lxml import etree
 
@@ -120,7 +122,8 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
             raise MarkupFault("the file is empty", 0, "a mission begins with <root BTCPP_format=\"4\">")
         if "\x00" in text:
             raise MarkupFault("a NUL character: the file is not UTF-8 text", text.index("\x00"), "save the file as UTF-8")
-        document.root = _parsed(mended(text), document)
+        with collector_at_rest():
+            document.root = _parsed(mended(text), document)
     except MarkupFault as fault:
         raise MissionError([document.fault(fault)]) from fault
     except (etree.XMLSyntaxError, UnicodeError) as error:
@@ -140,10 +143,22 @@ def _decoded(data: bytes, file: str) -> str:
         raise MissionError([before.fault(wrong)]) from error
 
 
+@contextlib.contextmanager
+def collector_at_rest() -> Iterator[None]:
+    """Keep Python's collector from walking a growing mission, of which nothing is garbage, again and again."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
 class _Target:
     """lxml's parser target: makes Elements without a tree of lxml's own."""
 
-    def __init__(self, start: Callable[[str, Any], None], end: Callable[[str], None], close: Callable[[], Element]):
+    def __init__(self, start: Callable[[str, Any], None], end: Callable[[str], None], close: Callable[[], Optional[Element]]):
         self.start = start
         self.end = end
         self.close = close
@@ -163,7 +178,7 @@ def _parsed(clean: str, document: Document) -> Element:
     def end(_tag: str) -> None:
         opened.pop()
 
-    parser = etree.XMLParser(target=_Target(start, end, lambda: above.children[0]), huge_tree=True, no_network=True)
+    parser = etree.XMLParser(target=_Target(start, end, lambda: above.children[0] if above.children else None), huge_tree=True, no_network=True)
     return etree.fromstring(clean.encode("utf-8"), parser)
 
 

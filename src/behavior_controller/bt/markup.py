@@ -31,7 +31,7 @@ TOKEN = re.compile(r"""
   | <(?P<tag>{0}{{1,{5}}})(?P<attributes>(?:{1}+{3}){{0,{4}}}){1}*(?P<mend>/?)>
   | (?P<blank><!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*>)
   | (?P<instruction><\?.*?\?>)
-  | (?P<text>&[^<]*)
+  | (?P<text>&[^<]*|\]\]>)
   | (?P<other><)
 """.format(_TAG[:-1], _BLANK, _PLAIN_ATTRIBUTE, _ATTRIBUTE, MOST_ATTRIBUTES, LONGEST_NAME), re.VERBOSE | re.DOTALL)
 STARTS = ("leaf", "open", "mend")
