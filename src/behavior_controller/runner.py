@@ -12,6 +12,12 @@ FAILED = 3
 SHORTEST_PASS = 1.0
 """Seconds: a pass that ends sooner is followed by a pause of that length, lest a mission that fails at once spins."""
 
+ROUNDS_AT_ONCE = 100
+"""Ticks that may follow each other without a wait."""
+
+PACE = 0.01
+"""Seconds between further ticks of a mission that changes something at every one (BT.CPP's default)."""
+
 SAFE_STATE_LIMIT = 1.0
 """Seconds that the requests of the safe state may take when the node stops."""
 
@@ -33,6 +39,7 @@ class Runner:
         self._number = 0
         self._outcome: Optional[str] = None  # of the last pass
         self._warned = False
+        self._rounds = 0  # ticks since the last wait
 
     def run(self) -> int:
         """Run and return the exit code: 0 if the last pass that ended was a SUCCESS (or none had ended), else 3."""
@@ -54,9 +61,10 @@ class Runner:
         result: Any = RUNNING
         while result is RUNNING and not self.is_stopped():
             self.tree.wake.test_and_clear()
+            changes = self.tree.changes
             result = self._tick()
             if result is RUNNING:
-                self.wait(None)
+                self._rest(self.tree.changes != changes)
         if result is RUNNING:
             return
         self._number += 1
@@ -81,6 +89,21 @@ class Runner:
         if result not in (RUNNING, SUCCESS, FAILURE):
             self._halt()  # a root that was SKIPPED may still hold running nodes
         return result
+
+    def _rest(self, has_changed: bool) -> None:
+        """Wait for an event, unless the tick itself changed something that another tick may act on.
+
+        BehaviorTree.CPP ticks every 10 ms and so comes round; a KeepRunningUntilFailure, say, is RUNNING after each round
+        without a wake-up. A mission that changes something at every tick is ticked at that pace.
+        """
+        if not has_changed:
+            self._rounds = 0
+            self.wait(None)
+        elif self._rounds < ROUNDS_AT_ONCE:
+            self._rounds += 1
+            self.clock.run_due()
+        else:
+            self.wait(PACE)
 
     def wait(self, seconds: Optional[float]) -> None:
         """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run the timers that are due."""

@@ -100,3 +100,38 @@ def test_waiting_ends_at_the_next_timer():
     rig.clock.call_after(0.0, lambda: fired.append(True))
     Runner(rig.tree, rig.mission, "x", 1, lambda: False).wait(None)
     assert fired == [True]
+
+
+def run_until_it_waits(mission, waits=1):
+    """Run a mission until it has waited so often; return the rig and how long it would have waited, None for ever."""
+    asked = []
+
+    class Waiting(Runner):
+        def wait(self, seconds):
+            asked.append(seconds)
+            rig.clock.advance(seconds or 0.0)
+
+    rig = one_leaf(mission)
+    Waiting(rig.tree, rig.mission, "x", 0, lambda: len(asked) >= waits or len(rig.of(PassFinished)) > 0).run()
+    return rig, asked
+
+
+def test_what_a_tick_changed_is_acted_on_without_an_event():
+    rig, asked = run_until_it_waits(
+        "<Sequence><Script code='x := 0'/><ReactiveFallback><ScriptCondition code='x == 1'/>"
+        "<Sequence><Script code='x := 1'/><Sleep msec='60000'/></Sequence></ReactiveFallback></Sequence>")
+    assert [event.outcome for event in rig.of(PassFinished)] == ["SUCCESS"]
+    assert asked == []
+
+
+def test_a_loop_that_is_running_after_each_round_goes_on():
+    # KeepRunningUntilFailure signals no wake-up: BT.CPP comes round by ticking every 10 ms
+    rig, asked = run_until_it_waits("<KeepRunningUntilFailure><WelcomeSpeech/></KeepRunningUntilFailure>", waits=3)
+    assert len(rig.requests) > 100
+    assert asked == 3 * [0.01]
+
+
+def test_a_loop_that_changes_nothing_waits_for_an_event():
+    rig, asked = run_until_it_waits("<ReactiveFallback><IsVisitorDiscovered/><KeepRunningUntilFailure><AlwaysSuccess/>"
+                                    "</KeepRunningUntilFailure></ReactiveFallback>")
+    assert asked == [None]

@@ -9,6 +9,7 @@ class Entry:
     """One entry. ``value`` None is empty; ``origin`` is the type the value had when it was first stored."""
 
     __slots__ = ("type", "value", "origin", "sequence")
+    writes = 0  # of all entries: a tick that wrote something may have changed what another tick would do
 
     def __init__(self, entry_type: str = ANY):
         self.type = entry_type
@@ -26,6 +27,7 @@ class Entry:
         self.value = int(value) if isinstance(value, bool) else value
         self.origin = origin or values.origin_of(value)
         self.sequence += 1
+        Entry.writes += 1
 
     def update(self, value: Any) -> None:
         """Store ``value`` in the kind that is stored already. Raises ValueFault if it cannot be."""
@@ -35,6 +37,7 @@ class Entry:
             self.origin = values.origin_of(value)
         self.value = values.same_kind(value, self.value)
         self.sequence += 1
+        Entry.writes += 1
 
     def from_text(self, text: str) -> Any:
         """Return ``text`` in the entry's type, or None if the type has no conversion. Raises ValueFault."""
@@ -148,7 +151,8 @@ class Blackboard:
         if key[:1] == "@":
             self.root().unset(key[1:])
         else:
-            self.local.pop(key, None)
+            if self.local.pop(key, None) is not None:
+                Entry.writes += 1
 
 
 def _natural_type(value: Any) -> str:

@@ -179,6 +179,7 @@ class WasEntryUpdated(SyncActionLeaf):
         if entry is None or entry.sequence == self.seen:
             return FAILURE
         self.seen = entry.sequence
+        self.services.changes += 1
         return SUCCESS
 
 

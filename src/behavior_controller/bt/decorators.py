@@ -339,6 +339,7 @@ class Loop(Decorator):
             if not self.queue:
                 return self.get_input("if_empty")
             self._hand_out(self.queue.popleft())
+            self.services.changes += 1
         if self.status is IDLE:
             self.store(RUNNING)
         result = self.tick_child()
@@ -405,6 +406,7 @@ class SkipUnlessUpdated(Decorator):
             if sequence is None or sequence == self.seen:
                 return self.otherwise
             self.seen = sequence
+            self.services.changes += 1
         result = self.decorated.execute()
         self.child_runs = result is RUNNING
         return result

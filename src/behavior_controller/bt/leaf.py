@@ -29,6 +29,8 @@ class ActionLeaf(Node):
             result, callback = self.on_running(), "onRunning"
         else:
             return status
+        if result is not RUNNING:
+            self.services.changes += 1
         if result is IDLE:
             raise NodeError("StatefulActionNode::{}() must not return IDLE".format(callback))
         return result

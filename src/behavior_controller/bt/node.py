@@ -54,6 +54,7 @@ class Services:
         self.clock = clock
         self.wake = WakeUp()
         self.enums = enums or {}
+        self.changes = 0  # what nodes have done, beside writing to entries, that may change what another tick would do
 
 
 class Node(Behaviour):

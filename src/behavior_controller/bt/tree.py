@@ -1,7 +1,7 @@
 """A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
 from typing import Any, Dict, List, Sequence
 
-from behavior_controller.bt.blackboard import Blackboard
+from behavior_controller.bt.blackboard import Blackboard, Entry
 from behavior_controller.bt.node import Node, Observer, Result, Services
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault
@@ -40,6 +40,14 @@ class Tree:
     def _tell_all(self, node: Any, old: Any, new: Any) -> None:
         for observer in self._observers:
             observer(node, old, new)
+
+    @property
+    def changes(self) -> int:
+        """A number that grows when a tick changes what the next one may do: an action completed, an entry was written.
+
+        A RUNNING tree whose tick changed nothing does the same again until a wake-up: nobody need tick it before.
+        """
+        return self.services.changes + Entry.writes
 
     def tick_exactly_once(self) -> Result:
         """Traverse the tree once; the wake-up signal is not looked at."""
