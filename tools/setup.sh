@@ -127,7 +127,7 @@ build_workspace() {
 link_packages() {
   local entry
   mkdir -p "$BUILD/src/cssr_system"
-  for entry in $(package_entries); do
+  package_entries | while read -r entry; do
     ln -s "../../../$entry" "$BUILD/src/cssr_system/$entry"
   done
   # CMake would install the link itself, which leads nowhere from there
