@@ -79,8 +79,8 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:
     """Return the root of a mission to draw with ``py-trees-render behavior_controller.cli.create_tree``.
 
-    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws that tree of the file alone. Nodes
-    carry the last part of their path (``Navigate::101``), so that those of the same name can be told apart.
+    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws that tree of the file alone. A node is
+    labelled with its own name and type, or with its type and uid, so that those of the same type can be told apart.
     """
     path = mission if mission.endswith(".xml") or os.sep in mission else folders.mission(mission)
     try:
@@ -88,5 +88,14 @@ def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any
     except MissionError as error:
         sys.exit(str(error))
     for node in tree.nodes:
-        node.name = node.full_path.rsplit("/", 1)[-1]
+        node.name = _label(node)
+        node.memory = False  # else py_trees puts a sign before the name that few fonts have; the label tells the type
+    tree.root.name = subtree or os.path.splitext(os.path.basename(path))[0]
     return tree.root
+
+
+def _label(node: Any) -> str:
+    last = node.full_path.rsplit("/", 1)[-1]
+    if last == "{}::{}".format(node.name, node.uid):
+        return "{} #{}".format(node.name, node.uid)  # a colon would be a port in the dot language
+    return "{} ({}) #{}".format(node.name, node.registration_id, node.uid)

@@ -1,0 +1,56 @@
+"""py-trees-render draws a mission from any folder, without ROS, so that each node can be told apart."""
+import os
+import shutil
+import subprocess
+import sys
+
+import py_trees
+import pytest
+
+from behavior_controller.cli import create_tree
+
+SOURCES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "src")
+
+
+def dot(root, level="ALL"):
+    level = getattr(py_trees.common.VisibilityLevel, level)
+    return py_trees.display.dot_tree(root, visibility_level=level)
+
+
+def test_every_node_of_the_lab_tour_is_drawn_once_with_a_label_of_its_own():
+    labels = [node.get_label().strip('"') for node in dot(create_tree("lab_tour")).get_node_list() if node.get_label()]
+    assert len(labels) == len(set(labels)) == 213
+    assert {"lab_tour", "Navigate #101", "UntilMutualGaze (ReactiveFallback) #35", "GiveTour #73"} <= set(labels)
+    # in the dot language what follows a colon is not part of the name: the edges would miss their nodes
+    assert not any(":" in label for label in labels)
+
+
+def test_the_subtrees_fold():
+    text = dot(create_tree("lab_tour"), "BIG_PICTURE").to_string()
+    assert "GiveTour #73" in text and "Navigate" not in text
+
+
+def test_one_subtree_alone():
+    root = create_tree("lab_tour", subtree="GoHome")
+    assert [node.name for node in root.iterate()][-1] == "GoHome"
+    assert sum(1 for _ in root.iterate()) == 15  # its 5 nodes and the 10 of NavigateToLocation
+
+
+def test_a_mission_that_cannot_be_drawn_says_why_in_a_line(tmp_path):
+    path = tmp_path / "bad.xml"
+    path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomSpeech/></BehaviorTree></root>")
+    with pytest.raises(SystemExit) as raised:
+        create_tree(str(path))
+    assert str(raised.value).endswith("bad.xml:1:45: unknown node WelcomSpeech (did you mean WelcomeSpeech?)")
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not installed")
+def test_the_command_draws_from_any_folder(tmp_path):
+    command = os.path.join(os.path.dirname(sys.executable), "py-trees-render")
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("ROS")}
+    environment["PYTHONPATH"] = os.path.realpath(SOURCES)
+    done = subprocess.run(
+        [command, "--kwargs", '{"mission": "lab_tour"}', "behavior_controller.cli.create_tree"], cwd=str(tmp_path),
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout
+    assert sorted(os.listdir(str(tmp_path))) == ["lab_tour.dot", "lab_tour.png", "lab_tour.svg"]
