@@ -12,8 +12,9 @@ from behavior_controller.record import FILE_NAME as RECORD
 
 from unit_tests import configuration, parameters
 from unit_tests.controller import STARTUP_TIMEOUT, read_exit_code
+from unit_tests.facts import Facts
 from unit_tests.journal import Journal, Tail
-from unit_tests.report import Facts, write
+from unit_tests.report import write
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 VERDICT = "verdict"

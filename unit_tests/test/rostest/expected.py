@@ -48,7 +48,8 @@ def drive(place):
 AWAIT_MUTUAL_GAZE = [attend("seeking"), attend("social")]
 
 WELCOME = [frozenset((animate("enabled"), attend("scanning"))),  # DetectVisitor
-           animate("disabled"), iconic(1), animate("enabled"), say("WelcomeSpeech")] + AWAIT_MUTUAL_GAZE  # EngageVisitor
+           animate("disabled"), iconic(1), animate("enabled"), say("WelcomeSpeech")]  # EngageVisitor
+WELCOME += AWAIT_MUTUAL_GAZE
 QUESTION = [say("QueryTourSpeech")]
 TABLET = [say("PressYesNoSpeech"), ("tabletEvent", "Yes|No")]
 FAREWELL = [say("MaybeAnotherTimeSpeech")]

@@ -2,8 +2,9 @@
 import unittest
 
 from unit_tests import parameters, reporter
+from unit_tests.facts import Facts
 from unit_tests.journal import Journal
-from unit_tests.report import Facts, judge
+from unit_tests.verdict import judge
 
 from expected import KNOWLEDGE
 

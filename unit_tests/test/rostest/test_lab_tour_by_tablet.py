@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does a visitor who presses Yes get the lab tour when there is no speech recognition, on a robot that means gaze by 2?"""
+"""Does a visitor who presses Yes get the tour without speech recognition, where 2 means mutual gaze?"""
 import sys
 
 import rospy
@@ -19,8 +19,8 @@ class TestLabTourByTablet(MissionRun):
         self.assert_requests(WELCOME + QUESTION + TABLET + TOUR)
 
     def test_the_gaze_status_is_that_of_the_robot(self):
-        values = [line.content["value"] for line in self.published("overtAttention") if line.content["state"] == "seeking"]
-        self.assertEqual(set(values), {1, 2})
+        statuses = [line.content for line in self.published("overtAttention")]
+        self.assertEqual({status["value"] for status in statuses if status["state"] == "seeking"}, {1, 2})
 
 
 if __name__ == "__main__":

@@ -44,7 +44,8 @@ class TestVerdict(unittest.TestCase):
         self.assertIn(report[-1], printed)
         refused = [line.split("\t") for line in report if "\trefused\t" in line]
         self.assertEqual([(line[1], line[3]) for line in refused], [
-            ("WelcomeSpeech", "/textToSpeech/say_text"), ("PerformDeicticGesture", "/gestureExecution/perform_gesture")])
+            ("WelcomeSpeech", "/textToSpeech/say_text"),
+            ("PerformDeicticGesture", "/gestureExecution/perform_gesture")])
 
     def test_a_mission_that_cannot_succeed(self):
         code, printed, report = self.run_test("scenarioSpecification:=lab_tour", "failureRate:=0", "plannedFaults:="

@@ -4,8 +4,10 @@ import pytest
 from behavior_controller.gateway import Exhibit, Location, Point
 
 from unit_tests.exhibits import Knowledge
+from unit_tests.facts import Facts
 from unit_tests.journal import Line
-from unit_tests.report import Facts, failure_lines, judge, summary_lines, write
+from unit_tests.report import failure_lines, summary_lines, write
+from unit_tests.verdict import judge
 
 SAY, GO, ATTEND = "/textToSpeech/say_text", "/robotNavigation/set_goal", "/overtAttention/set_mode"
 ANIMATE = "/animateBehaviour/set_activation"
@@ -15,7 +17,8 @@ def place(name, x):
     return Exhibit(name, name + " one", name + " two", Location(x, 0.0, 0.0), Point(x, 1.0, 1.0))
 
 
-KNOWLEDGE = Knowledge((place("Arm", 1.0), place("Base", 2.0), place("Desk", 3.0)), place("Door", 4.0), place("Home", 0.0))
+EXHIBITS = (place("Arm", 1.0), place("Base", 2.0), place("Desk", 3.0))
+KNOWLEDGE = Knowledge(EXHIBITS, place("Door", 4.0), place("Home", 0.0))
 TOUR_LEAVES = ("RetrieveListOfExhibits", "SelectExhibit", "Navigate", "IsYesNoUttered")
 
 
@@ -156,7 +159,21 @@ def test_an_exhibit_that_was_not_described_to_a_visitor_is_named(behaviour):
     story.visit(KNOWLEDGE.exhibits[0])
     story.visit(KNOWLEDGE.exhibits[1], described=False)
     story.visit(KNOWLEDGE.exhibits[2])
-    assert ["exhibit Base was not described" in text for text in finished(story).objections()] == [True]
+    objections = finished(story).objections()
+    assert ["exhibit Base was not described; if the visitor's messages came" in text for text in objections] == [True]
+
+
+@pytest.mark.parametrize("second_try, number", (("refused", 0), (None, 1)))
+def test_an_exhibit_where_the_robot_was_not_let_seek_the_gaze_needs_no_description(second_try, number):
+    story = Story()
+    story.visit(KNOWLEDGE.exhibits[0], described=False)
+    story.call("overtAttention", ATTEND, "refused", state="seeking")
+    story.failed("SeekOvertAttentionMode", ATTEND, "refused")
+    story.call("overtAttention", ATTEND, second_try, state="seeking")
+    story.recovered("SeekOvertAttentionMode", ATTEND, 1)
+    story.visit(KNOWLEDGE.exhibits[1])
+    story.visit(KNOWLEDGE.exhibits[2])
+    assert len(finished(story).objections()) == number
 
 
 @pytest.mark.parametrize("behaviour", ("declines", "silent"))
@@ -178,7 +195,16 @@ def test_a_pass_that_failed_is_wrong_and_what_was_given_up_is_named():
             story.failed("Navigate", GO, "refused")
     story.recovered("Navigate", GO, 2, success=False)
     assert finished(story, "FAILURE").objections() == [
-        "pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (given up: Navigate)"]
+        "pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (given up: Navigate; "
+        "3 calls were made to fail in this pass)"]
+
+
+def test_a_pass_that_failed_at_a_condition_names_it_and_what_may_help():
+    story = without_tour()
+    story.failed("IsMutualGazeDiscovered", "/overtAttention/mode", "condition false", "no mutual gaze")
+    assert finished(story, "FAILURE").objections() == [
+        "pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (failed last: IsMutualGazeDiscovered: "
+        "no mutual gaze; if the visitor's messages came too late for the mission, a higher arrivalRate helps)"]
 
 
 def test_a_controller_that_never_started():
@@ -382,8 +408,22 @@ def test_every_failure_has_a_line_of_its_own():
     story.done("WelcomeSpeech", SAY)
     lines = [line.split("\t") for line in failure_lines(story.facts())]
     assert [line[1:] for line in lines] == [
-        ["WelcomeSpeech", "Tree::1/WelcomeSpeech::2", SAY, "refused", "answer {}".format(number)] for number in range(3)]
+        ["WelcomeSpeech", "Tree::1/WelcomeSpeech::2", SAY, "refused", "answer {}".format(number)]
+        for number in range(3)]
     assert lines[0][0] < lines[1][0] < lines[2][0]
+
+
+def test_failures_during_a_recovery_have_their_lines_too():
+    story = without_tour()
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused", path="Tree::1/Navigate::2")
+    story.go(1.0, "exception")
+    story.call("animateBehavior", ANIMATE, "refused", state="disabled")
+    story.recovered("Navigate", GO, 1, success=False, path="Tree::1/Navigate::2")
+    lines = [line.split("\t")[1:5] for line in failure_lines(finished(story, "FAILURE").facts())]
+    assert lines == [["Navigate", "Tree::1/Navigate::2", GO, "refused"],
+                     ["Navigate", "Tree::1/Navigate::2", GO, "exception in the server"],
+                     ["Navigate", "Tree::1/Navigate::2", ANIMATE, "refused"]]
 
 
 def test_the_summary_counts_every_node():

@@ -1,0 +1,49 @@
+"""What is known at the end of a test: the controller's record and the journal of the simulated nodes."""
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence
+
+from unit_tests.exhibits import Knowledge
+from unit_tests.journal import Line
+
+Event = Dict[str, Any]
+"""A line of the record: ``event`` (one of ``behavior_controller.events``), ``time`` (unix seconds) and its fields."""
+
+
+class Facts(NamedTuple):
+    """Everything that a verdict is based on."""
+
+    events: Sequence[Event]  # the controller's record
+    journal: Sequence[Line]
+    exit_code: Optional[int]  # of the controller; None: it did not end
+    behaviour: str
+    runs: int
+    knowledge: Knowledge
+    cut_off: str = ""  # why nobody waited for the end
+
+
+class Pass(NamedTuple):
+    """One pass of the mission: what the controller recorded and what the nodes were asked meanwhile."""
+
+    number: int
+    outcome: str
+    events: Sequence[Event]
+    lines: Sequence[Line]
+
+
+def of(events: Sequence[Event], kind: str) -> List[Event]:
+    """Return the events of one kind."""
+    return [event for event in events if event["event"] == kind]
+
+
+def passes(facts: Facts) -> Iterator[Pass]:
+    """Yield each pass that ended."""
+    began = 0.0
+    for end in of(facts.events, "PassFinished"):
+        yield Pass(end["number"], end["outcome"],
+                   [event for event in facts.events if began < event["time"] <= end["time"]],
+                   [line for line in facts.journal if began < line.time <= end["time"]])
+        began = end["time"]
+
+
+def count(number: int, one: str, more: str) -> str:
+    """Return a number and its noun."""
+    return "{} {}".format(number, one if number == 1 else more)

@@ -1,0 +1,89 @@
+"""Injected faults against recorded failures: which comes from which, and what is left over."""
+from typing import Dict, Iterator, List, Tuple
+
+from behavior_controller.gateway import Cause
+
+from unit_tests.facts import Event, Facts
+from unit_tests.faults import EXCEPTION, REFUSED, UNANSWERED
+from unit_tests.journal import Line
+from unit_tests.visitor import SILENT
+
+CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.value, UNANSWERED: Cause.NO_ANSWER.value}
+"""How the controller must record each kind of fault."""
+
+RECOVERY = {"HandleFallBack", "HandleFallback"}
+
+SAFE_STATE = ("overtAttention", "animateBehavior")
+"""Simulated nodes that are asked to be quiet when a recovery is given up; the record does not tell how that went."""
+
+
+class Matching:
+    """Which injected fault each recorded failure comes from.
+
+    A leaf's failure comes from the newest fault of its service before it. What the recovery asked for (its attempts,
+    the safe state) and what was halted on the way stands in the record as one event for several calls, so the faults
+    of that service between the leaf's failure and that event belong to it.
+    """
+
+    def __init__(self, facts: Facts):
+        self.in_recovery: List[Tuple[Line, Event]] = []  # faults of calls that a recovery made
+        self._facts = facts
+        self._open: List[Line] = [line for line in facts.journal if line.fault is not None]
+        self._failed_at: Dict[str, float] = {}  # path of a leaf -> when it failed last
+        self._not_injected: List[Event] = []
+        for event in facts.events:
+            if event["event"] == "LeafFinished":
+                self._leaf(event)
+            elif event["event"] == "Recovered":
+                self._recovery(event)
+
+    def objections(self) -> Iterator[str]:
+        """Object to failures that were not injected, and to faults without a failure on record."""
+        for event in self._not_injected:
+            yield "{} failed and nothing was injected there: {}: {}".format(
+                event["node"], event["failure"]["cause"], event["failure"]["message"])
+        for line in self._open:
+            yield "call {} of {} was made to fail ({}) and is not on record as a failure".format(
+                line.call, line.resource, line.fault)
+
+    def _leaf(self, event: Event) -> None:
+        resource = event["resource"]
+        if event["status"] == "IDLE":
+            self._take(resource, self._failed_at.get(event["path"], 0.0), event["time"], 1)
+        elif event["status"] == "FAILURE" and event["node"] not in RECOVERY:
+            self._failed_at[event["path"]] = event["time"]
+            if not self._is_natural(event) and not self._take_fault(event):
+                self._not_injected.append(event)
+
+    def _is_natural(self, event: Event) -> bool:
+        """Whether the failure is the mission's way to say no: a false condition, a visitor who presses nothing."""
+        cause = event["failure"]["cause"]
+        return cause == Cause.CONDITION_FALSE.value or (
+            cause == Cause.MISSING_DATA.value and event["node"] == "PressYesNoDialogue"
+            and self._facts.behaviour == SILENT)
+
+    def _take_fault(self, event: Event) -> bool:
+        """Match the newest fault before a leaf's failure, if it is of the right kind."""
+        failure = event["failure"]
+        for line in reversed(self._open):
+            if line.resource == failure["resource"] and line.time <= event["time"]:
+                if CAUSE_OF[line.fault or ""] != failure["cause"]:
+                    return False
+                self._open.remove(line)
+                return True
+        return False
+
+    def _recovery(self, event: Event) -> None:
+        began = self._failed_at.get(event["path"], 0.0)
+        taken = self._take(event["failure"]["resource"], began, event["time"], event["attempts"])
+        if not event["success"]:
+            for resource in sorted({line.resource for line in self._open if line.node in SAFE_STATE}):
+                taken += self._take(resource, began, event["time"], 1)
+        self.in_recovery += [(line, event) for line in taken]
+
+    def _take(self, resource: str, after: float, until: float, most: int) -> List[Line]:
+        """Match and return up to ``most`` faults of a service between two moments."""
+        found = [line for line in self._open if line.resource == resource and after < line.time <= until][:most]
+        for line in found:
+            self._open.remove(line)
+        return found

@@ -1,0 +1,176 @@
+"""The verdict of a test: what the controller recorded against what the simulated nodes received and what was expected.
+
+Three questions decide: did each pass end as the visitor's behaviour predicts, was every exhibit seen to that had to be,
+and is every failure that the controller recorded one that was injected, and the other way round?
+"""
+import itertools
+from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+from behavior_controller.gateway import Exhibit
+
+from unit_tests.facts import Event, Facts, Pass, count, of, passes
+from unit_tests.journal import Line
+from unit_tests.matching import Matching
+from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, SILENT
+
+ASKING = {"IsYesNoUttered", "PressYesNoDialogue"}
+"""Mission nodes through which a visitor can say no."""
+
+TOUR = {"RetrieveListOfExhibits", "SelectExhibit", "Navigate"}
+"""Mission nodes that together lead to exhibits."""
+
+DOES = {ENGAGES: "engages", SILENT: "is silent", DECLINES: "declines", LEAVES: "leaves"}
+
+
+class Verdict(NamedTuple):
+    """The result: PASSED if there is nothing that speaks against it."""
+
+    objections: Tuple[str, ...]
+    praise: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the test passed."""
+        return not self.objections
+
+    def __str__(self) -> str:
+        """Return the verdict in lines."""
+        if self.passed:
+            return "PASSED: {}".format(self.praise)
+        return "FAILED: {}".format("\n        ".join(self.objections))
+
+
+def judge(facts: Facts) -> Verdict:
+    """Return the verdict."""
+    objections = list(itertools.chain(_ended(facts), _outcomes(facts), _exhibits(facts), _objections(facts),
+                                      Matching(facts).objections()))
+    ended = len(of(facts.events, "PassFinished"))
+    calls = [line for line in facts.journal if line.call > 0]
+    praise = "{} as a visitor who {} should; {} of {} calls were made to fail, and all of these are on record".format(
+        count(ended, "pass ended", "passes ended"), DOES[facts.behaviour],
+        sum(line.fault is not None for line in calls), len(calls))
+    return Verdict(tuple(objections), praise)
+
+
+# ------------------------------------------------------------------------------------------------------ start and end
+
+
+def _ended(facts: Facts) -> Iterator[str]:
+    """Object to a controller that did not start its mission or did not end as it should."""
+    finished = of(facts.events, "RunFinished")
+    ended = len(of(facts.events, "PassFinished"))
+    ending = _ending(facts.exit_code)
+    if facts.cut_off:
+        yield facts.cut_off
+    elif not of(facts.events, "RunStarted"):
+        yield "the controller {} before it started its mission".format(ending)
+    elif not finished:
+        yield "the controller {} in the middle of its mission, in pass {}".format(ending, ended + 1)
+    elif facts.exit_code != finished[-1]["exit_code"]:
+        yield "the controller {}, but announced exit code {}".format(ending, finished[-1]["exit_code"])
+    elif ended != facts.runs:
+        yield "the controller made {} instead of {}".format(count(ended, "pass", "passes"), facts.runs)
+
+
+def _ending(exit_code: Optional[int]) -> str:
+    if exit_code is not None and exit_code < 0:
+        return "was ended by signal {}".format(-exit_code)
+    return "ended with exit code {}".format(exit_code)
+
+
+def _outcomes(facts: Facts) -> Iterator[str]:
+    """Object to passes that did not end in SUCCESS: whatever a visitor does, the mission has an answer to it."""
+    for a_pass in passes(facts):
+        if a_pass.outcome != "SUCCESS":
+            yield "pass {} ended with {}; a visitor who {} should bring SUCCESS ({}{})".format(
+                a_pass.number, a_pass.outcome, DOES[facts.behaviour], _last_failure(a_pass.events), _hint(a_pass))
+
+
+def _last_failure(events: Sequence[Event]) -> str:
+    """Return what the recovery gave up, or else what failed last."""
+    given_up = [event["node"] for event in of(events, "Recovered") if not event["success"]]
+    failed = [event for event in of(events, "LeafFinished") if event["status"] == "FAILURE"]
+    if given_up:
+        return "given up: {}".format(", ".join(given_up))
+    if failed:
+        return "failed last: {}: {}".format(failed[-1]["node"], failed[-1]["failure"]["message"])
+    return "without a failure of a mission node"
+
+
+def _hint(a_pass: Pass) -> str:
+    """Return what may have made a good controller fail."""
+    faults = sum(line.fault is not None for line in a_pass.lines)
+    if faults:
+        return "; {} made to fail in this pass".format(count(faults, "call was", "calls were"))
+    return "; if the visitor's messages came too late for the mission, a higher arrivalRate helps"
+
+
+# ------------------------------------------------------------------------------------------------------------ exhibits
+
+
+def _exhibits(facts: Facts) -> Iterator[str]:
+    """Object to exhibits that were left out, or visited though nobody wanted a tour."""
+    started = of(facts.events, "RunStarted")
+    nodes = {node for _, node in started[-1]["leaves"]} if started else set()
+    if not TOUR <= nodes:
+        return
+    for a_pass in passes(facts):
+        if a_pass.outcome != "SUCCESS":
+            continue  # why it failed is told already
+        if facts.behaviour in (DECLINES, SILENT) and ASKING & nodes:
+            yield from _unwanted(a_pass)
+        else:
+            yield from _left_out(a_pass, facts)
+
+
+def _unwanted(a_pass: Pass) -> Iterator[str]:
+    drives = sum(line.node == "robotNavigation" for line in a_pass.lines)
+    if drives:
+        yield "pass {}: the robot was sent to {} without a visitor who wants a tour".format(
+            a_pass.number, count(drives, "place", "places"))
+
+
+def _left_out(a_pass: Pass, facts: Facts) -> Iterator[str]:
+    """Object to exhibits that the robot did not get to, or did not describe to a visitor who was there."""
+    stops = _stops(a_pass.lines)
+    for index, exhibit in enumerate(facts.knowledge.exhibits):
+        stop = stops.get((exhibit.location.x, exhibit.location.y))
+        if stop is None:
+            yield "pass {}: the robot did not get to exhibit {}".format(a_pass.number, exhibit.name)
+        elif facts.behaviour == LEAVES and index >= EXHIBITS_BEFORE_LEAVING:
+            continue
+        elif not _is_described(exhibit, stop) and not _could_not_seek(stop):
+            yield "pass {}: exhibit {} was not described{}".format(a_pass.number, exhibit.name, _hint(a_pass))
+
+
+def _stops(lines: Sequence[Line]) -> Dict[Tuple[float, float], List[Line]]:
+    """Return for each place (x, y) that the robot got to what it did there: all requests until the next drive."""
+    stops: Dict[Tuple[float, float], List[Line]] = {}
+    stop: List[Line] = []
+    for line in lines:
+        if line.node == "robotNavigation":
+            stop = []
+            if line.done:
+                stops[line.content["goal_x"], line.content["goal_y"]] = stop
+        else:
+            stop.append(line)
+    return stops
+
+
+def _is_described(exhibit: Exhibit, stop: Sequence[Line]) -> bool:
+    texts = {line.content["message"] for line in stop if line.node == "textToSpeech"}
+    return {exhibit.description1, exhibit.description2} <= texts
+
+
+def _could_not_seek(stop: Sequence[Line]) -> bool:
+    """Whether every attempt to seek the visitor's gaze was made to fail, so that there was nobody to describe to."""
+    tries = [line for line in stop
+             if line.node == "overtAttention" and line.call > 0 and line.content["state"] == "seeking"]
+    return bool(tries) and not any(line.done for line in tries)
+
+
+def _objections(facts: Facts) -> Iterator[str]:
+    """Object to requests that make no sense to the node that received them."""
+    for line in facts.journal:
+        if line.objection is not None:
+            yield "{} received a request that makes no sense: {}".format(line.resource, line.objection)
