@@ -1,4 +1,4 @@
-"""Commands that need no ROS master: check missions, print the palette for Groot2, draw a mission with py-trees-render."""
+"""Commands without a ROS master: check missions, print the palette for Groot2, draw a mission with py-trees-render."""
 import argparse
 import json
 import os
@@ -59,7 +59,8 @@ def _print_judgement(path: str, faults: List[Fault], nodes: int) -> None:
     counts = [] if nodes else [_count(len(faults) - warnings, "fault")]
     if warnings or nodes:
         counts.append(_count(warnings, "warning"))
-    _print("{}: {}{}".format(one_line(path), "can be run, {}, ".format(_count(nodes, "node")) if nodes else "", ", ".join(counts)))
+    good = "can be run, {}, ".format(_count(nodes, "node")) if nodes else ""
+    _print("{}: {}{}".format(one_line(path), good, ", ".join(counts)))
 
 
 def _count(number: int, what: str) -> str:
@@ -79,8 +80,8 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:
     """Return the root of a mission to draw with ``py-trees-render behavior_controller.cli.create_tree``.
 
-    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws that tree of the file alone. A node is
-    labelled with its own name and type, or with its type and uid, so that those of the same type can be told apart.
+    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws that tree of the file alone. A node
+    is labelled with its own name and type, or with its type and uid, so that those of one type can be told apart.
     """
     path = mission if mission.endswith(".xml") or os.sep in mission else folders.mission(mission)
     try:

@@ -1,4 +1,4 @@
-"""Whatever is done to a mission file: it loads, or it has faults with a place, within a second; and never anything else.
+"""Whatever is done to a mission: it loads, or it has faults with a place, within a second; and never anything else.
 
 ``MISSION_MUTANTS`` sets how many mutants are tried, ``MISSION_SEED`` which.
 """
@@ -32,11 +32,16 @@ SMALL = [
     </Sequence>
   </BehaviorTree>
   <BehaviorTree ID="Sub">
-    <Fallback><RetryUntilSuccessful num_attempts="{limit}"><ScriptCondition code="limit &lt; 3 && true"/></RetryUntilSuccessful>
-      <LoopString queue="a;b" value="{x}"><Switch2 variable="{x}" case_1="a" case_2="b"><AlwaysSuccess/><AlwaysFailure/><Navigate/>
-      </Switch2></LoopString></Fallback>
+    <Fallback>
+      <RetryUntilSuccessful num_attempts="{limit}"><ScriptCondition code="limit &lt; 3 && true"/></RetryUntilSuccessful>
+      <LoopString queue="a;b" value="{x}">
+        <Switch2 variable="{x}" case_1="a" case_2="b"><AlwaysSuccess/><AlwaysFailure/><Navigate/></Switch2>
+      </LoopString>
+    </Fallback>
   </BehaviorTree>
-  <TreeNodesModel><SubTree ID="Sub"><input_port name="guest"/><input_port name="limit" default="2"/></SubTree></TreeNodesModel>
+  <TreeNodesModel>
+    <SubTree ID="Sub"><input_port name="guest"/><input_port name="limit" default="2"/></SubTree>
+  </TreeNodesModel>
 </root>
 """,
     """<?xml version="1.0" encoding="UTF-8"?>
@@ -45,17 +50,25 @@ SMALL = [
 newline" _skipIf="1 > 2" _onHalted=" a := 'x' .. 'y' "/></BehaviorTree></root>""".encode(),
     b'<root><include path="nowhere.xml"/><BehaviorTree ID="A"><SubTree ID="A"/></BehaviorTree></root>',
 ]
-WORDS = [b"Sequence", b"SubTree", b"BehaviorTree", b"root", b"include", b"TreeNodesModel", b"Action", b"ReactiveSequence",
-         b"AlwaysSuccess", b"Repeat", b"Navigate", b"Switch3", b"TryCatch", b"Script", b"SetBlackboard", b"SequenceStar",
+WORDS = [b"Sequence", b"SubTree", b"BehaviorTree", b"root", b"include", b"TreeNodesModel", b"Action",
+         b"ReactiveSequence",
+         b"AlwaysSuccess", b"Repeat", b"Navigate", b"Switch3", b"TryCatch", b"Script", b"SetBlackboard",
+         b"SequenceStar",
          b"ID", b"name", b"msec", b"num_cycles", b"code", b"path", b"_autoremap", b"xmlns", b"x:y"] + [
              name.encode() for name in CONDITIONS]
-VALUES = [b"", b" ", b"-1", b"0", b"1e999", b"9" * 400, b"true", b"{x}", b"{=}", b"=", b"{@x}", b"{@@}", b"{", b"Main", b"A",
-          b"LabTour", b"&lt;", b"&#0;", b"&#x1F600;", b"&amp", b"&undefined;", b"a.b c", "ü😀".encode(), b"\t\n", b"]]>", b"json:[1",
+VALUES = [b"", b" ", b"-1", b"0", b"1e999", b"9" * 400, b"true", b"{x}", b"{=}", b"=", b"{@x}", b"{@@}", b"{", b"Main",
+          b"A",
+          b"LabTour", b"&lt;", b"&#0;", b"&#x1F600;", b"&amp", b"&undefined;", b"a.b c", "ü😀".encode(), b"\t\n",
+          b"]]>", b"json:[1",
           b"a;b", b"1;;2", b"root", b"../../etc/passwd", b"nan"]
-SCRIPTS = [b"", b";", b"a := 1", b"a = ", b"1 < 2 && 3 > 2", b"((((", b"'x", b"a ? b : c ? d : e", b"x := y := z", b"~!-1", b"@a := 1",
-           b"0x", b"1e", b"a..b", b"'\xc3\xa9' == 'e'", b"1" + b"+1" * 200, b"!" * 500 + b"1", b"(" * 90 + b"1" + b")" * 90]
-MARKUP = [b"<", b">", b"/>", b"</", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"<?", b"?>", b"<!DOCTYPE r [", b"&", b'"', b"'", b"=",
-          b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"<a", b"<a b", b'<a b="', b"</Sequence>", b"<Sequence>", b"<AlwaysSuccess/>"]
+SCRIPTS = [b"", b";", b"a := 1", b"a = ", b"1 < 2 && 3 > 2", b"((((", b"'x", b"a ? b : c ? d : e", b"x := y := z",
+           b"~!-1", b"@a := 1",
+           b"0x", b"1e", b"a..b", b"'\xc3\xa9' == 'e'", b"1" + b"+1" * 200, b"!" * 500 + b"1",
+           b"(" * 90 + b"1" + b")" * 90]
+MARKUP = [b"<", b">", b"/>", b"</", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"<?", b"?>", b"<!DOCTYPE r [", b"&", b'"',
+          b"'", b"=",
+          b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"<a", b"<a b", b'<a b="', b"</Sequence>", b"<Sequence>",
+          b"<AlwaysSuccess/>"]
 ATTRIBUTE = re.compile(rb"""([\w:]+)=("[^"]*"|'[^']*')""")
 TAG = re.compile(rb"</?(\w+)")
 ELEMENT = re.compile(rb"<[^<>]*>")

@@ -1,7 +1,7 @@
-"""What is wrong with a mission, seen without building it: structure, names, ports, literals, scripts (BT.CPP section 12.3).
+"""What is wrong with a mission, seen without building it: structure, names, ports, literals, scripts (BT.CPP 12.3).
 
-``check`` accepts what BehaviorTree.CPP's loader accepts, says everything wrong in one pass, and warns of what loads but is
-likely a mistake. What depends on an instance (types of entries, paths of SubTrees) is the compiler's to find.
+``check`` accepts what BehaviorTree.CPP's loader accepts, says everything wrong in one pass, and warns of what loads but
+is likely a mistake. What depends on an instance (types of entries, paths of SubTrees) is the compiler's to find.
 """
 import itertools
 from typing import Callable, Collection, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
@@ -75,9 +75,9 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
           strict: bool = False) -> Checked:
     """Check ``documents``, included ones first, the mission itself last. ``main_tree`` overrides the file's choice.
 
-    Without ``strict`` two things load that BehaviorTree.CPP refuses: where nothing names the main tree, the only one that
-    no other tree calls is it (Groot2 drops the attribute when it saves); and the ID of a tree may contain blanks and dots
-    (the published lab tour has such), with a warning.
+    Without ``strict`` two things load that BehaviorTree.CPP refuses: where nothing names the main tree, the only one
+    that no other tree calls is it (Groot2 drops the attribute when it saves); and the ID of a tree may contain blanks
+    and dots (the published lab tour has such), with a warning.
     """
     index = _Index(registry, "" if strict else " .")
     for document in documents:
@@ -87,7 +87,8 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
     nodes = _Nodes(registry, index)
     for tree_id, tree in index.bodies:
         nodes.check_tree(tree, tree_id in index.used and index.trees[tree_id] is tree)
-    return Checked(index.trees, main, index.models, index.all(documents[-1].file), index.faulty, index.calls, index.used)
+    return Checked(index.trees, main, index.models, index.all(documents[-1].file), index.faulty, index.calls,
+                   index.used)
 
 
 def below(tree: Element) -> List[Element]:
@@ -144,7 +145,7 @@ class _Faults:
         return "{}: {}".format(otherwise, ", ".join(itertools.islice(known, 10)) or "none")
 
 
-# ------------------------------------------------------------------------------------------------- the mission as a whole
+# ------------------------------------------------------------------------------------------- the mission as a whole
 
 
 class _Index(_Faults):
@@ -188,13 +189,15 @@ class _Index(_Faults):
         if version is None:
             self.warn(root, "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4")
         elif version != "4":
-            self.warn(root, "BTCPP_format is {}; the file is read as version 4".format(version), attribute="BTCPP_format")
+            self.warn(root, "BTCPP_format is {}; the file is read as version 4".format(version),
+                      attribute="BTCPP_format")
 
     def _tree(self, tree: Element, root: Element) -> None:
         tree_id = tree.attributes.get("ID", "")
         if not tree_id:
             if len(root.children) > 1:
-                self.fault(tree, "<BehaviorTree> lacks the attribute ID", "only a file with nothing else may go without")
+                self.fault(tree, "<BehaviorTree> lacks the attribute ID",
+                           "only a file with nothing else may go without")
             tree_id = "BehaviorTree_{}".format(len(self.trees) + 1)
         else:
             self.check_id(tree, tree_id)
@@ -225,7 +228,8 @@ class _Index(_Faults):
             self.fault(element, "the ID {} contains {}; not allowed are blanks and any of <>&\"'/\\:*?|.".format(
                 tree_id, shown), attribute="ID")
         elif element.tag == "BehaviorTree":
-            self.warn(element, "the ID {} contains {}; BehaviorTree.CPP 4.10 refuses such a name".format(tree_id, shown),
+            self.warn(element,
+                      "the ID {} contains {}; BehaviorTree.CPP 4.10 refuses such a name".format(tree_id, shown),
                       attribute="ID")
 
     # ---------------------------------------------------------------------------------------------------------- models
@@ -287,7 +291,9 @@ class _Index(_Faults):
         if not self.trees:
             self.fault(root, "the file has no <BehaviorTree>")
             return
-        why = "these trees are called by no other: {}".format(", ".join(free[:10])) if free else "each tree is called by another"
+        why = "each tree is called by another"
+        if free:
+            why = "these trees are called by no other: {}".format(", ".join(free[:10]))
         self.fault(root, "main_tree_to_execute is not given, and {}".format(why),
                    "name the main tree in <root main_tree_to_execute=\"…\">")
 
@@ -323,7 +329,7 @@ class _Index(_Faults):
                 waiting.extend((found.attributes.get("ID", ""), found) for found in reversed(self.calls[tree_id]))
 
 
-# ------------------------------------------------------------------------------------------------------------- the nodes
+# ----------------------------------------------------------------------------------------------------------- the nodes
 
 
 class _Known(NamedTuple):
@@ -397,7 +403,8 @@ class _Nodes:
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
         if node_id == "BehaviorTree":
-            self.fault_in_use(element, "a <BehaviorTree> cannot stand inside another", "call it with <SubTree ID=\"…\"/>")
+            self.fault_in_use(element, "a <BehaviorTree> cannot stand inside another",
+                              "call it with <SubTree ID=\"…\"/>")
         elif node_id in self.index.trees:
             self.fault(element, "{} is a tree, not a node".format(node_id),
                        "it is called with <SubTree ID=\"{}\"/>".format(node_id), attribute)

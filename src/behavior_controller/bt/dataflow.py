@@ -1,12 +1,12 @@
-"""Which blackboard entries a mission reads and writes, and which of them are one: through remapping, ``@`` and SubTrees."""
+"""Which blackboard entries a mission reads and writes, and which are one: through remapping, ``@`` and SubTrees."""
 from typing import Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
 
 from behavior_controller.bt import ports
 from behavior_controller.bt.document import Element
+from behavior_controller.bt.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.registry import Direction, Port, Registry
 from behavior_controller.bt.script import ScriptSyntaxError, compile_script
 
-CONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while", "_onHalted", "_onFailure", "_onSuccess", "_post")
 _SCRIPTS = {("Script", "code"), ("ScriptCondition", "code"), ("Precondition", "if")}
 _NAMES = {("SetBlackboard", "output_key")}  # ports whose text is the name of an entry to write
 _NO_DATA = {("UnsetBlackboard", "key")}
@@ -23,7 +23,7 @@ class Read(NamedTuple):
 
 
 class Flow:
-    """What one mission reads and writes. ``is_known`` is False if a script or a name comes from the blackboard itself."""
+    """What a mission reads and writes. ``is_known`` is False if a script or a name comes from the blackboard itself."""
 
     def __init__(self, main: str):
         self.main = main
@@ -59,7 +59,7 @@ class Flow:
         return key
 
     def never_written(self, given: Set[str]) -> List[Read]:
-        """Return the reads of entries that nothing writes; ``given`` are entries of the root that come from elsewhere."""
+        """Return the reads of what nothing writes; ``given`` are entries of the root that come from elsewhere."""
         written = {self._first(key) for key in self.written}
         written |= {self._first((self.main, name)) for name in given}
         return [read for key, read in self.reads.items() if self._first(key) not in written]
@@ -75,7 +75,7 @@ def flow(trees: Mapping[str, List[Element]], main: str, models: Mapping[str, Lis
                 _call(result, tree, element, models.get(element.attributes.get("ID", ""), []))
             else:
                 _node(result, tree, element, types.get(element.type_id, {}))
-            for name in CONDITIONS:
+            for name in PRE_CONDITIONS + POST_CONDITIONS:
                 if name in element.attributes:
                     _script(result, tree, element, name)
     return result
@@ -117,7 +117,8 @@ def _script(result: Flow, tree: str, element: Element, attribute: str) -> None:
 def _call(result: Flow, tree: str, element: Element, model: List[Port]) -> None:
     called = element.attributes.get("ID", "")
     given: Dict[str, Optional[str]] = {port.name: port.default for port in model}
-    given.update((name, text) for name, text in element.attributes.items() if name[0] != "_" and name not in ("ID", "name"))
+    given.update((name, text) for name,
+                 text in element.attributes.items() if name[0] != "_" and name not in ("ID", "name"))
     for name, text in given.items():
         outer = None if text in (None, "=") else ports.reference(str(text), name)
         if outer is not None:

@@ -121,7 +121,8 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
         if not text.strip("\ufeff \t\r\n"):
             raise MarkupFault("the file is empty", 0, "a mission begins with <root BTCPP_format=\"4\">")
         if "\x00" in text:
-            raise MarkupFault("a NUL character: the file is not UTF-8 text", text.index("\x00"), "save the file as UTF-8")
+            raise MarkupFault("a NUL character: the file is not UTF-8 text", text.index("\x00"),
+                              "save the file as UTF-8")
         with collector_at_rest():
             document.root = _parsed(mended(text), document)
     except MarkupFault as fault:
@@ -139,7 +140,8 @@ def _decoded(data: bytes, file: str) -> str:
         # what comes before the first wrong byte is text, and says where it is
         before = Document(file, data[:error.start].decode(encoding, "ignore"))
         name = encoding[:6].rstrip("-").upper()
-        wrong = MarkupFault("byte 0x{:02x} is not {}".format(data[error.start], name), len(before.text), "save the file as UTF-8")
+        wrong = MarkupFault("byte 0x{:02x} is not {}".format(data[error.start], name), len(before.text),
+                            "save the file as UTF-8")
         raise MissionError([before.fault(wrong)]) from error
 
 
@@ -158,7 +160,8 @@ def collector_at_rest() -> Iterator[None]:
 class _Target:
     """lxml's parser target: makes Elements without a tree of lxml's own."""
 
-    def __init__(self, start: Callable[[str, Any], None], end: Callable[[str], None], close: Callable[[], Optional[Element]]):
+    def __init__(self, start: Callable[[str, Any], None], end: Callable[[str], None],
+                 close: Callable[[], Optional[Element]]):
         self.start = start
         self.end = end
         self.close = close
@@ -178,7 +181,8 @@ def _parsed(clean: str, document: Document) -> Element:
     def end(_tag: str) -> None:
         opened.pop()
 
-    parser = etree.XMLParser(target=_Target(start, end, lambda: above.children[0] if above.children else None), huge_tree=True, no_network=True)
+    parser = etree.XMLParser(target=_Target(start, end, lambda: above.children[0] if above.children else None),
+                             huge_tree=True, no_network=True)
     return etree.fromstring(clean.encode("utf-8"), parser)
 
 
@@ -186,7 +190,8 @@ def _not_well_formed(document: Document, error: Exception) -> MissionError:
     faults = [document.fault(fault) for fault in diagnosis(document.text)]
     if not faults:
         message = re.sub(r",? line \d+(, column \d+)?.*", "", str(error))
-        faults = [Fault(document.file, getattr(error, "lineno", None) or 0, 0, one_line("not well-formed XML: " + message))]
+        faults = [Fault(document.file, getattr(error, "lineno", None) or 0, 0,
+                        one_line("not well-formed XML: " + message))]
     return MissionError(faults)
 
 
@@ -240,6 +245,7 @@ def _include_file(element: Element, path: str, found: List[Document], seen: Set[
         included = read(path)
     except MissionError as error:
         fault = error.faults[0]
-        faults.append(fault if fault.line else element.fault("cannot include {}: {}".format(path, fault.text), attribute="path"))
+        faults.append(fault if fault.line else element.fault("cannot include {}: {}".format(path, fault.text),
+                                                             attribute="path"))
         return
     _include(included, found, seen, chain)

@@ -69,7 +69,8 @@ class _Linter:
         self.flow: Flow = flow(self.trees, checked.main, checked.models, registry)
         self.faults: List[Fault] = []
         self._rules: Dict[str, Callable[[Element], None]] = {
-            "SubTree": self._call, "Repeat": self._repeat, "RetryUntilSuccessful": self._retry, "Parallel": self._parallel,
+            "SubTree": self._call, "Repeat": self._repeat, "RetryUntilSuccessful": self._retry,
+            "Parallel": self._parallel,
             "ParallelAll": self._parallel, "IfThenElse": self._branches, "WhileDoElse": self._branches}
         self._rules.update((name, self._switch) for name in ("Switch2", "Switch3", "Switch4", "Switch5", "Switch6"))
         self._rules.update((name, self._sequence) for name in _SEQUENCES)
@@ -197,7 +198,8 @@ class _Linter:
         """Warn of trees of the mission file itself that the mission does not use; what is included is a library."""
         for tree_id, tree in self.checked.trees.items():
             if tree_id not in self.trees and tree.document is document:
-                self.warn(tree, "the tree {} is not used".format(tree_id), "the main tree is {}".format(self.checked.main))
+                self.warn(tree, "the tree {} is not used".format(tree_id),
+                          "the main tree is {}".format(self.checked.main))
 
     def unwritten(self) -> None:
         """Warn of entries that are read and that nothing writes."""
@@ -210,7 +212,8 @@ class _Linter:
                 hint = "that of the whole mission is @{}".format(name)
             else:
                 hint = did_you_mean(name, sorted({key for other, key in self.flow.written if other == tree} - {name}))
-            self.warn(read.element, "the entry {} is read here, but nothing writes it".format(name), hint, read.attribute)
+            self.warn(read.element, "the entry {} is read here, but nothing writes it".format(name), hint,
+                      read.attribute)
 
     def needs(self) -> None:
         """Warn of leaves that can do nothing, because a leaf that must go before them is not there."""

@@ -1,8 +1,9 @@
-"""The markup of a mission file as people write it: what is mended before lxml reads it, and what is wrong if lxml cannot.
+"""The markup of a mission as people write it: what is mended before lxml reads it, and what is wrong if lxml cannot.
 
-BehaviorTree.CPP's reader takes what is not XML: raw ``&&`` and ``<`` inside attributes, line breaks in attributes that are
-kept, ``&`` in text. ``mended`` makes XML of it without changing what it means, and keeps from lxml what has no meaning in a
-mission: comments, the declared encoding, DOCTYPE, namespaces. So no entity is ever declared, let alone expanded.
+BehaviorTree.CPP's reader takes what is not XML: raw ``&&`` and ``<`` inside attributes, line breaks in attributes that
+are kept, ``&`` in text. ``mended`` makes XML of it without changing what it means, and keeps from lxml what has no
+meaning in a mission: comments, the declared encoding, DOCTYPE, namespaces. So no entity is ever declared, let alone
+expanded.
 Every pattern here is linear in the length of the file, also where it does not match.
 """
 import re
@@ -23,7 +24,8 @@ _NAME = r"""[^ \t\r\n=/>"'<]+"""
 _ATTRIBUTE = r"""{0}{{1,{2}}}{1}*={1}*(?:"[^"]{{0,{3}}}"|'[^']{{0,{3}}}')""".format(
     _NAME[:-1], _BLANK, LONGEST_NAME, LONGEST_VALUE)
 # what lxml may read as it stands
-_PLAIN_ATTRIBUTE = r"""(?!xmlns)[^ \t\r\n=/>"'<:]{{1,{0}}}="[^"&<\n\t\r]{{0,{1}}}\"""".format(LONGEST_NAME, LONGEST_VALUE)
+_PLAIN_ATTRIBUTE = r"""(?!xmlns)[^ \t\r\n=/>"'<:]{{1,{0}}}="[^"&<\n\t\r]{{0,{1}}}\"""".format(LONGEST_NAME,
+                                                                                              LONGEST_VALUE)
 ATTRIBUTE = re.compile(r"""({0}){1}*={1}*("[^"]*"|'[^']*')""".format(_NAME, _BLANK))
 TOKEN = re.compile(r"""
     <{0}{{1,{5}}}(?:{1}+{2}){{0,{4}}}{1}*(?:(?P<leaf>/>)|(?P<open>>))
@@ -43,7 +45,8 @@ _CHARACTER = re.compile(r"&#(?:(\d{1,7})|x([0-9a-fA-F]{1,6}));")
 _NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _PLAIN_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
 _TAG_NAME = re.compile(_TAG)
-_GOOD_TAG = re.compile(r"""<[A-Za-z_][\w.-]*(?:[ ]+[A-Za-z_][\w.-]*="[^&"\x00-\x1f\ud800-\udfff\ufffe\uffff]*")?[ ]*/?>""")
+_GOOD_TAG = re.compile(
+    r"""<[A-Za-z_][\w.-]*(?:[ ]+[A-Za-z_][\w.-]*="[^&"\x00-\x1f\ud800-\udfff\ufffe\uffff]*")?[ ]*/?>""")
 _NEXT_ATTRIBUTE = re.compile("{0}+({1})".format(_BLANK, ATTRIBUTE.pattern))
 _REST_OF_TAG = re.compile(r"""({0}*)({1})?({0}*=)?{0}*(["']?)""".format(_BLANK, _NAME))
 
@@ -62,7 +65,7 @@ class MarkupFault(Exception):
 
 
 def mended(text: str) -> str:
-    """Return ``text`` as XML, each element on its line. Raises MarkupFault where a piece cannot be told from the next."""
+    """Return ``text`` as XML, each element on its line. Raises MarkupFault where the pieces cannot be told apart."""
     if text.count("<") > MOST_TAGS:
         raise MarkupFault("the file has more than {} tags".format(MOST_TAGS), 0, "split the mission into several files")
     pieces: List[str] = []
@@ -110,7 +113,7 @@ def _mended_attribute(name: str, value: str) -> str:
 
 
 def _check_outside(text: str, end: int) -> None:
-    """Refuse what stands before and after the first element (which ends at ``end``), unless it is a comment or the like."""
+    """Refuse what stands before the first element and after its ``end``, unless it is a comment or the like."""
     first = next((match.start() for match in TOKEN.finditer(text) if match.lastgroup in STARTS), None)
     if first is None:
         raise MarkupFault("there is no element", 0, "a mission begins with <root BTCPP_format=\"4\">")
@@ -236,7 +239,7 @@ def _tag_faults(match: "re.Match[str]") -> Iterator[MarkupFault]:
             yield MarkupFault("the attribute {} is given twice".format(name), found.start())
         elif not _PLAIN_NAME.fullmatch(name) and ":" not in name:
             yield MarkupFault("{} cannot be the name of an attribute".format(name), found.start())
-        elif _NOT_IN_XML.search(value) or any(_NOT_IN_XML.match(_character(*code)) for code in _CHARACTER.findall(value)):
+        elif _NOT_IN_XML.search(value + "".join(_character(*code) for code in _CHARACTER.findall(value))):
             yield MarkupFault("the value of {} holds a character that XML does not allow".format(name), found.start())
         seen.add(name)
 

@@ -105,8 +105,8 @@ for _name in ("LoopInt", "LoopBool", "LoopDouble", "LoopString"):
 def outcomes(trees: Mapping[str, List[Element]], leaves: Mapping[str, int]) -> Dict[int, int]:
     """Return how each element can end, by ``id(element)``.
 
-    ``trees`` holds the elements of each tree in document order, called trees before those that call them; ``leaves`` the
-    ends of node types that are known to have but one.
+    ``trees`` holds the elements of each tree in document order, called trees before those that call them; ``leaves``
+    the ends of node types that are known to have but one.
     """
     known: Dict[int, int] = {}
     ends_of_tree: Dict[str, int] = {}

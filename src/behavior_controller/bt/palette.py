@@ -1,4 +1,4 @@
-"""Node types as a ``<TreeNodesModel>``: the palette that Groot2 imports, and the model that it asks a running tree for."""
+"""Node types as a ``<TreeNodesModel>``: the palette that Groot2 imports, and the model it asks a running tree for."""
 from typing import Iterable, List
 from xml.sax.saxutils import escape, quoteattr
 
@@ -14,7 +14,7 @@ _TYPES = {
 
 
 def tree_nodes_model(specs: Iterable[NodeSpec], indent: str = "") -> str:
-    """Return ``<TreeNodesModel>…</TreeNodesModel>``: each type with its ports, their types, defaults and descriptions."""
+    """Return the ``<TreeNodesModel>``: each type with its ports, their types, defaults and descriptions."""
     lines = ["<TreeNodesModel>"]
     for spec in specs:
         lines.extend("  " + line for line in _model(spec))
@@ -35,5 +35,6 @@ def _model(spec: NodeSpec) -> List[str]:
 def _port(port: Port) -> str:
     default = "" if port.default is None else " default={}".format(quoteattr(port.default))
     direction = port.direction.value
-    start = "<{} name={} type={}{}".format(direction, quoteattr(port.name), quoteattr(_TYPES.get(port.type, port.type)), default)
+    start = "<{} name={} type={}{}".format(direction, quoteattr(port.name),
+                                           quoteattr(_TYPES.get(port.type, port.type)), default)
     return "{}>{}</{}>".format(start, escape(port.description), direction) if port.description else start + "/>"

@@ -1,0 +1,359 @@
+"""One small bad file for each rule: where its fault is, in which words; and what must load in spite of its looks."""
+import time
+
+import pytest
+
+from behavior_controller.bt.builtins import AlwaysSuccess, builtin_specs
+from behavior_controller.bt.checks import MOST_FAULTS, MOST_NODES, check
+from behavior_controller.bt.compiler import load_mission, load_text
+from behavior_controller.bt.document import parse
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.errors import MissionError
+
+REGISTRY = Registry(builtin_specs() + [
+    NodeSpec("Navigate", Kind.ACTION, AlwaysSuccess),
+    NodeSpec("IsVisitorDiscovered", Kind.CONDITION, AlwaysSuccess),
+    NodeSpec("Old", Kind.ACTION, AlwaysSuccess, warning="Old is another spelling of Navigate"),
+    NodeSpec("Typed", Kind.ACTION, AlwaysSuccess, (Port("number", "int"), Port("flag", "bool"), Port("list", "vec_int"),
+                                                   Port("out", "double", Direction.OUT), Port("text", "string"))),
+])
+
+
+def root(body, attributes='BTCPP_format="4" main_tree_to_execute="Main"'):
+    return "<root {}>\n{}\n</root>".format(attributes, body)
+
+
+def tree(body, name="Main"):
+    """Return a tree whose body begins in the third line of a file made with ``root``, at its fifth column."""
+    return '  <BehaviorTree ID="{}">\n    {}\n  </BehaviorTree>'.format(name, body)
+
+
+def model(inside, tree_id="S"):
+    """Return a model; what is inside begins a line of its own."""
+    return '<TreeNodesModel><SubTree ID="{}">\n{}</SubTree></TreeNodesModel>'.format(tree_id, inside)
+
+
+def main(body):
+    return root(tree(body))
+
+
+def checked(text, **options):
+    return check([parse(text, "m.xml")], REGISTRY, **options)
+
+
+def told(text, **options):
+    """Return the faults as (line, column, is warning, text and hint)."""
+    return [(fault.line, fault.column, fault.is_warning, "{} ({})".format(fault.text, fault.hint))
+            for fault in checked(text, **options).faults]
+
+
+LEAF = "<AlwaysSuccess/>"
+RULES = {
+    # the document
+    "wrong root": ("<Root>\n</Root>", (1, 1), ["first element is <Root>", "must be <root>"]),
+    "no tree": (root("", 'BTCPP_format="4"'), (1, 1), ["no <BehaviorTree>"]),
+    "two models": (root(tree(LEAF) + "\n <TreeNodesModel/>\n <TreeNodesModel/>"), (6, 2),
+                   ["only one <TreeNodesModel>"]),
+    "stray action below root": (root(tree(LEAF) + "\n <TreeNodesModel/>\n <Action/>"), (6, 2),
+                                ["<Action> lacks the attribute ID"]),
+    # trees
+    "tree without ID": (root(tree(LEAF) + "\n<BehaviorTree>{}</BehaviorTree>".format(LEAF)), (5, 1), [
+        "<BehaviorTree> lacks the attribute ID"]),
+    "reserved ID": (root(tree(LEAF) + "\n" + tree(LEAF, "Root")), (5, 17), ["Root is a reserved name"]),
+    "ID of a node": (root(tree(LEAF) + "\n" + tree(LEAF, "Navigate")), (5, 17),
+                     ["Navigate is the name of a node type"]),
+    "colon in an ID": (root(tree(LEAF) + "\n" + tree(LEAF, "a:b")), (5, 17), ["the ID a:b contains ':'"]),
+    "empty tree": (root('  <BehaviorTree ID="Main"/>'), (2, 3),
+                   ['<BehaviorTree ID="Main"> has 0 children', "exactly 1"]),
+    "two children": (main(LEAF + LEAF), (2, 3), ["has 2 children", "put a Sequence around them"]),
+    # the main tree
+    "unknown main tree": (root(tree(LEAF, "Mein")), (1, 24), ["no tree Main to execute", "did you mean Mein?"]),
+    "no main tree": (root(tree(LEAF, "A") + tree(LEAF, "B"), 'BTCPP_format="4"'), (1, 1), [
+        "main_tree_to_execute is not given", "called by no other: A, B", "name the main tree"]),
+    # nodes
+    "unknown node": (main("<Navigat/>"), (3, 5), ["unknown node Navigat", "did you mean Navigate?"]),
+    "unknown node, other case": (main("<alwayssuccess/>"), (3, 5), ["did you mean AlwaysSuccess?"]),
+    "unknown explicit node": (main('<Action name="x"\n  ID="Navigat"/>'), (4, 3),
+                              ["unknown node Navigat", "did you mean Navigate?"]),
+    "explicit without ID": (main("<Condition/>"), (3, 5), ["<Condition> lacks the attribute ID"]),
+    "ID in the compact form": (main('<Sequence ID="x">{}</Sequence>'.format(LEAF)), (3, 15), [
+        "ID is not allowed in <Sequence>", 'write name="…"']),
+    "a tree as a node": (root(tree("<Sub/>") + tree(LEAF, "Sub")), (3, 5), [
+        "Sub is a tree, not a node", '<SubTree ID="Sub"/>']),
+    "a tree in a tree": (main("<BehaviorTree ID=\"x\">{}</BehaviorTree>".format(LEAF)), (3, 5),
+                         ["cannot stand inside another"]),
+    "an include in a tree": (main("<include path=\"x\"/>"), (3, 5), ["unknown node include", "directly below <root>"]),
+    "explicit below ReactiveSequence": (main('<ReactiveSequence>\n<Action ID="Navigate"/></ReactiveSequence>'), (4, 1),
+                                        [
+        "refuses <Action> directly below ReactiveSequence", "write <Navigate/>"]),
+    "two AsyncSequences": (main("<ReactiveSequence>{0}{0}</ReactiveSequence>".format(
+        "<AsyncSequence>{}</AsyncSequence>".format(LEAF))), (3, 5), ["more than one AsyncSequence"]),
+    "decorator without a child": (main("<Inverter/>"), (3, 5), ["Inverter has 0 children", "exactly 1"]),
+    "decorator with two": (main("<Inverter>{0}{0}</Inverter>".format(LEAF)), (3, 5),
+                           ["Inverter has 2 children", "put a Sequence"]),
+    "control without children": (main("<Fallback>\n</Fallback>"), (3, 5), ["Fallback has no child"]),
+    "TryCatch with one": (main("<TryCatch>{}</TryCatch>".format(LEAF)), (3, 5),
+                          ["TryCatch must have at least 2 children"]),
+    "a leaf with a child": (main("<Navigate>{}</Navigate>".format(LEAF)), (3, 5), ["Navigate is a leaf"]),
+    "a condition with a child": (main("<IsVisitorDiscovered>{}</IsVisitorDiscovered>".format(LEAF)), (3, 5), [
+        "IsVisitorDiscovered is a leaf"]),
+    # ports and scripts
+    "unknown port": (main('<Typed\n  nummber="1"/>'), (4, 3), ["Typed has no port nummber", "did you mean number?"]),
+    "unknown port, none near": (main('<Typed zzz="1"/>'), (3, 12), ["its ports: number, flag, list, out, text"]),
+    "a number": (main('<Typed number="two"/>'), (3, 12), ['port number of type int cannot be "two"']),
+    "a number too large": (main('<Typed number="3000000000"/>'), (3, 12), ["port number", "out of bound"]),
+    "a truth": (main('<Typed text="a"\nflag="yes"/>'), (4, 1),
+                ['port flag of type bool cannot be "yes"', "true false"]),
+    "a list": (main('<Typed list="1;;2"/>'), (3, 12), ["port list"]),
+    "blanks around a reference": (main('<Typed number=" {k} "/>'), (3, 12), ["port number"]),
+    "script syntax": (main('<Navigate _skipIf="a &lt;"/>'), (3, 15), ["the script of _skipIf", "position 3", "(a <)"]),
+    "empty script": (main('<Navigate _post=""/>'), (3, 15), ["the script of _post", "Empty Script"]),
+    "syntax in Script": (main('<Script code="1 +"/>'), (3, 13), ["the script of code", "position 3"]),
+    "syntax in Precondition": (main('<Precondition if="("><Navigate/></Precondition>'), (3, 19), ["the script of if"]),
+    "a very long script": (main('<Script code="a:=1{}"/>'.format("+1" * 10_000)), (3, 13),
+                           ["20004 characters", "at most 20000"]),
+    # SubTrees
+    "SubTree without ID": (main("<SubTree/>"), (3, 5), ["<SubTree> lacks the attribute ID"]),
+    "unknown tree": (root(tree('<SubTree\nID="Sup"/>') + tree(LEAF, "Sub")), (4, 1),
+                     ["there is no tree Sup", "did you mean Sub?"]),
+    "unknown tree, none near": (main('<SubTree ID="Zzz"/>'), (3, 14), ["the trees: Main"]),
+    "SubTree of a node": (main('<SubTree ID="Navigate"/>'), (3, 14), ["name of a node type", "<Navigate/>"]),
+    "SubTree with a child": (root(tree('<SubTree ID="Sub">{}</SubTree>'.format(LEAF)) + tree(LEAF, "Sub")), (3, 5), [
+        'SubTree ID="Sub"> cannot have children']),
+    "bad _autoremap": (root(tree('<SubTree ID="Sub" _autoremap="yes"/>') + tree(LEAF, "Sub")), (3, 23),
+                       ["bool conversion"]),
+    "contains itself": (main('<SubTree ID="Main"/>'), (3, 14), ["the tree Main contains itself: Main > Main"]),
+    "contains itself by another": (root(tree('<SubTree ID="B"/>') + "\n" + tree('<SubTree ID="Main"/>', "B")), (6, 14),
+                                   [
+        "Main > B > Main"]),
+    # models
+    "model without ID": (root(tree(LEAF) + "\n<TreeNodesModel>\n<SubTree/></TreeNodesModel>"), (6, 1),
+                         ["lacks the attribute ID"]),
+    "model port without name": (root(tree(LEAF) + "\n" + model("<input_port/>")), (6, 1), [
+        "<input_port> lacks the attribute name"]),
+    "mandatory port": (root(tree('<SubTree ID="S"/>') + tree(LEAF, "S") + model('<input_port name="who"/>')), (3, 5), [
+        "asks for the port who", 'write who="{who}"']),
+    # version 3
+    "SubTreePlus": (main('<SubTreePlus ID="X"/>'), (3, 5),
+                    ["unknown node SubTreePlus", "version 4 writes <SubTree>", "_autoremap"]),
+    "SequenceStar": (main("<SequenceStar>{}</SequenceStar>".format(LEAF)), (3, 5), ["SequenceWithMemory"]),
+    "explicit SequenceStar": (main('<Control ID="SequenceStar">{}</Control>'.format(LEAF)), (3, 14),
+                              ["SequenceWithMemory"]),
+    "the old spelling of Retry": (main("<RetryUntilSuccesful>{}</RetryUntilSuccesful>".format(LEAF)), (3, 5),
+                                  ["RetryUntilSuccessful"]),
+    "Parallel's threshold": (main('<Parallel threshold="1">{}</Parallel>'.format(LEAF)), (3, 15),
+                             ["no port threshold", "success_count"]),
+    "BlackboardCheckInt": (main("<BlackboardCheckInt>{}</BlackboardCheckInt>".format(LEAF)), (3, 5), ["_skipIf"]),
+    "ConsumeQueue": (main("<ConsumeQueue>{}</ConsumeQueue>".format(LEAF)), (3, 5), ["LoopString"]),
+    "ManualSelector": (main("<ManualSelector>{}</ManualSelector>".format(LEAF)), (3, 5), ["Switch2"]),
+    # elsewhere
+    "Selector": (main("<Selector>{}</Selector>".format(LEAF)), (3, 5), ["Fallback"]),
+}
+
+
+@pytest.mark.parametrize("rule", sorted(RULES))
+def test_each_rule_has_its_fault_at_its_place(rule):
+    text, place, words = RULES[rule]
+    faults = told(text)
+    assert [fault[:3] for fault in faults] == [place + (False,)]
+    assert [word for word in words if word not in faults[0][3]] == []
+
+
+@pytest.mark.parametrize("name, words", [
+    ("", "cannot be empty"), ("1x", "cannot start with a digit"), ("a b", "cannot contain blanks"),
+    ("_skipIf", "reserved"),
+    ("ID", "reserved"), ("a:b", "cannot contain"),
+])
+def test_names_of_ports_in_models(name, words):
+    text = root(tree(LEAF) + "\n" + model('<input_port name="{}"/>'.format(name)))
+    (line, column, is_warning, said), = told(text)
+    assert (line, column, is_warning) == (6, 13, False) and words in said
+
+
+WARNINGS = {
+    "no format": (root(tree(LEAF), ""), (1, 1), ['lacks BTCPP_format="4"']),
+    "another format": (root(tree(LEAF), 'BTCPP_format="3"'), (1, 7), ["BTCPP_format is 3"]),
+    "ignored below root": (root(tree(LEAF) + "\n<Includes/>"), (5, 1),
+                           ["<Includes> below <root> is ignored", "did you mean include?"]),
+    "blank in an ID": (root(tree('<SubTree ID="a b"/>') + "\n" + tree(LEAF, "a b")), (5, 17),
+                       ["the ID a b contains ' '", "4.10"]),
+    "dot in an ID": (root(tree('<SubTree ID="a.b"/>') + "\n" + tree(LEAF, "a.b")), (5, 17),
+                     ["the ID a.b contains '.'"]),
+    "tree defined twice": (root(tree(LEAF) + "\n" + tree(LEAF)), (5, 17), ["Main is defined again", "m.xml:2"]),
+    "__shared_blackboard": (root(tree('<SubTree ID="S" __shared_blackboard="true"/>') + tree(LEAF, "S")), (3, 21), [
+        "means nothing in version 4", '_autoremap="true"']),
+    "__autoremap": (root(tree('<SubTree ID="S" __autoremap="true"/>') + tree(LEAF, "S")), (3, 21), ["_autoremap"]),
+    "warning of a node type": (main("<Old/>"), (3, 5), ["another spelling of Navigate"]),
+    "unknown port in an unused tree": (root(tree(LEAF) + "\n" + tree('<Typed nummber="1"/>', "B")), (6, 12),
+                                       ["did you mean number?"]),
+    "circle of unused trees": (root(tree(LEAF) + "\n" + tree('<SubTree ID="B"/>', "B")), (6, 14), ["contains itself"]),
+    "bad script in an unused tree": (root(tree(LEAF) + "\n" + tree('<Script code="("/>', "B")), (6, 13),
+                                     ["script of code"]),
+}
+
+
+@pytest.mark.parametrize("rule", sorted(WARNINGS))
+def test_what_loads_but_is_likely_a_mistake_is_a_warning(rule):
+    text, place, words = WARNINGS[rule]
+    warnings = told(text)
+    assert [warning[:3] for warning in warnings] == [place + (True,)]
+    assert [word for word in words if word not in warnings[0][3]] == []
+    assert len(load_text(text, REGISTRY).warnings) == 1
+
+
+def test_version_3_remapping_without_braces_is_a_warning_in_files_that_do_not_say_4():
+    body = tree('<SubTree ID="S" inner="outer" n="1"/>') + tree(LEAF, "S")
+    found = told(root(body, 'main_tree_to_execute="Main"'))
+    assert [fault[:3] for fault in found if "{outer}" in fault[3]] == [(3, 21, True)]
+    assert told(root(body)) == []
+
+
+@pytest.mark.parametrize("body", [
+    '<Typed number="2.9abc" flag="True" list="1;2;" out="{x}" text=""/>',
+    '<Typed number="{k}" flag="{=}" text=" = "/>',
+    '<Typed xmlns:a="b" c.d="e" ü="f" _uid="7" _fullpath="x" _description="y" name="tab	and {braces}"/>',
+    '<Control ID="Navigate"/>',
+    '<Script code=""/>',
+    '<Script code="{code}"/>',
+    '<Script code="a:=1 b:=2"/>',
+    '<Navigate _skipIf="1 < 2 && 3 > 2"/>',
+    '<ReactiveSequence><SubTree ID="Other"/><AsyncSequence><Action ID="Navigate"/></AsyncSequence></ReactiveSequence>',
+    '<SubTree ID="Other" _autoremap="1" _x="{y}" a="{=}" b="=" c="2"/>',
+    '<IfThenElse><AlwaysSuccess/></IfThenElse>',
+    '<Sleep/>',
+])
+def test_what_behaviortree_cpp_accepts_is_no_fault(body):
+    assert told(root(tree(body) + tree(LEAF, "Other"))) == []
+
+
+# ------------------------------------------------------------------------------------------------------- the main tree
+
+
+TWO = tree('<SubTree ID="B"/>', "A") + "\n" + tree(LEAF, "B")
+
+
+@pytest.mark.parametrize("text, strict, expected", [
+    (root(TWO, 'BTCPP_format="4" main_tree_to_execute="B"'), False, "B"),
+    (root(tree(LEAF, "A"), 'BTCPP_format="4"'), True, "A"),
+    ("<root BTCPP_format=\"4\"><BehaviorTree>{}</BehaviorTree></root>".format(LEAF), True, "BehaviorTree_1"),
+    (root(TWO, 'BTCPP_format="4"'), False, "A"),
+    (root(TWO, 'BTCPP_format="4"'), True, ""),
+])
+def test_the_main_tree(text, strict, expected):
+    found = checked(text, strict=strict)
+    assert found.main == expected
+    assert bool(found.errors) == (not expected)
+
+
+def test_trees_in_a_circle_leave_no_main_tree():
+    text = root(tree('<SubTree ID="B"/>', "A") + "\n" + tree('<SubTree ID="A"/>', "B"), 'BTCPP_format="4"')
+    no_main, circle = told(text)
+    assert no_main[:2] == (1, 1) and "each tree is called by another" in no_main[3]
+    assert circle[:2] == (6, 14) and "A > B > A" in circle[3]
+
+
+def test_another_main_tree_may_be_asked_for():
+    assert checked(root(TWO), main_tree="B").main == "B"
+    assert [fault[:2] for fault in told(root(TWO), main_tree="C")] == [(1, 1)]
+
+
+def test_the_only_tree_of_the_mission_itself_goes_before_those_it_includes():
+    included, own = parse(root(TWO), "lib.xml"), parse(root(tree(LEAF, "Own"), 'BTCPP_format="4"'), "m.xml")
+    assert check([included, own], REGISTRY).main == "Own"
+
+
+@pytest.mark.parametrize("tree_id", ["a b", "a.b"])
+def test_strict_refuses_blanks_and_dots_as_the_library_does(tree_id):
+    text = root(tree(LEAF, tree_id), 'BTCPP_format="4"')
+    assert not checked(text).errors
+    assert [(fault.line, fault.column) for fault in checked(text, strict=True).errors] == [(2, 17)]
+
+
+# ------------------------------------------------------------------------------------------------------------- together
+
+
+def test_every_fault_is_told_in_one_pass_in_the_order_of_the_file():
+    text = root("\n".join([
+        '<BehaviorTree ID="Main"><Sequence>', "<Navigat/>", '<Typed number="x" flag="y"/>', '<SubTree ID="Nope"/>',
+        '<Script code="1 +"/>', "<Inverter/>", "</Sequence></BehaviorTree>", '<BehaviorTree ID="Unused">',
+        "<Fallback/>",
+        "</BehaviorTree>", '<BehaviorTree ID="a/b">', "<Nope/>", "</BehaviorTree>"]))
+    assert [fault[:2] for fault in told(text)] == [(3, 1), (4, 8), (4, 19), (5, 10), (6, 9), (7, 1), (10, 1), (12, 15),
+                                                   (13, 1)]
+    with pytest.raises(MissionError) as caught:
+        load_text(text, REGISTRY)
+    assert [fault.line for fault in caught.value.faults] == [3, 4, 4, 5, 6, 7, 10, 12, 13]
+
+
+def test_a_tree_that_is_defined_again_is_checked_too():
+    text = root(tree("<Navigat/>") + "\n" + tree(LEAF))
+    assert [fault[:3] for fault in told(text)] == [(3, 5, False), (5, 17, True)]
+
+
+def test_a_missing_file_does_not_make_its_trees_unknown(tmp_path):
+    (tmp_path / "m.xml").write_text(root('<include path="lib.xml"/>' + tree('<SubTree ID="FromLib"/>')),
+                                    encoding="utf-8")
+    with pytest.raises(MissionError) as caught:
+        load_mission(str(tmp_path / "m.xml"), REGISTRY)
+    assert ["lib.xml" in fault.text for fault in caught.value.faults] == [True]
+
+
+def test_what_is_faulty_is_marked_for_the_compiler():
+    found = checked(main("<Sequence><Navigat/><Navigate/></Sequence>"))
+    wrong, right = found.trees["Main"].children[0].children
+    assert id(wrong) in found.faulty and id(right) not in found.faulty
+
+
+def test_trees_calls_and_use():
+    found = checked(root(TWO + tree(LEAF, "C"), 'BTCPP_format="4" main_tree_to_execute="A"'))
+    assert list(found.trees) == ["A", "B", "C"]
+    assert [call.attributes["ID"] for call in found.calls["A"]] == ["B"]
+    assert found.used == {"A", "B"}
+
+
+# --------------------------------------------------------------------------------------------------------------- limits
+
+
+def timed(text):
+    began = time.perf_counter()
+    found = checked(text)
+    assert time.perf_counter() - began < 1.0
+    return found
+
+
+def test_a_mission_that_unfolds_without_end_is_refused_before_it_is_built():
+    twice = '<BehaviorTree ID="T{0}"><Sequence><SubTree ID="T{1}"/><SubTree ID="T{1}"/></Sequence></BehaviorTree>'
+    trees = "".join(twice.format(
+        number, number + 1) for number in range(64)) + tree(LEAF, "T64")
+    errors = timed(root(trees, 'BTCPP_format="4" main_tree_to_execute="T0"')).errors
+    assert len(errors) == 1 and str(MOST_NODES) in errors[0].text
+
+
+def test_thousands_of_trees_that_call_each_other_are_no_trouble():
+    trees = "".join('<BehaviorTree ID="T{0}"><Sequence><SubTree ID="T{1}"/>{2}</Sequence></BehaviorTree>'.format(
+        number, number + 1, "".join('<SubTree ID="T{}"/>'.format(back) for back in range(max(0, number - 20), number)))
+        for number in range(1500)) + tree(LEAF, "T1500")
+    found = timed(root(trees, 'BTCPP_format="4" main_tree_to_execute="T0"'))
+    assert len(found.errors) == MOST_FAULTS + 1 and "are not shown" in found.faults[-1].text
+
+
+@pytest.mark.parametrize("bodies", [
+    ['<SubTree ID="U{}"/>'.format(number) for number in range(5000)],
+    ["<Navigat{}/>".format(number) for number in range(5000)],
+    ['<Typed nummber{}="1"/>'.format(number) for number in range(5000)],
+])
+def test_thousands_of_mistakes_are_no_trouble(bodies):
+    trees = "".join(tree(body, "T{}".format(number)) for number, body in enumerate(bodies))
+    main_tree = tree("<Sequence>{}</Sequence>".format("".join(
+        '<SubTree ID="T{}"/>'.format(number) for number in range(len(bodies)))))
+    found = timed(root(main_tree + trees))
+    assert len(found.errors) == MOST_FAULTS + 1
+    assert "{} more faults".format(len(bodies) - MOST_FAULTS) in found.faults[-1].text
+
+
+def test_ten_thousand_nodes_are_checked_in_a_moment():
+    inner = '<Sequence name="s">' + '<AlwaysSuccess name="n"/>' * 99 + "</Sequence>"
+    document = parse(main("<Sequence>{}</Sequence>".format(inner * 100)))
+    began = time.perf_counter()
+    assert check([document], REGISTRY).faults == []
+    assert time.perf_counter() - began < 0.2

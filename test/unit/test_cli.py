@@ -1,0 +1,188 @@
+"""The commands for mission authors: what they print, and their exit codes."""
+import json
+import os
+import subprocess
+import sys
+
+import py_trees
+import pytest
+from lxml import etree
+
+from behavior_controller import cli, folders, leaves
+from behavior_controller.bt.builtins import builtin_specs
+from behavior_controller.bt.palette import tree_nodes_model
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
+
+EXECUTABLES = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)))
+LAB_TOUR = folders.mission("lab_tour")
+GOOD = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Navigate/></BehaviorTree></root>'
+BAD = """<root BTCPP_format="4">
+<BehaviorTree ID="Main">
+<Sequence><Navigat/>
+ <Sleep msec="x"/></Sequence></BehaviorTree></root>"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text, name="m.xml"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+    return write
+
+
+# ------------------------------------------------------------------------------------------------------------ validate
+
+
+def test_the_lab_tour_can_be_run(capsys):
+    assert cli.validate([LAB_TOUR]) == 0
+    assert capsys.readouterr().out == "{}: can be run, 213 nodes, 0 warnings\n".format(LAB_TOUR)
+
+
+def test_every_fault_of_every_file_is_printed_with_its_place(file, capsys):
+    good, bad = file(GOOD, "good.xml"), file(BAD, "bad.xml")
+    assert cli.validate([good, bad, good + "x"]) == 2
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("{}:1:48: warning: Navigate can never succeed".format(good))
+    assert lines[1] == "{}: can be run, 1 node, 1 warning".format(good)
+    assert lines[2] == "{}:3:11: unknown node Navigat (did you mean Navigate?)".format(bad)
+    assert lines[3].startswith('{}:4:9: port msec of type uint cannot be "x"'.format(bad))
+    assert lines[4] == "{}: 2 faults".format(bad)
+    assert lines[5:] == ["{}x: the file cannot be read: No such file or directory".format(good),
+                         "{}x: 1 fault".format(good)]
+
+
+def test_warnings_alone_are_no_reason_to_refuse(file):
+    assert cli.validate([file(GOOD)]) == 0
+
+
+def test_json_holds_all_that_an_editor_needs(file, capsys):
+    bad = file(BAD)
+    assert cli.validate(["--json", bad, LAB_TOUR]) == 2
+    unknown, literal = json.loads(capsys.readouterr().out)
+    assert unknown == {"file": bad, "line": 3, "column": 11, "text": "unknown node Navigat",
+                       "hint": "did you mean Navigate?",
+                       "is_warning": False}
+    assert (literal["line"], literal["column"]) == (4, 9)
+    assert cli.validate(["--json", LAB_TOUR]) == 0
+    assert json.loads(capsys.readouterr().out) == []
+
+
+def test_arguments_that_ros_adds_are_passed_over(file):
+    assert cli.validate(["__name:=validate", file(GOOD), "__log:=x"]) == 0
+
+
+def test_no_file_is_a_wrong_call(capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.validate([])
+    assert caught.value.code == 2
+    assert "usage: validateMission" in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------------------------------- palette
+
+
+def test_the_palette_holds_every_mission_leaf(capsys):
+    assert cli.export_node_model([]) == 0
+    root = etree.fromstring(capsys.readouterr().out.encode("utf-8"))
+    assert (root.tag, root.get("BTCPP_format"), [child.tag for child in root]) == ("root", "4", ["TreeNodesModel"])
+    assert [(model.tag, model.get("ID")) for model in root[0]] == [(spec.kind.value, spec.id) for spec in leaves.SPECS]
+    assert all(model.find("MetadataFields/Metadata").get("description") for model in root[0])
+
+
+def test_ports_have_type_default_and_description():
+    spec = NodeSpec("A&B", Kind.ACTION, None, (
+        Port("first", "uint", Direction.IN, "1 < 2", "how <long> & why"), Port("second", "string", Direction.INOUT),
+        Port("third", "double", Direction.OUT)))
+    model = etree.fromstring(tree_nodes_model([spec]))[0]
+    assert (model.tag, model.get("ID"), len(model)) == ("Action", "A&B", 3)
+    assert [(port.tag, dict(port.attrib), port.text) for port in model] == [
+        ("input_port", {"name": "first", "type": "unsigned int", "default": "1 < 2"}, "how <long> & why"),
+        ("inout_port", {"name": "second", "type": "std::string"}, None),
+        ("output_port", {"name": "third", "type": "double"}, None)]
+
+
+# What BehaviorTree.CPP 4.10 itself writes of some nodes: kind, and (direction, name, type, default) of each port.
+OF_THE_LIBRARY = {
+    "Delay": ("Decorator", [("input_port", "delay_msec", "unsigned int", None)]),
+    "Inverter": ("Decorator", []),
+    "LoopDouble": ("Decorator", [("inout_port", "queue", "BT::AnyTypeAllowed", None),
+                                 ("input_port", "if_empty", "BT::NodeStatus", "SUCCESS"),
+                                 ("output_port", "value", "double", None)]),
+    "Parallel": ("Control",
+                 [("input_port", "failure_count", "int", "1"), ("input_port", "success_count", "int", "-1")]),
+    "Precondition": ("Decorator", [("input_port", "else", "BT::NodeStatus", "FAILURE"),
+                                   ("input_port", "if", "std::string", None)]),
+    "ScriptCondition": ("Condition", [("input_port", "code", "BT::AnyTypeAllowed", None)]),
+    "SetBlackboard": ("Action", [("inout_port", "output_key", "BT::AnyTypeAllowed", None),
+                                 ("input_port", "value", "BT::AnyTypeAllowed", None)]),
+    "SkipUnlessUpdated": ("Decorator", [("input_port", "entry", "BT::Any", None)]),
+    "SubTree": ("SubTree", [("input_port", "_autoremap", "bool", "false")]),
+    "TryCatch": ("Control", [("input_port", "catch_on_halt", "bool", "false")]),
+}
+
+
+def test_built_in_nodes_are_described_as_the_library_does():
+    models = {model.get("ID"): model for model in etree.fromstring(tree_nodes_model(builtin_specs()))}
+    found = {name: (models[name].tag, sorted((port.tag, port.get("name"), port.get("type"), port.get("default"))
+                                             for port in models[name] if port.tag.endswith("_port")))
+             for name in OF_THE_LIBRARY}
+    assert found == OF_THE_LIBRARY
+
+
+# ------------------------------------------------------------------------------------------------------------- drawing
+
+
+def test_a_mission_can_be_drawn():
+    root = cli.create_tree()
+    assert len(py_trees.display.ascii_tree(root).splitlines()) >= 213
+    names = [node.name for node in root.iterate()]
+    assert len(names) == len(set(names)) == 213
+    assert [name.split(" #")[0] for name in names if name.startswith("Point to")] == [
+        "Point to exhibit (PerformDeicticGesture)", "Point to exit (PerformDeicticGesture)"]
+    assert root.name == "lab_tour" and not any(":" in name for name in names)
+
+
+def test_one_tree_of_a_file_can_be_drawn(file):
+    root = cli.create_tree(mission="lab_tour", subtree="GoHome")
+    assert [root.name] + [child.name for child in root.children] == ["GoHome", "Fallback #2", "NavigateToLocation #5"]
+    assert cli.create_tree(mission=file(GOOD)).name == "m"
+
+
+@pytest.mark.parametrize("arguments, words", [
+    ({"mission": "no_such_tour"}, "no_such_tour.xml: the file cannot be read"),
+    ({"subtree": "GoHom"}, "did you mean GoHome?"),
+])
+def test_what_cannot_be_drawn_is_said_in_a_line(arguments, words):
+    with pytest.raises(SystemExit) as caught:
+        cli.create_tree(**arguments)
+    assert words in str(caught.value.code)
+
+
+# --------------------------------------------------------------------------------------------------------- executables
+
+
+def run(name, *arguments, **environment):
+    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path), **environment)
+    return subprocess.run([sys.executable, os.path.join(EXECUTABLES, name)] + list(arguments), env=variables,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
+
+
+def test_the_executable_tells_by_its_exit_code(file):
+    done = run("validateMission", LAB_TOUR)
+    assert (done.returncode, done.stderr) == (0, b"")
+    done = run("validateMission", file(BAD))
+    assert (done.returncode, done.stderr) == (2, b"")
+    assert os.access(os.path.join(EXECUTABLES, "validateMission"), os.X_OK)
+
+
+def test_a_terminal_that_knows_no_umlauts_gets_no_traceback(file):
+    done = run("validateMission", file(GOOD.replace("Main", "Hôtel"), "ü.xml"), PYTHONIOENCODING="ascii")
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\\xfc.xml: can be run" in done.stdout
+
+
+def test_the_palette_executable():
+    done = run("exportNodeModel")
+    assert (done.returncode, done.stderr) == (0, b"") and b'<Action ID="Navigate">' in done.stdout
+    assert os.access(os.path.join(EXECUTABLES, "exportNodeModel"), os.X_OK)

@@ -1,0 +1,328 @@
+"""A mission file as elements: what is read although it is not XML, where things stand, and what is refused in time."""
+import gc
+import os
+import time
+
+import pytest
+
+from behavior_controller import folders
+from behavior_controller.bt import document
+from behavior_controller.bt.document import MOST_FILES, parse, read, with_includes
+from behavior_controller.errors import MissionError
+
+LEAF = "<AlwaysSuccess/>"
+
+
+def mission(body=LEAF):
+    return '<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body)
+
+
+def faults_of(data, file="m.xml"):
+    with pytest.raises(MissionError) as caught:
+        parse(data, file)
+    return caught.value.faults
+
+
+def node(text):
+    """Return the first node of the first tree."""
+    return parse(text).root.children[0].children[0]
+
+
+# ----------------------------------------------------------------------------------------------- what is not quite XML
+
+
+@pytest.mark.parametrize("written, read_as", [
+    ("1 < 2 && 3 > 2", "1 < 2 && 3 > 2"),
+    ("1 &lt; 2 &amp;&amp; 3 &gt; 2", "1 < 2 && 3 > 2"),
+    ("2 &lt; 1 && 3 > 2", "2 < 1 && 3 > 2"),
+    ("a & b", "a & b"),
+    ("&unknown; &lol9;", "&unknown; &lol9;"),
+    ("&#65;&#x42;", "AB"),
+    ("&#X41; &#; &#x;", "&#X41; &#; &#x;"),
+    ("'x' .. \n\t'y'", "'x' .. \n\t'y'"),
+    ("a\r\nb\rc", "a\nb\nc"),
+    ("<!-- not a comment -->", "<!-- not a comment -->"),
+    ("a := 'ü😀'", "a := 'ü😀'"),
+    ("]]>", "]]>"),
+    ("x:='1'", "x:='1'"),
+    ("", ""),
+])
+def test_values_are_read_as_behaviortree_cpp_reads_them(written, read_as):
+    assert node(mission('<Script code="{}"/>'.format(written))).attributes == {"code": read_as}
+
+
+def test_what_has_no_meaning_is_passed_over():
+    text = ('\ufeff <?xml version="1.0" encoding="latin-1"?><!DOCTYPE root SYSTEM "http://example.invalid/x.dtd">\n'
+            '<!-- a -- b <c> & --><root BTCPP_format="4" xmlns="urn:x" xmlns:y="urn:y">'
+            ' text & more ]]> <![CDATA[ <a> ]]>'
+            '<BehaviorTree ID="Main"><!-- <Nope/> -->é<AlwaysSuccess y:z="1"/></BehaviorTree></root><!-- end -->\n')
+    for data in (text, text.encode("utf-8")):
+        root = parse(data).root
+        assert (root.tag, root.attributes) == ("root", {"BTCPP_format": "4"})
+        leaf = root.children[0].children[0]
+        assert (leaf.tag, leaf.attributes, leaf.children) == ("AlwaysSuccess", {}, [])
+
+
+def test_single_quotes_and_blanks_around_the_equals_sign():
+    assert node(mission("<Script code = 'a := \"b\"' name\n=\n'x'/>")).attributes == {"code": 'a := "b"', "name": "x"}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_encodings_with_their_marks(encoding):
+    assert node(mission('<Script code="é"/>').encode(encoding)).attributes == {"code": "é"}
+
+
+def test_compact_and_explicit_form():
+    tree = parse(mission('<Sequence><Action ID="Navigate" name="go"/><Navigate/><Action/></Sequence>')).root.children[0]
+    assert [element.type_id for element in tree.children[0].children] == ["Navigate", "Navigate", ""]
+
+
+# -------------------------------------------------------------------------------------------------------------- places
+
+
+def test_every_place_in_the_lab_tour_is_the_real_one():
+    path = folders.mission("lab_tour")
+    with open(path, encoding="utf-8") as file:
+        lines = file.read().split("\n")
+    waiting, seen = [read(path).root], 0
+    while waiting:
+        element = waiting.pop()
+        line, column = element.place()
+        assert lines[line - 1][column - 1:].startswith("<" + element.tag)
+        for name, value in element.attributes.items():
+            line, column = element.place(name)
+            assert lines[line - 1][column - 1:].startswith('{}="{}"'.format(name, value))
+            seen += 1
+        waiting.extend(element.children)
+    assert seen > 100
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+def test_places_after_comments_and_in_tags_of_several_lines(line_end):
+    lines = ['<?xml version="1.0"?>', "<!-- é", "<Nope/> -->", '<root><BehaviorTree ID="M">',
+             '\t<!-- x --> <Script name="a',
+             'b"', '   code="1 && 2"', "     _skipIf = 'x'/>", "<B/></BehaviorTree></root>"]
+    tree = parse(line_end.join(lines)).root.children[0]
+    script, other = tree.children
+    assert script.place() == (5, 13)
+    assert script.place("name") == (5, 21)
+    assert script.place("code") == (7, 4)
+    assert script.place("_skipIf") == (8, 6)
+    assert script.place("absent") == script.place()
+    assert other.place() == (9, 1)
+
+
+def test_an_attribute_is_not_found_inside_the_value_of_another():
+    assert node(mission('\n<Script code="name=\'x\' 1" name="y"/>')).place("name") == (2, 27)
+
+
+def test_a_fault_is_one_line_whatever_it_quotes():
+    fault = parse(mission(), "m.xml").root.fault("x\n\x1b[31m" + "y" * 1000)
+    assert "\n" not in str(fault) and "\x1b" not in str(fault)
+    assert len(fault.text) < 320
+
+
+# ---------------------------------------------------------------------------------------------------- malformed markup
+
+
+@pytest.mark.parametrize("text, place, words", [
+    ("", (1, 1), "empty"),
+    (" \n\t ", (1, 1), "empty"),
+    ("just text", (1, 1), "no element"),
+    ("<!-- only -->", (1, 1), "no element"),
+    ("<root>\n  <a>\n  </b>\n</root>", (3, 3), "</b> closes nothing"),
+    ("<root>\n  <a>\n</root>", (2, 3), "<a> is not closed before </root>"),
+    ("<root>\n  <a>\n", (2, 3), "<a> is never closed"),
+    ("<root>\n  <a", (2, 3), "<a> is not ended with >"),
+    ("<root>\n  <a\n  <b/></root>", (2, 3), "<a> is not ended with >"),
+    ("<root>\n  <a x=1/></root>", (2, 6), "x must stand in quotes"),
+    ("<root>\n  <a x/></root>", (2, 6), "x has no value"),
+    ('<root>\n  <a x="1"y="2"/></root>', (2, 11), "blank is missing before y"),
+    ('<root>\n  <a x="1"\n     x="2"/></root>', (3, 6), "x is given twice"),
+    ('<root>\n  <a x="1/></root>', (2, 6), "x has no closing quote"),
+    ('<root>\n  <a x="1>\n  <b y="2"/></root>', (2, 6), "x has no closing quote"),
+    ("<root>\n  <!-- a </root>", (2, 3), "comment is never closed"),
+    ("<root>\n  <![CDATA[ a </root>", (2, 3), "CDATA section is never closed"),
+    ("<root>\n  <?php x ?></root>", (2, 3), "processing instruction"),
+    ("<?xml <root/>", (1, 1), "never closed"),
+    ("<root>\n  1 < 2</root>", (2, 5), "begins no tag"),
+    ("<root>\n  <1a/></root>", (2, 3), "1a cannot be the name"),
+    ('<root>\n  <a 1x="2"/></root>', (2, 6), "1x cannot be the name"),
+    ("<root>\n  <x:a/></root>", (2, 3), "colon"),
+    ('<root>\n  <a n="&#7;"/></root>', (2, 6), "XML does not allow"),
+    ('<root>\n  <a n="&#x110000;"/></root>', (2, 6), "XML does not allow"),
+    ("<root>\n  a\x01</root>", (2, 4), "XML does not allow"),
+    ("<root/>\n<root/>", (2, 1), "an element after the end"),
+    ("<root/>\n  text", (2, 3), "text after the end"),
+    ("text <root/>", (1, 1), "text before"),
+    ("<root>\n</root></root>", (2, 8), "</root> closes nothing"),
+    ("<root>\n <\x00/></root>", (2, 3), "NUL"),
+    ('<!DOCTYPE r [\n<!ENTITY a "b">]><root/>', (1, 1), "declarations inside DOCTYPE"),
+    ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root/>', (1, 1), "declarations inside DOCTYPE"),
+])
+def test_markup_faults_have_a_place(text, place, words):
+    fault = faults_of(text)[0]
+    assert (fault.file, fault.line, fault.column) == ("m.xml",) + place
+    assert words in fault.text
+    assert not fault.is_warning
+
+
+def test_all_markup_faults_of_a_file_are_told():
+    faults = faults_of('<root>\n <a x="1" x="2"/>\n <1b/>\n <c y="&#0;"/>\n</rot>')
+    assert [(fault.line, fault.column) for fault in faults] == [(2, 11), (3, 2), (4, 5), (5, 1)]
+
+
+@pytest.mark.parametrize("data, place, words", [
+    ("<root>\n <a é".encode("latin-1"), (2, 5), "byte 0xe9 is not UTF-8"),
+    ("<root n='éé\n".encode("utf-8") + b"  \xff'/>", (2, 3), "byte 0xff is not UTF-8"),
+    ("<root/>".encode("utf-16-le"), (1, 2), "NUL"),
+    ("<root/>".encode("utf-16") + b"\x00", (1, 8), "is not UTF-16"),
+    (b"<root>\xed\xa0\x80</root>", (1, 7), "is not UTF-8"),
+])
+def test_wrong_encodings(data, place, words):
+    fault = faults_of(data)[0]
+    assert (fault.line, fault.column) == place
+    assert words in fault.text and "UTF-8" in fault.hint
+
+
+def test_a_lone_surrogate_in_a_text():
+    assert "XML does not allow" in faults_of("<root>\ud800</root>")[0].text
+
+
+# -------------------------------------------------------------------------------------------------------------- limits
+
+
+@pytest.mark.parametrize("name, text, words", [
+    ("nested 10,000 deep", mission("<Inverter>" * 10_000 + LEAF + "</Inverter>" * 10_000), "nested deeper"),
+    ("nested and never closed", "<root>" + "<a>" * 300_000, "nested deeper"),
+    ("many tags", "<root>" + "<a/>" * 2_000_000 + "</root>", "tags"),
+    ("many attributes", mission("<A " + " ".join('a{}=""'.format(i) for i in range(300_000)) + "/>"),
+     "more than 500 attributes"),
+    ("a long value", mission('<Script code="' + "&" * 5_000_000 + '"/>'), "too long"),
+    ("a huge number", mission('<Sleep msec="' + "9" * 1_000_000 + '"/>'), "too long"),
+    ("a long name", mission("<" + "a" * 5_000_000 + "/>"), "longer than 300"),
+    ("a name without end", "<" + "a" * 9_000_000, "longer than 300"),
+    ("blanks without end", mission("<Script " + " " * 3_000_000 + "<"), "not ended with >"),
+    ("comments without end", "<root>" + "<!--" * 300_000, "never closed"),
+    ("quotes", "<root>" + "<a b=\"'" * 300_000, "<a>"),
+    ("smaller-than signs", "<" * 300_000, "begins no tag"),
+    ("nested entities", "<!DOCTYPE z [<!ENTITY a 'a'>" + "".join(
+        "<!ENTITY a{} '{}'>".format(i, "&a{};".format(i - 1 if i else "") * 10)
+        for i in range(12)) + "]><root>&a11;</root>",
+     "DOCTYPE"),
+    ("a quadratic entity", "<!DOCTYPE z [<!ENTITY a '" + "a" * 100_000 + "'>]><root>" + "&a;" * 100_000 + "</root>",
+     "DOCTYPE"),
+])
+def test_what_is_too_large_is_refused_within_a_second(name, text, words):
+    began = time.perf_counter()
+    fault = faults_of(text)[0]
+    assert time.perf_counter() - began < 1.0
+    assert words in fault.text and fault.line == 1
+
+
+def test_a_tree_of_2000_levels_is_read():
+    element = parse(mission("<Inverter>" * 2_000 + LEAF + "</Inverter>" * 2_000)).root
+    levels = 0
+    while element.children:
+        element = element.children[0]
+        levels += 1
+    assert levels == 2_002
+
+
+# --------------------------------------------------------------------------------------------------------------- files
+
+
+def write(folder, **files):
+    """Write ``name.xml`` for each of ``files`` and return the path of ``main.xml``."""
+    for name, text in files.items():
+        path = folder / (name.replace("__", os.sep) + ".xml")
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return str(folder / "main.xml")
+
+
+def library(name, *includes):
+    return '<root BTCPP_format="4">{}<BehaviorTree ID="{}">{}</BehaviorTree></root>'.format(
+        "".join('\n<include path="{}.xml"/>'.format(path) for path in includes), name, LEAF)
+
+
+@pytest.mark.parametrize("name, words", [
+    ("missing.xml", "No such file"),
+    (".", "it is a folder"),
+    (os.devnull, "it is not a file"),
+    ("nul\x00.xml", "cannot be read"),
+])
+def test_unreadable_files(tmp_path, name, words):
+    with pytest.raises(MissionError) as caught:
+        read(os.path.join(str(tmp_path), name))
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(str(tmp_path / "pipe.xml"))
+    with pytest.raises(MissionError, match="it is not a file"):
+        read(str(tmp_path / "pipe.xml"))
+
+
+def test_a_file_of_100_mb_is_not_read(tmp_path):
+    path = tmp_path / "large.xml"
+    with open(str(path), "wb") as file:
+        file.truncate(100_000_000)
+    with pytest.raises(MissionError, match="it has 100000000 bytes"):
+        read(str(path))
+
+
+def test_included_files_come_first_each_once_relative_to_who_includes_them(tmp_path):
+    path = write(tmp_path, main=library("Main", "sub/a", "b"), sub__a=library("A", "../b", "c"), b=library("B"),
+                 sub__c=library("C"))
+    documents = with_includes(read(path))
+    assert [found.root.children[-1].attributes["ID"] for found in documents] == ["B", "C", "A", "Main"]
+    assert [found.faults for found in documents] == [[], [], [], []]
+
+
+def included_faults(path):
+    return [fault for found in with_includes(read(path)) for fault in found.faults]
+
+
+def test_an_include_loop(tmp_path):
+    path = write(tmp_path, main=library("Main", "a"), a=library("A", "b"), b=library("B", "main", "a"))
+    faults = included_faults(path)
+    assert [(os.path.basename(fault.file), fault.line, fault.column) for fault in faults] == [("b.xml", 2, 10),
+                                                                                              ("b.xml", 3, 10)]
+    assert all("includes itself" in fault.text for fault in faults)
+
+
+def test_what_is_wrong_in_an_included_file_has_its_place_there(tmp_path):
+    path = write(tmp_path, main=library("Main", "broken", "missing"), broken="<root>\n <a x=1/></root>")
+    broken, missing = included_faults(path)
+    assert (os.path.basename(broken.file), broken.line, broken.column) == ("broken.xml", 2, 5)
+    assert (os.path.basename(missing.file), missing.line, missing.column) == ("main.xml", 3, 10)
+    assert "No such file" in missing.text
+
+
+def test_includes_without_a_path_or_with_ros_pkg(tmp_path):
+    path = write(tmp_path, main='<root>\n<include/>\n<include path=""/>\n<include path="a.xml"\n ros_pkg="p"/></root>')
+    faults = included_faults(path)
+    assert [(fault.line, fault.column) for fault in faults] == [(2, 1), (3, 10), (5, 2)]
+    assert "ros_pkg" in faults[2].text
+
+
+def test_a_chain_of_includes_has_an_end(tmp_path):
+    files = {"f{}".format(i): library("T{}".format(i), "f{}".format(i + 1)) for i in range(100)}
+    faults = included_faults(write(tmp_path, main=library("Main", "f0"), **files))
+    assert len(faults) == 1 and "are included" in faults[0].text
+
+
+def test_the_number_of_included_files_has_an_end(tmp_path):
+    names = ["f{}".format(i) for i in range(MOST_FILES + 1)]
+    path = write(tmp_path, main=library("Main", *names), **{name: library(name) for name in names})
+    assert [fault.text for fault in included_faults(path) if "more than" not in fault.text] == []
+    assert len(with_includes(read(path))) <= MOST_FILES + 1
+
+
+def test_the_collector_is_left_as_it_was():
+    for switch in (gc.disable, gc.enable):
+        switch()
+        with document.collector_at_rest():
+            assert not gc.isenabled()
+        assert gc.isenabled() == (switch is gc.enable)

@@ -1,0 +1,275 @@
+"""Warnings for what cannot be meant, none for what can; judged by small missions and recorded traces of the library."""
+import json
+import lzma
+import os
+
+import pytest
+
+from behavior_controller import folders
+from behavior_controller.bt import conformance
+from behavior_controller.bt.builtins import AlwaysSuccess, builtin_specs
+from behavior_controller.bt.checks import below, check
+from behavior_controller.bt.document import parse
+from behavior_controller.bt.lint import Vocabulary, lint
+from behavior_controller.bt.outcomes import FAILS, SUCCEEDS, outcomes
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.leaves import vocabulary
+
+REGISTRY = Registry(builtin_specs() + [
+    NodeSpec("Act", Kind.ACTION, AlwaysSuccess),
+    NodeSpec("Cond", Kind.CONDITION, AlwaysSuccess),
+    NodeSpec("Begin", Kind.ACTION, AlwaysSuccess),
+    NodeSpec("Recover", Kind.ACTION, AlwaysSuccess),
+    NodeSpec("Gaze", Kind.CONDITION, AlwaysSuccess),
+    NodeSpec("Seek", Kind.ACTION, AlwaysSuccess),
+    NodeSpec("In", Kind.ACTION, AlwaysSuccess, (Port("in", "any"),)),
+    NodeSpec("Out", Kind.ACTION, AlwaysSuccess, (Port("out", "any", Direction.OUT),)),
+])
+VOCABULARY = Vocabulary(keys=["given"], ends={"Begin": SUCCEEDS}, needs={"Gaze": (["Seek"], "nothing looks for it")},
+                        recoveries=["Recover"])
+TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance", "random.jsonl.xz")
+
+
+def warnings(body, *more):
+    """Return (line, column, text and hint) of each warning; ``body`` begins in the second line."""
+    text = '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">\n{}</BehaviorTree>{}</root>'
+    documents = [parse(text.format(body, "".join("\n" + tree for tree in more)), "m.xml")]
+    checked = check(documents, REGISTRY)
+    assert checked.faults == []
+    found = lint(documents, checked, REGISTRY, VOCABULARY)
+    assert all(fault.is_warning for fault in found)
+    return [(fault.line, fault.column, "{} ({})".format(fault.text, fault.hint)) for fault in found]
+
+
+def tree(name, body):
+    return '<BehaviorTree ID="{}">{}</BehaviorTree>'.format(name, body)
+
+
+RETRY = '<RetryUntilSuccessful num_attempts="3">{}</RetryUntilSuccessful>'
+CANNOT_BE_MEANT = {
+    "retry what never fails": (RETRY.format("<ForceSuccess><Act/></ForceSuccess>"),
+                               (2, 1), ["never retries", "ForceSuccess never fails"]),
+    "retry a leaf that never fails": ('<RetryUntilSuccessful num_attempts="3"><Begin/></RetryUntilSuccessful>', (2, 1),
+                                      [
+        "Begin never fails"]),
+    "repeat what never succeeds": ('<Repeat num_cycles="3"><ForceFailure><Act/></ForceFailure></Repeat>', (2, 1), [
+        "never repeats", "never succeeds"]),
+    "fallback after a sure success": ("<Fallback><Cond/><Script code=\"a:=1\"/>\n<Act/></Fallback>", (3, 1), [
+        "Act is never reached: Script before it never fails"]),
+    "reactive fallback after a sure success": ("<ReactiveFallback><Begin/>\n<Act name=\"x\"/></ReactiveFallback>",
+                                               (3, 1), [
+        "Act x is never reached: Begin before it never fails"]),
+    "sequence after a sure failure": ("<Sequence><Act/><AlwaysFailure/>\n<Act/><Act/></Sequence>", (3, 1), [
+        "Act is never reached: AlwaysFailure before it never succeeds"]),
+    "sequence after an endless loop": (
+        "<Sequence><KeepRunningUntilFailure><Act/></KeepRunningUntilFailure>\n<Act/></Sequence>", (3, 1),
+        ["never succeeds"]),
+    "a fallback that always ends well, retried": (
+        '<RetryUntilSuccessful num_attempts="2"><Fallback><Act/><AlwaysSuccess/></Fallback></RetryUntilSuccessful>',
+        (2, 1), [
+            "Fallback never fails"]),
+    "endless repeat without waiting": ('<Repeat\n num_cycles="-1"><Script code="a:=1"/></Repeat>', (3, 2), [
+        "for ever and never waits", "Sleep"]),
+    "endless retry without waiting": ('<RetryUntilSuccessful\n num_attempts="-1"><Cond/></RetryUntilSuccessful>',
+                                      (3, 2), [
+        "without waiting", "ReactiveFallback"]),
+    "no round": ('<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), ["never run", "-1 is for ever"]),
+    "no attempt": ('<RetryUntilSuccessful num_attempts="-3"><Act/></RetryUntilSuccessful>', (2, 23), ["never run"]),
+    "more successes than children": ('<Parallel success_count="3"><Act/><Act/></Parallel>', (2, 11),
+                                     ["only 2 children"]),
+    "no success wanted": ('<Parallel success_count="0"><Act/><Act/></Parallel>', (2, 11), ["decided before"]),
+    "IfThenElse with one child": ("<IfThenElse><Cond/></IfThenElse>", (2, 1), ["has 1 children; it must have 2 or 3"]),
+    "Switch without a default": ('<Switch2 variable="x" case_1="a" case_2="b"><Act/><Act/></Switch2>', (2, 1),
+                                 ["must have 3"]),
+    "a port without a value": ("<Sleep/>", (2, 1), ["Sleep needs the port msec"]),
+    "a condition misspelled": ('<Act _skipif="true"/>', (2, 6), ["_skipif is ignored", "did you mean _skipIf?"]),
+    "_autoremap on a node": ('<Act _autoremap="true"/>', (2, 6), ["only on a <SubTree>"]),
+    "recovery that comes first": ("<Fallback>\n<Recover/><Act/></Fallback>", (3, 1), ["Recover comes first"]),
+    "a gaze that nobody looks for": ("<Sequence><Act/>\n<Gaze/></Sequence>", (3, 1), [
+        "Gaze can never succeed: nothing looks for it", "lacks Seek"]),
+    "read, never written": ('<In\nin="{goal}"/>', (3, 1), ["the entry goal is read here, but nothing writes it"]),
+    "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), ["the entry lives"]),
+    "read in a condition": ('<Sequence><Script code="lifes := 1"/><Act _skipIf="lives == 0"/></Sequence>', (2, 43), [
+        "the entry lives", "did you mean lifes?"]),
+    "watched, never written": ('<SkipUnlessUpdated entry="goal"><Act/></SkipUnlessUpdated>', (2, 20),
+                               ["the entry goal"]),
+}
+
+
+@pytest.mark.parametrize("rule", sorted(CANNOT_BE_MEANT))
+def test_what_cannot_be_meant(rule):
+    body, place, words = CANNOT_BE_MEANT[rule]
+    found = warnings(body)
+    assert [warning[:2] for warning in found] == [place]
+    assert [word for word in words if word not in found[0][2]] == []
+
+
+@pytest.mark.parametrize("body", [
+    '<RetryUntilSuccessful num_attempts="3"><Act/></RetryUntilSuccessful>',
+    RETRY.format('<ForceSuccess _failureIf="given"><Act/></ForceSuccess>'),
+    '<RetryUntilSuccessful num_attempts="-1"><Sequence><Sleep msec="10"/><Cond/></Sequence></RetryUntilSuccessful>',
+    '<Repeat num_cycles="-1"><Act/></Repeat>',
+    "<Fallback><Act/><Begin/></Fallback>",
+    '<Fallback><Begin _skipIf="given == 1"/><Act/></Fallback>',
+    "<Sequence><Begin/><Fallback><Act/><Recover/></Fallback></Sequence>",
+    "<Sequence><Seek/><Gaze/></Sequence>",
+    '<Sequence><RunOnce><AlwaysFailure/></RunOnce><Act/></Sequence>',
+    '<Inverter><KeepRunningUntilFailure><Act/></KeepRunningUntilFailure></Inverter>',
+    '<Sequence><Inverter><KeepRunningUntilFailure><Act/></KeepRunningUntilFailure></Inverter><Act/></Sequence>',
+    '<ReactiveFallback><Cond/><ForceFailure><Sleep msec="5"/></ForceFailure></ReactiveFallback>',
+    '<Sequence><In in="{given}"/><In in="{@given}"/><In in="literal"/></Sequence>',
+    '<Sequence><In in="{x}"/><Out out="{x}"/></Sequence>',
+    '<Sequence><In in="{x}"/><SetBlackboard output_key="x" value="1"/></Sequence>',
+    '<Sequence><Script code="a := 1; a += 1"/><ScriptCondition code="a > 1"/></Sequence>',
+    '<Sequence><SetBlackboard output_key="{given}" value="1"/><In in="{whatever}"/></Sequence>',
+    '<Sequence><Script code="{given}"/><In in="{whatever}"/></Sequence>',
+    '<LoopString queue="a;b" value="{item}"><In in="{item}"/></LoopString>',
+    '<Act _uid="1" _fullpath="x" _description="y" _custom="z"/>',
+    '<Parallel success_count="-1" failure_count="2"><Act/><Act/></Parallel>',
+    '<Switch2 variable="{given}" case_1="a" case_2="b"><Act/><Act/><Act/></Switch2>',
+])
+def test_what_can_be_meant(body):
+    assert warnings(body) == []
+
+
+# ------------------------------------------------------------------------------------------------------------- subtrees
+
+
+def test_an_unused_tree():
+    assert warnings("<Act/>", tree("Spare", "<Act/>")) == [(3, 1, "the tree Spare is not used (the main tree is Main)")]
+
+
+def test_an_unused_tree_of_an_included_file_is_no_concern():
+    documents = [parse('<root BTCPP_format="4"><BehaviorTree ID="Spare"><Act/></BehaviorTree></root>', "lib.xml"),
+                 parse('<root BTCPP_format="4"><BehaviorTree ID="Main"><Act/></BehaviorTree></root>', "m.xml")]
+    assert lint(documents, check(documents, REGISTRY), REGISTRY) == []
+
+
+def test_a_subtree_that_never_fails():
+    body = '<Fallback><SubTree ID="Sub"/>\n<Act/></Fallback>'
+    found = warnings(body, tree("Sub", "<ForceSuccess><Act/></ForceSuccess>"))
+    assert [warning[:2] for warning in found] == [(3, 1)]
+    assert "SubTree Sub before it never fails" in found[0][2]
+
+
+@pytest.mark.parametrize("call, inside, is_written", [
+    ('<SubTree ID="Sub" x="{y}"/>', '<In in="{x}"/>', False),
+    ('<Sequence><Out out="{y}"/><SubTree ID="Sub" x="{y}"/></Sequence>', '<In in="{x}"/>', True),
+    ('<Sequence><Out out="{x}"/><SubTree ID="Sub"/></Sequence>', '<In in="{x}"/>', False),
+    ('<Sequence><Out out="{x}"/><SubTree ID="Sub" x="{=}"/></Sequence>', '<In in="{x}"/>', True),
+    ('<Sequence><Out out="{x}"/><SubTree ID="Sub" _autoremap="true"/></Sequence>', '<In in="{x}"/>', True),
+    ('<Sequence><Out out="{_x}"/><SubTree ID="Sub" _autoremap="true"/></Sequence>', '<In in="{_x}"/>', False),
+    ('<Sequence><Out out="{x}"/><SubTree ID="Sub"/></Sequence>', '<In in="{@x}"/>', True),
+    ('<SubTree ID="Sub" x="5"/>', '<In in="{x}"/>', True),
+    ('<SubTree ID="Sub" x="="/>', '<In in="{x}"/>', True),
+    ('<Sequence><In in="{y}"/><SubTree ID="Sub" x="{y}"/></Sequence>', '<Out out="{x}"/>', True),
+    ('<SubTree ID="Sub"/>', '<Sequence><In in="{x}"/><SubTree ID="Deep" _autoremap="1"/></Sequence>', True),
+    ('<SubTree ID="Sub" given="{given}"/>', '<In in="{given}"/>', True),
+])
+def test_entries_are_followed_through_subtrees(call, inside, is_written):
+    deep = [tree("Deep", '<Out out="{x}"/>')] if "Deep" in inside else []
+    found = warnings(call, tree("Sub", inside), *deep)
+    assert [("nothing writes it" in text) for _, _, text in found] == ([] if is_written else [True])
+
+
+def test_an_entry_of_the_whole_mission_is_pointed_out():
+    (line, column, text), = warnings('<SubTree ID="Sub"/>', tree("Sub", '<In in="{given}"/>'))
+    assert (line, column) == (3, 28) and "that of the whole mission is @given" in text
+
+
+def test_defaults_of_a_model_are_written():
+    model = '<TreeNodesModel><SubTree ID="Sub"><input_port name="x" default="1"/></SubTree></TreeNodesModel>'
+    assert warnings('<SubTree ID="Sub"/>', tree("Sub", '<In in="{x}"/>'), model) == []
+
+
+def test_a_remapping_that_the_tree_has_no_use_for():
+    found = warnings('<Sequence><Out out="{y}"/><SubTree ID="Sub"\n taget="{y}"/></Sequence>',
+                     tree("Sub", '<In in="{target}"/>'))
+    assert found[0][:2] == (3, 2) and "uses no entry taget (did you mean target?)" in found[0][2]
+    assert "the entry target is read" in found[1][2]
+
+
+def test_a_mission_with_faults_is_not_linted():
+    body = "<Fallback><Begin/><Nope/></Fallback>"
+    documents = [parse('<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))]
+    assert lint(documents, check(documents, REGISTRY), REGISTRY, VOCABULARY) == []
+
+
+# ---------------------------------------------------------------------------------------------------- real missions
+
+
+def test_the_lab_tour_has_no_warning():
+    assert vocabulary.load(folders.mission("lab_tour")).warnings == []
+
+
+def mission(*leaves):
+    return '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>{}</Sequence></BehaviorTree></root>'.format(
+        "".join("<{}/>".format(leaf) for leaf in leaves))
+
+
+@pytest.mark.parametrize("leaves, words", [
+    (["IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),
+    (["SocialOvertAttentionMode", "IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),
+    (["Navigate"], "SelectExhibit"),
+    (["RetrieveListOfExhibits", "SelectExhibit", "Navigate"], None),
+    (["SeekingOvertAttentionMode", "IsMutualGazeDiscovered"], None),
+    (["IsVisitorResponseYes"], "IsYesNoUttered"),
+])
+def test_what_the_mission_needs(tmp_path, leaves, words):
+    (tmp_path / "m.xml").write_text(mission(*leaves), encoding="utf-8")
+    found = vocabulary.load(str(tmp_path / "m.xml")).warnings
+    assert [words in str(fault) for fault in found] == ([] if words is None else [True])
+
+
+def test_every_leaf_that_the_vocabulary_names_exists():
+    registry, known = vocabulary.registry(), vocabulary.VOCABULARY
+    named = set(known.ends) | set(known.needs) | set(known.recoveries)
+    named |= {leaf for leaves, _ in known.needs.values() for leaf in leaves}
+    assert {name for name in named if registry.find(name) is None} == set()
+
+
+def unfolded(checked):
+    """Yield the element of each node in the order of their uids."""
+    waiting = [checked.trees[checked.main].children[0]]
+    while waiting:
+        element = waiting.pop()
+        yield element
+        children = checked.trees[element.attributes["ID"]].children if element.tag == "SubTree" else element.children
+        waiting.extend(reversed(children))
+
+
+def test_no_node_of_the_recorded_traces_ends_as_it_is_thought_not_to():
+    """2,000 trees run by BehaviorTree.CPP itself: the estimate allows every result; "never reached" never runs."""
+    nodes = surely = 0
+    for case in conformance.cases(TRACES):
+        if any(item[:1] in "KI" for script in case["leaves"].values() for item in script):
+            continue  # leaves that SKIP, which mission leaves never do
+        documents = [parse(case["xml"])]
+        registry = conformance._registry(case, [])
+        checked = check(documents, registry, strict=True)
+        ends = outcomes({tree_id: below(root) for tree_id, root in reversed(list(checked.trees.items()))}, {})
+        unreached = {fault[1:3] for fault in lint(documents, checked, registry) if "never reached" in fault.text}
+        seen = {}
+        for tick in case["expected"]["ticks"]:
+            for event in tick["events"]:
+                if event[0] == "status":
+                    seen.setdefault(event[1], set()).add(event[4])
+        for uid, element in enumerate(unfolded(checked), 1):
+            nodes += 1
+            results = seen.get(uid, set())
+            surely += ends[id(element)] & (SUCCEEDS | FAILS) != SUCCEEDS | FAILS
+            assert "SUCCESS" not in results or ends[id(element)] & SUCCEEDS, (case["name"], element.place())
+            assert "FAILURE" not in results or ends[id(element)] & FAILS, (case["name"], element.place())
+            assert not results or element.place() not in unreached, (case["name"], element.place())
+    assert nodes > 10_000 and surely > 1_000
+
+
+def test_few_warnings_about_data_in_the_recorded_traces():
+    """Their entries are all given by the host, and their scripts use no others."""
+    with lzma.open(TRACES, "rt", encoding="utf-8") as file:
+        for case in map(json.loads, file):
+            documents = [parse(case["xml"])]
+            registry = conformance._registry(case, [])
+            given = Vocabulary(keys=list(case["blackboard"]))
+            found = lint(documents, check(documents, registry, strict=True), registry, given)
+            assert [fault for fault in found if "nothing writes" in fault.text or "uses no entry" in fault.text] == []
