@@ -19,7 +19,6 @@ CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
 PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
 SCRIPT_PORTS = {"Script": "code", "ScriptCondition": "code", "Precondition": "if"}
-_OPEN = -1  # in place of the size of a tree whose calls are being followed
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
 MOST_FAULTS = 1_000  # that are told, and as many warnings
 LONGEST_SCRIPT = 20_000  # characters
@@ -312,21 +311,26 @@ class _Index(_Faults):
     def _unfold(self, start: str, sizes: Dict[str, int], complain: Callable[..., None]) -> None:
         """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each tree, unfolded."""
         path: List[str] = []
+        opened: Dict[str, int] = {}  # where in the path a tree is
         waiting: List[Tuple[str, Optional[Element]]] = [(start, None)]
         while waiting:
             tree_id, call = waiting.pop()
-            if call is None and path and path[-1] == tree_id:
-                path.pop()
-                inner = [max(sizes.get(found.attributes.get("ID", ""), 0), 0) for found in self.calls[tree_id]]
-                sizes[tree_id] = min(len(below(self.trees[tree_id])) + sum(inner), 10 ** 10)
-            elif sizes.get(tree_id) == _OPEN and call is not None:
-                complain(call, "the tree {} contains itself: {}".format(
-                    tree_id, " > ".join(path[path.index(tree_id):][:8] + [tree_id])), attribute="ID")
+            if tree_id in opened and call is None:
+                del opened[path.pop()]
+                sizes[tree_id] = self._size(tree_id, sizes)
+            elif tree_id in opened:
+                circle = path[opened[tree_id]:opened[tree_id] + 8]
+                complain(call, "the tree {} contains itself: {}".format(tree_id, " > ".join(circle + [tree_id])),
+                         attribute="ID")
             elif tree_id in self.calls and tree_id not in sizes:
-                sizes[tree_id] = _OPEN
+                opened[tree_id] = len(path)
                 path.append(tree_id)
                 waiting.append((tree_id, None))
                 waiting.extend((found.attributes.get("ID", ""), found) for found in reversed(self.calls[tree_id]))
+
+    def _size(self, tree_id: str, sizes: Dict[str, int]) -> int:
+        inner = sum(sizes.get(call.attributes.get("ID", ""), 0) for call in self.calls[tree_id])
+        return min(len(below(self.trees[tree_id])) + inner, 10 ** 10)
 
 
 # ----------------------------------------------------------------------------------------------------------- the nodes
