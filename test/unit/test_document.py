@@ -155,6 +155,7 @@ def test_a_fault_is_one_line_whatever_it_quotes():
     ("<root/>\n<root/>", (2, 1), "an element after the end"),
     ("<root/>\n  text", (2, 3), "text after the end"),
     ("text <root/>", (1, 1), "text before"),
+    ("\n\ufeff<root/>", (2, 1), "text before"),
     ("<root>\n</root></root>", (2, 8), "</root> closes nothing"),
     ("<root>\n <\x00/></root>", (2, 3), "NUL"),
     ('<!DOCTYPE r [\n<!ENTITY a "b">]><root/>', (1, 1), "declarations inside DOCTYPE"),

@@ -2,6 +2,7 @@
 import json
 import lzma
 import os
+import time
 
 import pytest
 
@@ -85,6 +86,10 @@ CANNOT_BE_MEANT = {
     "a condition misspelled": ('<Act _skipif="true"/>', (2, 6), ["_skipif is ignored", "did you mean _skipIf?"]),
     "_autoremap on a node": ('<Act _autoremap="true"/>', (2, 6), ["only on a <SubTree>"]),
     "recovery that comes first": ("<Fallback>\n<Recover/><Act/></Fallback>", (3, 1), ["Recover comes first"]),
+    "recovery in a Sequence": ("<Sequence><Act/>\n<Recover/></Sequence>", (3, 1),
+                               ["no failure to look at", "into a Fallback"]),
+    "another kind than it says": ('<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1), [
+        "Act is no Condition but of kind Action"]),
     "a gaze that nobody looks for": ("<Sequence><Act/>\n<Gaze/></Sequence>", (3, 1), [
         "Gaze can never succeed: nothing looks for it", "lacks Seek"]),
     "read, never written": ('<In\nin="{goal}"/>', (3, 1), ["the entry goal is read here, but nothing writes it"]),
@@ -273,3 +278,14 @@ def test_few_warnings_about_data_in_the_recorded_traces():
             given = Vocabulary(keys=list(case["blackboard"]))
             found = lint(documents, check(documents, registry, strict=True), registry, given)
             assert [fault for fault in found if "nothing writes" in fault.text or "uses no entry" in fault.text] == []
+
+
+@pytest.mark.parametrize("body", [
+    "".join('<Script code="b{0} := a{0}"/>'.format(number) for number in range(5000)),
+    "".join('<SubTree ID="Sub" x{0}="{{y{0}}}"/>'.format(number) for number in range(5000)),
+], ids=["scripts", "subtrees"])
+def test_a_large_mission_is_linted_in_a_moment(body):
+    inside = '<Script code="{}"/>'.format(";".join("b{0}:=a{0}".format(number) for number in range(1000)))
+    began = time.perf_counter()
+    assert warnings("<Sequence>{}</Sequence>".format(body), tree("Sub", inside))
+    assert time.perf_counter() - began < 2.0

@@ -3,11 +3,11 @@
 What a mission's own leaves do comes in as data, a ``Vocabulary``. A warning must be worth reading: where the file alone
 cannot tell, there is none.
 """
-from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt.checks import CONDITIONS, Checked, below, is_port_name
 from behavior_controller.bt.dataflow import Flow, flow
-from behavior_controller.bt.document import Document, Element
+from behavior_controller.bt.document import EXPLICIT, Document, Element
 from behavior_controller.bt.outcomes import FAILS, SKIPS, SUCCEEDS, outcomes
 from behavior_controller.bt.registry import Direction, Kind, Registry, did_you_mean
 from behavior_controller.errors import Fault
@@ -18,6 +18,7 @@ _FALLBACKS = ("Fallback", "AsyncFallback", "ReactiveFallback")
 _INSTANT = ("AlwaysSuccess", "AlwaysFailure", "Script", "SetBlackboard", "UnsetBlackboard", "WasEntryUpdated")
 _TAKE_TIME = ("Delay", "KeepRunningUntilFailure", "LoopInt", "LoopBool", "LoopDouble", "LoopString", "WaitValueUpdate")
 _MOST_WARNINGS = 200
+_COMPARISONS = 20_000  # names compared for suggestions, in all
 
 
 class Vocabulary(NamedTuple):
@@ -67,7 +68,11 @@ class _Linter:
         self.trees = _called_first(checked)
         self.ends = outcomes(self.trees, vocabulary.ends)
         self.flow: Flow = flow(self.trees, checked.main, checked.models, registry)
+        self.used: Dict[str, Set[str]] = {}  # tree -> entries that it reads or writes under its own name
+        for tree, name in list(self.flow.reads) + list(self.flow.written):
+            self.used.setdefault(tree, set()).add(name)
         self.faults: List[Fault] = []
+        self._comparisons = _COMPARISONS
         self._rules: Dict[str, Callable[[Element], None]] = {
             "SubTree": self._call, "Repeat": self._repeat, "RetryUntilSuccessful": self._retry,
             "Parallel": self._parallel,
@@ -81,6 +86,11 @@ class _Linter:
         if len(self.faults) < _MOST_WARNINGS:
             self.faults.append(element.fault(text, hint, attribute, is_warning=True))
 
+    def nearest(self, word: str, known: Set[str]) -> str:
+        """Return ``did you mean …?`` or nothing, at a bounded cost for the whole mission."""
+        self._comparisons -= len(known)
+        return did_you_mean(word, sorted(known)) if self._comparisons > 0 else ""
+
     # ----------------------------------------------------------------------------------------------- one node at a time
 
     def node(self, element: Element) -> None:
@@ -92,6 +102,9 @@ class _Linter:
             if port.direction is not Direction.OUT and port.default is None and port.name not in element.attributes:
                 self.warn(element, "{} needs the port {}, which is not given".format(element.type_id, port.name),
                           "it will fail when it is ticked")
+        if spec and element.tag in EXPLICIT and element.tag != spec.kind.value:
+            self.warn(element, "<{} ID=\"{}\">: {} is no {} but of kind {}".format(
+                element.tag, spec.id, spec.id, element.tag, spec.kind.value))
         rule = self._rules.get(element.type_id)
         if rule is not None:
             rule(element)
@@ -111,6 +124,10 @@ class _Linter:
     def _sequence(self, element: Element) -> None:
         children = element.children[:-1] if element.type_id == "TryCatch" else element.children
         self._unreachable(children, SUCCEEDS | SKIPS, "succeeds")
+        for child in children:
+            if child.type_id in self.vocabulary.recoveries:
+                self.warn(child, "{} is reached only if all before it succeeded: there is no failure to look at".format(
+                    child.type_id), "it belongs into a Fallback, after the step that may fail")
 
     def _fallback(self, element: Element) -> None:
         self._unreachable(element.children, FAILS | SKIPS, "fails")
@@ -183,12 +200,10 @@ class _Linter:
 
     def _call(self, element: Element) -> None:
         called = element.attributes.get("ID", "")
-        known = self.flow.keys.get(called, set())
-        used = {read[1] for read in self.flow.reads if read[0] == called}
-        used |= {key for tree, key in self.flow.written if tree == called}
+        used = self.used.get(called, set())
         for name in element.attributes:
             if is_port_name(name) and name not in used and len(name) > 2:
-                near = did_you_mean(name, [key for key in known if key in used and key not in element.attributes])
+                near = self.nearest(name, used - set(element.attributes))
                 if near:
                     self.warn(element, "the tree {} uses no entry {}".format(called, name), near, name)
 
@@ -206,12 +221,15 @@ class _Linter:
         if not self.flow.is_known:
             return
         given = set(self.vocabulary.keys)
-        for read in self.flow.never_written(given):
+        written: Dict[str, Set[str]] = {}
+        for tree, name in self.flow.written:
+            written.setdefault(tree, set()).add(name)
+        for read in self.flow.never_written(given)[:_MOST_WARNINGS]:
             tree, name = read.key
             if name.lstrip("@") in given and tree != self.checked.main:
                 hint = "that of the whole mission is @{}".format(name)
             else:
-                hint = did_you_mean(name, sorted({key for other, key in self.flow.written if other == tree} - {name}))
+                hint = self.nearest(name, written.get(tree, set()))
             self.warn(read.element, "the entry {} is read here, but nothing writes it".format(name), hint,
                       read.attribute)
 

@@ -38,7 +38,7 @@ TOKEN = re.compile(r"""
 """.format(_TAG[:-1], _BLANK, _PLAIN_ATTRIBUTE, _ATTRIBUTE, MOST_ATTRIBUTES, LONGEST_NAME), re.VERBOSE | re.DOTALL)
 STARTS = ("leaf", "open", "mend")
 _OUTSIDE = re.compile(r"""
-    {0}+ | \ufeff | <!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*> | <\?.*?\?> | (?P<wrong>.)
+    {0}+ | <!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*> | <\?.*?\?> | (?P<wrong>.)
 """.format(_BLANK), re.VERBOSE | re.DOTALL)
 _RAW_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
 _CHARACTER = re.compile(r"&#(?:(\d{1,7})|x([0-9a-fA-F]{1,6}));")
@@ -117,13 +117,13 @@ def _check_outside(text: str, end: int) -> None:
     first = next((match.start() for match in TOKEN.finditer(text) if match.lastgroup in STARTS), None)
     if first is None:
         raise MarkupFault("there is no element", 0, "a mission begins with <root BTCPP_format=\"4\">")
-    for begin, stop in ((0, first), (end or len(text), len(text))):
+    for begin, stop in ((text.startswith("\ufeff"), first), (end or len(text), len(text))):
         for match in _OUTSIDE.finditer(text, begin, stop):
             if match.group("wrong"):
                 for fault in diagnosis(text):
                     raise fault
                 what = "an element" if match.group("wrong") == "<" else "text"
-                raise MarkupFault("{} {} the first element".format(what, "after the end of" if begin else "before"),
+                raise MarkupFault("{} {} the first element".format(what, "after the end of" if begin > 1 else "before"),
                                   match.start("wrong"), "a file holds one <root> and nothing else")
 
 
