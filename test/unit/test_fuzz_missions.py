@@ -19,7 +19,7 @@ from behavior_controller.leaves import vocabulary
 
 MUTANTS = int(os.environ.get("MISSION_MUTANTS", "300"))
 SEED = int(os.environ.get("MISSION_SEED", "1"))
-LONGEST = 1.0  # seconds
+LONGEST = 1.0  # seconds of processor time
 REGISTRY = vocabulary.registry()
 
 SMALL = [
@@ -170,9 +170,9 @@ def judged(data):
 def complaints(number):
     """Return what is wrong with how mutant ``number`` was treated."""
     data = mutant(number)
-    began = time.perf_counter()
+    began = time.process_time()  # not the time of day: other programs may have the processor meanwhile
     faults = judged(data)
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     if took > LONGEST:
         yield "it took {:.1f} s".format(took)
     lines = len(re.split(b"\r\n?|\n", data))
