@@ -7,6 +7,7 @@ from behavior_controller.bt.checks import check
 from behavior_controller.bt.compiler import build
 from behavior_controller.bt.document import read, with_includes
 from behavior_controller.bt.lint import Vocabulary, lint
+from behavior_controller.bt.models import stale_models
 from behavior_controller.bt.outcomes import SUCCEEDS
 from behavior_controller.bt.registry import Registry
 from behavior_controller.bt.tree import Tree
@@ -43,6 +44,6 @@ def load(path: str, **options: Any) -> Tree:
     documents, types = with_includes(read(path)), registry()
     tree = build(documents, types, **options)
     checked = check(documents, types, options.get("main_tree"))
-    tree.warnings += lint(documents, checked, types, VOCABULARY)
+    tree.warnings += stale_models(documents, types) + lint(documents, checked, types, VOCABULARY)
     tree.warnings.sort(key=lambda fault: (fault.file, fault.line, fault.column))
     return tree
