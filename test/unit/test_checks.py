@@ -285,6 +285,13 @@ def test_every_fault_is_told_in_one_pass_in_the_order_of_the_file():
     assert [fault.line for fault in caught.value.faults] == [3, 4, 4, 5, 6, 7, 10, 12, 13]
 
 
+def test_what_is_wrong_inside_a_faulty_element_is_told_too():
+    text = main('<Sequnce>\n<Script/><Precondition if="("><Repeat num_cycles="x">\n<Script/></Repeat></Precondition></Sequnce>')
+    with pytest.raises(MissionError) as caught:
+        load_text(text, REGISTRY)
+    assert [(fault.line, fault.column) for fault in caught.value.faults] == [(3, 5), (4, 1), (4, 24), (4, 39), (5, 1)]
+
+
 def test_a_tree_that_is_defined_again_is_checked_too():
     text = root(tree("<Navigat/>") + "\n" + tree(LEAF))
     assert [fault[:3] for fault in told(text)] == [(3, 5, False), (5, 17, True)]

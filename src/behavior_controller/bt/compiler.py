@@ -84,6 +84,9 @@ class _Compiler:
         while waiting:
             place = waiting.pop()
             if id(place.element) in self.checked.faulty:
+                # it cannot be made, but what is inside may have mistakes of its own
+                waiting.extend(place._replace(element=child, parent=None, depth=place.depth + 1)
+                               for child in reversed(place.element.children))
                 continue
             if place.depth > DEEPEST:
                 self.faults.append(place.element.fault("the mission unfolds to more than {} levels".format(DEEPEST)))
