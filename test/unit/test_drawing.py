@@ -30,20 +30,6 @@ def test_the_subtrees_fold():
     assert "GiveTour #73" in text and "Navigate" not in text
 
 
-def test_one_subtree_alone():
-    root = create_tree("lab_tour", subtree="GoHome")
-    assert [node.name for node in root.iterate()][-1] == "GoHome"
-    assert sum(1 for _ in root.iterate()) == 15  # its 5 nodes and the 10 of NavigateToLocation
-
-
-def test_a_mission_that_cannot_be_drawn_says_why_in_a_line(tmp_path):
-    path = tmp_path / "bad.xml"
-    path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomSpeech/></BehaviorTree></root>")
-    with pytest.raises(SystemExit) as raised:
-        create_tree(str(path))
-    assert str(raised.value).endswith("bad.xml:1:45: unknown node WelcomSpeech (did you mean WelcomeSpeech?)")
-
-
 @pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not installed")
 def test_the_command_draws_from_any_folder(tmp_path):
     command = os.path.join(os.path.dirname(sys.executable), "py-trees-render")
