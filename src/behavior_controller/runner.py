@@ -45,7 +45,7 @@ class Runner:
         """Run and return the exit code: 0 if the last pass that ended was a SUCCESS (or none had ended), else 3."""
         self.tree.setup(mission=self.mission)
         self.mission.events.emit(RunStarted(
-            self.mission_file, self.mission.leaves_of(self.tree), self.mission.settings.values))
+            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values)))
         while not self.is_stopped() and (self.runs == 0 or self._number < self.runs):
             self._pass()
         if self.is_stopped():

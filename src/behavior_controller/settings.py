@@ -4,6 +4,7 @@
 """
 import math
 import re
+from types import MappingProxyType
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller import gateway
@@ -12,6 +13,10 @@ from behavior_controller.errors import ConfigurationError, Fault
 
 REQUIRED = object()
 """The default of a key that must be given."""
+
+# float() and \d alone would also take "1_0" and the digits of other scripts
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?inf", re.IGNORECASE)
+_INTEGER = re.compile(r"-?[0-9]{1,18}")
 
 
 class Key(NamedTuple):
@@ -34,8 +39,10 @@ def boolean(text: str) -> bool:
 def number(low: float = -math.inf, high: float = math.inf, infinite: bool = False) -> Callable[[str], float]:
     """Return a reader of numbers from ``low`` to ``high``; only an ``infinite`` one takes ``inf``."""
     def read(text: str) -> float:
+        if not _NUMBER.fullmatch(text):
+            raise ValueError(text)
         value = float(text)
-        if math.isnan(value) or (math.isinf(value) and not infinite) or not low <= value <= high:
+        if (math.isinf(value) and not infinite) or not low <= value <= high:
             raise ValueError(text)
         return value
     return read
@@ -44,7 +51,7 @@ def number(low: float = -math.inf, high: float = math.inf, infinite: bool = Fals
 def integer(low: int, high: int) -> Callable[[str], int]:
     """Return a reader of integers from ``low`` to ``high``."""
     def read(text: str) -> int:
-        if not re.fullmatch(r"-?\d{1,18}", text) or not low <= int(text) <= high:
+        if not _INTEGER.fullmatch(text) or not low <= int(text) <= high:
             raise ValueError(text)
         return int(text)
     return read
@@ -127,19 +134,25 @@ _DEADLINES = {
 
 
 class Settings:
-    """The checked configuration: one attribute for each key, in snake_case (``asrEnabled`` is ``asr_enabled``)."""
+    """The checked configuration, frozen: one attribute for each key in snake_case (``asrEnabled`` is ``asr_enabled``).
+
+    ``values`` holds the same under the names of the keys.
+    """
+
+    values: Mapping[str, Any]
 
     def __init__(self, values: Mapping[str, Any]):
-        self.values = dict(values)
+        self.__dict__["values"] = MappingProxyType(dict(values))
+        for key, value in values.items():
+            self.__dict__[re.sub("[A-Z]", lambda capital: "_" + capital.group().lower(), key)] = value
 
     def __getattr__(self, name: str) -> Any:
-        """Return the value of a key."""
-        head, *rest = name.split("_")
-        key = head + "".join(part.capitalize() for part in rest)
-        try:
-            return self.__dict__["values"][key]
-        except KeyError:
-            raise AttributeError(name) from None
+        """Refuse a name that is no key; the values themselves are found without this."""
+        raise AttributeError("there is no setting {}".format(name))
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse to change anything."""
+        raise AttributeError("settings are fixed: {} cannot be set".format(name))
 
     def deadline(self, service: str) -> float:
         """Return the seconds that a call of ``service`` (canonical name) may take."""
@@ -165,7 +178,7 @@ def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mappi
     Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad value, missing key.
     """
     try:
-        with open(path, encoding="utf-8") as file:
+        with open(path, encoding="utf-8-sig") as file:  # some editors begin a file with a byte order mark
             lines = file.read().split("\n")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"

@@ -85,6 +85,41 @@ def test_a_mission_is_no_path(tmp_path, value):
     assert "scenarioSpecification cannot be" in faults(tmp_path, GOOD.replace("lab_tour", value))[0]
 
 
+@pytest.mark.parametrize("line", ["startupTimeout 1_0", "startupTimeout 1e999", "startupTimeout \u0661",
+                                  "startupTimeout 0x10", "missionRuns 1_0", "missionRuns \u0661", "missionRuns 1.0"])
+def test_numbers_are_written_plainly(tmp_path, line):
+    name, text = line.split()
+    assert faults(tmp_path, GOOD + line + "\n")[0].split(" (")[0].endswith("{} cannot be \"{}\"".format(name, text))
+
+
+@pytest.mark.parametrize("text, value", [("1e1", 10.0), (".5", 0.5), ("+2", 2.0), ("3.", 3.0)])
+def test_ways_to_write_a_number(tmp_path, text, value):
+    assert load(tmp_path, GOOD + "startupTimeout {}\n".format(text)).startup_timeout == value
+
+
+def test_only_who_allows_it_takes_infinity():
+    assert settings.number(1.0, infinite=True)("inf") == float("inf")
+    with pytest.raises(ValueError):
+        settings.number(1.0)("inf")
+    with pytest.raises(ValueError):
+        settings.number(1.0, infinite=True)("-inf")
+
+
+def test_a_byte_order_mark_and_foreign_line_ends_are_tolerated(tmp_path):
+    assert load(tmp_path, "\ufeff" + GOOD.replace("\n", "\r\n")).scenario_specification == "lab_tour"
+
+
+def test_settings_are_frozen():
+    found = settings.defaults()
+    with pytest.raises(AttributeError, match="settings are fixed: asr_enabled"):
+        found.asr_enabled = False
+    with pytest.raises(TypeError):
+        found.values["asrEnabled"] = False
+    with pytest.raises(AttributeError, match="no setting asr_enable$"):
+        found.asr_enable
+    assert found.asr_enabled is True
+
+
 def test_all_faults_come_at_once(tmp_path):
     found = faults(tmp_path, "verboseMode maybe\nnonsense 1\nmissionRuns x\n")
     assert len(found) == 5
