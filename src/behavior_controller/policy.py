@@ -1,4 +1,5 @@
 """The recovery policy: what to do about which failure, read from ``config/recoveryPolicy.ini`` and checked as a whole."""
+import itertools
 import re
 from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
@@ -109,11 +110,18 @@ class _Reader:
             self.fault(number, "the last word cannot be {}".format(then), "allowed: skip, giveUp")
         elif then == SKIP and node in NEVER_SKIPPED:
             self.fault(number, "{} cannot be skipped".format(node), "write giveUp")
-        if (node, cause) in self.seen:
-            self.fault(number, "{} {} stands in line {} already".format(node, cause, self.seen[node, cause]))
         if len(self.faults) == before:
-            self.seen[node, cause] = number
-            self.rules.append(Rule(node, cause, int(retries), float(back_off), then))
+            self._keep(number, Rule(node, cause, int(retries), float(back_off), then))
+
+    def _keep(self, number: int, rule: Rule) -> None:
+        """Append a rule that is right in itself, unless the rules before it leave it nothing to decide."""
+        for fits in itertools.product((rule.node, "*"), (rule.cause, "*")):
+            if fits in self.seen:
+                self.fault(number, "{} {} is never looked at: line {} decides before it".format(
+                    rule.node, rule.cause, self.seen[fits]), "the first line that fits decides")
+                return
+        self.seen[rule.node, rule.cause] = number
+        self.rules.append(rule)
 
 
 def _is_count(text: str) -> bool:

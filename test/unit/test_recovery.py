@@ -80,7 +80,8 @@ def test_an_answer_without_content_counts_as_a_failed_attempt():
     ("WelcomeGesture", Cause.NO_ANSWER, 1, SUCCESS),
     ("SocialOvertAttentionMode", Cause.NO_ANSWER, 2, SUCCESS),
     ("SocialOvertAttentionMode", Cause.TYPE_MISMATCH, 1, SUCCESS),
-    ("Navigate", Cause.NO_ANSWER, 3, FAILURE),
+    ("Navigate", Cause.REFUSED, 3, FAILURE),
+    ("Navigate", Cause.NO_ANSWER, 2, FAILURE),
     ("Navigate", Cause.TYPE_MISMATCH, 1, FAILURE),
     ("LookUpHome", Cause.REFUSED, 3, FAILURE),
     ("PressYesNoDialogue", Cause.REFUSED, 1, FAILURE),
@@ -91,6 +92,17 @@ def test_the_delivered_policy(node, cause, asked, result):
     assert to_the_end(rig) is result
     assert [request for request in rig.requests if request not in SAFE] == asked * [rig.requests[0]]
     assert rig.requests[asked:] == (SAFE if result is FAILURE else [])
+
+
+@pytest.mark.parametrize("node", ["IsVisitorDiscovered", "IsVisitorResponseYes", "IsListWithExhibit", "IsYesNoUttered"])
+def test_an_answer_no_is_not_turned_into_a_yes(node):
+    rig = fallback("<{}/>".format(node), lambda request: Answer())
+    assert to_the_end(rig) is FAILURE
+    assert [(event.failure.cause, event.success) for event in rig.of(Recovered)] == [(Cause.CONDITION_FALSE, False)]
+
+
+def test_without_a_visitors_gaze_the_mission_goes_on():
+    assert to_the_end(fallback("<IsMutualGazeDiscovered/>", lambda request: Answer())) is SUCCESS
 
 
 @pytest.mark.parametrize("node", policy.NEVER_SKIPPED)
@@ -189,6 +201,21 @@ def test_all_wrong_lines_come_at_once_and_a_missing_budget_too(tmp_path):
     with pytest.raises(ConfigurationError) as raised:
         read(tmp_path, "* * 0 0 skip\n* * 0 0 skip\nx y 0 0 skip # comment\n")
     assert len(raised.value.faults) == 4
+
+
+@pytest.mark.parametrize("first, second", [
+    ("Navigate refused", "Navigate refused"), ("Navigate *", "Navigate refused"), ("* refused", "Navigate refused"),
+    ("* *", "Navigate refused"), ("* *", "* refused")])
+def test_a_rule_that_can_never_decide_is_a_mistake(tmp_path, first, second):
+    with pytest.raises(ConfigurationError) as raised:
+        read(tmp_path, "budget 5 10\n{} 0 0 giveUp\n{} 1 0 giveUp\n".format(first, second))
+    assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [
+        "3:1: {} is never looked at: line 2 decides before it (the first line that fits decides)".format(second)]
+
+
+def test_a_narrow_rule_may_stand_before_a_wide_one(tmp_path):
+    assert len(read(tmp_path, "budget 5 10\nNavigate refused 1 0 giveUp\nNavigate * 0 0 giveUp\n* refused 1 0 skip\n"
+                    "* * 0 0 skip\n").rules) == 4
 
 
 def test_the_first_rule_that_fits_decides(tmp_path):
