@@ -8,6 +8,7 @@ from behavior_controller.events import LeafFinished, PassFinished, Recovered
 from behavior_controller.gateway import (Answer, Failure, GoTo, PerformGesture, Point, Prompt, QueryKnowledge, Say,
                                          SetAnimation, SetAttention)
 from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, visitor_who
+from test_leaves import one_leaf
 
 SAYS = {
     "Welcome": "welcome", "Query": "would you like", "SayYesNo": "only understand yes or no", "Press": "press yes or no",
@@ -190,22 +191,79 @@ def test_an_empty_list_of_exhibits_is_no_tour_and_no_success():
     assert asked(rig) == (MEETING + ["say Query"] + 3 * ["query exhibits"] + SAFE + ["query home"] + drive(HOME))
 
 
-def test_a_visitor_who_looks_away_at_an_exhibit_sees_the_next_one():
-    def visitor(rig):
-        drives = [request for request in rig.requests if isinstance(request, GoTo)]
-        visitor_who(says="yes", gazes=len(drives) != 1)(rig)
+def gaze_except_at(*stops):
+    """Return a visitor who says yes and looks at the robot but at these stops, the first exhibit being stop 1."""
+    def act(rig):
+        drives = sum(isinstance(request, GoTo) for request in rig.requests)
+        visitor_who(says="yes", gazes=drives not in stops)(rig)
+    return act
 
+
+def knowing(exhibits, answer=lambda request: NotImplemented):
+    """Return a robot whose knowledge base has these exhibits, and that answers as ``answer`` otherwise."""
+    return lambda request: Answer(exhibits=exhibits) if request == QueryKnowledge("exhibits") else answer(request)
+
+
+GO_HOME = ["query home"] + drive(HOME)
+
+
+def test_a_visitor_who_looks_away_at_an_exhibit_sees_the_next_one():
     rig = Rig()
-    assert rig.run(visitor) == 0
-    expected = MEETING + ["say Query", "query exhibits"] + visit(EXHIBITS[0])[:5] + visit(EXHIBITS[1]) + FAREWELL
-    assert asked(rig) == expected + ["query home"] + drive(HOME)
+    assert rig.run(gaze_except_at(1)) == 0
+    tour = ["query exhibits"] + visit(EXHIBITS[0])[:5] + visit(EXHIBITS[1])
+    assert asked(rig) == MEETING + ["say Query"] + tour + FAREWELL + GO_HOME
+
+
+def test_a_tour_at_which_nobody_looks_is_no_success():
+    rig = Rig()
+    assert rig.run(gaze_except_at(1, 2)) == 3
+    tour = ["query exhibits"] + visit(EXHIBITS[0])[:5] + visit(EXHIBITS[1])[:5]
+    assert asked(rig) == MEETING + ["say Query"] + tour + SAFE + GO_HOME
+    assert [(event.policy, event.success) for event in rig.of(Recovered)] == [("skip", True), ("give up", False)]
+
+
+def test_the_only_exhibit_out_of_reach_is_no_success():
+    goal, answer = never_reaching(EXHIBITS[0])
+    rig = Rig(answer=knowing(EXHIBITS[:1], answer))
+    assert rig.run(visitor_who(says="yes")) == 3
+    tour = ["query exhibits"] + visit(EXHIBITS[0])[:3]
+    assert asked(rig) == MEETING + ["say Query"] + tour + 3 * [goal] + SAFE + GO_HOME
+
+
+def test_one_exhibit_left_out_and_the_last_one_out_of_reach_is_no_success():
+    goal, answer = never_reaching(EXHIBITS[1])
+    rig = Rig(answer=answer)
+    assert rig.run(gaze_except_at(1)) == 3
+    assert asked(rig)[-len(GO_HOME):] == GO_HOME and "say End" not in asked(rig)
+
+
+def test_one_exhibit_that_was_shown_makes_a_tour():
+    rig = Rig()
+    assert rig.run(gaze_except_at(2)) == 0
+    assert rig.tree.blackboard.get("leftOutExhibits") == [1]
+    assert asked(rig)[-len(FAREWELL + GO_HOME):] == FAREWELL + GO_HOME
+
+
+def test_the_next_visitor_has_a_tour_of_his_own():
+    rig = Rig()
+    assert rig.run(lambda rig: gaze_except_at(1, 2)(rig) if not rig.of(PassFinished) else visitor_who(says="yes")(rig),
+                   runs=2) == 0
+    assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE", "SUCCESS"]
+    assert asked(rig)[-len(TOUR):] == TOUR
+
+
+def test_a_mission_that_goes_on_in_spite_of_all_still_ends():
+    loop = ("<Sequence><RetrieveListOfExhibits/><Inverter><KeepRunningUntilFailure><Sequence><IsListWithExhibit/>"
+            "<ForceSuccess><Fallback><Sequence><SelectExhibit/><IsMutualGazeDiscovered/></Sequence><HandleFallBack/>"
+            "</Fallback></ForceSuccess></Sequence></KeepRunningUntilFailure></Inverter></Sequence>")
+    rig = one_leaf(loop)
+    assert rig.run(lambda rig: rig.clock.advance(0.5)) == 0
+    assert rig.tree.blackboard.get("leftOutExhibits") == [0, 1]
 
 
 def test_an_exhibit_with_nothing_to_point_at_gets_no_gesture():
-    import mission_rig
-    pointless = tuple(exhibit._replace(gesture=Point(0.0, 0.0, 0.0)) for exhibit in mission_rig.EXHIBITS)
-    rig = Rig(answer=lambda request: Answer(exhibits=pointless) if request == QueryKnowledge("exhibits")
-              else NotImplemented)
+    pointless = tuple(exhibit._replace(gesture=Point(0.0, 0.0, 0.0)) for exhibit in EXHIBITS)
+    rig = Rig(answer=knowing(pointless))
     assert rig.run(visitor_who(says="yes")) == 0
     pointed = [name for name in asked(rig) if name.startswith("deictic")]
     assert pointed == ["deictic 1 3000 at {:g} {:g} {:g}".format(*ENTRANCE.gesture)]

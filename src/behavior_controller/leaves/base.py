@@ -19,13 +19,14 @@ VISITOR_RESPONSE = "visitorResponse"  # "yes" or "no"; no entry: no answer yet
 EXHIBITS = "exhibits"  # list of Exhibit, in tour order
 NEXT_EXHIBIT = "nextExhibit"  # index of the one that SelectExhibit takes next
 CURRENT_EXHIBIT = "currentExhibit"  # name of the selected one
+LEFT_OUT = "leftOutExhibits"  # indices of those that a recovery skipped or gave up
 DESCRIPTION_1 = "description1"
 DESCRIPTION_2 = "description2"
 TARGET_LOCATION = "targetLocation"  # Location where Navigate drives to
 GESTURE_TARGET = "gestureTarget"  # Point that PerformDeicticGesture points at
 QUESTION_ASKED_AT = "questionAskedAt"  # monotonic seconds: only a later utterance is an answer
 ATTENTION_SET_AT = "attentionSetAt"  # monotonic seconds: only a later gaze status counts
-OF_ONE_VISITOR = (VISITOR_RESPONSE, EXHIBITS, NEXT_EXHIBIT, CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2,
+OF_ONE_VISITOR = (VISITOR_RESPONSE, EXHIBITS, NEXT_EXHIBIT, CURRENT_EXHIBIT, LEFT_OUT, DESCRIPTION_1, DESCRIPTION_2,
                   TARGET_LOCATION, GESTURE_TARGET)
 
 

@@ -5,11 +5,12 @@ from typing import Optional
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.gateway import Answer, Cause, Failure, QueryKnowledge, Request
 from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET,
-                                             NEXT_EXHIBIT, TARGET_LOCATION, InstantAction, InstantCondition, ServiceLeaf)
+                                             LEFT_OUT, NEXT_EXHIBIT, TARGET_LOCATION, InstantAction, InstantCondition,
+                                             MissionLeaf, ServiceLeaf)
 
 
 class RetrieveListOfExhibits(ServiceLeaf):
-    """``<RetrieveListOfExhibits/>``: asks for all exhibits, in tour order. Writes ``exhibits``, ``nextExhibit``."""
+    """``<RetrieveListOfExhibits/>``: asks for all exhibits, in tour order. Writes ``exhibits``, ``nextExhibit``; clears ``leftOutExhibits``."""
 
     resource = QueryKnowledge.service
 
@@ -23,6 +24,7 @@ class RetrieveListOfExhibits(ServiceLeaf):
             return Failure(Cause.MISSING_DATA, "the knowledge base has no exhibits", self.resource)
         self.remember(EXHIBITS, list(answer.exhibits))
         self.remember(NEXT_EXHIBIT, 0)
+        self.remember(LEFT_OUT, [])
         return None
 
 
@@ -55,6 +57,25 @@ class SelectExhibit(InstantAction):
         self.remember(DESCRIPTION_1, exhibit.description1)
         self.remember(DESCRIPTION_2, exhibit.description2)
         return None
+
+
+def leave_out_exhibit(leaf: MissionLeaf) -> bool:
+    """Note that the exhibit under way is left out; return whether the tour may still be called one without it.
+
+    It may not if every exhibit has been left out. The last one then goes back to the list, once: IsListWithExhibit asks
+    for exhibits that have not been visited, and a mission must not take such a tour for a finished one.
+    """
+    exhibits, index = leaf.recall(EXHIBITS) or (), (leaf.recall(NEXT_EXHIBIT) or 0) - 1
+    if not 0 <= index < len(exhibits) or leaf.recall(TARGET_LOCATION) != exhibits[index].location:
+        return True  # the robot is on no exhibit's behalf under way
+    before = leaf.recall(LEFT_OUT) or []
+    left_out = sorted({index}.union(before))
+    leaf.remember(LEFT_OUT, left_out)
+    if len(left_out) < len(exhibits):
+        return True
+    if index not in before:
+        leaf.remember(NEXT_EXHIBIT, index)
+    return False
 
 
 class LookUp(ServiceLeaf):

@@ -1,5 +1,5 @@
 """HandleFallBack: looks at the failure that brought it there and does what the recovery policy says (D5.4.3 §3.2.4)."""
-from typing import List, Optional, Tuple
+from typing import Any, List, Optional
 
 from behavior_controller.bt.clock import Timer
 from behavior_controller.bt.leaf import ActionLeaf
@@ -9,7 +9,11 @@ from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.events import Recovered
 from behavior_controller.gateway import SAFE_STATE, Call, Cause, Failure
 from behavior_controller.leaves.base import Failed, MissionLeaf, ServiceLeaf
-from behavior_controller.policy import SKIP, Rule
+from behavior_controller.leaves.knowledge import leave_out_exhibit
+from behavior_controller.policy import GIVE_UP, SKIP, Rule
+
+VISITING = ("SelectExhibit", "Navigate")
+"""Nodes that belong to the visit of an exhibit: to go on without them is to leave the exhibit out."""
 
 
 class HandleFallBack(MissionLeaf, ActionLeaf):
@@ -17,7 +21,8 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
 
     The failure is the newest one of the leaves before this node below their common parent. Only a step that is itself the
     neighbour can be retried: of a whole SubTree, redoing one leaf would not do the rest. SUCCESS only if the step was done
-    after all or may be skipped.
+    after all or may be skipped. A visit may be skipped only if that does not leave out every exhibit of the tour
+    (reads and writes ``leftOutExhibits``, ``nextExhibit``).
     """
 
     def __init__(self, name: str):
@@ -34,7 +39,8 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
     def on_start(self) -> Result:
         """Find the failure and decide."""
         self.started_at = self.mission.clock.now()
-        self.cause = self.mission.failures.newest(*self._before(), after=self.last_number)
+        steps = self._steps()
+        self.cause = self.mission.failures.newest(steps[0].uid if steps else self.uid, self.uid, self.last_number)
         self.last_number = self.mission.failures.newest_number
         self.attempts, self.is_giving_up = 0, False
         if self.cause is None:
@@ -43,17 +49,20 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             return self._finished(False)
         self.rule = self.mission.policy.rule(self.cause.leaf.registration_id, self.cause.failure.cause)
         if not self._within_budget():
-            self.rule = self.rule._replace(retries=0, then="giveUp")
+            self.rule = self.rule._replace(retries=0, then=GIVE_UP)
         if not self._is_neighbour():
             self.rule = self.rule._replace(retries=0)
         return self._next()
 
-    def _before(self) -> Tuple[int, int]:
-        """Return the uids of the nodes before this one below the nearest ancestor that has any: they are consecutive."""
-        node = self
-        while node.parent is not None and node.parent.children[0] is node:
+    def _steps(self) -> List[Any]:
+        """Return the nodes before this one below the nearest ancestor that has any; the uids below them are consecutive."""
+        node: Any = self
+        while node.parent is not None:
+            before = node.parent.children[:node.parent.children.index(node)]
+            if before:
+                return before
             node = node.parent
-        return (node.parent.children[0].uid if node.parent is not None else 1), self.uid
+        return []
 
     def _is_neighbour(self) -> bool:
         assert self.cause is not None
@@ -70,8 +79,17 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         if self.attempts < self.rule.retries:
             self.timer = self.mission.clock.call_after(self.rule.back_off * 2 ** self.attempts, self._due)
             return RUNNING
+        if self._is_visit() and not leave_out_exhibit(self):
+            self.rule = self.rule._replace(then=GIVE_UP)
         if self.rule.then == SKIP:
             return self._ended(True)
+        return self._give_up()
+
+    def _is_visit(self) -> bool:
+        return any(node.registration_id in VISITING for step in self._steps() for node in step.iterate())
+
+    def _give_up(self) -> Result:
+        """Leave the robot in the safe state."""
         assert self.cause is not None
         self.is_giving_up = True
         if self.cause.number != self.mission.failures.given_up:  # else an inner HandleFallBack has done it
