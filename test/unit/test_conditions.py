@@ -136,6 +136,53 @@ def test_a_halted_wait_begins_anew():
     assert rig.tick() is RUNNING
 
 
+@pytest.mark.parametrize("wait", [
+    "<ReactiveFallback><IsVisitorDiscovered/><ForceFailure><Sleep msec='4000'/></ForceFailure></ReactiveFallback>",
+    "<ReactiveFallback><Sequence><AlwaysSuccess/><IsVisitorDiscovered/></Sequence>"
+    "<ForceFailure><Sleep msec='4000'/></ForceFailure></ReactiveFallback>",
+    "<Inverter><ReactiveSequence><Inverter><IsVisitorDiscovered/></Inverter><Sleep msec='4000'/></ReactiveSequence></Inverter>",
+    "<WhileDoElse><IsVisitorDiscovered/><AlwaysSuccess/><ForceFailure><Sleep msec='4000'/></ForceFailure></WhileDoElse>",
+])
+def test_where_the_mission_waits_itself_a_condition_wait_changes_nothing(wait):
+    rig = one_leaf(wait, conditionWait=3.0)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(3.9)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(0.2)
+    assert rig.tick() is FAILURE
+    assert rig.tick() is RUNNING
+    rig.topics.publish(Topic.FACES, FACE)
+    assert rig.tick() is SUCCESS
+
+
+def test_the_last_child_of_a_reactive_control_may_wait():
+    rig = one_leaf("<ReactiveSequence><AlwaysSuccess/><IsVisitorDiscovered/></ReactiveSequence>", conditionWait=3.0)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(3.1)
+    assert rig.tick() is FAILURE
+
+
+def reported(rig, node):
+    return [event.failure.message for event in rig.seen if getattr(event, "node", "") == node and event.failure]
+
+
+def test_each_round_of_a_condition_is_reported():
+    rig = one_leaf("<Sequence><SeekOvertAttentionMode/><IsMutualGazeDiscovered/></Sequence>")
+    for _ in range(3):
+        assert rig.tick() is FAILURE
+        rig.clock.advance(1.0)
+    assert reported(rig, "IsMutualGazeDiscovered") == 3 * ["no mutual gaze"]
+
+
+def test_a_condition_wait_that_found_nothing_is_reported():
+    rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=3.0)
+    rig.tick()
+    rig.clock.advance(3.0)
+    rig.tick()
+    assert reported(rig, "IsVisitorDiscovered") == ["no face in view"]
+    assert [event.seconds for event in rig.seen] == [3.0]
+
+
 def test_a_waiting_condition_is_reported_once():
     rig = one_leaf("<IsVisitorDiscovered/>")
     for _ in range(5):

@@ -104,6 +104,15 @@ def test_a_visitor_who_does_not_look_is_not_asked():
     assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE"]
 
 
+@pytest.mark.parametrize("says, gazes, expected", [
+    ("yes", True, MEETING + ["say Query"] + TOUR), (None, True, MEETING + ["say Query"] + 3 * ["say SayYesNo"] + ["say Another"]),
+    (None, False, MEETING[:-1])])
+def test_a_condition_wait_does_not_disturb_a_mission_that_waits_itself(says, gazes, expected):
+    rig = Rig(conditionWait=5.0)
+    rig.run(visitor_who(says=says, gazes=gazes), is_stopped=lambda: rig.clock.now() > 2000.0)
+    assert asked(rig) == expected
+
+
 def test_the_next_visitor_starts_afresh():
     rig = Rig()
     said = ["yes"]

@@ -3,9 +3,10 @@
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
 """
 import itertools
-from typing import Any, Dict, List, NamedTuple, Optional, Union
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller.bt.clock import Clock, Timer
+from behavior_controller.bt.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
 from behavior_controller.bt.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.node import Node, Result
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
@@ -194,11 +195,24 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         self.report(IDLE)
 
 
+def is_asked_again(node: Any) -> bool:
+    """Return whether a control asks this node anew while a later one runs: were it RUNNING, that one would be halted."""
+    while node.parent is not None:
+        parent, is_last = node.parent, node is node.parent.children[-1]
+        if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and not is_last:
+            return True
+        if isinstance(parent, WhileDoElse) and node is parent.children[0]:
+            return True
+        node = parent
+    return False
+
+
 class TopicCondition(MissionLeaf, ConditionLeaf):
     """A question to the newest message of a topic.
 
-    It answers at once (with ``conditionWait`` it is RUNNING for up to that long). Nothing polls: an alarm wakes the tree
-    at the message that changes the answer, a timer when the message that it rests on grows too old.
+    It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive control asks it again
+    and again, where the waiting is the mission's. Nothing polls: an alarm wakes the tree at the message that changes the
+    answer, a timer when the message that it rests on grows too old.
     """
 
     topic: Topic
@@ -207,7 +221,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     _expiry: Optional[Timer] = None
     _patience: Optional[Timer] = None
     _is_over = False
-    _last_failure = ""
+    _told: Tuple[str, float] = ("", 0.0)  # the failure reported last, and what a message had to be newer than then
 
     @property
     def resource(self) -> str:  # type: ignore[override]
@@ -246,7 +260,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             self.mission.topics.wake_when(self.uid, self.topic, lambda value: not self.is_evidence(value))
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
-        self._last_failure = ""
+        self._told = ("", 0.0)
         self.use(sample)
         return self.succeeded()
 
@@ -256,16 +270,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if sample is not None and not self._counts(sample):
             when = "came before" if sample.arrived <= self.not_before() else "is too old"
             failure = failure._replace(message="{}; the newest message {}".format(self.otherwise, when))
-        if failure.message == self._last_failure:
+        telling = failure.message, self.not_before()
+        if telling == self._told:
             # asked again at every tick of a wait: recorded each time, reported once
             self.mission.failures.add(self, failure)
             return FAILURE
-        self._last_failure = failure.message
+        self._told = telling
         return self.failed(failure)
 
     def _waits(self) -> bool:
         wait = self.mission.settings.condition_wait
-        if wait <= 0.0 or self._is_over:
+        if wait <= 0.0 or self._is_over or is_asked_again(self):
             self._is_over = False
             return False
         if self._patience is None:
