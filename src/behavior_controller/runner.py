@@ -119,10 +119,13 @@ class Runner:
             self.wait(end - self.clock.now())
 
     def _halt(self) -> None:
+        """Halt the tree; a script that fails meanwhile must not leave a node running."""
         try:
             self.tree.halt()
         except BehaviorControllerError as error:
             self.mission.events.emit(Noticed("error", "while halting: {}".format(" ".join(str(error).split()))))
+            for node in reversed(self.tree.nodes):  # children first: then no control has a child left to halt by script
+                node.halt()
 
     def _stop(self) -> None:
         """Halt what runs and leave the robot in the safe state."""

@@ -1,9 +1,12 @@
 """The tick loop: passes, stop, the safe state, exit codes, and errors that end a pass but not the node."""
+import pytest
+
+from behavior_controller.bt.status import IDLE
 from behavior_controller.events import Noticed, PassFinished, RunFinished, RunStarted
-from behavior_controller.gateway import Answer, Say, SetAnimation, SetAttention
+from behavior_controller.gateway import Answer, GoTo, Location, Say, SetAnimation, SetAttention
 from behavior_controller.runner import Runner
 from mission_rig import refusal
-from test_leaves import one_leaf
+from test_leaves import one_leaf, write
 
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
@@ -48,6 +51,27 @@ def test_stopping_halts_the_mission_and_leaves_the_robot_calm_once():
     assert rig.requests[1:] == SAFE
     assert rig.of(PassFinished) == []
     assert rig.tree.is_idle
+
+
+@pytest.mark.parametrize("mission", [
+    "<Parallel><Sleep msec='9000' _onHalted=\"x := 'a' * 2\"/><Delay delay_msec='9000'><AlwaysSuccess/></Delay><Navigate/>"
+    "</Parallel>",
+    "<Sequence _onHalted=\"x := 'a' * 2\"><Timeout msec='9000'><Navigate _onHalted=\"x := 'a' * 2\"/></Timeout></Sequence>"])
+def test_a_script_that_fails_while_halting_leaves_nothing_running(mission):
+    dropped, stopped = [], []
+    rig = one_leaf(mission, lambda request: None if isinstance(request, GoTo) else Answer())
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+
+    def stop(rig):
+        rig.gateway.calls[0]._abandon = lambda: dropped.append(True)
+        stopped.append(True)
+
+    rig.run(stop, runs=0, is_stopped=lambda: bool(stopped))
+    assert dropped == [True]
+    assert {node.status for node in rig.tree.nodes} == {IDLE}
+    assert rig.clock.next_due() is None
+    assert rig.requests[1:] == SAFE
+    assert [event.text.split(":")[0] for event in rig.of(Noticed)] == ["while halting"]
 
 
 def test_stopping_does_not_wait_for_a_robot_that_hangs():
