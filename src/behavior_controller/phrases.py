@@ -3,6 +3,7 @@
 A language is a file ``data/phrases_<language>.ini`` in the form of the configuration.
 """
 import glob
+import itertools
 import os
 import re
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
@@ -11,7 +12,6 @@ from behavior_controller import folders
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.settings import REQUIRED, Key, read_configuration
-
 
 
 class Speech(NamedTuple):
@@ -34,7 +34,7 @@ SPEECHES = (
     Speech("SayGoodByeSpeech", False, "Says goodbye."),
 )
 
-YES, NO = "yes", "no"
+YES, NO, UNCLEAR = "yes", "no", "unclear"
 _WORD = re.compile(r"[^\W_]+(?:['’][^\W_]+)*")
 
 
@@ -63,9 +63,9 @@ def _phrase_list(text: str) -> List[Tuple[str, ...]]:
 
 KEYS = tuple(Key(name, _text, "the text to say", REQUIRED, "what {} says".format(name)) for name, _, _ in SPEECHES) + tuple(
     Key(name, _label, "a label without |", REQUIRED, "a button on the tablet") for name in ("tabletYes", "tabletNo")) + (
-    Key("yes", _phrase_list, "words with commas between them", REQUIRED, "what means yes"),
-    Key("no", _phrase_list, "words with commas between them", REQUIRED, "what means no"),
-    Key("unclear", _phrase_list, "words with commas between them", (), "what is no answer although it sounds like one"),
+    Key(YES, _phrase_list, "words with commas between them", REQUIRED, "what means yes"),
+    Key(NO, _phrase_list, "words with commas between them", REQUIRED, "what means no"),
+    Key(UNCLEAR, _phrase_list, "words with commas between them", (), "what is no answer although it sounds like one"),
 )
 
 
@@ -75,7 +75,7 @@ class Phrases:
     def __init__(self, values: Dict[str, Any]):
         self._values = values
         self.tablet_options = (values["tabletYes"], values["tabletNo"])
-        meanings = [(phrase, meaning) for meaning in ("unclear", NO, YES) for phrase in values[meaning]]
+        meanings = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES) for phrase in values[meaning]]
         # the longest phrase first, so that "why not" is not taken for its "not"
         self._meanings = sorted(meanings, key=lambda pair: -len(pair[0]))
 
@@ -124,4 +124,11 @@ def load(language: str) -> Phrases:
         raise ConfigurationError([Fault("language", 0, 0, "there are no phrases in {}".format(language), did_you_mean(
             language, known) or "there are: {}; another language is a file data/phrases_{}.ini".format(
                 ", ".join(known), language))])
-    return Phrases(read_configuration(folders.data("phrases_{}.ini".format(language)), KEYS))
+    path = folders.data("phrases_{}.ini".format(language))
+    values = read_configuration(path, KEYS)
+    faults = [Fault(path, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other), "keep one of them")
+              for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
+              for phrase in values[one] if phrase in values[other]]
+    if faults:
+        raise ConfigurationError(faults)
+    return Phrases(values)

@@ -16,6 +16,11 @@ ENGLISH = phrases.load("English")
     ("not good", "no"), ("goodbye", None), ("I know", None),
     ("", None), ("hello robot", None), ("yesterday", None), ("nothing", None), ("Error: no speech", None),
     ("error yes", None), ("I don't know", None), ("good morning", None),
+    # polite words and set phrases that decide nothing
+    ("please wait", None), ("say that again please", None), ("I'm fine, thanks", None), ("I am good", None),
+    ("no problem", None), ("I can't wait!", None), ("are you sure?", None), ("good question", None), ("know", None),
+    ("yes, no problem", "yes"), ("yes, I can't wait", "yes"), ("please do", "yes"), ("I'd love to", "yes"),
+    ("I would like that", "yes"), ("I would not", "no"), ("I would rather not", "no"), ("no, please don't", "no"),
 ])
 def test_spoken_answers(utterance, meaning):
     assert ENGLISH.spoken_answer(utterance) == meaning
@@ -39,8 +44,6 @@ def test_the_english_phrases_say_what_table_4_asks_for(node, words):
     assert words in ENGLISH.speech(node).lower()
 
 
-
-
 def test_the_kinyarwanda_draft_is_complete_and_says_that_it_is_one():
     kinyarwanda = phrases.load("Kinyarwanda")
     assert all(kinyarwanda.speech(speech.node) for speech in phrases.SPEECHES)
@@ -59,16 +62,32 @@ def test_a_language_that_is_not_there_is_a_clear_error():
         phrases.load("english")
 
 
-def test_faults_of_a_language_come_at_once(tmp_path, monkeypatch):
+def broken(tmp_path, monkeypatch, *changes):
+    """Return the faults of the English file after some changes."""
     with open(folders.data("phrases_English.ini"), encoding="utf-8") as file:
         text = file.read()
-    text = text.replace("tabletYes               Yes", "tabletYes               Yes|Yeah")
-    text = text.replace("FollowMeSpeech ", "FolowMeSpeech ")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
     (tmp_path / "phrases_Broken.ini").write_text(text, encoding="utf-8")
     monkeypatch.setattr(folders, "data", lambda name: str(tmp_path / name))
     with pytest.raises(ConfigurationError) as raised:
         phrases.load("Broken")
-    found = "\n".join(fault.text + fault.hint for fault in raised.value.faults)
-    assert "unknown key FolowMeSpeech" in found and "did you mean FollowMeSpeech?" in found
-    assert "tabletYes cannot be \"Yes|Yeah\"" in found
-    assert "the required key FollowMeSpeech is missing" in found
+    return raised.value.faults
+
+
+def test_faults_of_a_language_come_at_once(tmp_path, monkeypatch):
+    found = broken(tmp_path, monkeypatch, ("tabletYes               Yes", "tabletYes               Yes|Yeah"),
+                   ("FollowMeSpeech ", "FolowMeSpeech "))
+    text = "\n".join(fault.text + fault.hint for fault in found)
+    assert "unknown key FolowMeSpeech" in text and "did you mean FollowMeSpeech?" in text
+    assert "tabletYes cannot be \"Yes|Yeah\"" in text
+    assert "the required key FollowMeSpeech is missing" in text
+    assert [fault.line for fault in found] == [7, 14, 0]
+
+
+def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):
+    found = broken(tmp_path, monkeypatch, ("no        no,", "no        no, Of  Course,"), ("unclear   ", "unclear   nope, "))
+    assert [(fault.text, fault.hint) for fault in found] == [
+        ("\"of course\" stands in yes and in no", "keep one of them"),
+        ("\"nope\" stands in no and in unclear", "keep one of them")]
