@@ -5,7 +5,7 @@ The expected orders are read off data/lab_tour.xml by hand, with the meaning tha
 import pytest
 
 from behavior_controller.events import LeafFinished, PassFinished, Recovered
-from behavior_controller.gateway import (Answer, Failure, GoTo, PerformGesture, Point, Prompt, QueryKnowledge, Say,
+from behavior_controller.gateway import (Answer, Cause, Failure, GoTo, PerformGesture, Point, Prompt, QueryKnowledge, Say,
                                          SetAnimation, SetAttention)
 from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, visitor_who
 from test_leaves import one_leaf
@@ -192,6 +192,34 @@ def test_navigation_that_works_at_the_second_attempt_changes_nothing_else():
     whole = MEETING + ["say Query"] + TOUR
     whole.insert(whole.index(first), first)
     assert asked(rig) == whole
+
+
+WHOLE = MEETING + ["say Query"] + TOUR
+ABREAST = ("animation enabled", "attention scanning"), ("iconic 3 3000 at 0 0 0", "say Bye")  # the pairs in Parallel
+
+
+def once_more(name, cause):
+    """Return whether a request that failed in this way is made again: by what kind it is, as the policy's text says."""
+    may_be_done = cause in (Cause.NO_ANSWER, Cause.CONNECTION_LOST)
+    if name.split()[0] in ("animation", "attention", "query", "go"):
+        return True  # twice is the same as once
+    return not may_be_done and cause is not Cause.HANDLER_EXCEPTION  # said or shown twice is wrong
+
+
+@pytest.mark.parametrize("cause", [Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
+                                   Cause.HANDLER_EXCEPTION])
+@pytest.mark.parametrize("number", range(len(WHOLE)))
+def test_any_single_failure_is_made_good_or_left_out(number, cause):
+    rig = Rig(answer=lambda request: Failure(cause, "test", request.service) if len(rig.requests) == number + 1
+              else NotImplemented)
+    assert rig.run(visitor_who(says="yes")) == 0
+    expected = list(WHOLE)
+    if once_more(WHOLE[number], cause):
+        # its neighbour in a Parallel is asked in the same tick, the repetition comes after a pause
+        is_first = any(WHOLE[number:number + 2] == list(pair) for pair in ABREAST)
+        expected.insert(number + 1 + is_first, WHOLE[number])
+    assert asked(rig) == expected
+    assert [(event.failure.cause, event.success) for event in rig.of(Recovered)] == [(cause, True)]
 
 
 def test_an_empty_list_of_exhibits_is_no_tour_and_no_success():
