@@ -61,8 +61,11 @@ def _phrase_list(text: str) -> List[Tuple[str, ...]]:
     return found
 
 
-KEYS = tuple(Key(name, _text, "the text to say", REQUIRED, "what {} says".format(name)) for name, _, _ in SPEECHES) + tuple(
-    Key(name, _label, "a label without |", REQUIRED, "a button on the tablet") for name in ("tabletYes", "tabletNo")) + (
+KEYS = tuple(
+    Key(speech.node, _text, "the text to say", REQUIRED, "what {} says".format(speech.node)) for speech in SPEECHES
+) + tuple(
+    Key(name, _label, "a label without |", REQUIRED, "a button on the tablet") for name in ("tabletYes", "tabletNo")
+) + (
     Key(YES, _phrase_list, "words with commas between them", REQUIRED, "what means yes"),
     Key(NO, _phrase_list, "words with commas between them", REQUIRED, "what means no"),
     Key(UNCLEAR, _phrase_list, "words with commas between them", (), "what is no answer although it sounds like one"),
@@ -84,7 +87,7 @@ class Phrases:
         return self._values[node]
 
     def spoken_answer(self, utterance: str) -> Optional[str]:
-        """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes; an ``Error…`` is no answer."""
+        """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes; ``Error…`` is no answer."""
         if utterance.lstrip().lower().startswith("error"):
             return None
         heard = self._heard(_sentence(utterance))
@@ -126,7 +129,8 @@ def load(language: str) -> Phrases:
                 ", ".join(known), language))])
     path = folders.data("phrases_{}.ini".format(language))
     values = read_configuration(path, KEYS)
-    faults = [Fault(path, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other), "keep one of them")
+    faults = [Fault(path, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other),
+                    "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
               for phrase in values[one] if phrase in values[other]]
     if faults:

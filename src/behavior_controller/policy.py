@@ -1,4 +1,4 @@
-"""The recovery policy: what to do about which failure, read from ``config/recoveryPolicy.ini`` and checked as a whole."""
+"""The recovery policy: what to do about which failure, read from ``config/recoveryPolicy.ini``, checked as a whole."""
 import itertools
 import re
 from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Tuple
@@ -57,7 +57,8 @@ def load(path: str, nodes: Iterable[str]) -> Policy:
             lines = file.read().split("\n")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise ConfigurationError([Fault(path, 0, 0, "the recovery policy cannot be read: {}".format(reason))]) from error
+        text = "the recovery policy cannot be read: {}".format(reason)
+        raise ConfigurationError([Fault(path, 0, 0, text)]) from error
     reader = _Reader(path, set(nodes))
     for number, line in enumerate(lines, 1):
         words = line.split("#")[0].split()

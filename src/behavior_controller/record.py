@@ -12,7 +12,7 @@ FILE_NAME = "mission.jsonl"
 
 
 class Record:
-    """A sink that appends to ``<directory>/mission.jsonl``. A write error is told once and ends the record, not the run."""
+    """A sink that appends to ``<directory>/mission.jsonl``. A write error is told once; the run goes on."""
 
     def __init__(self, directory: str, complain: Callable[[str], None]):
         self.path = os.path.join(directory, FILE_NAME)

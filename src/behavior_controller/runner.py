@@ -84,8 +84,8 @@ class Runner:
             return FAILURE
         if self.tree.spins and not self._warned:
             self._warned = True
-            self.mission.events.emit(Noticed("warning", "the mission goes round and round without waiting for anything: "
-                                             "put a Sleep or a Delay into its loop"))
+            self.mission.events.emit(Noticed("warning", "the mission goes round and round without waiting for "
+                                             "anything: put a Sleep or a Delay into its loop"))
         if result not in (RUNNING, SUCCESS, FAILURE):
             self._halt()  # a root that was SKIPPED may still hold running nodes
         return result
@@ -93,8 +93,8 @@ class Runner:
     def _rest(self, has_changed: bool) -> None:
         """Wait for an event, unless the tick itself changed something that another tick may act on.
 
-        BehaviorTree.CPP ticks every 10 ms and so comes round; a KeepRunningUntilFailure, say, is RUNNING after each round
-        without a wake-up. A mission that changes something at every tick is ticked at that pace.
+        BehaviorTree.CPP ticks every 10 ms and so comes round; a KeepRunningUntilFailure, say, is RUNNING after each
+        round without a wake-up. A mission that changes something at every tick is ticked at that pace.
         """
         if not has_changed:
             self._rounds = 0

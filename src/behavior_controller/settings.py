@@ -1,4 +1,4 @@
-"""The configuration: a file of ``key value`` lines, overridden by ROS parameters, checked as a whole before anything starts.
+"""The configuration: a file of ``key value`` lines, overridden by ROS parameters, checked as a whole at the start.
 
 ``read_configuration`` works on any list of keys; the test package reads its own file with it.
 """

@@ -4,8 +4,8 @@ from behavior_controller.bt.builtins import builtin_specs
 from behavior_controller.bt.clock import ManualClock
 from behavior_controller.bt.compiler import load_mission, load_text
 from behavior_controller.bt.registry import Registry
-from behavior_controller.gateway import (Answer, AttentionStatus, Cause, Exhibit, Faces, Failure, FakeGateway, FakeTopics,
-                                         Location, Point, QueryKnowledge, SetAttention, Topic)
+from behavior_controller.gateway import (Answer, AttentionStatus, Cause, Exhibit, Faces, Failure, FakeGateway,
+                                         FakeTopics, Location, Point, QueryKnowledge, SetAttention, Topic)
 from behavior_controller.leaves.base import MissionContext
 
 EXHIBITS = tuple(
@@ -23,7 +23,7 @@ def registry():
 
 
 class Rig:
-    """``answer(request)`` may return a Failure, an Answer, None (never answers) or NotImplemented (the usual answer)."""
+    """``answer(request)`` returns a Failure, an Answer, None (never answers) or NotImplemented (the usual answer)."""
 
     def __init__(self, mission="lab_tour", answer=lambda request: NotImplemented, **changed):
         self.clock = ManualClock(1000.0)

@@ -140,8 +140,10 @@ def test_a_halted_wait_begins_anew():
     "<ReactiveFallback><IsVisitorDiscovered/><ForceFailure><Sleep msec='4000'/></ForceFailure></ReactiveFallback>",
     "<ReactiveFallback><Sequence><AlwaysSuccess/><IsVisitorDiscovered/></Sequence>"
     "<ForceFailure><Sleep msec='4000'/></ForceFailure></ReactiveFallback>",
-    "<Inverter><ReactiveSequence><Inverter><IsVisitorDiscovered/></Inverter><Sleep msec='4000'/></ReactiveSequence></Inverter>",
-    "<WhileDoElse><IsVisitorDiscovered/><AlwaysSuccess/><ForceFailure><Sleep msec='4000'/></ForceFailure></WhileDoElse>",
+    "<Inverter><ReactiveSequence><Inverter><IsVisitorDiscovered/></Inverter><Sleep msec='4000'/></ReactiveSequence>"
+    "</Inverter>",
+    "<WhileDoElse><IsVisitorDiscovered/><AlwaysSuccess/><ForceFailure><Sleep msec='4000'/></ForceFailure>"
+    "</WhileDoElse>",
 ])
 def test_where_the_mission_waits_itself_a_condition_wait_changes_nothing(wait):
     rig = one_leaf(wait, conditionWait=3.0)

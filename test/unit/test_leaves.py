@@ -21,7 +21,8 @@ DescribeExhibitSpeech_2 SayGoodBye HandleFallback""".split()
 
 def one_leaf(element, answer=lambda request: NotImplemented, **changed):
     """Return a rig whose mission is this one element."""
-    return Rig("<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(element), answer, **changed)
+    text = "<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(element)
+    return Rig(text, answer, **changed)
 
 
 def write(rig, **entries):

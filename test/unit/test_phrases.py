@@ -36,7 +36,8 @@ def test_pressed_answers(response, meaning):
 
 @pytest.mark.parametrize("node, words", [
     ("WelcomeSpeech", "welcome"), ("QueryTourSpeech", "tour"), ("SayYesNoSpeech", "only understand yes or no"),
-    ("PressYesNoSpeech", "press yes or no"), ("FollowMeSpeech", "follow me"), ("MaybeAnotherTimeSpeech", "another time"),
+    ("PressYesNoSpeech", "press yes or no"), ("FollowMeSpeech", "follow me"),
+    ("MaybeAnotherTimeSpeech", "another time"),
     ("EndTourSpeech", "last exhibit"), ("EndTourSpeech", "hope you enjoyed"), ("EndTourSpeech", "way out"),
     ("HereIsTheDoorSpeech", "here is the door"), ("SayGoodByeSpeech", "goodbye"),
 ])
@@ -87,7 +88,8 @@ def test_faults_of_a_language_come_at_once(tmp_path, monkeypatch):
 
 
 def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):
-    found = broken(tmp_path, monkeypatch, ("no        no,", "no        no, Of  Course,"), ("unclear   ", "unclear   nope, "))
+    found = broken(tmp_path, monkeypatch, ("no        no,", "no        no, Of  Course,"),
+                   ("unclear   ", "unclear   nope, "))
     assert [(fault.text, fault.hint) for fault in found] == [
         ("\"of course\" stands in yes and in no", "keep one of them"),
         ("\"nope\" stands in no and in unclear", "keep one of them")]

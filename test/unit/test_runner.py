@@ -54,9 +54,10 @@ def test_stopping_halts_the_mission_and_leaves_the_robot_calm_once():
 
 
 @pytest.mark.parametrize("mission", [
-    "<Parallel><Sleep msec='9000' _onHalted=\"x := 'a' * 2\"/><Delay delay_msec='9000'><AlwaysSuccess/></Delay><Navigate/>"
-    "</Parallel>",
-    "<Sequence _onHalted=\"x := 'a' * 2\"><Timeout msec='9000'><Navigate _onHalted=\"x := 'a' * 2\"/></Timeout></Sequence>"])
+    "<Parallel><Sleep msec='9000' _onHalted=\"x := 'a' * 2\"/><Delay delay_msec='9000'><AlwaysSuccess/></Delay>"
+    "<Navigate/></Parallel>",
+    "<Sequence _onHalted=\"x := 'a' * 2\"><Timeout msec='9000'><Navigate _onHalted=\"x := 'a' * 2\"/></Timeout>"
+    "</Sequence>"])
 def test_a_script_that_fails_while_halting_leaves_nothing_running(mission):
     dropped, stopped = [], []
     rig = one_leaf(mission, lambda request: None if isinstance(request, GoTo) else Answer())

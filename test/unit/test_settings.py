@@ -30,7 +30,8 @@ def test_the_delivered_file_is_right_and_shows_every_default():
 def test_the_documents_defaults(tmp_path):
     found = load(tmp_path, GOOD)
     # contract sections 3 to 7
-    assert (found.language, found.topic_max_age, found.condition_wait, found.mutual_gaze_value) == ("English", 2.0, 0.0, 1)
+    assert (found.language, found.topic_max_age, found.condition_wait) == ("English", 2.0, 0.0)
+    assert found.mutual_gaze_value == 1
     assert (found.welcome_gesture_id, found.goodbye_gesture_id, found.gesture_duration) == (1, 3, 3000)
     assert (found.mission_runs, found.startup_timeout) == (0, 0.0)
 

@@ -7,7 +7,7 @@ from behavior_controller.gateway import Answer, Cause, Failure, Request, SetAnim
 from behavior_controller.leaves.base import ATTENTION_SET_AT, GESTURE_TARGET, ServiceLeaf, TopicCondition
 
 STILL_SEEKING_OR_FOUND, FOUND = 1, 2
-"""Values of /overtAttention/mode; the first means mutual gaze in D5.4.3 and "still seeking" on the robot (3: failed)."""
+"""Values of /overtAttention/mode; 1 means mutual gaze in D5.4.3 and "still seeking" on the robot; 3 is failed."""
 
 
 class AnimateBehavior(ServiceLeaf):
@@ -94,7 +94,8 @@ MODES = (
 )
 
 SPECS = tuple(
-    NodeSpec(name, Kind.ACTION, partial(OvertAttentionMode, state=state), description=text) for name, state, text in MODES
+    NodeSpec(name, Kind.ACTION, partial(OvertAttentionMode, state=state), description=text)
+    for name, state, text in MODES
 ) + (
     NodeSpec("EnableAnimateBehavior", Kind.ACTION, partial(AnimateBehavior, state="enabled"),
              description="Starts lifelike movement."),

@@ -196,7 +196,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
 
 def is_asked_again(node: Any) -> bool:
-    """Return whether a control asks this node anew while a later one runs: were it RUNNING, that one would be halted."""
+    """Return whether a control asks this node anew while a later one runs, which it would halt if it were RUNNING."""
     while node.parent is not None:
         parent, is_last = node.parent, node is node.parent.children[-1]
         if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and not is_last:
@@ -210,9 +210,9 @@ def is_asked_again(node: Any) -> bool:
 class TopicCondition(MissionLeaf, ConditionLeaf):
     """A question to the newest message of a topic.
 
-    It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive control asks it again
-    and again, where the waiting is the mission's. Nothing polls: an alarm wakes the tree at the message that changes the
-    answer, a timer when the message that it rests on grows too old.
+    It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive control asks it
+    again and again, where the waiting is the mission's. Nothing polls: an alarm wakes the tree at the message that
+    changes the answer, a timer when the message that it rests on grows too old.
     """
 
     topic: Topic

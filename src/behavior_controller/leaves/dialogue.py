@@ -1,4 +1,4 @@
-"""Leaves that take the visitor's answer, by voice (/speechEvent/text) or tablet (/tabletEvent/prompt_and_get_response)."""
+"""Leaves for the visitor's answer, by voice (/speechEvent/text) or tablet (/tabletEvent/prompt_and_get_response)."""
 from typing import Any, Optional
 
 from behavior_controller.bt.registry import Kind, NodeSpec

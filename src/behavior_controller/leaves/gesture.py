@@ -23,7 +23,7 @@ class IconicGesture(ServiceLeaf):
 
 
 class PerformDeicticGesture(ServiceLeaf):
-    """``<PerformDeicticGesture/>``: points at ``gestureTarget``; a target of exactly (0, 0, 0) is nothing to point at."""
+    """``<PerformDeicticGesture/>``: points at ``gestureTarget``; exactly (0, 0, 0) is nothing to point at."""
 
     resource = PerformGesture.service
 

@@ -10,7 +10,10 @@ from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DES
 
 
 class RetrieveListOfExhibits(ServiceLeaf):
-    """``<RetrieveListOfExhibits/>``: asks for all exhibits, in tour order. Writes ``exhibits``, ``nextExhibit``; clears ``leftOutExhibits``."""
+    """``<RetrieveListOfExhibits/>``: asks for all exhibits, in tour order.
+
+    Writes ``exhibits``, ``nextExhibit``; clears ``leftOutExhibits``.
+    """
 
     resource = QueryKnowledge.service
 
@@ -29,7 +32,7 @@ class RetrieveListOfExhibits(ServiceLeaf):
 
 
 class IsListWithExhibit(InstantCondition):
-    """``<IsListWithExhibit/>``: SUCCESS if an exhibit has not been selected yet. Reads ``exhibits``, ``nextExhibit``."""
+    """``<IsListWithExhibit/>``: SUCCESS if an exhibit has not been selected. Reads ``exhibits``, ``nextExhibit``."""
 
     otherwise = "no exhibit is left"
 
@@ -41,7 +44,8 @@ class IsListWithExhibit(InstantCondition):
 class SelectExhibit(InstantAction):
     """``<SelectExhibit/>``: takes the next exhibit of the list.
 
-    Writes ``nextExhibit``, ``currentExhibit``, ``targetLocation``, ``gestureTarget``, ``description1``, ``description2``.
+    Writes ``nextExhibit``, ``currentExhibit``, ``targetLocation``, ``gestureTarget``, ``description1`` and
+    ``description2``.
     """
 
     def act(self) -> Optional[Failure]:
@@ -79,7 +83,7 @@ def leave_out_exhibit(leaf: MissionLeaf) -> bool:
 
 
 class LookUp(ServiceLeaf):
-    """``<LookUpEntrance/>``: asks where a place is. Writes ``targetLocation``; ``gestureTarget`` is its own, or none."""
+    """``<LookUpEntrance/>``: asks where a place is. Writes ``targetLocation``, ``gestureTarget`` (or clears it)."""
 
     resource = QueryKnowledge.service
 
@@ -105,7 +109,7 @@ class LookUp(ServiceLeaf):
 
 
 SPECS = (
-    NodeSpec("RetrieveListOfExhibits", Kind.ACTION, RetrieveListOfExhibits, description="Gets the exhibits of the tour."),
+    NodeSpec("RetrieveListOfExhibits", Kind.ACTION, RetrieveListOfExhibits, description="Gets the exhibits to show."),
     NodeSpec("IsListWithExhibit", Kind.CONDITION, IsListWithExhibit, description="Is an exhibit left to visit?"),
     NodeSpec("SelectExhibit", Kind.ACTION, SelectExhibit, description="Takes the next exhibit."),
     NodeSpec("LookUpEntrance", Kind.ACTION, partial(LookUp, place="entrance", has_gesture=True),

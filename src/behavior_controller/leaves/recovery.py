@@ -19,10 +19,10 @@ VISITING = ("SelectExhibit", "Navigate")
 class HandleFallBack(MissionLeaf, ActionLeaf):
     """``<HandleFallBack/>``: retries the failed step before it, goes on without it, or gives up in the safe state.
 
-    The failure is the newest one of the leaves before this node below their common parent. Only a step that is itself the
-    neighbour can be retried: of a whole SubTree, redoing one leaf would not do the rest. SUCCESS only if the step was done
-    after all or may be skipped. A visit may be skipped only if that does not leave out every exhibit of the tour
-    (reads and writes ``leftOutExhibits``, ``nextExhibit``).
+    The failure is the newest one of the leaves before this node below their common parent. Only a step that is itself
+    the neighbour can be retried: of a whole SubTree, redoing one leaf would not do the rest. SUCCESS only if the step
+    was done after all or may be skipped. A visit may be skipped only if that does not leave out every exhibit of the
+    tour (reads and writes ``leftOutExhibits``, ``nextExhibit``).
     """
 
     def __init__(self, name: str):
@@ -55,7 +55,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         return self._next()
 
     def _steps(self) -> List[Any]:
-        """Return the nodes before this one below the nearest ancestor that has any; the uids below them are consecutive."""
+        """Return the nodes before this one below the nearest ancestor that has any: a consecutive range of uids."""
         node: Any = self
         while node.parent is not None:
             before = node.parent.children[:node.parent.children.index(node)]
