@@ -1,6 +1,6 @@
 """Robot Mission Interpreter: runs a mission drawn in Groot2 on the CSSR4Africa robot.
 
-Reading order: ``errors`` and ``settings``; the engine in ``bt`` (``document`` -> ``checks`` -> ``compiler`` -> ``node``);
-what leaves may ask of the robot in ``gateway``; the mission vocabulary in ``leaves``; the tick loop in ``runner``;
+Reading order: ``errors`` and ``settings``; the engine in ``bt`` (``document`` -> ``checks`` -> ``compiler`` ->
+``node``); what leaves may ask of the robot in ``gateway``; the mission vocabulary in ``leaves``; the tick loop in ``runner``;
 and last ``ros``, the only folder that knows ROS.
 """

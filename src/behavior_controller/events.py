@@ -29,7 +29,7 @@ class LeafFinished(NamedTuple):
 
 
 class Recovered(NamedTuple):
-    """A decision of HandleFallBack: which failure, what was done about it, after how many attempts, and whether it helped."""
+    """A decision of HandleFallBack: which failure, what was done, after how many attempts, and whether it helped."""
 
     node: str
     path: str

@@ -132,7 +132,7 @@ class Blackboard:
             entry.update(_fitting(key, entry, value, value_type))
 
     def set_any(self, key: str, value: Any, origin: str) -> None:
-        """Write a value whose type is known only now (BT.CPP ``Blackboard::set<Any>``). Raises ValueFault on a clash."""
+        """Write a value whose type is known only now (BT.CPP ``Blackboard::set<Any>``). Raises ValueFault."""
         if key[:1] == "@":
             self.root().set_any(key[1:], value, origin)
             return
@@ -190,5 +190,5 @@ def _fits(entry_type: str, value: Any) -> bool:
 
 
 def _changed_type(key: str, entry: Entry, value_type: str) -> ValueFault:
-    return ValueFault("Blackboard::set({}): once declared, the type of a port shall not change. Previously declared type "
-                      "[{}], current type [{}]".format(key, entry.type, value_type))
+    return ValueFault("Blackboard::set({}): once declared, the type of a port shall not change. Previously declared "
+                      "type [{}], current type [{}]".format(key, entry.type, value_type))

@@ -1,4 +1,4 @@
-"""A checked mission to a tree: one node for each element, SubTrees unfolded, entries and scripts bound (BT.CPP section 10)."""
+"""A checked mission to a tree: a node for each element, SubTrees unfolded, entries and scripts bound (BT.CPP section 10)."""
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -37,8 +37,8 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
           enums: Optional[Dict[str, int]] = None, rules: Optional[Dict[str, Any]] = None) -> Tree:
     """Check ``documents`` (the mission last) and build the tree. Raises MissionError with every fault.
 
-    ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``; ``enums``
-    are names of integers for scripts; ``rules`` are substitution rules.
+    ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``;
+    ``enums`` are names of integers for scripts; ``rules`` are substitution rules.
     """
     with collector_at_rest():
         checked = check(documents, registry, main_tree, strict)

@@ -1,7 +1,7 @@
 """Run the engine over recorded traces of BehaviorTree.CPP and say where it differs.
 
-``python3 -m behavior_controller.bt.conformance VECTORS [--level roots|leaves|full]``; VECTORS is a folder of ``*.json`` or a
-``.jsonl`` or ``.jsonl.xz`` file in the format of the README beside the traces. Exit code 0 only if every case passes.
+``python3 -m behavior_controller.bt.conformance VECTORS [--level roots|leaves|full]``; VECTORS is a folder of ``*.json``
+or a ``.jsonl`` or ``.jsonl.xz`` file in the format of the README beside the traces. Exit code 0 only if every case passes.
 """
 import argparse
 import json

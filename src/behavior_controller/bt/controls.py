@@ -1,7 +1,7 @@
 """The control nodes of BehaviorTree.CPP v4, each with its own rule for ticking several children.
 
-A control node stores RUNNING at the start of its tick. When it returns SKIPPED its stored status therefore stays RUNNING,
-and its parent will halt it: that is the library's behaviour, recorded in its traces.
+A control node stores RUNNING at the start of its tick. When it returns SKIPPED its stored status therefore stays
+RUNNING, and its parent will halt it: that is the library's behaviour, recorded in its traces.
 """
 from typing import Any, List, Optional, Set
 

@@ -167,7 +167,7 @@ class Repeat(Decorator):
 
 
 class RetryUntilSuccessful(Repeat):
-    """The child up to ``num_attempts`` times until it succeeds; -1 is for ever. The port is read again after a failure."""
+    """The child up to ``num_attempts`` times until it succeeds; -1 is for ever. A failure reads the port again."""
 
     port = "num_attempts"
     goes_on_at = FAILURE
@@ -196,7 +196,7 @@ class RunOnce(Decorator):
 
 
 class Precondition(Decorator):
-    """The child if the script ``if`` is true, else the status ``else``. The script is not asked again while the child runs."""
+    """The child if the script ``if`` is true, else the status ``else``. It is not asked again while the child runs."""
 
     def __init__(self, name: str):
         super().__init__(name)

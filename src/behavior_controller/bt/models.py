@@ -1,7 +1,7 @@
 """A mission's own palette (TreeNodesModel) against the node types that there are: what Groot2 was told and is not so.
 
-BehaviorTree.CPP reads only the SubTree models there and ignores the rest, so a palette that has grown stale goes unnoticed
-until a node of it is used.
+BehaviorTree.CPP reads only the SubTree models there and ignores the rest, so a palette that has grown stale goes
+unnoticed until a node of it is used.
 """
 from typing import Dict, List, Sequence
 

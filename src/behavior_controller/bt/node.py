@@ -1,7 +1,7 @@
 """The tick pipeline that all nodes share (pre-conditions, status, post-conditions, halt), and the leaf base classes.
 
-The rules are BehaviorTree.CPP's (``TreeNode::executeTick`` and ``haltNode``); the classes are py_trees behaviours, so that
-py_trees' display and visitor tools read them. ``execute`` ticks a node; py_trees' generator ``tick`` only adapts it.
+The rules are BehaviorTree.CPP's (``TreeNode::executeTick`` and ``haltNode``); the classes are py_trees behaviours, so
+that py_trees' display and visitor tools read them. ``execute`` ticks a node; py_trees' generator ``tick`` only adapts it.
 """
 import logging
 import uuid
@@ -39,7 +39,7 @@ class NodeError(BehaviorControllerError):
 
 
 class TickError(BehaviorControllerError):
-    """A tick ended in an exception. Wrapped once, at the node in whose own rule it happened (BT.CPP ``NodeExecutionError``)."""
+    """A tick ended in an exception. Wrapped once, at the node in whose rule it happened (BT.CPP ``NodeExecutionError``)."""
 
     def __init__(self, node: "Node", cause: Exception):
         super().__init__("Exception in node '{}' [{}]: {}".format(node.full_path, node.registration_id, cause))

@@ -1,4 +1,4 @@
-"""Ports: what an attribute of a node means (a reference to an entry, or a literal), and reading and writing through it."""
+"""Ports: what an attribute of a node means (a reference to an entry, or a literal), and how to read and write it."""
 import re
 from typing import Any, List, Optional, Tuple
 
@@ -29,8 +29,8 @@ def reference(text: str, port_name: str) -> Optional[str]:
 def literal_fault(text: str, port: Port, enums: Enums) -> Optional[str]:
     """Return what is wrong with the text of a port as the load-time check sees it, or None.
 
-    That check takes for a reference only what has braces as its first and last character, so `` {k} `` is refused for an
-    ``int`` port although reading it would work.
+    That check takes for a reference only what has braces as its first and last character, so `` {k} `` is refused for
+    an ``int`` port although reading it would work.
     """
     if len(text) >= 3 and text[0] == "{" and text[-1] == "}":
         return None
@@ -90,7 +90,7 @@ def declare(text: str, port: Port, blackboard: Blackboard) -> None:
     if entry is None:
         blackboard.create(key, port.type)
     elif entry.type != port.type and entry.type not in GENERIC + (values.TEXT,) and port.type not in GENERIC:
-        raise PortError("the entry [{}] is of type [{}] where it is used first, but the port [{}] here has type [{}]".format(
+        raise PortError("the entry [{}] has type [{}] where it is used first, but the port [{}] here has type [{}]".format(
             key, entry.type, port.name, port.type))
 
 

@@ -14,7 +14,7 @@ from behavior_controller.errors import BehaviorControllerError
 __all__ = ["Script", "ScriptError", "ScriptSyntaxError", "compile_script", "to_bool"]
 
 Evaluate = Callable[[Blackboard, Enums], Any]
-DEEPEST = 60  # levels of nesting; a parenthesis takes eleven Python frames when the script is read, and 1,000 are allowed
+DEEPEST = 60  # levels of nesting; a parenthesis takes eleven Python frames when the script is read; 1,000 are allowed
 
 
 class ScriptSyntaxError(BehaviorControllerError):
@@ -45,7 +45,8 @@ _TOKEN = re.compile(r"""
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
 _COMPARISONS = ("==", "!=", "<", ">", "<=", ">=")
 # the left-associative levels, weakest first
-_LEVELS: Tuple[Tuple[str, ...], ...] = (("||",), ("&&",), _COMPARISONS, ("|", "^"), ("&",), ("+", "-", ".."), ("*", "/"))
+_LEVELS: Tuple[Tuple[str, ...], ...] = (
+    ("||",), ("&&",), _COMPARISONS, ("|", "^"), ("&",), ("+", "-", ".."), ("*", "/"))
 
 
 def _tokens(text: str) -> List[Token]:
@@ -227,7 +228,7 @@ class _Parser:
         return lambda blackboard, enums: _assign(name, sign, right, blackboard, enums)
 
     def _ternary(self, condition: Evaluate) -> Evaluate:
-        """Return ``condition ? expression : …``; what follows the colon may be such a choice, but not an assignment."""
+        """Return ``condition ? expression : …``; what follows the colon may be such a choice, no assignment."""
         choices = []
         while True:
             self._next()
@@ -454,7 +455,7 @@ class Script:
 
 
 def compile_script(text: str, allow_empty: bool = False) -> Script:
-    """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: no text at all is put off until it runs."""
+    """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: an empty one fails when it runs."""
     if allow_empty and not text:
         return Script(text, [], set(), set())
     parser = _Parser(text)

@@ -6,12 +6,12 @@ from behavior_controller.bt.node import Node, Observer, Result, Services
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault
 
-# tick_once goes round at most so often before it hands control back, so that a mission that spins cannot lock out a stop
+# tick_once goes round at most so often before it hands control back, so that a mission that spins can be stopped
 ROUNDS_PER_TICK = 1000
 
 
 class Tree:
-    """The unfolded tree. ``nodes`` in order of uid; ``blackboards`` by path of the subtree instance, "" is the root's."""
+    """The unfolded tree. ``nodes`` in order of uid; ``blackboards`` by path of the subtree, "" is the root's."""
 
     def __init__(self, nodes: List[Node], blackboards: Dict[str, Blackboard], services: Services,
                  warnings: Sequence[Fault] = ()):
