@@ -1,5 +1,5 @@
 """The blackboard: typed entries by name, one storage for each tree instance, linked by remapping (BT.CPP section 9)."""
-from typing import Any, Dict, Iterator, Optional
+from typing import Any, Dict, Optional, Tuple
 
 from behavior_controller.bt import values
 from behavior_controller.bt.values import ANY, BT_ANY, GENERIC, TEXT, TYPES, ValueFault
@@ -23,19 +23,20 @@ class Entry:
         return self.type in GENERIC
 
     def replace(self, value: Any, origin: str = "") -> None:
-        """Store ``value`` as it is."""
-        self.value = int(value) if isinstance(value, bool) else value
-        self.origin = origin or values.origin_of(value)
-        self.sequence += 1
-        Entry.writes += 1
+        """Store ``value`` as it is; ``origin`` is its type if another than what the value shows."""
+        self.value = values.stored(value)
+        self.origin = origin or values.origin_of(self.value)
+        self._written()
 
-    def update(self, value: Any) -> None:
-        """Store ``value`` in the kind that is stored already. Raises ValueFault if it cannot be."""
-        if isinstance(value, bool):
-            value = int(value)
+    def update(self, value: Any, origin: str = "") -> None:
+        """Store ``value`` in the kind that is stored already, or as it is in an empty entry. Raises ValueFault."""
         if self.value is None:
-            self.origin = values.origin_of(value)
-        self.value = values.same_kind(value, self.value)
+            self.replace(value, origin)
+        else:
+            self.value = values.same_kind(values.stored(value), self.value)
+            self._written()
+
+    def _written(self) -> None:
         self.sequence += 1
         Entry.writes += 1
 
@@ -67,45 +68,39 @@ class Blackboard:
 
     def find(self, key: str) -> Optional[Entry]:
         """Return the entry that ``key`` means here, or None."""
-        if key[:1] == "@":
-            return self.root().find(key[1:])
-        board: Optional[Blackboard] = self
-        for board, key in self._chain(key):
+        entry = self.local.get(key)
+        if entry is None:
+            board, key = self._home(key)
             entry = board.local.get(key)
-            if entry is not None:
-                return entry
-        return None
+        return entry
 
-    def _chain(self, key: str) -> Iterator[Any]:
-        """Yield each blackboard and the name of the key there, from here up as far as remapping leads."""
-        board: Optional[Blackboard] = self
-        while board is not None:
-            yield board, key
-            if key in board.local:
-                return
-            if key in board.remapping:
-                key = board.remapping[key]
-                if key[:1] == "@":
-                    board, key = board.root(), key[1:]
-                    continue
-            elif not board.autoremap or key[:1] == "_":
-                return
+    def _home(self, key: str) -> Tuple["Blackboard", str]:
+        """Return the blackboard that holds, or would hold, the entry that ``key`` means here, and its name there."""
+        board = self
+        if key[:1] == "@":
+            board, key = self.root(), key.lstrip("@")
+        while board.parent is not None and key not in board.local:
+            outer = board.remapping.get(key)
+            if outer is None:
+                if not board.autoremap or key[:1] == "_":
+                    break
+                outer = key
             board = board.parent
+            if outer[:1] == "@":
+                board, outer = board.root(), outer.lstrip("@")
+            key = outer
+        return board, key
 
     def create(self, key: str, entry_type: str = ANY) -> Entry:
         """Return the entry, made where the chain of remappings ends if it is new. Raises ValueFault on a type clash."""
-        if key[:1] == "@":
-            return self.root().create(key[1:], entry_type)
-        board = self
-        for board, key in self._chain(key):
-            entry = board.local.get(key)
-            if entry is not None:
-                if entry.type != entry_type and not entry.is_generic and entry_type not in GENERIC:
-                    raise ValueFault(
-                        "Blackboard entry [{}]: once declared, the type of a port shall not change. "
-                        "Previously declared type [{}], current type [{}]".format(key, entry.type, entry_type))
-                return entry
-        return board.local.setdefault(key, Entry(entry_type))
+        board, key = self._home(key)
+        entry = board.local.get(key)
+        if entry is None:
+            entry = board.local[key] = Entry(entry_type)
+        elif entry.type != entry_type and not entry.is_generic and entry_type not in GENERIC:
+            raise ValueFault("Blackboard entry [{}]: once declared, the type of a port shall not change. "
+                             "Previously declared type [{}], current type [{}]".format(key, entry.type, entry_type))
+        return entry
 
     def get(self, key: str, default: Any = None) -> Any:
         """Return the value of ``key``, or ``default`` if there is none."""
@@ -129,7 +124,7 @@ class Blackboard:
             entry.type = value_type
             entry.replace(value, value_type)
         else:
-            entry.update(_fitting(key, entry, value, value_type))
+            entry.update(*_fitting(key, entry, value, value_type))
 
     def set_any(self, key: str, value: Any, origin: str) -> None:
         """Write a value whose type is known only now (BT.CPP ``Blackboard::set<Any>``). Raises ValueFault."""
@@ -147,12 +142,9 @@ class Blackboard:
             entry.replace(value, origin)
 
     def unset(self, key: str) -> None:
-        """Remove ``key`` from here; nothing happens through remapping, or if there is no such key."""
-        if key[:1] == "@":
-            self.root().unset(key[1:])
-        else:
-            if self.local.pop(key, None) is not None:
-                Entry.writes += 1
+        """Remove ``key`` from the storage here, and from nowhere else; nothing happens if it is not there."""
+        if self.local.pop(key, None) is not None:
+            Entry.writes += 1
 
 
 def _natural_type(value: Any) -> str:
@@ -163,30 +155,32 @@ def _natural_type(value: Any) -> str:
     return values.origin_of(value)
 
 
-def _fitting(key: str, entry: Entry, value: Any, value_type: str) -> Any:
-    """Return ``value`` as a typed entry takes it from a writer of another type. Raises ValueFault if it does not."""
-    if entry.type == value_type:
-        return value
-    if value_type == TEXT:
-        converted = entry.from_text(value)
-        if converted is not None:
-            return converted
-    if values.is_number(value) and _fits(entry.type, value):
-        return value
-    raise _changed_type(key, entry, value_type)
+def _fitting(key: str, entry: Entry, value: Any, value_type: str) -> Tuple[Any, str]:
+    """Return ``value``, and the type it has, as a typed entry takes it from a writer. Raises ValueFault."""
+    if entry.type != value_type:
+        if value_type == TEXT:
+            converted = entry.from_text(value)
+            if converted is not None:
+                return converted, entry.type
+        if not _fits(entry.type, value):
+            raise _changed_type(key, entry, value_type)
+    return value, value_type
 
 
 def _fits(entry_type: str, value: Any) -> bool:
-    if entry_type == "double":
-        return True
+    """Return whether ``value`` survives the way into a type of other size or kind and back, or has the right items."""
+    if isinstance(value, list):
+        return entry_type in values.VECTORS and values.is_vector(value, entry_type)
     target = TYPES.get(entry_type)
-    if target is None or target.low is None or target.high is None or entry_type == "bool":
+    if not values.is_number(value) or target is None or entry_type == "bool":
         return False
     try:
-        values.to_int(value, target.low, target.high)
+        if entry_type == "double":
+            return int(values.to_real(value)) == value
+        return target.low is not None and target.high is not None and \
+            values.to_int(value, target.low, target.high) == value
     except ValueFault:
         return False
-    return True
 
 
 def _changed_type(key: str, entry: Entry, value_type: str) -> ValueFault:

@@ -1,5 +1,4 @@
 """Ports: what an attribute of a node means (a reference to an entry, or a literal), and how to read and write it."""
-import re
 from typing import Any, List, Optional, Tuple
 
 from behavior_controller.bt import values
@@ -8,8 +7,8 @@ from behavior_controller.bt.registry import Direction, Port
 from behavior_controller.bt.values import GENERIC, TYPES, Enums, ValueFault
 
 BLANKS = " \t\n\r"
-_WHOLE_INTEGER = re.compile(r"-?\d+")
-_WHOLE_REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)", re.IGNORECASE)
+_INT = (-2 ** 31, 2 ** 31 - 1)
+_INT64 = (-2 ** 63, 2 ** 63 - 1)
 
 
 class PortError(ValueFault):
@@ -74,7 +73,7 @@ def write(text: str, port: Port, blackboard: Blackboard, value: Any) -> None:
     if key is None:
         raise PortError("port [{}] is the literal [{}]; only an entry {{name}} can be written".format(port.name, text))
     try:
-        blackboard.set(key, value, None if port.type in GENERIC else port.type)
+        blackboard.set(key, values.declared(value, port.type), None if port.type in GENERIC else port.type)
     except ValueFault as fault:
         raise PortError("port [{}]: {}".format(port.name, fault)) from fault
 
@@ -90,20 +89,19 @@ def declare(text: str, port: Port, blackboard: Blackboard) -> None:
     if entry is None:
         blackboard.create(key, port.type)
     elif entry.type != port.type and entry.type not in GENERIC + (values.TEXT,) and port.type not in GENERIC:
-        raise PortError("the entry [{}] has type [{}] where it is used first, but the port [{}] here has type [{}]".format(
-            key, entry.type, port.name, port.type))
+        raise PortError("the entry [{}] has type [{}] where it is used first, "
+                        "but the port [{}] here has type [{}]".format(key, entry.type, port.name, port.type))
 
 
 def subtree_literal(text: str) -> Tuple[str, Any]:
     """Return the type and value that a literal attribute of a SubTree gets by its appearance (BT.CPP section 10)."""
-    if _WHOLE_INTEGER.fullmatch(text):
-        for name in ("int", "int64"):
-            try:
-                return name, TYPES[name].from_text(text, {})  # type: ignore[misc]
-            except ValueFault:
-                continue
-    if _WHOLE_REAL.fullmatch(text):
-        return "double", float(text)
+    for name, bounds in (("int", _INT), ("int64", _INT64)):
+        integer = values.whole_integer(text, *bounds)
+        if integer is not None:
+            return name, integer
+    real = values.whole_real(text)
+    if real is not None:
+        return "double", real
     return values.TEXT, text
 
 
@@ -127,13 +125,11 @@ def same_text_or_number(left: str, right: str, enums: Enums) -> bool:
 
 
 def _as_int(text: str, enums: Enums) -> Optional[int]:
-    if text in enums:
-        return int(enums[text])
-    return int(text) if _WHOLE_INTEGER.fullmatch(text) and len(text) < 12 and -2 ** 31 <= int(text) < 2 ** 31 else None
+    return int(enums[text]) if text in enums else values.whole_integer(text, *_INT)
 
 
 def _as_real(text: str, _enums: Enums) -> Optional[float]:
-    return float(text) if _WHOLE_REAL.fullmatch(text) else None
+    return values.whole_real(text)
 
 
 def is_output(port: Port) -> bool:

@@ -1,17 +1,19 @@
 """Values of the blackboard and how they become one another: text to value, value to text, number to number.
 
 An integer is a Python int (int64), a real a float, a text a str; the three never change into each other silently. A
-boolean port gives a bool; stored in an entry it is the int 0 or 1. Rules: BT.CPP's ``convertFromString`` and ``Any``.
+boolean or status that is stored becomes an int, as an entry holds it; a port of that type reads it back as what it was.
+Digits are 0 to 9 alone. Rules: BT.CPP's ``convertFromString`` and ``Any`` (sections 9.1, 9.4 and 9.5).
 """
 import json
+import math
 import re
-from typing import Any, Callable, Dict, NamedTuple, Optional
+from typing import Any, Callable, Dict, List, NamedTuple, Optional
 
-from behavior_controller.bt.status import BY_NAME
+from behavior_controller.bt.status import BY_NAME, NAMES
 from behavior_controller.errors import BehaviorControllerError
 
 EPSILON = 1.1920929e-07  # of a C++ float: the tolerance of BT.CPP's equality
-EXACT = 2 ** 53  # the largest integer that a real holds without loss
+EXACT = 2 ** 53  # every integer nearer to 0 is a real without loss
 
 ANY = "any"  # no type given: an entry that scripts made, a port that takes anything
 BT_ANY = "Any"  # the library's own generic type; as generic as ANY, but scripts treat its empty entries otherwise
@@ -35,56 +37,95 @@ class ValueType(NamedTuple):
     checked_at_load: bool = True
 
 
-_INTEGER = re.compile(r"-?\d+")
-_REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)", re.IGNORECASE)
+_INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero but the last digit
+_REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?)", re.IGNORECASE | re.ASCII)
+_MOST_DIGITS = 20  # of an integer of 64 bits: with more it is out of range, and Python refuses to read 4,300
 _BOOLEANS = {"1": True, "true": True, "TRUE": True, "True": True,
              "0": False, "false": False, "FALSE": False, "False": False}
+
+
+def shown(text: str, longest: int = 80) -> str:
+    """Return ``text`` as a message quotes it: on one line, and not too long."""
+    line = " ".join(text[:longest + 1].split())
+    return line if len(text) <= longest else line[:longest] + "…"
 
 
 def _integer_reader(low: int, high: int) -> Callable[[str, Enums], int]:
     def read(text: str, _enums: Enums) -> int:
         match = _INTEGER.match(text)
-        if match is None or (low == 0 and text.startswith("-")):
-            raise ValueFault("Can't convert string [{}] to integer".format(text))
-        digits = match.group()
-        if len(digits.lstrip("-0")) > 20 or not low <= int(digits) <= high:
-            raise ValueFault("Value out of bound when converting [{}] to integer".format(text))
-        return int(digits)
+        if match is None or (low == 0 and match.group(1)):
+            raise ValueFault("Can't convert string [{}] to integer".format(shown(text)))
+        return _in_range(match, low, high)
     return read
 
 
+def _in_range(match: Any, low: int, high: int) -> int:
+    sign, digits = match.groups()
+    value = int(digits) if len(digits) <= _MOST_DIGITS else 10 ** _MOST_DIGITS
+    value = -value if sign else value
+    if not low <= value <= high:
+        raise ValueFault("Value out of bound when converting [{}] to integer: {} to {} is allowed".format(
+            shown(match.string), low, high))
+    return value
+
+
+def whole_integer(text: str, low: int, high: int) -> Optional[int]:
+    """Return the integer that ``text`` is as a whole, or None if it is none or not in that range."""
+    match = _INTEGER.fullmatch(text)
+    try:
+        return None if match is None else _in_range(match, low, high)
+    except ValueFault:
+        return None
+
+
 def real_from_text(text: str, _enums: Optional[Enums] = None) -> float:
-    """Return the number at the start of ``text``. Raises ValueFault if there is none."""
+    """Return the number at the start of ``text``. Raises ValueFault if there is none, or one too large for a real."""
     match = _REAL.match(text)
     if match is None:
-        raise ValueFault("Can't convert string [{}] to double".format(text))
-    return float(match.group())
+        raise ValueFault("Can't convert string [{}] to double".format(shown(text)))
+    value = float(match.group())
+    if math.isinf(value) and match.group()[-1] in "0123456789.":
+        raise ValueFault("Value out of bound when converting [{}] to double".format(shown(text)))
+    return value
+
+
+def whole_real(text: str) -> Optional[float]:
+    """Return the number that ``text`` is as a whole, or None."""
+    if _REAL.fullmatch(text) is None:
+        return None
+    try:
+        return real_from_text(text)
+    except ValueFault:
+        return None
 
 
 def _boolean(text: str, _enums: Enums) -> bool:
     if text not in _BOOLEANS:
-        raise ValueFault("convertFromString(): invalid bool conversion of [{}]; allowed: 0 1 true false".format(text))
+        raise ValueFault("convertFromString(): invalid bool conversion of [{}]; allowed: 0 1 true false".format(
+            shown(text)))
     return _BOOLEANS[text]
 
 
 def _status(text: str, _enums: Enums) -> Any:
     if text not in BY_NAME:
-        raise ValueFault("Cannot convert this to NodeStatus: {}; allowed: {}".format(text, " ".join(BY_NAME)))
+        raise ValueFault("Cannot convert this to NodeStatus: {}; allowed: {}".format(shown(text), " ".join(BY_NAME)))
     return BY_NAME[text]
 
 
 def _enumerator(text: str, enums: Enums) -> int:
     if text in enums:
         return enums[text]
-    if _INTEGER.fullmatch(text):
-        return int(text)
-    raise ValueFault("Can't convert string [{}] to an enum; known names: {}".format(text, " ".join(enums) or "none"))
+    number = whole_integer(text, -2 ** 31, 2 ** 31 - 1)
+    if number is None:
+        raise ValueFault("Can't convert string [{}] to an enum; known names: {}".format(
+            shown(text), " ".join(enums) or "none"))
+    return number
 
 
-def _vector_reader(item: Callable[[str, Enums], Any]) -> Callable[[str, Enums], Any]:
+def _vector_reader(item: Callable[[str, Enums], Any], from_json: Callable[[Any], Any]) -> Callable[[str, Enums], Any]:
     def read(text: str, enums: Enums) -> Any:
         if text.startswith("json:"):
-            return _from_json(text[5:])
+            return [from_json(value) for value in _json_array(text[5:])]
         items = text.split(";")
         if items[-1] == "":
             items.pop()
@@ -92,7 +133,7 @@ def _vector_reader(item: Callable[[str, Enums], Any]) -> Callable[[str, Enums], 
     return read
 
 
-def _from_json(text: str) -> Any:
+def _json_array(text: str) -> List[Any]:
     try:
         value = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -102,11 +143,24 @@ def _from_json(text: str) -> Any:
     return value
 
 
+def _json_item(kind: type) -> Callable[[Any], Any]:
+    """Return a check of one item; a JSON number may lack the point that a real has here."""
+    def check(value: Any) -> Any:
+        if kind is float and type(value) is int:
+            return to_real(value)
+        if type(value) is not kind:
+            raise ValueFault("the JSON item {} is not of type {}".format(shown(json.dumps(value)), _JSON_NAMES[kind]))
+        return to_int(value, -2 ** 31, 2 ** 31 - 1) if kind is int else value
+    return check
+
+
+_JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
+
+
 def _integer_type(name: str, low: int, high: int) -> ValueType:
     return ValueType(name, _integer_reader(low, high), low, high)
 
 
-INT64 = _integer_reader(-2 ** 63, 2 ** 63 - 1)
 TYPES: Dict[str, ValueType] = {value_type.name: value_type for value_type in (
     ValueType(TEXT, lambda text, _enums: text),
     _integer_type("int", -2 ** 31, 2 ** 31 - 1),
@@ -119,13 +173,32 @@ TYPES: Dict[str, ValueType] = {value_type.name: value_type for value_type in (
     ValueType("bool", _boolean, 0, 1),
     ValueType("NodeStatus", _status, checked_at_load=False),
     ValueType("enum", _enumerator, checked_at_load=False),
-    ValueType("vec_int", _vector_reader(_integer_reader(-2 ** 31, 2 ** 31 - 1))),
-    ValueType("vec_double", _vector_reader(real_from_text)),
-    ValueType("vec_string", _vector_reader(lambda text, _enums: text)),
-    ValueType("vec_bool", _vector_reader(_boolean)),
+    ValueType("vec_int", _vector_reader(_integer_reader(-2 ** 31, 2 ** 31 - 1), _json_item(int))),
+    ValueType("vec_double", _vector_reader(real_from_text, _json_item(float))),
+    ValueType("vec_string", _vector_reader(lambda text, _enums: text, _json_item(str))),
+    ValueType("vec_bool", _vector_reader(_boolean, _json_item(bool))),
     ValueType(ANY, None, checked_at_load=False),
     ValueType(BT_ANY, None, checked_at_load=False),
 )}
+
+
+VECTORS = {"vec_int": "int", "vec_double": "double", "vec_string": TEXT, "vec_bool": "bool"}
+_CLASSES = {"int": int, "double": float, TEXT: str, "bool": bool}
+_CODES = dict(enumerate(BY_NAME.values()))  # of the statuses, as BT.CPP numbers them
+_STATUSES = {status: code for code, status in _CODES.items()}
+_STATUS_CLASSES = {type(status) for status in NAMES}
+
+
+def stored(value: Any) -> Any:
+    """Return ``value`` as an entry holds it: a boolean and a status are integers."""
+    if isinstance(value, bool):
+        return int(value)
+    return _STATUSES[value] if type(value) in _STATUS_CLASSES else value
+
+
+def is_vector(value: Any, wanted: str) -> bool:
+    """Return whether ``value`` is a list of the items that the vector type ``wanted`` has."""
+    return isinstance(value, list) and all(type(item) is _CLASSES[VECTORS[wanted]] for item in value)
 
 
 def is_number(value: Any) -> bool:
@@ -154,7 +227,7 @@ def to_real(value: Any) -> float:
     if isinstance(value, float):
         return value
     if isinstance(value, int):
-        if not -EXACT <= value <= EXACT:
+        if not -EXACT < value < EXACT:
             raise ValueFault("Loss of precision when converting {} to a real".format(value))
         return float(value)
     raise ValueFault("[Any::convert]: {} is not a number".format(_named(value)))
@@ -163,7 +236,7 @@ def to_real(value: Any) -> float:
 def to_int(value: Any, low: int = -2 ** 63, high: int = 2 ** 63 - 1) -> int:
     """Return a number as an integer of that range. Raises ValueFault for a fraction and out of range."""
     if isinstance(value, float):
-        if value != value or value in (float("inf"), float("-inf")) or value != int(value):
+        if not value.is_integer():
             raise ValueFault("Invalid floating point to integer conversion of {}".format(value))
         value = int(value)
     if not isinstance(value, int):
@@ -183,29 +256,55 @@ def to_bool(value: Any) -> bool:
         return value == 1
     if value is None:
         raise ValueFault("Any::cast failed because it is empty")
-    raise ValueFault("[Any::convert]: no known safe conversion between [{}] and [bool]".format(_named(value)))
+    raise _no_conversion(value, "bool")
 
 
 def convert(value: Any, wanted: str, enums: Enums) -> Any:
-    """Return ``value`` as an input port of type ``wanted`` reads it. Raises ValueFault."""
+    """Return a stored ``value`` as an input port of type ``wanted`` reads it. Raises ValueFault."""
     if wanted in GENERIC:
         return value
     if wanted == TEXT:
-        if isinstance(value, str) or is_number(value):
-            return to_text(value)
-        raise ValueFault("{} cannot be read as text".format(_named(value)))
-    value_type = TYPES[wanted]
+        return _as_text(value)
     if isinstance(value, str):
-        return value_type.from_text(value, enums)  # type: ignore[misc]
+        return TYPES[wanted].from_text(value, enums)  # type: ignore[misc]
+    if wanted in VECTORS:
+        if not is_vector(value, wanted):
+            raise _no_conversion(value, wanted)
+        return value
+    return _as_number(value, wanted)
+
+
+def _as_text(value: Any) -> str:
+    if isinstance(value, str) or is_number(value):
+        return to_text(value)
+    raise _no_conversion(value, "std::string")
+
+
+def _as_number(value: Any, wanted: str) -> Any:
     if wanted == "bool":
         return to_bool(value)
     if wanted == "double":
         return to_real(value)
-    if value_type.low is not None and value_type.high is not None:
-        return to_int(value, value_type.low, value_type.high)
-    if wanted == "enum":
-        return to_int(value)
-    return value
+    if wanted == "NodeStatus":
+        return _CODES[to_int(value, 0, len(_CODES) - 1)]
+    target = TYPES[wanted]
+    low = -2 ** 31 if target.low is None else target.low
+    return to_int(value, low, 2 ** 31 - 1 if target.high is None else target.high)
+
+
+def _no_conversion(value: Any, wanted: str) -> ValueFault:
+    return ValueFault("[Any::convert]: no known safe conversion between [{}] and [{}]".format(_named(value), wanted))
+
+
+def declared(value: Any, wanted: str) -> Any:
+    """Return what a leaf writes as its port of type ``wanted`` has it: 3 is a real there. Raises ValueFault."""
+    if wanted in GENERIC:
+        return value
+    if isinstance(value, str) is not (wanted == TEXT):
+        raise _no_conversion(value, wanted)
+    if wanted in VECTORS and isinstance(value, list):
+        return [declared(item, VECTORS[wanted]) for item in value]
+    return convert(stored(value), wanted, {})
 
 
 def same_kind(value: Any, stored: Any) -> Any:
