@@ -16,6 +16,8 @@ Evaluate = Callable[[Blackboard, Enums], Any]
 Operate = Callable[[Any, Any], Any]
 Rest = List[Tuple[str, Evaluate]]  # the operators of one level after the first operand, each with its right operand
 
+LONGEST_TEXT = 1_000_000  # characters: a script that doubles a text at every tick must not take all memory
+
 
 class ScriptError(BehaviorControllerError):
     """A script failed while it ran."""
@@ -57,7 +59,13 @@ _sum = _arithmetic("+", operator.add)
 
 
 def _add(left: Any, right: Any) -> Any:
-    return left + right if isinstance(left, str) and isinstance(right, str) else _sum(left, right)
+    return _joined(left, right) if isinstance(left, str) and isinstance(right, str) else _sum(left, right)
+
+
+def _joined(left: str, right: str) -> str:
+    if len(left) + len(right) > LONGEST_TEXT:
+        raise ScriptError("a text of more than {} characters would result".format(LONGEST_TEXT))
+    return left + right
 
 
 def _quotient(left: float, right: float) -> float:
@@ -72,7 +80,7 @@ def _concatenate(left: Any, right: Any) -> Any:
     if is_number(left) and is_number(right):
         return None  # as in the library: not even an error
     if all(is_number(side) or isinstance(side, str) for side in (left, right)):
-        return values.to_text(left) + values.to_text(right)
+        return _joined(values.to_text(left), values.to_text(right))
     raise _not_permitted("..", left, right)
 
 

@@ -39,14 +39,17 @@ class ValueType(NamedTuple):
 
 _INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero but the last digit
 _REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?)", re.IGNORECASE | re.ASCII)
+_BLANKS = re.compile(r"[ \t\r\n]+")
 _MOST_DIGITS = 20  # of an integer of 64 bits: with more it is out of range, and Python refuses to read 4,300
 _BOOLEANS = {"1": True, "true": True, "TRUE": True, "True": True,
              "0": False, "false": False, "FALSE": False, "False": False}
 
 
 def shown(text: str, longest: int = 80) -> str:
-    """Return ``text`` as a message quotes it: on one line, and not too long."""
-    line = " ".join(text[:longest + 1].split())
+    """Return ``text`` as a message quotes it: on one line, not too long, and what cannot be seen as its escape."""
+    line = _BLANKS.sub(" ", text[:longest + 1])
+    if not line.isprintable():
+        line = ascii(line)[1:-1]
     return line if len(text) <= longest else line[:longest] + "…"
 
 
