@@ -9,7 +9,7 @@ REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 "$REPOSITORY/tools/setup.sh"
 use_workspace
 code=0
-rosrun unit_tests runTest scenarioSpecification:=lab_tour missionRuns:=1 "$@" 2>&1 | tee "$BUILD/log/run.log" || code=$?
+rosrun unit_tests runTest scenarioSpecification:=lab_tour missionRuns:=1 randomSeed:=1 "$@" 2>&1 | tee "$BUILD/log/run.log" || code=$?
 echo
 grep -E '^(PASSED|FAILED)' "$BUILD/log/run.log" | tail -n 1 || echo "nothing was tested"
 exit "$code"

@@ -1,7 +1,7 @@
 """The configuration of the simulated robot: behaviorControllerTestConfiguration.ini and what overrides it."""
 import os
 import re
-from typing import Any, List, Mapping, NamedTuple, Tuple
+from typing import Any, List, Mapping, NamedTuple, Optional, Tuple
 
 from behavior_controller.settings import REQUIRED, Key, boolean, integer, number, one_of, read_configuration
 
@@ -10,6 +10,9 @@ from unit_tests.robot import SERVICES
 from unit_tests.visitor import BEHAVIOURS, ENGAGES
 
 FILE_NAME = "behaviorControllerTestConfiguration.ini"
+
+SEEDS = 10 ** 9
+"""How many seeds there are."""
 
 
 def _items(text: str) -> List[str]:
@@ -28,6 +31,10 @@ def _planned_faults(text: str) -> Tuple[PlannedFault, ...]:
     return tuple(parse_planned_fault(item, tuple(SERVICES)) for item in _items(text))
 
 
+def _seed(text: str) -> Optional[int]:
+    return integer(0, SEEDS - 1)(text) if text else None
+
+
 KEYS = (
     Key("failureRate", number(0, 1), "a number from 0 to 1", 0.1, "share of the service calls that go wrong"),
     Key("arrivalRate", number(1, infinite=True), "a number of messages per minute, 1 or more, or inf", REQUIRED,
@@ -36,7 +43,8 @@ KEYS = (
     Key("visitorBehaviour", one_of(*BEHAVIOURS), "one of {}".format(", ".join(BEHAVIOURS)), ENGAGES,
         "what the visitor does"),
     Key("missionRuns", integer(1, 10 ** 6), "a whole number, 1 or more", 1, "passes (visitors) until the test ends"),
-    Key("randomSeed", integer(0, 10 ** 9), "a whole number, 0 or more", 1, "the same seed, the same faults and gaps"),
+    Key("randomSeed", _seed, "a whole number from 0 to {}, or nothing".format(SEEDS - 1), None,
+        "the same seed, the same faults and gaps; nothing: it is drawn"),
     Key("faultKinds", _kinds, "some of {}, with commas between them".format(", ".join(KINDS)), (REFUSED,),
         "in which ways calls go wrong"),
     Key("plannedFaults", _planned_faults, "node:call or node:call:kind, with commas between them, where node is one "
@@ -55,7 +63,7 @@ class Configuration(NamedTuple):
     verbose_mode: bool
     visitor_behaviour: str
     mission_runs: int
-    random_seed: int
+    random_seed: Optional[int]  # None: it is to be drawn
     fault_kinds: Tuple[str, ...]
     planned_faults: Tuple[PlannedFault, ...]
     test_timeout: float

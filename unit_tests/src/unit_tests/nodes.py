@@ -79,6 +79,8 @@ class Node:
         planned = [fault for fault in self._test.planned_faults if fault.node == name]
         self._faults = Faults(self._test.failure_rate, self._seed("faults"), self._test.fault_kinds, planned)
         self._published: Fields = {}
+        if not parameters.is_launched():  # else the report says it
+            rospy.loginfo("%s: randomSeed %d", name, self._test.random_seed)
 
     def run(self) -> None:
         """Serve and publish until ROS shuts down."""

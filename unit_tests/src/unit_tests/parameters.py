@@ -1,5 +1,6 @@
 """What the launch file and the configurations say, as the simulated nodes and the report read it from ROS."""
 import os
+import random
 from typing import Any, Dict
 
 import rospy
@@ -14,6 +15,9 @@ NAMESPACE = "/unit_tests"
 """Parameters below it override the configuration of all nodes; a private parameter that of one node."""
 
 FOLDER = NAMESPACE + "/folder"
+DRAWN_SEED = NAMESPACE + "/drawn"
+"""The seed that the launch file draws, so that all nodes have the same; it counts where no randomSeed is given."""
+
 CONTROLLER = "/behaviorController"
 
 
@@ -38,8 +42,12 @@ def _below(name: str) -> Dict[str, Any]:
 
 
 def read_configuration(node: str = "") -> configuration.Configuration:
-    """Return the configuration of the test for ``node``. Raises ConfigurationError with every fault."""
-    return configuration.load(dict(_below(NAMESPACE), **(_below(node) if node else {})))
+    """Return the configuration of the test for ``node``, with a seed. Raises ConfigurationError with every fault."""
+    test = configuration.load(dict(_below(NAMESPACE), **(_below(node) if node else {})))
+    if test.random_seed is not None:
+        return test
+    # a node that runs alone has nobody to share its seed with
+    return test._replace(random_seed=rospy.get_param(DRAWN_SEED, random.randrange(configuration.SEEDS)))
 
 
 def read_world(test: configuration.Configuration) -> World:

@@ -36,6 +36,7 @@ def main() -> int:
     except BehaviorControllerError as error:
         print(error)
         return _finish(2)
+    print("randomSeed {}".format(test.random_seed), flush=True)
     folder = parameters.folder()
     events, exit_code, cut_off = wait_for_end(folder, test.test_timeout)
     facts = Facts(events, Journal(folder).news(), exit_code, test.visitor_behaviour, test.mission_runs,

@@ -14,7 +14,7 @@ def test_the_file_that_comes_with_the_package_shows_the_defaults():
     defaults = {key.name: key.default for key in configuration.KEYS}
     assert found.failure_rate == 0.1  # document, table 5
     assert found.arrival_rate == 60
-    assert (found.visitor_behaviour, found.mission_runs, found.random_seed) == ("engages", 1, 1)
+    assert (found.visitor_behaviour, found.mission_runs, found.random_seed) == ("engages", 1, None)
     assert found.failure_rate == defaults["failureRate"]
     assert found[3:] == tuple(defaults[key.name] for key in configuration.KEYS[3:])
 
@@ -28,6 +28,7 @@ def test_fields_have_the_names_of_the_keys():
     ({"failureRate": 0}, "failure_rate", 0), ({"failureRate": "1"}, "failure_rate", 1),
     ({"arrivalRate": "inf"}, "arrival_rate", math.inf), ({"arrivalRate": 1}, "arrival_rate", 1),
     ({"verboseMode": True}, "verbose_mode", True),
+    ({"randomSeed": 7}, "random_seed", 7), ({"randomSeed": ""}, "random_seed", None),
     ({"visitorBehaviour": "leaves"}, "visitor_behaviour", "leaves"),
     ({"faultKinds": "refused, exception"}, "fault_kinds", ("refused", "exception")),
     ({"plannedFaults": "robotNavigation:3,textToSpeech:1:unanswered"}, "planned_faults",
@@ -45,6 +46,7 @@ def test_parameters_override_the_file(given, field, value):
     ({"verboseMode": "yes"}, "true or false"),
     ({"visitorBehaviour": "shouts"}, "one of engages, silent, declines, leaves"),
     ({"missionRuns": 0}, "1 or more"),
+    ({"randomSeed": 10 ** 9}, "from 0 to 999999999, or nothing"),
     ({"faultKinds": ""}, "some of refused, exception, unanswered"),
     ({"faultKinds": "slow"}, "some of refused, exception, unanswered"),
     ({"plannedFaults": "faceDetection:1"}, "node:call"),

@@ -1,0 +1,40 @@
+#!/usr/bin/env python3
+"""Do the simulated nodes share the seed that is drawn where none is given?"""
+import sys
+import unittest
+
+import rospy
+import rostest
+from cssr_system.srv import knowledgeBaseService, textService
+
+from unit_tests import parameters
+from unit_tests.faults import Faults
+
+CALLS = 30
+LIMIT = 20.0  # seconds for a node to start
+
+
+class TestDrawnSeed(unittest.TestCase):
+    """Calls nodes whose calls fail in one of two cases, as the seed says."""
+
+    def refusals(self, service, service_type, text):
+        rospy.wait_for_service(service, LIMIT)
+        call = rospy.ServiceProxy(service, service_type, persistent=True)
+        return [not call(text).success for _ in range(CALLS)]
+
+    def predicted(self, node):
+        faults = Faults(0.5, "{}/{}/faults".format(rospy.get_param(parameters.DRAWN_SEED), node))
+        return [faults.next() is not None for _ in range(CALLS)]
+
+    def test_calls_fail_as_the_drawn_seed_says(self):
+        self.assertEqual(self.refusals("/textToSpeech/say_text", textService, "Hello"), self.predicted("textToSpeech"))
+        self.assertEqual(self.refusals("/knowledgeBase/query", knowledgeBaseService, "home"),
+                         self.predicted("knowledgeBase"))
+
+    def test_the_report_reads_the_same_seed(self):
+        self.assertEqual(parameters.read_configuration().random_seed, rospy.get_param(parameters.DRAWN_SEED))
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_drawn_seed")
+    rostest.rosrun("unit_tests", "drawn_seed", TestDrawnSeed, sys.argv)
