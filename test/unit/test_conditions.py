@@ -3,6 +3,7 @@ import pytest
 
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.gateway import Answer, AttentionStatus, Faces, Topic
+from mission_rig import refusal
 from test_leaves import one_leaf
 
 FACE, NOBODY = Faces(("7",), (False,)), Faces((), ())
@@ -43,6 +44,37 @@ def test_a_message_that_grows_too_old_wakes_the_tree_and_counts_no_more():
     rig.clock.advance(0.2)  # topicMaxAge is 2 s
     assert woken(rig)
     assert rig.tick() is FAILURE
+    assert reported(rig, "IsVisitorDiscovered") == ["no face in view; the newest message is too old"]
+
+
+def test_the_tree_is_woken_when_the_message_has_just_grown_too_old():
+    rig = one_leaf("<IsVisitorDiscovered/>")
+    rig.topics.publish(Topic.FACES, FACE)
+    rig.tick()
+    rig.clock.advance(rig.clock.next_due() - rig.clock.now())
+    assert rig.clock.now() == pytest.approx(1002.0, abs=0.01)
+    assert rig.tick() is FAILURE
+
+
+def test_a_newer_message_puts_the_end_off():
+    rig = one_leaf("<IsVisitorDiscovered/>")
+    for _ in range(2):
+        rig.topics.publish(Topic.FACES, FACE)
+        assert rig.tick() is SUCCESS
+        rig.clock.advance(1.5)
+    woken(rig)
+    rig.clock.advance(0.4)
+    assert not woken(rig)
+    rig.clock.advance(0.2)
+    assert woken(rig)
+
+
+def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
+    rig = one_leaf("<IsVisitorDiscovered/>")
+    for faces in (NOBODY, FACE, NOBODY, FACE, NOBODY):
+        rig.topics.publish(Topic.FACES, faces)
+        rig.tick()
+    assert [event.status for event in rig.seen] == ["FAILURE", "SUCCESS"] * 2 + ["FAILURE"]
 
 
 @pytest.mark.parametrize("convention, state, value, result", [
@@ -61,6 +93,7 @@ def test_a_gaze_from_before_the_mode_was_set_is_none_and_the_next_one_wakes_the_
     rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1))
     rig.clock.advance(0.1)
     assert rig.tick() is FAILURE
+    assert reported(rig, "IsMutualGazeDiscovered") == ["no mutual gaze; the newest message came before"]
     rig.clock.advance(0.1)
     # the same value as before: it is its time that makes it an answer
     rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1))
@@ -91,6 +124,13 @@ def test_an_utterance_from_before_the_end_of_the_question_is_no_answer():
     woken(rig)
     rig.topics.publish(Topic.SPEECH, "no")
     assert woken(rig)
+
+
+def test_a_question_that_failed_ends_the_time_of_older_answers():
+    rig = one_leaf("<Sequence><ForceSuccess><QueryTourSpeech/></ForceSuccess><IsYesNoUttered/></Sequence>", refusal)
+    rig.topics.publish(Topic.SPEECH, "yes")
+    rig.clock.advance(1.0)
+    assert rig.tick() is FAILURE
 
 
 def test_one_utterance_answers_one_question():
@@ -124,6 +164,26 @@ def test_a_condition_wait_ends_exactly_then_and_begins_anew():
     assert woken(rig)
     assert rig.tick() is FAILURE
     assert rig.tick() is RUNNING
+    rig.clock.advance(3.0)
+    assert woken(rig)
+    assert rig.tick() is FAILURE
+
+
+def test_a_condition_wait_may_be_short():
+    rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=0.25)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(0.25)
+    assert rig.tick() is FAILURE
+
+
+@pytest.mark.parametrize("mission", [
+    "<Sequence><IsVisitorDiscovered/><AlwaysSuccess/></Sequence>", "<Inverter><IsVisitorDiscovered/></Inverter>",
+    "<WhileDoElse><AlwaysSuccess/><IsVisitorDiscovered/></WhileDoElse>"])
+def test_a_condition_that_is_asked_once_waits(mission):
+    rig = one_leaf(mission, conditionWait=3.0)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(2.9)
+    assert rig.tick() is RUNNING
 
 
 def test_a_halted_wait_begins_anew():
@@ -131,6 +191,8 @@ def test_a_halted_wait_begins_anew():
     rig.tick()
     rig.clock.advance(2.0)
     rig.tree.halt()
+    assert rig.tree.is_idle
+    assert rig.clock.next_due() is None
     assert rig.tick() is RUNNING
     rig.clock.advance(2.0)
     assert rig.tick() is RUNNING

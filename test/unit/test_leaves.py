@@ -7,7 +7,7 @@ from behavior_controller.events import LeafFinished
 from behavior_controller.gateway import (Answer, Cause, Exhibit, Failure, GoTo, Location, PerformGesture, Point, Prompt,
                                          QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves.base import FailureLog
-from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, registry
+from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, registry
 
 TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
 FollowMeSpeech GoodbyeGesture HandleFallBack HereIsTheDoorSpeech IsASREnabled IsListWithExhibit IsMutualGazeDiscovered
@@ -134,6 +134,41 @@ def test_exhibits_are_selected_in_tour_order():
         second.name, second.location, second.gesture, second.description1, second.description2, 2)
 
 
+def test_a_list_that_is_asked_for_again_begins_at_its_start():
+    rig = one_leaf("<RetrieveListOfExhibits/>")
+    write(rig, exhibits=[ENTRANCE], nextExhibit=1, leftOutExhibits=[0])
+    assert rig.tick() is SUCCESS
+    board = rig.tree.blackboard
+    assert (board.get("exhibits"), board.get("nextExhibit"), board.get("leftOutExhibits")) == (list(EXHIBITS), 0, [])
+
+
+@pytest.mark.parametrize("node", ["DisabledOvertAttentionMode", "SocialOvertAttentionMode", "SeekOvertAttentionMode"])
+def test_a_mode_notes_when_it_was_set(node):
+    rig = one_leaf("<{}/>".format(node), lambda request: None)
+    rig.tick()
+    rig.clock.advance(2.0)
+    rig.gateway.calls[0].finish(Answer())
+    assert rig.tick() is SUCCESS
+    assert rig.tree.blackboard.get("attentionSetAt") == 1002.0
+
+
+@pytest.mark.parametrize("node", ["QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech"])
+@pytest.mark.parametrize("result", [Answer(), Failure(Cause.REFUSED, "no", "/textToSpeech/say_text")])
+def test_a_question_notes_when_it_was_over(node, result):
+    rig = one_leaf("<{}/>".format(node), lambda request: None)
+    rig.tick()
+    rig.clock.advance(2.0)
+    rig.gateway.calls[0].finish(result)
+    rig.tick()
+    assert rig.tree.blackboard.get("questionAskedAt") == 1002.0
+
+
+def test_other_speeches_are_no_questions():
+    rig = one_leaf("<WelcomeSpeech/>")
+    assert rig.tick() is SUCCESS
+    assert rig.tree.blackboard.get("questionAskedAt") is None
+
+
 def test_the_entrance_has_a_gesture_target_and_home_has_none():
     rig = one_leaf("<LookUpEntrance/>")
     assert rig.tick() is SUCCESS
@@ -222,6 +257,30 @@ def test_a_halted_leaf_drops_its_answer():
     rig.gateway.calls[0].finish(Answer())
     assert rig.tick() is RUNNING  # a new round, a new request
     assert len(rig.requests) == 2
+    assert [event.status for event in rig.of(LeafFinished)] == ["IDLE"]
+
+
+@pytest.mark.parametrize("leaf", ["<WelcomeSpeech/>", "<IsVisitorResponseYes/>", "<SelectExhibit/>"])
+def test_a_leaf_tells_how_long_it_took_and_why_it_failed(leaf):
+    rig = one_leaf("<Sequence><Delay delay_msec='1000'><AlwaysSuccess/></Delay>{}</Sequence>".format(leaf),
+                   lambda request: None)
+    rig.tick()
+    rig.clock.advance(1.0)
+    if rig.tick() is RUNNING:
+        rig.clock.advance(2.0)
+        rig.gateway.calls[0].finish(Failure(Cause.REFUSED, "not today", "/textToSpeech/say_text"))
+        rig.tick()
+    event, node = rig.of(LeafFinished)[0], rig.tree.nodes[-1]
+    assert (event.seconds, event.status) == (2.0 if rig.requests else 0.0, "FAILURE")
+    assert node.feedback_message == event.failure.message != ""
+
+
+def test_a_success_leaves_no_message():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: refusal(request) if len(rig.requests) == 1 else Answer())
+    rig.tick()
+    assert rig.tree.nodes[-1].feedback_message == "the server refused"
+    rig.tick()
+    assert rig.tree.nodes[-1].feedback_message == ""
 
 
 def test_the_old_spelling_of_handlefallback_loads_with_a_warning():
@@ -241,6 +300,8 @@ def test_the_failure_log_finds_the_newest_in_a_range():
     log.add(Leaf(2), second)
     assert log.newest(1, 4, 0).failure == second
     assert log.newest(3, 4, 0).failure == first
+    assert log.newest(1, 3, 0).failure == second
+    assert log.newest(1, 2, 0) is None
     assert log.newest(3, 4, 1) is None
     assert log.newest(4, 9, 0) is None
 

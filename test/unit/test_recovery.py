@@ -4,11 +4,11 @@ import pytest
 from behavior_controller import folders, leaves, policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.events import Recovered
-from behavior_controller.gateway import (Answer, Cause, Failure, GoTo, Location, QueryKnowledge, Say, SetAnimation,
-                                         SetAttention)
+from behavior_controller.events import LeafFinished, Recovered
+from behavior_controller.gateway import (Answer, Cause, Failure, GoTo, Location, Point, QueryKnowledge, Say,
+                                         SetAnimation, SetAttention)
 from behavior_controller.leaves.base import TARGET_LOCATION
-from mission_rig import EXHIBITS
+from mission_rig import EXHIBITS, refusal
 from test_leaves import one_leaf, write
 
 NODES = [spec.id for spec in leaves.SPECS]
@@ -151,8 +151,91 @@ def test_the_budget_ends_endless_recovery():
     rig = one_leaf("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>", failing(9999, Cause.NO_ANSWER))
     rig.mission.policy = rig.mission.policy._replace(most=2, seconds=100.0)
     assert [to_the_end(rig) for _ in range(3)] == [SUCCESS, SUCCESS, FAILURE]
-    rig.clock.advance(101.0)
+    rig.clock.advance(99.0)
+    assert to_the_end(rig) is FAILURE
+    rig.clock.advance(100.0)
     assert to_the_end(rig) is SUCCESS
+
+
+def test_beyond_the_budget_nothing_is_retried():
+    rig = fallback("<WelcomeSpeech/>", failing(9999, Cause.REFUSED))
+    rig.mission.policy = rig.mission.policy._replace(most=0)
+    assert to_the_end(rig) is FAILURE
+    assert rig.requests[1:] == SAFE
+
+
+def test_another_cause_at_the_second_attempt_has_a_rule_of_its_own():
+    # refused, surely not said; then no answer, perhaps said: not a third time
+    causes = [Cause.REFUSED, Cause.NO_ANSWER, Cause.REFUSED, Cause.REFUSED]
+    rig = fallback("<WelcomeSpeech/>", lambda request: Failure(causes[len(rig.requests) - 1], "test", request.service))
+    rig.mission.policy = policy.Policy((policy.Rule("*", "refused", 3, 0.5, policy.SKIP),
+                                        policy.Rule("*", "*", 0, 0.0, policy.SKIP)), 9, 9.0)
+    assert to_the_end(rig) is SUCCESS
+    assert len(rig.requests) == 2
+    assert [(event.failure.cause, event.attempts, event.policy) for event in rig.of(Recovered)] == [
+        (Cause.NO_ANSWER, 1, "skip")]
+
+
+def test_data_that_went_missing_meanwhile_ends_the_attempts():
+    rig = fallback("<Navigate/>", failing(9, Cause.REFUSED))
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    assert rig.tick() is RUNNING
+    rig.tree.blackboard.unset("targetLocation")
+    assert to_the_end(rig) is FAILURE
+    assert rig.requests == [GoTo(Location(1.0, 2.0, 3.0))] + SAFE
+    assert rig.of(Recovered)[0].failure.cause is Cause.MISSING_DATA
+
+
+def test_what_has_become_needless_counts_as_done():
+    rig = fallback("<PerformDeicticGesture/>", failing(9, Cause.REFUSED))
+    write(rig, gestureTarget=Point(1.0, 2.0, 3.0))
+    assert rig.tick() is RUNNING
+    write(rig, gestureTarget=Point(0.0, 0.0, 0.0))
+    assert to_the_end(rig) is SUCCESS
+    assert len(rig.requests) == 1
+    assert [event.success for event in rig.of(Recovered)] == [True]
+
+
+def test_giving_up_waits_for_the_safe_state_and_asks_for_nothing_else():
+    rig = fallback("<PressYesNoDialogue/>", lambda request: None if request in SAFE else refusal(request))
+    for _ in range(3):
+        assert rig.tick() is RUNNING
+    assert rig.requests[1:] == SAFE
+    for call in rig.gateway.calls[1:]:
+        assert rig.of(Recovered) == []
+        call.finish(Answer())
+        result = rig.tick()
+    assert result is FAILURE
+    assert rig.requests[1:] == SAFE
+
+
+def test_a_recovery_wakes_the_tree_when_a_pause_is_over_and_tells_how_long_it_took():
+    rig = fallback("<Navigate/>", failing(1, Cause.REFUSED))
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    rig.tick()
+    rig.tree.wake.test_and_clear()
+    rig.clock.advance(0.9)
+    assert not rig.tree.wake.test_and_clear()
+    rig.clock.advance(0.1)
+    assert rig.tree.wake.test_and_clear()
+    assert rig.tick() is SUCCESS
+    assert [(event.node, event.seconds) for event in rig.of(LeafFinished)] == [("Navigate", 0.0), ("HandleFallBack", 1.0)]
+
+
+def test_a_visit_may_be_wrapped_otherwise():
+    visit = ("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
+             "<HandleFallBack/></Fallback></Sequence>")
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/>{}{}</Sequence>".format(visit, visit))
+    assert to_the_end(rig) is FAILURE
+    assert [event.success for event in rig.of(Recovered)] == [True, False]
+    assert rig.tree.blackboard.get("nextExhibit") == 1  # the second one goes back to the list
+
+
+def test_what_fails_after_the_last_exhibit_leaves_out_none():
+    rig = one_leaf("<Fallback><Sequence><RetrieveListOfExhibits/><SelectExhibit/><SelectExhibit/><LookUpEntrance/>"
+                   "<IsMutualGazeDiscovered/></Sequence><HandleFallBack/></Fallback>")
+    assert to_the_end(rig) is SUCCESS
+    assert rig.tree.blackboard.get("leftOutExhibits") == []
 
 
 def test_the_safe_state_is_taken_once_for_one_failure():
@@ -173,6 +256,24 @@ def test_halting_a_recovery_drops_its_call():
     rig.gateway.calls[1]._abandon = lambda: dropped.append(True)
     rig.tree.halt()
     assert dropped == [True]
+    assert [event.status for event in rig.of(LeafFinished)] == ["FAILURE", "IDLE"]
+
+
+def test_halting_a_recovery_stops_its_pause():
+    rig = fallback("<LookUpHome/>", failing(9, Cause.REFUSED))
+    assert rig.tick() is RUNNING
+    rig.tree.halt()
+    assert rig.clock.next_due() is None
+
+
+def test_halting_a_recovery_drops_the_safe_state():
+    rig = fallback("<PressYesNoDialogue/>", lambda request: None if request in SAFE else refusal(request))
+    rig.tick()
+    dropped = []
+    for call in rig.gateway.calls[1:]:
+        call._abandon = lambda: dropped.append(True)
+    rig.tree.halt()
+    assert dropped == [True, True]
 
 
 def read(tmp_path, text):

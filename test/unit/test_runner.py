@@ -50,6 +50,7 @@ def test_stopping_halts_the_mission_and_leaves_the_robot_calm_once():
     assert rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped)) == 0
     assert rig.requests[1:] == SAFE
     assert rig.of(PassFinished) == []
+    assert [event.outcome for event in rig.of(RunFinished)] == ["stopped; last pass: none"]
     assert rig.tree.is_idle
 
 

@@ -140,7 +140,7 @@ class InstantAction(MissionLeaf, SyncActionLeaf):
 class InstantCondition(MissionLeaf, ConditionLeaf):
     """A condition on what the mission knows."""
 
-    otherwise = "false"  # the message of its failure
+    otherwise: str  # the message of its failure
 
     def holds(self) -> bool:
         """Return the answer."""
@@ -217,7 +217,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     topic: Topic
     is_continuous = True  # published all the time: a message older than topicMaxAge counts as absent
-    otherwise = "no such message"
+    otherwise: str  # the message of its failure
     _expiry: Optional[Timer] = None
     _patience: Optional[Timer] = None
     _is_over = False
@@ -281,7 +281,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def _waits(self) -> bool:
         wait = self.mission.settings.condition_wait
         if wait <= 0.0 or self._is_over or is_asked_again(self):
-            self._is_over = False
             return False
         if self._patience is None:
             self._patience = self.mission.clock.call_after(wait, self._give_up)

@@ -119,15 +119,19 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             if wanted is None:
                 return self._ended(True)
             if isinstance(wanted, Failure):
-                return self._next()
+                return self._failed_again(wanted)
             self.call = self.mission.gateway.start(wanted)
         if self.call.result is None:
             return RUNNING
         result, self.call = self.call.result, None
         failure = result if isinstance(result, Failure) else leaf.accept(result)
-        if failure is None:
-            return self._ended(True)
+        return self._ended(True) if failure is None else self._failed_again(failure)
+
+    def _failed_again(self, failure: Failure) -> Result:
+        assert self.cause is not None
         self.cause = self.cause._replace(failure=failure)
+        # what was refused before may have been done this time: the rule is that of the new cause
+        self.rule = self.mission.policy.rule(self.cause.leaf.registration_id, failure.cause)
         return self._next()
 
     def _leave(self) -> Result:
