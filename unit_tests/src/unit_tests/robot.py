@@ -99,7 +99,11 @@ class Topic(NamedTuple):
 def _faces(world: World) -> Fields:
     if not world.visitor.is_here:
         return {"face_label_id": [], "mutualGaze": []}
-    return {"face_label_id": ["visitor"], "mutualGaze": [world.visitor.attention == "seeking"]}
+    return {"face_label_id": ["visitor"], "mutualGaze": [_meets_gaze(world)]}
+
+
+def _meets_gaze(world: World) -> bool:
+    return world.visitor.attention == "seeking" and world.visitor.looks_back
 
 
 def _attention(world: World) -> Fields:

@@ -4,14 +4,14 @@ Three questions decide: did each pass end as the visitor's behaviour predicts, w
 and is every failure that the controller recorded one that was injected, and the other way round?
 """
 import itertools
-from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.gateway import Exhibit
 
 from unit_tests.facts import Event, Facts, Pass, count, of, passes
 from unit_tests.journal import Line
 from unit_tests.matching import Matching
-from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, SILENT
+from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, NO_GAZE, SILENT, UNCLEAR
 
 ASKING = {"IsYesNoUttered", "PressYesNoDialogue"}
 """Mission nodes through which a visitor can say no."""
@@ -19,7 +19,11 @@ ASKING = {"IsYesNoUttered", "PressYesNoDialogue"}
 TOUR = {"RetrieveListOfExhibits", "SelectExhibit", "Navigate"}
 """Mission nodes that together lead to exhibits."""
 
-DOES = {ENGAGES: "engages", SILENT: "is silent", DECLINES: "declines", LEAVES: "leaves"}
+GAZE = "IsMutualGazeDiscovered"
+"""Mission node that a visitor who never looks back fails; it ends the pass, for there is nobody to speak to."""
+
+DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines", LEAVES: "leaves",
+        NO_GAZE: "never looks back"}
 
 
 class Verdict(NamedTuple):
@@ -79,11 +83,24 @@ def _ending(exit_code: Optional[int]) -> str:
 
 
 def _outcomes(facts: Facts) -> Iterator[str]:
-    """Object to passes that did not end in SUCCESS: whatever a visitor does, the mission has an answer to it."""
+    """Object to passes that did not end as the visitor's behaviour predicts."""
+    expected = "FAILURE" if _is_never_met(facts) else "SUCCESS"
     for a_pass in passes(facts):
-        if a_pass.outcome != "SUCCESS":
-            yield "pass {} ended with {}; a visitor who {} should bring SUCCESS ({}{})".format(
-                a_pass.number, a_pass.outcome, DOES[facts.behaviour], _last_failure(a_pass.events), _hint(a_pass))
+        if a_pass.outcome != expected:
+            yield "pass {} ended with {}; a visitor who {} should bring {} ({}{})".format(
+                a_pass.number, a_pass.outcome, DOES[facts.behaviour], expected, _last_failure(a_pass.events),
+                _hint(a_pass))
+
+
+def _is_never_met(facts: Facts) -> bool:
+    """Whether the mission waits for a gaze that this visitor never returns. All other visitors it has an answer to."""
+    return facts.behaviour == NO_GAZE and GAZE in _mission_nodes(facts)
+
+
+def _mission_nodes(facts: Facts) -> Set[str]:
+    """Return the names of the mission's nodes; none if it did not start."""
+    started = of(facts.events, "RunStarted")
+    return {node for _, node in started[-1]["leaves"]} if started else set()
 
 
 def _last_failure(events: Sequence[Event]) -> str:
@@ -110,14 +127,16 @@ def _hint(a_pass: Pass) -> str:
 
 def _exhibits(facts: Facts) -> Iterator[str]:
     """Object to exhibits that were left out, or visited though nobody wanted a tour."""
-    started = of(facts.events, "RunStarted")
-    nodes = {node for _, node in started[-1]["leaves"]} if started else set()
+    nodes = _mission_nodes(facts)
     if not TOUR <= nodes:
         return
     for a_pass in passes(facts):
-        if a_pass.outcome != "SUCCESS":
+        if _is_never_met(facts):
+            yield from _unwanted(a_pass)
+            yield from _never_sought(a_pass)
+        elif a_pass.outcome != "SUCCESS":
             continue  # why it failed is told already
-        if facts.behaviour in (DECLINES, SILENT) and ASKING & nodes:
+        elif facts.behaviour in (DECLINES, SILENT, UNCLEAR) and ASKING & nodes:
             yield from _unwanted(a_pass)
         else:
             yield from _left_out(a_pass, facts)
@@ -128,6 +147,13 @@ def _unwanted(a_pass: Pass) -> Iterator[str]:
     if drives:
         yield "pass {}: the robot was sent to {} without a visitor who wants a tour".format(
             a_pass.number, count(drives, "place", "places"))
+
+
+def _never_sought(a_pass: Pass) -> Iterator[str]:
+    """Object to a pass that failed before the visitor's gaze was sought, without a fault that excuses it."""
+    sought = any(line.node == "overtAttention" and line.content["state"] == "seeking" for line in a_pass.lines)
+    if not sought and not any(line.fault for line in a_pass.lines):
+        yield "pass {}: the robot did not seek the visitor's gaze".format(a_pass.number)
 
 
 def _left_out(a_pass: Pass, facts: Facts) -> Iterator[str]:

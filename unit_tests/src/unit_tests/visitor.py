@@ -8,7 +8,11 @@ from typing import Callable, Dict, NamedTuple, Sequence, Tuple
 from unit_tests.journal import Line
 
 ENGAGES, SILENT, DECLINES, LEAVES = "engages", "silent", "declines", "leaves"
-BEHAVIOURS = (ENGAGES, SILENT, DECLINES, LEAVES)
+UNCLEAR, NO_GAZE = "unclear", "noGaze"
+BEHAVIOURS = (ENGAGES, SILENT, UNCLEAR, DECLINES, LEAVES, NO_GAZE)
+
+ALIASES = {"complete": ENGAGES, "partial01": NO_GAZE, "partial02": SILENT, "partial03": DECLINES, "partial04": LEAVES}
+"""The names of the project's former test -> what they mean here."""
 
 EXHIBITS_BEFORE_LEAVING = 2
 """A visitor who leaves follows the robot to this many exhibits, and no farther."""
@@ -18,6 +22,9 @@ SMALL_TALK = "What a bright room"
 
 NOTHING_HEARD = "Error: no speech recognised"
 """What speech recognition writes when it cannot make out words."""
+
+UNCLEAR_ANSWER = "That is a good question"
+"""What an unclear visitor answers; no language takes it for a yes or a no."""
 
 STILL_SEEKING, MUTUAL_GAZE, GAZE_FAILED = "still seeking", "mutual gaze", "failed"
 GAZE_VALUES: Dict[int, Dict[str, int]] = {
@@ -50,6 +57,7 @@ class Visitor:
     def _come(self) -> None:
         self.is_here = True
         self._is_asked = False
+        self._questions = 0
         self._drives = 0
         self._looks = 0
 
@@ -79,6 +87,7 @@ class Visitor:
             self._is_asked = was_asked
         elif line.content["message"] in self._manners.questions:
             self._is_asked = True
+            self._questions += 1
 
     def _notice_drive(self, line: Line, _was_asked: bool) -> None:
         goal = (line.content["goal_x"], line.content["goal_y"])
@@ -93,22 +102,35 @@ class Visitor:
 
     # ------------------------------------------------------------------------------------------- what the visitor does
 
+    @property
+    def looks_back(self) -> bool:
+        """Whether the visitor is somebody who returns the gaze of a robot that seeks it."""
+        return self.is_here and self._manners.behaviour != NO_GAZE
+
     def gaze(self) -> str:
         """Return what a robot that seeks mutual gaze finds at its next look: the second look is returned."""
         if not self.is_here:
             return GAZE_FAILED
+        if not self.looks_back:
+            return STILL_SEEKING
         self._looks += 1
         return MUTUAL_GAZE if self._looks > 1 else STILL_SEEKING
 
     def utterance(self) -> str:
         """Return what speech recognition writes next. An answer is repeated until the robot goes on."""
-        answers = {ENGAGES: self._manners.yes, LEAVES: self._manners.yes, DECLINES: self._manners.no}
+        unclear = UNCLEAR_ANSWER if self._questions % 2 else NOTHING_HEARD
+        answers = {ENGAGES: self._manners.yes, LEAVES: self._manners.yes, NO_GAZE: self._manners.yes,
+                   DECLINES: self._manners.no, UNCLEAR: unclear}
         answer = answers.get(self._manners.behaviour, NOTHING_HEARD)
         if not self.is_here:
             return NOTHING_HEARD
         return answer if self._is_asked or answer == NOTHING_HEARD else SMALL_TALK
 
     def press(self, options: Sequence[str]) -> str:
-        """Return which of the tablet's options is pressed, yes being the first and no the last; nothing if silent."""
-        pressed = {ENGAGES: options[0], LEAVES: options[0], DECLINES: options[-1]}
+        """Return which of the tablet's options is pressed, yes being the first and no the last; nothing if silent.
+
+        There is nothing unclear to press, so who is unclear presses no.
+        """
+        yes, no = options[0], options[-1]
+        pressed = {ENGAGES: yes, LEAVES: yes, NO_GAZE: yes, DECLINES: no, UNCLEAR: no}
         return pressed.get(self._manners.behaviour, "") if self.is_here else ""

@@ -10,7 +10,7 @@ from behavior_controller.gateway import Topic
 from unit_tests import configuration, exhibits
 from unit_tests.journal import Line
 from unit_tests.robot import NODES, SERVICES, TOPICS, World
-from unit_tests.visitor import ENGAGES, SILENT, Manners, Visitor
+from unit_tests.visitor import ENGAGES, NO_GAZE, SILENT, Manners, Visitor
 
 KNOWLEDGE = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
 GESTURE = {"gesture_type": "iconic", "gesture_id": 1, "gesture_duration": 3000, "bow_nod_angle": 0,
@@ -89,6 +89,9 @@ def test_faces():
     assert TOPICS["faceDetection"].content(world()) == {"face_label_id": [], "mutualGaze": []}
     assert TOPICS["faceDetection"].content(world(ENGAGES, 1, "scanning")) == {
         "face_label_id": ["visitor"], "mutualGaze": [False]}
+    seeking = ("scanning", "seeking")
+    assert TOPICS["faceDetection"].content(world(ENGAGES, 1, *seeking))["mutualGaze"] == [True]
+    assert TOPICS["faceDetection"].content(world(NO_GAZE, 1, *seeking))["mutualGaze"] == [False]
 
 
 @pytest.mark.parametrize("state", ("disabled", "social", "scanning", "location"))

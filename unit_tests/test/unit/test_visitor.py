@@ -4,8 +4,9 @@ import pytest
 from behavior_controller import phrases
 
 from unit_tests.journal import Line
-from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, GAZE_FAILED, GAZE_VALUES, LEAVES, MUTUAL_GAZE,
-                                NOTHING_HEARD, SILENT, SMALL_TALK, STILL_SEEKING, Manners, Visitor)
+from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, GAZE_FAILED, GAZE_VALUES, LEAVES, MUTUAL_GAZE, NO_GAZE,
+                                NOTHING_HEARD, SILENT, SMALL_TALK, STILL_SEEKING, UNCLEAR, UNCLEAR_ANSWER, Manners,
+                                Visitor)
 
 HOME = (0.0, 0.0)
 
@@ -90,6 +91,12 @@ def test_the_second_look_of_a_seeking_robot_is_returned():
     assert person.gaze() == STILL_SEEKING
 
 
+def test_who_never_looks_back_is_seen_and_sought_in_vain():
+    person = after(NO_GAZE, attention("scanning"), attention("seeking"))
+    assert person.is_here and not person.looks_back
+    assert {person.gaze() for _ in range(100)} == {STILL_SEEKING}
+
+
 def test_nobody_returns_the_gaze_of_a_robot_that_was_left():
     person = after(LEAVES, attention("scanning"), drive(1, 1), drive(2, 2), drive(3, 3), attention("seeking"))
     assert person.gaze() == GAZE_FAILED
@@ -119,6 +126,16 @@ def test_answers(behaviour, spoken, pressed):
     assert person.press(["Oui", "Non"]) == pressed
 
 
+def test_who_is_unclear_gives_no_answer_in_two_ways_in_turn():
+    person = after(UNCLEAR, attention("scanning"))
+    heard = []
+    for _ in range(3):
+        person.notice(say("A tour?"))
+        heard += [person.utterance(), person.utterance()]
+    assert heard == [UNCLEAR_ANSWER] * 2 + [NOTHING_HEARD] * 2 + [UNCLEAR_ANSWER] * 2
+    assert person.press(["Oui", "Non"]) == "Non"
+
+
 @pytest.mark.parametrize("lines", (
     [say("Hello")],
     [say("A tour?"), attention("social")],
@@ -141,3 +158,4 @@ def test_a_language_understands_its_visitors_as_they_are_meant(language):
     assert known.spoken_answer(yes) == known.pressed_answer(yes) == "yes"
     assert known.spoken_answer(no) == known.pressed_answer(no) == "no"
     assert known.spoken_answer(SMALL_TALK) is known.spoken_answer(NOTHING_HEARD) is None
+    assert known.spoken_answer(UNCLEAR_ANSWER) is None
