@@ -70,6 +70,15 @@ class TestNodesAlone(unittest.TestCase):
         go = rospy.ServiceProxy("/robotNavigation/set_goal", robotNavigationService, persistent=True)
         self.assertEqual([go(1.0, 2.0, 90.0).navigation_goal_success for _ in range(5)], 5 * [0])
 
+    def test_each_node_can_be_left_out_for_the_real_one(self):
+        names = {"/" + row[0] for row in TABLE}
+        for launch in ("simulatedRobot.launch", "behaviorControllerTest.launch"):
+            for node in ("textToSpeech", "faceDetection"):
+                listed = subprocess.check_output(
+                    ("roslaunch", "unit_tests", launch, "use_real_{}:=true".format(node), "--nodes"),
+                    universal_newlines=True, env=dict(os.environ, ROS_HOME=self.home.name), timeout=LIMIT)
+                self.assertEqual(names & set(listed.split()), names - {"/" + node})
+
     def test_a_wrong_configuration_is_one_line_and_exit_code_2(self):
         process = self.start("textToSpeech", "_failureRate:=2")
         output, _ = process.communicate(timeout=LIMIT)
