@@ -52,6 +52,15 @@ def test_where_an_entry_is_made_and_found(levels, key, leads_to):
     assert boards[-1].find(key) is made
 
 
+def test_a_root_has_nowhere_to_lead_to():
+    root = Blackboard()
+    root.autoremap = True
+    root.add_remapping("x", "y")
+    assert root.find("x") is None and root.root() is root
+    root.set("x", 1)
+    assert contents(root) == {"x": 1}
+
+
 def test_what_is_stored_here_hides_what_is_remapped():
     root, board = chain({"x": "y"})
     root.set("y", 1)
@@ -93,7 +102,7 @@ def test_a_strong_type_is_declared_once(first, then, clash):
 
 
 @pytest.mark.parametrize("value, declared", [
-    (5, "int"), (2 ** 40, "int64"), (1.5, "double"), (True, "bool"), ("text", "any"), ([1], "list"),
+    (2 ** 31 - 1, "int"), (-2 ** 31, "int"), (2 ** 31, "int64"), (-2 ** 31 - 1, "int64"), (1.5, "double"), (True, "bool"), ("text", "any"), ([1], "list"),
 ])
 def test_the_first_write_declares_the_type_except_a_text(value, declared):
     board = Blackboard()
@@ -258,6 +267,7 @@ def test_every_write_counts():
     board.set_any("k", 3, "int")
     assert entry.sequence == 4 and Entry.writes == before + 4
     board.unset("k")
+    board.unset("k")  # there is nothing left to remove
     assert Entry.writes == before + 5
 
 

@@ -118,6 +118,12 @@ def test_what_cannot_be_written(type_name, text, value):
     assert board.local == {}
 
 
+def test_an_untyped_port_declares_what_it_writes():
+    board = Blackboard()
+    ports.write("{k}", port("any"), board, 6)
+    assert (board.local["k"].type, board.local["k"].origin) == ("int", "int")
+
+
 def test_writing_what_another_port_declared():
     board = Blackboard()
     ports.declare("{k}", port("string"), board)
@@ -161,7 +167,7 @@ def test_an_entry_of_the_root_is_made_there_and_at_once_means_only_that():
         ports.declare("{@a@b}", port("int"), subtree)
 
 
-# ---------------------------------------------------------------------------------- literals of subtrees, items of loops
+# ------------------------------------------------------------------------------- literals of subtrees, items of loops
 
 
 @pytest.mark.parametrize("text, type_name, value", [

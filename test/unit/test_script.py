@@ -187,6 +187,7 @@ def test_values(text, value):
     ("'abc' ? 1 : 2", "Any failed string to number conversion"),
     ("9007199254740993 + 0", "Loss of precision"),
     ("9007199254740992 + 0", "Loss of precision"),
+    ("minus + 0", "Loss of precision"),
     ("list == 1", "Can't mix different types in Comparison"),
     ("list == '1'", "Can't mix different types in Comparison"),
     ("list ? 1 : 2", "must be a number"),
@@ -202,7 +203,7 @@ def test_values(text, value):
 ])
 def test_failures_name_their_cause_and_the_script(text, reason):
     with pytest.raises(ScriptError) as raised:
-        run(text, none=None, list=[1], n=3, s="text")
+        run(text, none=None, list=[1], n=3, s="text", minus=-2 ** 53)
     assert reason in str(raised.value)
     assert "Error in script [{}]: ".format(text) in str(raised.value)
 
@@ -308,6 +309,7 @@ def test_long_scripts_take_time_in_proportion(text, value):
 
 
 def test_a_text_cannot_grow_without_end():
+    assert len(run("a := '" + "x" * 999999 + "'; a += 'y'")[0]) == 1000000
     with pytest.raises(ScriptError, match="1000000 characters"):
         run("a := 'x';" + "a += a;" * 64)
     with pytest.raises(ScriptError, match="1000000 characters"):
