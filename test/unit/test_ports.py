@@ -91,6 +91,8 @@ def test_an_entry_that_cannot_be_read(stored, type_name, reason):
 def test_a_missing_entry_is_named():
     with pytest.raises(PortError, match=r"port \[p\]: the blackboard has no entry \[k\]"):
         ports.read("{k}", port("int"), Blackboard(), {})
+    with pytest.raises(PortError, match="no entry"):
+        ports.entry_value("a literal", "p", Blackboard())
 
 
 @pytest.mark.parametrize("type_name, value, stored", [

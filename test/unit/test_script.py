@@ -137,8 +137,8 @@ def test_precedence(text, value):
 
 
 def test_names_that_are_read_and_written_are_known():
-    script = compile_script("a := b; c += d ? @e : true; f = g = (h) - 1; i")
-    assert script.read == {"b", "c", "d", "@e", "h", "i"}
+    script = compile_script("a := b; c += d ? @e : true; f = g = (h) - 1; i; j + k < l; -m")
+    assert script.read == {"b", "c", "d", "@e", "h", "i", "j", "k", "l", "m"}
     assert script.written == {"a", "c", "f", "g"}
 
 
@@ -170,6 +170,10 @@ def test_values(text, value):
     ("3 := 4", "Assignment left operand not a blackboard entry"),
     ("true := 1", "Assignment left operand not a blackboard entry"),
     ("(a := 1) := 2", "Assignment left operand not a blackboard entry"),
+    ("n 3 := 4", "Assignment left operand not a blackboard entry"),
+    ("(0 ? 1 : n) := 4", "Assignment left operand not a blackboard entry"),
+    ("-n := 4", "Assignment left operand not a blackboard entry"),
+    ("n + n := 4", "Assignment left operand not a blackboard entry"),
     ("none + 1", "The left operand of the operator [+] is not initialized"),
     ("1 == none", "The right operand of the operator [==] is not initialized"),
     ("none ? 1 : 2", "is not initialized"),
