@@ -105,16 +105,35 @@ def test_without_a_visitors_gaze_the_mission_goes_on():
     assert to_the_end(fallback("<IsMutualGazeDiscovered/>", lambda request: Answer())) is SUCCESS
 
 
-@pytest.mark.parametrize("node", policy.NEVER_SKIPPED)
+@pytest.mark.parametrize("node", ["Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome"])
 @pytest.mark.parametrize("cause", list(Cause))
 def test_what_the_tour_rests_on_is_never_skipped(node, cause):
     assert DELIVERED.rule(node, cause).then == policy.GIVE_UP
+    anything_goes = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
+    assert anything_goes.rule(node, cause).then == policy.GIVE_UP
 
 
-def test_not_even_by_a_rule_for_all():
+def test_other_nodes_may_be_skipped_by_a_rule_for_all():
     rules = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
-    assert rules.rule("Navigate", Cause.REFUSED).then == policy.GIVE_UP
     assert rules.rule("WelcomeSpeech", Cause.REFUSED).then == policy.SKIP
+
+
+def test_without_a_rule_a_failure_is_given_up():
+    assert policy.Policy((), 9, 9.0).rule("WelcomeSpeech", Cause.REFUSED).then == policy.GIVE_UP
+
+
+@pytest.mark.parametrize("word, cause", [
+    ("refused", Cause.REFUSED), ("exception", Cause.HANDLER_EXCEPTION), ("no-answer", Cause.NO_ANSWER),
+    ("connection-lost", Cause.CONNECTION_LOST), ("not-reachable", Cause.NOT_REACHABLE),
+    ("not-advertised", Cause.NOT_ADVERTISED), ("type-mismatch", Cause.TYPE_MISMATCH),
+    ("unusable-answer", Cause.UNUSABLE_ANSWER), ("missing-data", Cause.MISSING_DATA),
+    ("condition-false", Cause.CONDITION_FALSE)])
+def test_the_words_for_causes(tmp_path, word, cause):
+    rules = read(tmp_path, "budget 5 10\nWelcomeSpeech {} 7 0 skip\n".format(word))
+    assert [other for other in Cause if rules.rule("WelcomeSpeech", other).retries == 7] == [cause]
+    with open(folders.config("recoveryPolicy.ini"), encoding="utf-8") as file:
+        explained = file.read().split("# retries")[0]
+    assert word in explained.replace(",", "").split()
 
 
 def test_after_a_subtree_only_going_on_or_giving_up_is_possible():
@@ -219,7 +238,8 @@ def test_a_recovery_wakes_the_tree_when_a_pause_is_over_and_tells_how_long_it_to
     rig.clock.advance(0.1)
     assert rig.tree.wake.test_and_clear()
     assert rig.tick() is SUCCESS
-    assert [(event.node, event.seconds) for event in rig.of(LeafFinished)] == [("Navigate", 0.0), ("HandleFallBack", 1.0)]
+    assert [(event.node, event.seconds) for event in rig.of(LeafFinished)] == [
+        ("Navigate", 0.0), ("HandleFallBack", 1.0)]
 
 
 def test_a_visit_may_be_wrapped_otherwise():

@@ -128,6 +128,34 @@ def test_waiting_ends_at_the_next_timer():
     assert fired == [True]
 
 
+@pytest.mark.parametrize("at_most, timers, expected", [
+    (None, [], None), (1.5, [], 1.5), (None, [2.0, 3.0], 2.0), (1.5, [2.0], 1.5), (2.5, [2.0], 2.0), (1.5, [-1.0], 0.0)])
+def test_a_wait_ends_at_the_limit_or_the_next_timer_whichever_is_first(at_most, timers, expected):
+    rig = one_leaf("<WelcomeSpeech/>")
+    for due in timers:
+        rig.clock.call_after(due, lambda: None)
+    waited = []
+    rig.tree.wake.wait = waited.append
+    Runner(rig.tree, rig.mission, "x", 1, lambda: False).wait(at_most)
+    assert waited == [expected]
+
+
+@pytest.mark.parametrize("mission, stops", [("<WelcomeSpeech/>", 4), ("<AlwaysFailure/>", 4), ("<Sleep msec='700'/>", 4)])
+def test_no_wait_begins_with_an_old_wake_up(mission, stops):
+    # such a wait would end at once, and a loop of them would keep the processor busy
+    waits = []
+
+    class Waiting(Runner):
+        def wait(self, seconds):
+            waits.append(self.tree.wake.test_and_clear())
+            rig.clock.advance(0.25)
+            self.tree.wake.emit()
+
+    rig = one_leaf(mission, lambda request: None)
+    Waiting(rig.tree, rig.mission, "x", 0, lambda: len(waits) >= stops).run()
+    assert len(waits) > stops and not any(waits)
+
+
 def run_until_it_waits(mission, waits=1):
     """Run a mission until it has waited so often; return the rig and how long it would have waited, None for ever."""
     asked = []
