@@ -104,7 +104,7 @@ KEYS: Tuple[Key, ...] = (
     Key("topicMaxAge", number(0.001, 86400.0), _POSITIVE, 2.0,
         "an older message of a continuously published topic counts as absent"),
     Key("conditionWait", number(0.0, 86400.0), _SECONDS, 0.0,
-        "how long a condition waits for its evidence, for missions that do not wait themselves"),
+        "how long a condition waits for its evidence, where the mission itself does not"),
     Key("mutualGazeValue", integer(1, 2), "1 or 2", 1,
         "the value of /overtAttention/mode that means mutual gaze: 1 in the document, 2 on the robot"),
     Key("welcomeGestureId", integer(0, 255), "a whole number from 0 to 255", 1, "the iconic gesture of WelcomeGesture"),
