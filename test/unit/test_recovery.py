@@ -178,9 +178,13 @@ def test_the_budget_ends_endless_recovery():
 
 def test_beyond_the_budget_nothing_is_retried():
     rig = fallback("<WelcomeSpeech/>", failing(9999, Cause.REFUSED))
-    rig.mission.policy = rig.mission.policy._replace(most=0)
+    rig.mission.policy = rig.mission.policy._replace(most=0, seconds=60.0)
     assert to_the_end(rig) is FAILURE
     assert rig.requests[1:] == SAFE
+    assert [event.policy for event in rig.of(Recovered)] == ["give up: the budget of 0 recoveries in 60 s is spent"]
+    rig.mission.policy = rig.mission.policy._replace(most=99)
+    assert to_the_end(rig) is SUCCESS
+    assert rig.of(Recovered)[-1].policy == "retry 1x, then skip"
 
 
 def test_another_cause_at_the_second_attempt_has_a_rule_of_its_own():

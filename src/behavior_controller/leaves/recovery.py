@@ -35,6 +35,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         self.farewell: List[Call] = []  # the safe state under way
         self.is_giving_up = False
         self.last_number = 0
+        self.because = ""  # why the policy's rule is not followed
 
     def on_start(self) -> Result:
         """Find the failure and decide."""
@@ -42,7 +43,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         steps = self._steps()
         self.cause = self.mission.failures.newest(steps[0].uid if steps else self.uid, self.uid, self.last_number)
         self.last_number = self.mission.failures.newest_number
-        self.attempts, self.is_giving_up = 0, False
+        self.attempts, self.is_giving_up, self.because = 0, False, ""
         if self.cause is None:
             self.feedback_message = "no mission node failed before"
             self._report_end(False, "give up", Failure(Cause.MISSING_DATA, self.feedback_message))
@@ -50,6 +51,8 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         self.rule = self.mission.policy.rule(self.cause.leaf.registration_id, self.cause.failure.cause)
         if not self._within_budget():
             self.rule = self.rule._replace(retries=0, then=GIVE_UP)
+            self.because = ": the budget of {} recoveries in {:g} s is spent".format(
+                self.mission.policy.most, self.mission.policy.seconds)
         if not self._is_neighbour():
             self.rule = self.rule._replace(retries=0)
         return self._next()
@@ -79,8 +82,9 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         if self.attempts < self.rule.retries:
             self.timer = self.mission.clock.call_after(self.rule.back_off * 2 ** self.attempts, self._due)
             return RUNNING
-        if self._is_visit() and not leave_out_exhibit(self):
+        if self._is_visit() and not leave_out_exhibit(self) and self.rule.then == SKIP:
             self.rule = self.rule._replace(then=GIVE_UP)
+            self.because = ": every exhibit would be left out"
         if self.rule.then == SKIP:
             return self._ended(True)
         return self._give_up()
@@ -142,7 +146,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
 
     def _ended(self, success: bool) -> Result:
         assert self.cause is not None
-        self._report_end(success, str(self.rule), self.cause.failure)
+        self._report_end(success, str(self.rule) + self.because, self.cause.failure)
         return self._finished(success)
 
     def _report_end(self, success: bool, policy: str, failure: Failure) -> None:
