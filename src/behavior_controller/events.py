@@ -28,8 +28,20 @@ class LeafFinished(NamedTuple):
     failure: Optional[Failure]
 
 
+class Retried(NamedTuple):
+    """HandleFallBack tried a failed step once more and it failed again: which attempt, and why this time."""
+
+    node: str
+    path: str
+    attempt: int
+    failure: Failure
+
+
 class Recovered(NamedTuple):
-    """A decision of HandleFallBack: which failure, what was done, after how many attempts, and whether it helped."""
+    """A decision of HandleFallBack: which failure, what was done, after how many attempts, and whether it helped.
+
+    ``outcome`` is ``done`` (a retry did it), ``skipped`` or ``given up``; ``success`` is false for the last only.
+    """
 
     node: str
     path: str
@@ -37,6 +49,22 @@ class Recovered(NamedTuple):
     policy: str
     attempts: int
     success: bool
+    outcome: str
+
+
+class HealthChanged(NamedTuple):
+    """Something of the robot went wrong while the mission ran, or is well again.
+
+    ``kind`` is ``service``, ``topic`` or ``master``; ``name`` the resolved name (the master's: its address); ``node``
+    the robot's node that offers it; ``consequence`` what it means for the mission, empty when all is well.
+    """
+
+    kind: str
+    name: str
+    node: str
+    is_well: bool
+    status: str
+    consequence: str
 
 
 class PassFinished(NamedTuple):
@@ -61,7 +89,7 @@ class RunFinished(NamedTuple):
     exit_code: int
 
 
-Event = Union[RunStarted, LeafFinished, Recovered, PassFinished, Noticed, RunFinished]
+Event = Union[RunStarted, LeafFinished, Retried, Recovered, HealthChanged, PassFinished, Noticed, RunFinished]
 
 
 class Events:

@@ -75,7 +75,8 @@ class Runner:
             self._pause(SHORTEST_PASS)
 
     def _tick(self) -> Any:
-        """Tick once; an exception in a node ends the pass, not the node."""
+        """Tell what has changed about the robot, and tick once; an exception in a node ends the pass, not the node."""
+        self.mission.health.publish(self.mission.events)
         try:
             result = self.tree.tick_once()
         except BehaviorControllerError as error:
@@ -116,6 +117,7 @@ class Runner:
         end = self.clock.now() + seconds
         while self.clock.now() < end and not self.is_stopped():
             self.tree.wake.test_and_clear()
+            self.mission.health.publish(self.mission.events)
             self.wait(end - self.clock.now())
 
     def _halt(self) -> None:

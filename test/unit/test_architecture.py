@@ -12,11 +12,11 @@ PRODUCT = "behavior_controller"
 
 # From the top: a module imports from its own layer and from those below. The longest name that fits decides.
 LAYERS = [
-    ["behaviorController", "exportNodeModel", "validateMission"],
+    ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli"],
     ["watch", "record", "leaves"],
     ["runner", "bt.compiler", "bt.checks", "bt.lint", "bt.conformance"],
-    ["bt", "gateway", "events", "settings", "folders", "phrases", "policy"],
+    ["bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy"],
     ["errors"],
 ]
 ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rosnode", "rospy", "rosservice",

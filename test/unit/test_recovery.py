@@ -4,9 +4,10 @@ import pytest
 from behavior_controller import folders, leaves, policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.events import LeafFinished, Recovered
+from behavior_controller.events import HealthChanged, LeafFinished, Recovered, Retried
 from behavior_controller.gateway import (Answer, Cause, Failure, GoTo, Location, Point, QueryKnowledge, Say,
                                          SetAnimation, SetAttention)
+from behavior_controller.health import GONE
 from behavior_controller.leaves.base import TARGET_LOCATION
 from mission_rig import EXHIBITS, refusal
 from test_leaves import one_leaf, write
@@ -244,6 +245,64 @@ def test_a_recovery_wakes_the_tree_when_a_pause_is_over_and_tells_how_long_it_to
     assert rig.tick() is SUCCESS
     assert [(event.node, event.seconds) for event in rig.of(LeafFinished)] == [
         ("Navigate", 0.0), ("HandleFallBack", 1.0)]
+
+
+@pytest.mark.parametrize("times, retried, outcome", [
+    (1, [], "done"), (2, [1], "done"), (3, [1, 2], "given up")])
+def test_each_attempt_that_fails_is_told_and_how_it_ended(times, retried, outcome):
+    rig = fallback("<Navigate/>", failing(times, Cause.REFUSED))  # the policy: twice more
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    assert to_the_end(rig) is (FAILURE if outcome == "given up" else SUCCESS)
+    assert [(event.node, event.attempt, event.failure.cause) for event in rig.of(Retried)] == [
+        ("Navigate", attempt, Cause.REFUSED) for attempt in retried]
+    assert [(event.outcome, event.success) for event in rig.of(Recovered)] == [(outcome, outcome == "done")]
+
+
+def test_what_is_left_out_is_told_as_skipped():
+    rig = fallback("<WelcomeSpeech/>", failing(9, Cause.NO_ANSWER))
+    assert to_the_end(rig) is SUCCESS
+    assert [event.outcome for event in rig.of(Recovered)] == ["skipped"]
+
+
+def gone(service, is_well=False):
+    return HealthChanged("service", service, "", is_well, "", "")
+
+
+def goals_of(rig, seconds):
+    """Tick for that long and return when, since the start, the robot was asked to drive."""
+    when = []
+    for _ in range(int(seconds / 0.25)):
+        before = len(rig.requests)
+        rig.tick()
+        when += [rig.clock.now() - 1000.0 for request in rig.requests[before:] if isinstance(request, GoTo)]
+        rig.clock.advance(0.25)
+    return when
+
+
+def test_a_retry_waits_for_a_service_that_is_gone_to_come_back():
+    rig = fallback("<Navigate/>", failing(1, Cause.CONNECTION_LOST))
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    rig.mission.health.report(GONE, gone(GoTo.service))
+    assert goals_of(rig, 5.0) == [0.0]
+    rig.mission.health.report(GONE, gone(GoTo.service, is_well=True))
+    assert goals_of(rig, 0.25) == [5.0]
+    assert [event.outcome for event in rig.of(Recovered)] == ["done"]
+    assert rig.clock.next_due() is None
+
+
+def test_the_wait_for_a_service_has_an_end():
+    rig = fallback("<Navigate/>", failing(9, Cause.NOT_REACHABLE))
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    rig.mission.health.report(GONE, gone(GoTo.service))
+    # the back-off of 1 s, then at most RETURN_LIMIT; the second retry waits its own back-off of 2 s only
+    assert goals_of(rig, 30.0)[:3] == [0.0, 1.0 + 15.0, 1.0 + 15.0 + 2.0]
+
+
+def test_nobody_waits_for_what_may_be_left_out():
+    rig = fallback("<WelcomeGesture/>", failing(9, Cause.NOT_REACHABLE))
+    rig.mission.health.report(GONE, gone("/gestureExecution/perform_gesture"))
+    assert to_the_end(rig) is SUCCESS
+    assert rig.clock.now() <= 1002.0
 
 
 def test_a_visit_may_be_wrapped_otherwise():

@@ -13,6 +13,7 @@ from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.bt.tree import Tree
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Answer, Call, Cause, Failure, Gateway, Request, Sample, Topic, Topics
+from behavior_controller.health import Health
 
 # ------------------------------------------------------------------------------- keys on the root blackboard (README)
 
@@ -63,7 +64,8 @@ class MissionContext:
     """What the leaves of a running mission share. ``setup(mission=…)`` hands it to each."""
 
     def __init__(self, gateway: Gateway, topics: Topics, settings: Any, phrases: Any, policy: Any, clock: Clock,
-                 events: Events):
+                 events: Events, health: Optional[Health] = None):
+        """``health`` tells what is known of the robot's nodes; without it they count as well."""
         self.gateway = gateway
         self.topics = topics
         self.settings = settings
@@ -71,6 +73,7 @@ class MissionContext:
         self.policy = policy
         self.clock = clock
         self.events = events
+        self.health = health or Health()
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget
 

@@ -6,7 +6,7 @@ from behavior_controller.bt.leaf import ActionLeaf
 from behavior_controller.bt.node import Result
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
-from behavior_controller.events import Recovered
+from behavior_controller.events import Recovered, Retried
 from behavior_controller.gateway import SAFE_STATE, Call, Cause, Failure
 from behavior_controller.leaves.base import Failed, MissionLeaf, ServiceLeaf
 from behavior_controller.leaves.knowledge import leave_out_exhibit
@@ -14,6 +14,12 @@ from behavior_controller.policy import GIVE_UP, SKIP, Rule
 
 VISITING = ("SelectExhibit", "Navigate")
 """Nodes that belong to the visit of an exhibit: to go on without them is to leave the exhibit out."""
+
+RETURN_LIMIT = 15.0
+"""Seconds that a retry waits for the return of a service that is known to be gone, if the tour cannot do without."""
+
+DONE, SKIPPED, GIVEN_UP = "done", "skipped", "given up"
+"""How a recovery may end."""
 
 
 class HandleFallBack(MissionLeaf, ActionLeaf):
@@ -32,6 +38,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         self.attempts = 0
         self.call: Optional[Call] = None
         self.timer: Optional[Timer] = None
+        self.patience: Optional[Timer] = None  # ends the wait for a service that is gone
         self.farewell: List[Call] = []  # the safe state under way
         self.is_giving_up = False
         self.last_number = 0
@@ -46,7 +53,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         self.attempts, self.is_giving_up, self.because = 0, False, ""
         if self.cause is None:
             self.feedback_message = "no mission node failed before"
-            self._report_end(False, "give up", Failure(Cause.MISSING_DATA, self.feedback_message))
+            self._report_end(GIVEN_UP, "give up", Failure(Cause.MISSING_DATA, self.feedback_message))
             return self._finished(False)
         self.rule = self.mission.policy.rule(self.cause.leaf.registration_id, self.cause.failure.cause)
         if not self._within_budget():
@@ -86,7 +93,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             self.rule = self.rule._replace(then=GIVE_UP)
             self.because = ": every exhibit would be left out"
         if self.rule.then == SKIP:
-            return self._ended(True)
+            return self._ended(SKIPPED)
         return self._give_up()
 
     def _is_visit(self) -> bool:
@@ -111,7 +118,18 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             return RUNNING
         if self.is_giving_up:
             return self._leave()
+        if self.call is None and self._awaits_return():
+            return RUNNING
         return self._attempt()
+
+    def _awaits_return(self) -> bool:
+        """Return whether to put the attempt off: what is gone may be started again, and giving up is the alternative."""
+        assert self.cause is not None
+        if self.rule.then == SKIP or not self.mission.health.is_gone(self.cause.failure.resource):
+            return False
+        if self.patience is None:
+            self.patience = self.mission.clock.call_after(RETURN_LIMIT, self.wake)
+        return self.patience.callback is not None
 
     def _attempt(self) -> Result:
         assert self.cause is not None
@@ -121,7 +139,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             self.attempts += 1
             wanted = leaf.request()
             if wanted is None:
-                return self._ended(True)
+                return self._ended(DONE)
             if isinstance(wanted, Failure):
                 return self._failed_again(wanted)
             self.call = self.mission.gateway.start(wanted)
@@ -129,11 +147,13 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             return RUNNING
         result, self.call = self.call.result, None
         failure = result if isinstance(result, Failure) else leaf.accept(result)
-        return self._ended(True) if failure is None else self._failed_again(failure)
+        return self._ended(DONE) if failure is None else self._failed_again(failure)
 
     def _failed_again(self, failure: Failure) -> Result:
         assert self.cause is not None
         self.cause = self.cause._replace(failure=failure)
+        leaf = self.cause.leaf
+        self.mission.events.emit(Retried(leaf.registration_id, leaf.full_path, self.attempts, failure))
         # what was refused before may have been done this time: the rule is that of the new cause
         self.rule = self.mission.policy.rule(self.cause.leaf.registration_id, failure.cause)
         return self._next()
@@ -142,17 +162,25 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         if any(call.result is None for call in self.farewell):
             return RUNNING
         self.farewell = []
-        return self._ended(False)
+        return self._ended(GIVEN_UP)
 
-    def _ended(self, success: bool) -> Result:
+    def _ended(self, outcome: str) -> Result:
         assert self.cause is not None
-        self._report_end(success, str(self.rule) + self.because, self.cause.failure)
-        return self._finished(success)
+        self._forget_timers()
+        self._report_end(outcome, str(self.rule) + self.because, self.cause.failure)
+        return self._finished(outcome != GIVEN_UP)
 
-    def _report_end(self, success: bool, policy: str, failure: Failure) -> None:
+    def _report_end(self, outcome: str, policy: str, failure: Failure) -> None:
         path = self.cause.leaf.full_path if self.cause is not None else self.full_path
         node = self.cause.leaf.registration_id if self.cause is not None else self.registration_id
-        self.mission.events.emit(Recovered(node, path, failure, policy, self.attempts, success))
+        self.mission.events.emit(
+            Recovered(node, path, failure, policy, self.attempts, outcome != GIVEN_UP, outcome))
+
+    def _forget_timers(self) -> None:
+        for timer in (self.timer, self.patience):
+            if timer is not None:
+                timer.cancel()
+        self.timer = self.patience = None
 
     def _finished(self, success: bool) -> Result:
         # a failed recovery is not a failure of its own: what an outer HandleFallBack looks for is the first one
@@ -164,9 +192,8 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         """Drop what is under way."""
         for call in self.farewell + ([self.call] if self.call is not None else []):
             call.drop()
-        if self.timer is not None:
-            self.timer.cancel()
-        self.call, self.timer, self.farewell = None, None, []
+        self._forget_timers()
+        self.call, self.farewell = None, []
         self.report(IDLE)
 
 

@@ -13,7 +13,8 @@ from typing import Any, Callable, Dict
 from rosgraph.roslogging import RosStreamHandler
 
 from behavior_controller.bt.clock import Clock
-from behavior_controller.events import (Event, LeafFinished, Noticed, PassFinished, Recovered, RunFinished, RunStarted)
+from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
+                                        Retried, RunFinished, RunStarted)
 
 HEARTBEAT = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
@@ -39,8 +40,9 @@ class Console:
         self.is_verbose = is_verbose
         self._logger = logging.getLogger(ROSOUT)
         self._lines: Dict[type, Callable[[Any], None]] = {
-            RunStarted: self._run_started, LeafFinished: self._leaf_finished, Recovered: self._recovered,
-            PassFinished: self._pass_finished, Noticed: self._noticed, RunFinished: self._run_finished}
+            RunStarted: self._run_started, LeafFinished: self._leaf_finished, Retried: self._retried,
+            Recovered: self._recovered, HealthChanged: self._health_changed, PassFinished: self._pass_finished,
+            Noticed: self._noticed, RunFinished: self._run_finished}
 
     def attach(self) -> None:
         """Make sure that lines reach the terminal; rospy sets up no logging when it has nowhere for its log file."""
@@ -80,11 +82,20 @@ class Console:
         parts = [event.status, event.resource, "{:.3f} s".format(event.seconds), reason(event.failure)]
         self.tell("info", "{} ({}): {}".format(event.node, event.path, ", ".join(part for part in parts if part)))
 
+    def _retried(self, event: Retried) -> None:
+        if self.is_verbose:
+            self.tell("info", "{} ({}): retry {} failed, {}, {}".format(
+                event.node, event.path, event.attempt, event.failure.resource, reason(event.failure)))
+
     def _recovered(self, event: Recovered) -> None:
-        self.tell("warning", "recovery at {}: {}{}; {} after {} attempt{}: {}".format(
+        self.tell("warning", "recovery at {}: {}{}; policy: {}; {} attempt{}: {}".format(
             event.path, reason(event.failure), " at " + event.failure.resource if event.failure.resource else "",
-            event.policy, event.attempts, "" if event.attempts == 1 else "s",
-            "going on" if event.success else "given up"))
+            event.policy, event.attempts, "" if event.attempts == 1 else "s", event.outcome))
+
+    def _health_changed(self, event: HealthChanged) -> None:
+        self.tell("info" if event.is_well else "warning", "{} {}{}: {}{}".format(
+            event.kind, event.name, " (of node /{})".format(event.node) if event.node else "", event.status,
+            "; " + event.consequence if event.consequence else ""))
 
     def _pass_finished(self, event: PassFinished) -> None:
         level = "info" if event.outcome == "SUCCESS" else "warning"

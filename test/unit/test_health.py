@@ -1,0 +1,56 @@
+"""What is known of the robot's nodes: each change is handed on once, by the tick thread."""
+from behavior_controller.events import Events, HealthChanged
+from behavior_controller.health import GONE, SLOW, CallCount, Health
+
+DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer", "the robot cannot speak")
+BACK = HealthChanged("service", "/say", "textToSpeech", True, "back", "")
+
+
+def published(health):
+    events, seen = Events(), []
+    events.subscribe(seen.append)
+    health.publish(events)
+    return seen
+
+
+def test_a_change_is_told_once_and_wakes():
+    wakes = []
+    health = Health(lambda: wakes.append(True))
+    for _ in range(3):
+        health.report(GONE, DEAD)
+    assert wakes == [True]
+    assert published(health) == [DEAD]
+    assert published(health) == []
+    for _ in range(3):
+        health.report(GONE, BACK)
+    assert published(health) == [BACK]
+
+
+def test_what_was_always_well_is_no_news():
+    health = Health()
+    health.report(GONE, BACK)
+    assert published(health) == []
+
+
+def test_what_is_gone_is_known_until_it_is_back():
+    health = Health()
+    health.report(GONE, DEAD)
+    assert health.is_gone("/say") and not health.is_gone("/go")
+    health.report(GONE, BACK)
+    assert not health.is_gone("/say")
+
+
+def test_each_respect_is_for_itself():
+    health = Health()
+    health.report(SLOW, DEAD)
+    assert not health.is_gone("/say")
+    health.report(GONE, DEAD)
+    assert published(health) == [DEAD, DEAD]
+
+
+def test_calls_are_counted():
+    health = Health()
+    for seconds, has_failed in ((0.5, False), (2.0, True), (1.0, True)):
+        count = health.count("/say", seconds, has_failed)
+    assert count == health.calls["/say"] == CallCount(3, 2, 2, 1.0, 2.0)
+    assert health.count("/say", 0.25, False).in_a_row == 0
