@@ -36,7 +36,7 @@ def file(tmp_path):
 
 def test_the_lab_tour_can_be_run(capsys):
     assert cli.validate([LAB_TOUR]) == 0
-    assert capsys.readouterr().out == "{}: can be run, 213 nodes, 0 warnings\n".format(LAB_TOUR)
+    assert capsys.readouterr().out == "{}: can be run, 216 nodes, 0 warnings\n".format(LAB_TOUR)
 
 
 def test_every_fault_of_every_file_is_printed_with_its_place(file, capsys):
@@ -135,9 +135,9 @@ def test_built_in_nodes_are_described_as_the_library_does():
 
 def test_a_mission_can_be_drawn():
     root = cli.create_tree()
-    assert len(py_trees.display.ascii_tree(root).splitlines()) >= 213
+    assert len(py_trees.display.ascii_tree(root).splitlines()) >= 216
     names = [node.name for node in root.iterate()]
-    assert len(names) == len(set(names)) == 213
+    assert len(names) == len(set(names)) == 216
     assert [name.split(" #")[0] for name in names if name.startswith("Point to")] == [
         "Point to exhibit (PerformDeicticGesture)", "Point to exit (PerformDeicticGesture)"]
     assert root.name == "lab_tour" and not any(":" in name for name in names)

@@ -4,9 +4,11 @@ The expected orders are read off data/lab_tour.xml by hand, with the meaning tha
 """
 import pytest
 
+from behavior_controller.bt.status import SUCCESS
 from behavior_controller.events import LeafFinished, PassFinished, Recovered
-from behavior_controller.gateway import (Answer, Cause, Failure, GoTo, PerformGesture, Point, Prompt, QueryKnowledge,
-                                         Say, SetAnimation, SetAttention)
+from behavior_controller.gateway import (Answer, AttentionStatus, Cause, Faces, Failure, GoTo, PerformGesture, Point,
+                                         Prompt, QueryKnowledge, Say, SetAnimation, SetAttention, Topic)
+from behavior_controller.leaves.recovery import HandleFallBack
 from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, visitor_who
 from test_leaves import one_leaf
 
@@ -169,13 +171,12 @@ def test_an_exhibit_that_cannot_be_reached_ends_the_tour_at_home_as_a_failure():
     assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"] + drive(HOME)
 
 
-def test_the_last_exhibit_out_of_reach_ends_the_tour_early_but_properly():
-    # every exhibit has been selected by then, which is what the mission asks for before it goes on to EndTour
+def test_the_last_exhibit_out_of_reach_ends_the_tour_at_home_as_a_failure_too():
     goal, answer = never_reaching(EXHIBITS[1])
     rig = Rig(answer=answer)
-    assert rig.run(visitor_who(says="yes")) == 0
+    assert rig.run(visitor_who(says="yes")) == 3
     before = ["query exhibits"] + visit(EXHIBITS[0]) + visit(EXHIBITS[1])[:3]
-    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + FAREWELL + ["query home"] + drive(HOME)
+    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"] + drive(HOME)
 
 
 def test_navigation_that_works_at_the_second_attempt_changes_nothing_else():
@@ -299,6 +300,72 @@ def test_a_mission_that_goes_on_in_spite_of_all_still_ends():
     rig = one_leaf(loop)
     assert rig.run(lambda rig: rig.clock.advance(0.5)) == 0
     assert rig.tree.blackboard.get("leftOutExhibits") == [0, 1]
+
+
+def leaves_at(stop):
+    """Return a visitor who says yes and is gone when the robot has driven that often."""
+    def act(rig):
+        drives = sum(isinstance(request, GoTo) for request in rig.requests)
+        if drives < stop:
+            visitor_who(says="yes")(rig)
+        else:
+            rig.clock.advance(0.5)
+            rig.topics.publish(Topic.FACES, Faces((), ()))
+            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 3))
+    return act
+
+
+UP_TO_THE_TOUR = MEETING + ["say Query", "query exhibits"]
+
+
+@pytest.mark.parametrize("stop, before", [
+    (1, visit(EXHIBITS[0])[:5]),
+    (2, visit(EXHIBITS[0]) + visit(EXHIBITS[1])[:5]),
+])
+def test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(stop, before):
+    rig = Rig()
+    assert rig.run(leaves_at(stop)) == 3
+    assert asked(rig) == UP_TO_THE_TOUR + before + SAFE + GO_HOME
+    assert rig.of(Recovered)[-1].node == "IsVisitorDiscovered"
+
+
+def test_a_visitor_who_left_on_the_way_to_the_door_is_not_told_goodbye():
+    rig = Rig()
+    assert rig.run(leaves_at(3)) == 3
+    assert asked(rig) == UP_TO_THE_TOUR + visit(EXHIBITS[0]) + visit(EXHIBITS[1]) + FAREWELL[:6] + GO_HOME
+
+
+def test_a_visitor_who_does_not_look_at_the_door_is_told_goodbye():
+    rig = Rig()
+    assert rig.run(gaze_except_at(3)) == 0
+    assert asked(rig)[-len(GO_HOME) - 4:] == FAREWELL[-4:] + GO_HOME
+
+
+def test_the_next_visitor_is_told_goodbye_again():
+    rig = Rig()
+    assert rig.run(lambda rig: (visitor_who(says="yes") if rig.of(PassFinished) else leaves_at(1))(rig), runs=2) == 0
+    assert asked(rig)[-len(TOUR):] == TOUR
+
+
+def test_no_recovery_gives_a_tour_to_who_said_no():
+    rig = one_leaf("<Sequence><QueryTourSpeech/><ReactiveFallback><IsYesNoUttered/><Sleep msec=\"9000\"/>"
+                   "</ReactiveFallback><Fallback><IsVisitorResponseYes/><HandleFallBack/></Fallback>"
+                   "<RetrieveListOfExhibits/></Sequence>")
+    assert rig.run(visitor_who(says="no")) == 3
+    assert [named(request) for request in rig.requests] == ["say Query"] + SAFE
+
+
+@pytest.mark.parametrize("shown", [
+    test_an_exhibit_that_cannot_be_reached_ends_the_tour_at_home_as_a_failure,
+    test_an_empty_list_of_exhibits_is_no_tour_and_no_success,
+    test_a_tour_at_which_nobody_looks_is_no_success,
+    lambda: test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(1, visit(EXHIBITS[0])[:5]),
+    test_no_recovery_gives_a_tour_to_who_said_no,
+])
+def test_a_recovery_that_always_succeeds_is_noticed(monkeypatch, shown):
+    monkeypatch.setattr(HandleFallBack, "on_start", lambda self: SUCCESS)
+    with pytest.raises(AssertionError):
+        shown()
 
 
 def test_an_exhibit_with_nothing_to_point_at_gets_no_gesture():
