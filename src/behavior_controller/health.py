@@ -10,6 +10,12 @@ from behavior_controller.events import Events, HealthChanged
 
 GONE, SLOW, FAILING, SILENT = "gone", "slow", "failing", "silent"
 
+SLOW_SHARE = 0.5
+"""A service is slow when a call has taken this share of its deadline."""
+
+FAILURES_IN_A_ROW = 3
+"""A service is failing after so many failed calls without a good one between them."""
+
 
 class CallCount(NamedTuple):
     """How a service has done so far: calls that ended, those that failed, and seconds of the last and the slowest."""
@@ -43,13 +49,24 @@ class Health:
         self._changes.put(change)
         self._wake()
 
-    def count(self, name: str, seconds: float, has_failed: bool) -> CallCount:
-        """Count a call that ended after ``seconds``, and return the sum for its service."""
-        before = self.calls.get(name, CallCount())
-        after = CallCount(before.calls + 1, before.failures + has_failed, before.in_a_row + 1 if has_failed else 0,
-                          seconds, max(seconds, before.slowest_seconds))
-        self.calls[name] = after
-        return after
+    def slow(self, service: str, deadline: float) -> None:
+        """Note that a call has taken ``SLOW_SHARE`` of its deadline (seconds) and is not answered."""
+        self.report(SLOW, HealthChanged("service", service, "", False, "slow: no answer for {:g} s".format(
+            deadline * SLOW_SHARE), "the call is given up after {:g} s".format(deadline)))
+
+    def ended(self, service: str, seconds: float, deadline: float, has_failed: bool) -> None:
+        """Count a call that ended after ``seconds``; its ``deadline`` tells whether that was slow."""
+        before = self.calls.get(service, CallCount())
+        row = before.in_a_row + 1 if has_failed else 0
+        self.calls[service] = CallCount(before.calls + 1, before.failures + has_failed, row, seconds,
+                                        max(seconds, before.slowest_seconds))
+        if row >= FAILURES_IN_A_ROW:
+            self.report(FAILING, HealthChanged("service", service, "", False, "failing: {} calls in a row".format(row),
+                                               "the recovery policy says what is left out"))
+        elif not has_failed:
+            self.report(FAILING, HealthChanged("service", service, "", True, "works again", ""))
+            if seconds < deadline * SLOW_SHARE:
+                self.report(SLOW, HealthChanged("service", service, "", True, "answers in time again", ""))
 
     def is_gone(self, name: str) -> bool:
         """Return whether the service or topic is known to be gone."""

@@ -1,5 +1,5 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
-from typing import Any, Callable, Dict, Optional
+from typing import Any, Callable, Dict, NamedTuple, Optional
 
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.bt.tree import Tree
@@ -22,20 +22,25 @@ SAFE_STATE_LIMIT = 1.0
 """Seconds that the requests of the safe state may take when the node stops."""
 
 
+class Running(NamedTuple):
+    """What runs: ``mission`` is the leaves' context, whose gateway, events, health and settings the runner uses too."""
+
+    tree: Tree
+    mission: Any
+    mission_file: str
+    runs: int  # passes; 0 is for ever
+
+
 class Runner:
-    """Runs passes of a mission until ``is_stopped()``, or ``runs`` passes (0: for ever).
+    """Runs passes of a mission until ``is_stopped()``, or as many passes as it is to run."""
 
-    ``mission`` is the leaves' context: each leaf gets it, and the runner uses its gateway, events and settings.
-    """
-
-    def __init__(self, tree: Tree, mission: Any, mission_file: str, runs: int,
-                 is_stopped: Callable[[], bool]):
-        self.tree = tree
-        self.clock = tree.clock
-        self.mission = mission
-        self.mission_file = mission_file
-        self.runs = runs
+    def __init__(self, running: Running, is_stopped: Callable[[], bool],
+                 successor: Callable[[], Optional[Running]] = lambda: None):
+        """``successor`` gives what is to run from the next pass on, with the same clock, wake-up and gateway, or None."""
+        self.tree, self.mission, self.mission_file, self.runs = running
+        self.clock = self.tree.clock
         self.is_stopped = is_stopped
+        self._successor = successor
         self._number = 0
         self._outcome: Optional[str] = None  # of the last pass
         self._warned = False
@@ -43,17 +48,25 @@ class Runner:
 
     def run(self) -> int:
         """Run and return the exit code: 0 if the last pass that ended was a SUCCESS (or none had ended), else 3."""
-        self.tree.setup(mission=self.mission)
-        self.mission.events.emit(RunStarted(
-            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values)))
+        self._begin()
         while not self.is_stopped() and (self.runs == 0 or self._number < self.runs):
             self._pass()
+            following = self._successor()
+            if following is not None:
+                self.tree, self.mission, self.mission_file, self.runs = following
+                self._begin()
         if self.is_stopped():
             self._stop()
         code = EXIT_CODES.get(self._outcome or "SUCCESS", FAILED)
         ended = "stopped" if self.is_stopped() else "all passes are done"
         self.mission.events.emit(RunFinished("{}; last pass: {}".format(ended, self._outcome or "none"), code))
         return code
+
+    def _begin(self) -> None:
+        """Make the tree ready and tell which mission runs."""
+        self.tree.setup(mission=self.mission)
+        self.mission.events.emit(RunStarted(
+            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values)))
 
     def _pass(self) -> None:
         """Run the mission once."""

@@ -65,7 +65,7 @@ class Rig:
             self._is_set_up = True
         return self.tree.tick_once()
 
-    def run(self, visitor, runs=1, is_stopped=lambda: False):
+    def run(self, visitor, runs=1, is_stopped=lambda: False, successor=lambda: None):
         """Run passes; ``visitor(rig)`` acts whenever the mission waits. Return the exit code."""
         rig = self
 
@@ -73,7 +73,7 @@ class Rig:
             def wait(self, seconds):
                 visitor(rig)
 
-        self.runner = Waiting(self.tree, self.mission, "lab_tour.xml", runs, is_stopped)
+        self.runner = Waiting(runner.Running(self.tree, self.mission, "lab_tour.xml", runs), is_stopped, successor)
         return self.runner.run()
 
 

@@ -51,6 +51,29 @@ def test_each_respect_is_for_itself():
 def test_calls_are_counted():
     health = Health()
     for seconds, has_failed in ((0.5, False), (2.0, True), (1.0, True)):
-        count = health.count("/say", seconds, has_failed)
-    assert count == health.calls["/say"] == CallCount(3, 2, 2, 1.0, 2.0)
-    assert health.count("/say", 0.25, False).in_a_row == 0
+        health.ended("/say", seconds, 9.0, has_failed)
+    assert health.calls["/say"] == CallCount(3, 2, 2, 1.0, 2.0)
+    health.ended("/say", 0.25, 9.0, False)
+    assert health.calls["/say"].in_a_row == 0
+    assert published(health) == []
+
+
+def statuses(health):
+    return [(event.is_well, event.status.split(":")[0]) for event in published(health)]
+
+
+def test_three_failures_in_a_row_are_told_until_a_call_succeeds():
+    health = Health()
+    for has_failed in (True, True, False, True, True, True, True, False, False):
+        health.ended("/say", 0.1, 9.0, has_failed)
+    assert statuses(health) == [(False, "failing"), (True, "works again")]
+
+
+def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline():
+    health = Health()
+    health.slow("/say", 8.0)
+    health.ended("/say", 5.0, 8.0, False)
+    health.ended("/say", 1.0, 8.0, True)
+    assert statuses(health) == [(False, "slow")]
+    health.ended("/say", 3.9, 8.0, False)
+    assert statuses(health) == [(True, "answers in time again")]

@@ -2,9 +2,9 @@
 import pytest
 
 from behavior_controller.bt.status import IDLE
-from behavior_controller.events import Noticed, PassFinished, RunFinished, RunStarted
+from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted
 from behavior_controller.gateway import Answer, GoTo, Location, Say, SetAnimation, SetAttention
-from behavior_controller.runner import Runner
+from behavior_controller.runner import Runner, Running
 from mission_rig import refusal
 from test_leaves import one_leaf, write
 
@@ -124,7 +124,7 @@ def test_waiting_ends_at_the_next_timer():
     rig = one_leaf("<WelcomeSpeech/>")
     fired = []
     rig.clock.call_after(0.0, lambda: fired.append(True))
-    Runner(rig.tree, rig.mission, "x", 1, lambda: False).wait(None)
+    Runner(Running(rig.tree, rig.mission, "x", 1), lambda: False).wait(None)
     assert fired == [True]
 
 
@@ -136,7 +136,7 @@ def test_a_wait_ends_at_the_limit_or_the_next_timer_whichever_is_first(at_most, 
         rig.clock.call_after(due, lambda: None)
     waited = []
     rig.tree.wake.wait = waited.append
-    Runner(rig.tree, rig.mission, "x", 1, lambda: False).wait(at_most)
+    Runner(Running(rig.tree, rig.mission, "x", 1), lambda: False).wait(at_most)
     assert waited == [expected]
 
 
@@ -152,7 +152,7 @@ def test_no_wait_begins_with_an_old_wake_up(mission, stops):
             self.tree.wake.emit()
 
     rig = one_leaf(mission, lambda request: None)
-    Waiting(rig.tree, rig.mission, "x", 0, lambda: len(waits) >= stops).run()
+    Waiting(Running(rig.tree, rig.mission, "x", 0), lambda: len(waits) >= stops).run()
     assert len(waits) > stops and not any(waits)
 
 
@@ -166,7 +166,7 @@ def run_until_it_waits(mission, waits=1):
             rig.clock.advance(seconds or 0.0)
 
     rig = one_leaf(mission)
-    Waiting(rig.tree, rig.mission, "x", 0, lambda: len(asked) >= waits or len(rig.of(PassFinished)) > 0).run()
+    Waiting(Running(rig.tree, rig.mission, "x", 0), lambda: len(asked) >= waits or len(rig.of(PassFinished)) > 0).run()
     return rig, asked
 
 
@@ -189,3 +189,30 @@ def test_a_loop_that_changes_nothing_waits_for_an_event():
     rig, asked = run_until_it_waits("<ReactiveFallback><IsVisitorDiscovered/><KeepRunningUntilFailure><AlwaysSuccess/>"
                                     "</KeepRunningUntilFailure></ReactiveFallback>")
     assert asked == [None]
+
+
+def test_what_was_read_anew_runs_from_the_next_pass_on():
+    rig = one_leaf("<WelcomeSpeech/>")
+    other = one_leaf("<FollowMeSpeech/>")
+    other.mission.gateway = rig.gateway
+    waiting = [Running(other.tree, other.mission, "other.xml", 3)]
+
+    def successor():
+        return waiting.pop() if waiting and len(rig.of(PassFinished)) == 1 else None
+
+    assert rig.run(advance, runs=0, successor=successor) == 0
+    assert len(rig.of(PassFinished)) == 1 and [event.number for event in other.of(PassFinished)] == [2, 3]
+    assert [event.mission for event in rig.of(RunStarted) + other.of(RunStarted)] == ["lab_tour.xml", "other.xml"]
+    assert [request.text for request in rig.requests][1:] == 2 * [rig.requests[1].text] != 2 * [rig.requests[0].text]
+
+
+def test_what_changed_about_the_robot_is_told_at_a_tick():
+    rig = one_leaf("<Sequence><WelcomeSpeech/><Sleep msec='700'/></Sequence>")
+    change = HealthChanged("service", "/say", "", False, "gone", "")
+
+    def act(rig):
+        rig.mission.health.report("gone", change)
+        rig.clock.advance(0.5)
+
+    rig.run(act)
+    assert rig.of(HealthChanged) == [change]

@@ -12,6 +12,7 @@ from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.script import Script, ScriptSyntaxError, compile_script
 from behavior_controller.bt.substitution import Substitutions, TestNode, substitutions
 from behavior_controller.bt.tree import Tree
+from behavior_controller.bt.wakeup import WakeUp
 from behavior_controller.bt.values import TYPES, ValueFault
 from behavior_controller.errors import Fault, MissionError
 
@@ -34,15 +35,17 @@ def load_text(text: str, registry: Registry, file: str = "<text>", **options: An
 
 def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clock] = None,
           blackboard: Optional[Blackboard] = None, main_tree: Optional[str] = None, strict: bool = False,
-          enums: Optional[Dict[str, int]] = None, rules: Optional[Dict[str, Any]] = None) -> Tree:
+          enums: Optional[Dict[str, int]] = None, rules: Optional[Dict[str, Any]] = None,
+          wake: Optional[WakeUp] = None) -> Tree:
     """Check ``documents`` (the mission last) and build the tree. Raises MissionError with every fault.
 
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``;
-    ``enums`` are names of integers for scripts; ``rules`` are substitution rules.
+    ``enums`` are names of integers for scripts; ``rules`` are substitution rules; ``clock`` and ``wake`` are those of
+    a tree whose place the new one takes.
     """
     with collector_at_rest():
         checked = check(documents, registry, main_tree, strict)
-        compiler = _Compiler(checked, registry, Services(clock or Clock(), enums), substitutions(rules or {}))
+        compiler = _Compiler(checked, registry, Services(clock or Clock(), enums, wake), substitutions(rules or {}))
         if checked.main and id(checked.trees[checked.main]) not in checked.faulty:
             compiler.unfold(blackboard if blackboard is not None else Blackboard())
     faults = list(dict.fromkeys(checked.faults + compiler.faults))

@@ -50,9 +50,9 @@ class TickError(BehaviorControllerError):
 class Services:
     """What the nodes of one tree share: the clock, the wake-up signal, and the enums known to scripts."""
 
-    def __init__(self, clock: Clock, enums: Optional[Dict[str, int]] = None):
+    def __init__(self, clock: Clock, enums: Optional[Dict[str, int]] = None, wake: Optional[WakeUp] = None):
         self.clock = clock
-        self.wake = WakeUp()
+        self.wake = wake or WakeUp()
         self.enums = enums or {}
         self.changes = 0  # what nodes have done, beside writing to entries, that may change what another tick would do
 

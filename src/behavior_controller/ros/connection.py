@@ -152,6 +152,13 @@ class Connection:
             self.hang_up()
             raise Trouble(Cause.NOT_REACHABLE, "no ROS node ({})".format(error))
 
+    def notice_a_dead_host(self) -> None:
+        """Have the system ask an idle peer for a sign of life: a host that was switched off says no goodbye."""
+        if self._socket is not None:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            for option, value in ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1), (socket.TCP_KEEPCNT, 3)):
+                self._socket.setsockopt(socket.IPPROTO_TCP, option, value)
+
     def wait_without_limit(self) -> None:
         """Let later readings take as long as they need: from here on ``close`` is the limit."""
         if self._socket is not None:

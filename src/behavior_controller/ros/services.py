@@ -20,6 +20,7 @@ from cssr_system.srv import (animateBehaviorService, gestureExecutionService, kn
 from behavior_controller.bt.clock import Clock, Timer
 from behavior_controller.gateway import (Answer, Call, Cause, Exhibit, Failure, Gateway, GoTo, Location, PerformGesture,
                                          Point, Prompt, QueryKnowledge, Request, Say, SetAnimation, SetAttention)
+from behavior_controller.health import SLOW_SHARE, Health
 from behavior_controller.ros.connection import CONNECT_LIMIT, Connection, Trouble, ask_master
 
 
@@ -49,16 +50,17 @@ ROUTES: Dict[type, Route] = {
 # ------------------------------------------------------------------------------------------------- finding the server
 
 
+_last_known: Dict[str, str] = {}
+"""Where each service was when the master was asked last: without a master, calls go on to the same place."""
+
+
 def open_service(connection: Connection, name: str, md5sum: str, seconds: float, **more: str) -> Dict[str, str]:
     """Connect to the server of the service ``name`` (resolved) and return its handshake: ``type`` and ``md5sum``.
 
     ``md5sum`` is the one of the wanted type, ``*`` for any. ``more`` goes into our half of the handshake. Raises
     ``Trouble``: not advertised, not reachable, type mismatch, or no answer.
     """
-    uri = ask_master("lookupService", name, seconds=seconds)
-    if uri is None:
-        raise Trouble(Cause.NOT_ADVERTISED, "no node offers this service")
-    host, port = _address(uri)
+    host, port = _address(_look_up(name, seconds))
     header = {"service": name, "md5sum": md5sum, "callerid": rospy.get_name()}
     header.update(more)
     try:
@@ -68,6 +70,20 @@ def open_service(connection: Connection, name: str, md5sum: str, seconds: float,
         raise Trouble(trouble.cause, listed + str(trouble))
     _check_handshake(connection, answer, md5sum)
     return answer
+
+
+def _look_up(name: str, seconds: float) -> str:
+    """Return the address of a service; raises ``Trouble`` if it has none, or none is known and the master is away."""
+    try:
+        uri = ask_master("lookupService", name, seconds=seconds)
+    except Trouble:
+        if name not in _last_known:
+            raise
+        return _last_known[name]
+    if uri is None:
+        raise Trouble(Cause.NOT_ADVERTISED, "no node offers this service")
+    _last_known[name] = uri
+    return uri
 
 
 def _address(uri: str) -> Tuple[str, int]:
@@ -193,15 +209,26 @@ class _UnderWay(NamedTuple):
     """What a call holds until it ends."""
 
     line: Line
-    timer: Timer
+    timers: Tuple[Timer, ...]
+    since: float
+
+    def end(self) -> None:
+        """Let nothing more fall due."""
+        for timer in self.timers:
+            timer.cancel()
 
 
 class RosGateway(Gateway):
     """Calls the robot's services. ``start`` and ``Call.drop`` belong to the tick thread, and neither waits."""
 
-    def __init__(self, deadline: Callable[[str], float], clock: Clock, wake: Callable[[], None]):
-        """``deadline`` gives the seconds that a service (canonical name) may take; ``wake`` is told of each result."""
-        self._deadline = deadline
+    def __init__(self, deadline: Callable[[str], float], clock: Clock, wake: Callable[[], None],
+                 health: Optional[Health] = None):
+        """``deadline`` gives the seconds that a service (canonical name) may take; ``wake`` is told of each result.
+
+        ``health`` is told how the services do.
+        """
+        self.deadline = deadline
+        self._health = health or Health()
         self._clock = clock
         self._wake = wake
         self._names = {kind: rospy.resolve_name(kind.service) for kind in ROUTES}
@@ -217,8 +244,10 @@ class RosGateway(Gateway):
         except RuntimeError as error:
             call.finish(Failure(Cause.NOT_REACHABLE, "no thread to ask with ({})".format(error), self._names[kind]))
             return call
-        timer = self._clock.call_after(self._deadline(kind.service), lambda: self._expire(call))
-        self._under_way[call] = _UnderWay(line, timer)
+        deadline = self.deadline(kind.service)
+        timers = (self._clock.call_after(deadline, lambda: self._expire(call)),
+                  self._clock.call_after(deadline * SLOW_SHARE, lambda: self._health.slow(self._names[kind], deadline)))
+        self._under_way[call] = _UnderWay(line, timers, self._clock.now())
         line.carry(request, lambda result: self._end(call, result))
         return call
 
@@ -234,23 +263,31 @@ class RosGateway(Gateway):
         """Finish ``call``, on the line's thread, unless somebody has given it up meanwhile."""
         held = self._under_way.pop(call, None)  # who gets it ends the call: nobody does it twice
         if held is not None:
-            held.timer.cancel()
+            held.end()
             self._spare[type(call.request)].append(held.line)
-            call.finish(result)
+            self._finish(call, held, result)
 
-    def _give_up(self, call: Call) -> Optional[Line]:
-        """Cut the line of ``call`` and return it; None if the call has ended before."""
+    def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure]) -> None:
+        """Hand over the result, and tell the health of the service."""
+        kind = type(call.request)
+        self._health.ended(self._names[kind], self._clock.now() - held.since, self.deadline(kind.service),
+                           isinstance(result, Failure))
+        call.finish(result)
+
+    def _give_up(self, call: Call) -> Optional[_UnderWay]:
+        """Cut the line of ``call`` and return what it held; None if the call has ended before."""
         held = self._under_way.pop(call, None)
         if held is None:
             return None
-        held.timer.cancel()
+        held.end()
         held.line.cut()
-        return held.line
+        return held
 
     def _expire(self, call: Call) -> None:
         """End ``call`` at its deadline."""
-        line = self._give_up(call)
-        if line is not None:
-            seconds = self._deadline(call.request.service)
-            text = "waited {:g} s".format(seconds) + ("" if line.is_asked else ", still connecting: nothing was asked")
-            call.finish(Failure(Cause.NO_ANSWER, text, self._names[type(call.request)]))
+        held = self._give_up(call)
+        if held is not None:
+            seconds = self.deadline(call.request.service)
+            where = "" if held.line.is_asked else ", still connecting: nothing was asked"
+            self._finish(call, held, Failure(Cause.NO_ANSWER, "waited {:g} s{}".format(seconds, where),
+                                             self._names[type(call.request)]))

@@ -62,7 +62,8 @@ class Latch:
         self._warn = warn
         self._warned = set()
         self._trusted: Any = None  # the connection header whose type was last found right
-        self._arrived = 0.0  # monotonic seconds of the last message of any type
+        self.count = 0  # messages of any type since the subscription
+        self.last_arrival = self._since = time.monotonic()  # of the last of them, and of the first
         self._lock = threading.Lock()
         self._bytes: Optional[bytes] = None
         self._alarms: Dict[Any, Callable[[Any], bool]] = {}
@@ -70,13 +71,34 @@ class Latch:
         self._sample: Optional[Sample] = None
         self._seen: Optional[Sample] = None
         self.name = rospy.resolve_name(topic.value)
-        self._subscriber = rospy.Subscriber(self.name, undecoded(self._feed.type), self._receive, queue_size=1,
-                                            buff_size=BUFFER_BYTES, tcp_nodelay=True)
+        self._subscriber = self._subscribe()
+
+    def _subscribe(self) -> rospy.Subscriber:
+        return rospy.Subscriber(self.name, undecoded(self._feed.type), self._receive, queue_size=1,
+                                buff_size=BUFFER_BYTES, tcp_nodelay=True)
+
+    def subscribe_anew(self) -> None:
+        """Drop the subscription and subscribe again: what the master knows of publishers is then asked anew."""
+        self._subscriber.unregister()
+        self._subscriber = self._subscribe()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether any node publishes the topic to us."""
+        return self._subscriber.get_num_connections() > 0
+
+    @property
+    def usual_gap(self) -> float:
+        """Mean seconds between two messages so far."""
+        return (self.last_arrival - self._since) / max(1, self.count - 1)
 
     def _receive(self, message: Any) -> None:
         """Take in one message, and slow down if it is one of a flood."""
         arrived = time.monotonic()
-        gap, self._arrived = arrived - self._arrived, arrived
+        if not self.count:
+            self._since = arrived
+        self.count += 1
+        gap, self.last_arrival = arrived - self.last_arrival, arrived
         is_news = self._is_right_type(message._connection_header) and self._store(message._buff, arrived)
         if gap < FLOOD_GAP and not is_news:
             time.sleep(PAUSE_WHEN_AWAITED if self._alarms else PAUSE)
@@ -153,14 +175,14 @@ class RosTopics(Topics):
 
     def __init__(self, wake: Callable[[], None], warn: Callable[[str], None]):
         """See ``Latch``."""
-        self._latches = {topic: Latch(topic, wake, warn) for topic in Topic}
+        self.latches = {topic: Latch(topic, wake, warn) for topic in Topic}
 
     def newest(self, topic: Topic) -> Optional[Sample]:
         """Return the newest message, or None before the first."""
-        return self._latches[topic].newest()
+        return self.latches[topic].newest()
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
         """Set the alarm ``key``. ``wanted`` must depend on the value alone: the same one is not asked about again."""
-        for latch in self._latches.values():
+        for latch in self.latches.values():
             latch.clear_alarm(key)
-        self._latches[topic].set_alarm(key, wanted)
+        self.latches[topic].set_alarm(key, wanted)

@@ -1,0 +1,178 @@
+#!/usr/bin/env python3
+"""What happens to the robot while the mission runs is seen within two seconds, told once, and survived."""
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import rostest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+
+SAY, DRIVE, KNOWLEDGE = "/textToSpeech/say_text", "/robotNavigation/set_goal", "/knowledgeBase/query"
+FACES, ATTENTION = "/faceDetection/data", "/overtAttention/mode"
+A_FACE = (["1"], [[0.0, 0.0, 1.0]], [True])
+LIMIT = 2.0
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
+  <BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree>
+</root>
+"""
+WAITING = "<ReactiveFallback><IsVisitorDiscovered/><Sleep msec=\"600000\"/></ReactiveFallback>"
+TALKING = "<WelcomeSpeech/><Sleep msec=\"300\"/>"
+
+
+class TestMonitor(unittest.TestCase):
+    """Each case runs a mission of its own."""
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.addCleanup(forget_dead_entries)
+        self.package = Package(os.path.join(self.folder, "package"))
+
+    def robot(self, modes=None, **environment):
+        robot = Robot(modes or {}, **environment)
+        self.addCleanup(robot.stop)
+        return robot
+
+    def start(self, mission, environment=None, **keys):
+        """Run ``mission`` (leaves) and wait until it has started."""
+        self.package.write("data/m.xml", MISSION.format(mission))
+        self.package.configure(scenarioSpecification="m", **keys)
+        controller = Controller(self.package, **(environment or {}))
+        self.addCleanup(controller.close)
+        controller.lines.wait_for(lambda line: " starts, " in line, 20)
+        return controller
+
+    def assert_told_once(self, controller, *words):
+        """Expect one line with all of ``words``."""
+        lines = [line for _, line in controller.lines.all if all(word in line for word in words)]
+        self.assertEqual(len(lines), 1, "\n".join(lines) or controller.lines.text())
+
+    def wait_for(self, controller, since, *words, **more):
+        """Wait for a line with all of ``words`` and expect it within the limit; return how long it took."""
+        came, _ = controller.lines.wait_for(lambda line: all(word in line for word in words), 15)
+        self.assertLess(came - since, more.get("limit", LIMIT), words)
+        return came - since
+
+    def test_the_death_and_the_return_of_the_robots_nodes(self):
+        robot = self.robot()
+        controller = self.start(WAITING)
+        time.sleep(0.7)  # the connections that are watched stand half a second after the start
+        killed = time.monotonic()
+        robot.kill()
+        for name in (SAY, DRIVE, KNOWLEDGE, FACES, ATTENTION):
+            took = self.wait_for(controller, killed, name, "gone")
+            self.assert_told_once(controller, name, "gone", "until it is back")
+        print("death seen after {:.2f} s".format(took))
+        forget_dead_entries()
+        self.robot()
+        back = time.monotonic()
+        for name in (SAY, DRIVE, KNOWLEDGE, FACES, ATTENTION):
+            took = self.wait_for(controller, back, name, "there again")
+        print("return seen after {:.2f} s".format(took))
+        self.assertIsNone(controller.process.poll())
+        self.assertNotIn("Traceback", controller.lines.text())
+
+    def test_a_silent_topic(self):
+        robot = self.robot()
+        robot.publish(FACES, [], [], [], hertz=20)
+        controller = self.start(WAITING)
+        time.sleep(1.0)  # the rate of the topic is known after some messages
+        robot.publish(FACES, [], [], [])
+        silent = time.monotonic()
+        print("silence told after {:.2f} s".format(self.wait_for(controller, silent, FACES, "silent")))
+        self.assert_told_once(controller, FACES, "silent", "visitors are not noticed")
+        robot.publish(FACES, [], [], [], hertz=20)
+        self.wait_for(controller, time.monotonic(), FACES, "heard again")
+
+    def test_a_slow_service(self):
+        robot = self.robot({SAY: "hang"})
+        controller = self.start("<WelcomeSpeech/><Sleep msec=\"600000\"/>", textToSpeechDeadline="3")
+        asked = robot.wait_for_request(SAY, 5)["time"]
+        took = self.wait_for(controller, asked, SAY, "slow")
+        self.assertGreater(took, 1.4)  # half of its deadline
+        robot.set_mode(SAY, "done")
+        self.assert_told_once(controller, SAY, "slow: no answer for 1.5 s", "given up after 3 s")
+
+    def test_calls_that_fail_in_a_row(self):
+        self.robot({SAY: "refuse"})
+        controller = self.start("<Repeat num_cycles=\"-1\"><ForceSuccess><Sequence><Sleep msec=\"20\"/>"
+                                "<WelcomeSpeech/></Sequence></ForceSuccess></Repeat>")
+        controller.lines.wait_for(lambda line: SAY in line and "failing: 3 calls in a row" in line, 10)
+        time.sleep(0.5)
+        self.assert_told_once(controller, SAY, "failing")
+
+    def test_a_navigation_that_is_started_again_saves_the_tour(self):
+        robot = self.robot({DRIVE: "exit"})
+        controller = self.start("<LookUpHome/><Fallback><Navigate/><HandleFallBack/></Fallback>", missionRuns="1")
+        robot.wait_for_request(DRIVE, 10)
+        controller.lines.wait_for(lambda line: DRIVE in line and "gone" in line, 5)
+        forget_dead_entries()
+        time.sleep(4.0)  # longer than all back-offs of the policy together
+        self.robot()
+        self.assertEqual(controller.wait(10), 0)
+        self.assertIn("1 attempt: done", controller.lines.text())
+
+    def test_the_mission_goes_on_without_a_master(self):
+        port = "11" + str(500 + os.getpid() % 400)
+        environment = {"ROS_MASTER_URI": "http://localhost:" + port}
+        roscore = subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(roscore.wait)
+        self.addCleanup(roscore.terminate)
+        robot = self.robot(**environment)
+        controller = self.start("<Repeat num_cycles=\"-1\"><Sequence>{}<LookUpHome/><Navigate/></Sequence>"
+                                "</Repeat>".format(TALKING), environment)
+        robot.wait_for_request(SAY, 20)
+        roscore.terminate()
+        roscore.wait(20)
+        died = time.monotonic()
+        self.wait_for(controller, died, "master", "does not answer")
+        start = len(robot.lines.all)
+        for _ in range(10):  # further calls of each service, one after the other
+            for service in (SAY, KNOWLEDGE, DRIVE):
+                robot.wait_for_request(service, 5, start)
+            start = len(robot.lines.all)
+        self.assert_told_once(controller, "master")
+        self.assertNotIn("FAILURE", controller.lines.text())
+        self.assertEqual(controller.stop()[0], 0)
+        self.assertNotIn("Traceback", controller.lines.text())
+
+    # ---------------------------------------------------------------------------------------------------------- SIGHUP
+
+    def test_a_mission_is_changed_between_two_visitors(self):
+        robot = self.robot()
+        controller = self.start(TALKING)
+        robot.wait_for_request(SAY, 5)
+        self.package.write("data/other.xml", MISSION.format("<FollowMeSpeech/><Sleep msec=\"200\"/>"))
+        self.package.configure(scenarioSpecification="other", verboseMode="true")
+        controller.process.send_signal(signal.SIGHUP)
+        controller.lines.wait_for(lambda line: "other.xml starts" in line, 5)
+        controller.lines.wait_for(lambda line: "FollowMeSpeech" in line and "SUCCESS" in line, 5)
+        self.assertEqual(controller.stop()[0], 0)
+        self.assertEqual(controller.lines.text().count("read again"), 1)
+
+    def test_a_faulty_mission_is_refused_and_the_running_one_stays(self):
+        robot = self.robot()
+        controller = self.start(TALKING)
+        self.package.write("data/m.xml", MISSION.format("<WelcomeSpech/><FollowMSpeech/>"))
+        controller.process.send_signal(signal.SIGHUP)
+        controller.lines.wait_for(lambda line: "refused, the running mission stays: 2 mistakes" in line, 5)
+        self.assertIn("WelcomeSpech", controller.lines.text())
+        self.assertIn("did you mean", controller.lines.text())
+        said = len(robot.requests(SAY))
+        robot.lines.wait_for(lambda line: len(robot.requests(SAY)) > said + 2, 10)
+        self.package.configure(scenarioSpecification="m", asrEnabled="perhaps")
+        controller.process.send_signal(signal.SIGHUP)
+        controller.lines.wait_for(lambda line: "behaviorControllerConfiguration.ini:3" in line, 5)
+        self.assertEqual(controller.stop()[0], 0)
+        self.assertNotIn("Traceback", controller.lines.text())
+
+
+if __name__ == "__main__":
+    rostest.rosrun("cssr_system", "monitor", TestMonitor)
