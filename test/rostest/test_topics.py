@@ -2,6 +2,7 @@
 """Do the topics give the newest message, ring their alarms at once, and cost next to nothing in a flood?"""
 import os
 import resource
+import socket
 import sys
 import time
 import unittest
@@ -15,6 +16,8 @@ from robot import Robot, forget_dead_entries  # noqa: E402
 
 from behavior_controller.bt.wakeup import WakeUp  # noqa: E402
 from behavior_controller.gateway import AttentionStatus, Faces, Topic  # noqa: E402
+from behavior_controller.health import Health  # noqa: E402
+from behavior_controller.ros.monitor import Monitor  # noqa: E402
 from behavior_controller.ros.topics import RosTopics  # noqa: E402
 
 
@@ -29,8 +32,8 @@ class TestTopics(unittest.TestCase):
 
     def setUp(self):
         self.robot = Robot()
-        for latch in self.topics._latches.values():
-            self.wait_until(lambda: latch._subscriber.get_num_connections() == 1)
+        for latch in self.topics.latches.values():
+            self.wait_until(lambda: latch.is_connected)
         self.wake.test_and_clear()
         for topic in Topic:
             self.topics.newest(topic)
@@ -38,8 +41,8 @@ class TestTopics(unittest.TestCase):
     def tearDown(self):
         self.robot.stop()
         forget_dead_entries()
-        for latch in self.topics._latches.values():
-            self.wait_until(lambda: latch._subscriber.get_num_connections() == 0)
+        for latch in self.topics.latches.values():
+            self.wait_until(lambda: not latch.is_connected)
 
     def wait_until(self, is_so, seconds=10.0):
         """rospy tells nobody when it has connected: look until it has."""
@@ -70,6 +73,17 @@ class TestTopics(unittest.TestCase):
             self.assertLessEqual(sent, sample.arrived)
             self.assertLessEqual(sample.arrived, time.monotonic())
 
+    def test_a_connection_that_breaks_is_made_anew(self):
+        latch = self.topics.latches[Topic.SPEECH]
+        monitor = Monitor(self.topics, Health(), lambda: True)
+        monitor.start()
+        self.addCleanup(monitor.close)
+        for connection in list(latch._subscriber.impl.connections):
+            connection.socket.shutdown(socket.SHUT_RDWR)  # as a lost link does; the publisher stays registered
+        self.wait_until(lambda: not latch.is_connected)
+        self.wait_until(lambda: latch.is_connected)
+        self.assertEqual(self.publish(Topic.SPEECH, "heard")[0].value, "heard")
+
     def test_the_same_message_again_counts_as_newer(self):
         first, _ = self.publish(Topic.SPEECH, "yes")
         second, sent = self.publish(Topic.SPEECH, "yes")
@@ -93,7 +107,7 @@ class TestTopics(unittest.TestCase):
         self.publish(Topic.SPEECH, "no")
         self.topics.newest(Topic.SPEECH)
         self.robot.publish("/speechEvent/text", "yes")
-        latch = self.topics._latches[Topic.SPEECH]
+        latch = self.topics.latches[Topic.SPEECH]
         self.wait_until(lambda: latch._sample.value == "yes")
         self.topics.wake_when("answer", Topic.SPEECH, lambda text: text == "yes")
         self.assertTrue(self.wake.test_and_clear())
