@@ -24,6 +24,7 @@ conformance:
 # the engine against plain py_trees and lxml
 bench:
 	@tools/in_workspace.sh python3 bench/bench_engine.py
+	@tools/in_workspace.sh python3 bench/bench_runtime.py $(ARGS)
 
 # break a rule at a time: does a test notice?
 mutations:

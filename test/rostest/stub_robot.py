@@ -7,7 +7,7 @@ process dies while it works), ``absent``, ``wrong`` (another type). Modes of a t
 
 Each line on stdin is a JSON object: ``{"name": …, "mode": …}``, or ``{"topic": …, "values": [fields], "hertz": 0}``,
 which publishes once, or from now on so many times per second. Each line on stdout too: ``{"ready": true}`` once,
-``{"service", "fields", "time"}`` for each request as it arrives, ``{"answered"}`` before its answer, and
+``{"service", "fields", "time"}`` for each request as it arrives, ``{"answered", "time"}`` before its answer, and
 ``{"topic", "time"}`` as a message leaves, but not in a flood; times are those of the monotonic clock.
 """
 import json
@@ -79,7 +79,7 @@ class StubService:
             raise ValueError("the stub was told\nto raise")
         with self._changed:
             self._changed.wait_for(lambda: self.mode != "hang")
-        tell(answered=self.name)
+        tell(answered=self.name, time=time.monotonic())
         values = {"refuse": self.refusal, "odd": self.odd}.get(self.mode)
         return self.type._response_class(*(self.done(request) if values is None else values))
 

@@ -1,0 +1,264 @@
+"""Measure the running node against stubs that answer at once, beside the least that rospy can do, in one run.
+
+Reaction: from a message that leaves its publisher to the request that follows arriving at the server. Step: from an
+answer to the next request. Ticks while every server hangs, hung calls, floods and idling are measured too. Prints JSON.
+"""
+import json
+import os
+import platform
+import shutil
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(os.path.dirname(HERE), "test", "rostest"))
+from robot import Controller, Package, Robot  # noqa: E402
+
+FACES, ATTENTION, SPEECH = "/faceDetection/data", "/overtAttention/mode", "/speechEvent/text"
+SAY, MODE = "/textToSpeech/say_text", "/overtAttention/set_mode"
+A_FACE, NO_FACE = (["1"], [[0.0, 0.0, 1.0]], [True]), ([], [], [])
+TEN_FACES = ([str(n) for n in range(10)], [[0.0, 0.0, 1.0]] * 10, [False] * 10)
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
+  <Repeat num_cycles="-1"><Sequence>{}</Sequence></Repeat></BehaviorTree></root>"""
+UNTIL = "<ReactiveFallback>{}<Sleep msec=\"600000\"/></ReactiveFallback>"
+VISITOR = (UNTIL.format("<IsVisitorDiscovered/>") + "<WelcomeSpeech/>"
+           + UNTIL.format("<Inverter><IsVisitorDiscovered/></Inverter>") + "<SayGoodByeSpeech/>")
+GAZE = "<SeekOvertAttentionMode/>" + UNTIL.format("<IsMutualGazeDiscovered/>") + "<WelcomeSpeech/>"
+YES = "<QueryTourSpeech/>" + UNTIL.format("<IsYesNoUttered/>") + "<MaybeAnotherTimeSpeech/>"
+STEPS = "<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/>"
+ROUNDS = 200
+SETTLE = 0.02  # s between an answer and the message that follows: a visitor is not faster
+
+
+class Bench:
+    """A master, and one stub robot and node after the other."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = str(probe.getsockname()[1])
+        os.environ["ROS_MASTER_URI"] = "http://localhost:" + port
+        self.master = subprocess.Popen(["rosmaster", "--core", "-p", port], stdout=subprocess.DEVNULL,
+                                       stderr=subprocess.DEVNULL)
+        wait_for_port(int(port))
+        self.package = Package(os.path.join(folder, "package"))
+        self.robot = None
+        self.node = None
+
+    def start(self, mission, **keys):
+        """Start a stub robot and the node with this mission."""
+        self.robot = Robot()
+        self.package.write("data/m.xml", MISSION.format(mission))
+        self.package.configure(scenarioSpecification="m", **keys)
+        self.node = Controller(self.package)
+        self.node.lines.wait_for(lambda line: " starts, " in line, 20)
+
+    def floor(self, what):
+        """Start a stub robot and the bare rospy node."""
+        self.robot = Robot()
+        self.node = subprocess.Popen([sys.executable, os.path.join(HERE, "floor_node.py"), what],
+                                     stderr=subprocess.DEVNULL)
+        self.robot.wait_for_request(SAY, 20)
+
+    def stop(self):
+        """End node and robot."""
+        if isinstance(self.node, Controller):
+            self.node.stop()
+            self.node.close()
+        else:
+            self.node.kill()
+            self.node.wait()
+        self.robot.stop()
+
+    def next_request(self, service, topic, *values):
+        """Publish, and return the seconds until the next request to ``service`` arrived."""
+        start = len(self.robot.lines.all)
+        self.robot.publish(topic, *values)
+        arrived = self.robot.wait_for_request(service, 5, start)["time"]
+        sent = next(event["time"] for event in map(json.loads, (line for _, line in self.robot.lines.all[start:]))
+                    if event.get("topic") == topic)
+        self.robot.lines.wait_for(lambda line: '"answered": "{}"'.format(service) in line, 5, start)
+        time.sleep(SETTLE)
+        return arrived - sent
+
+    # -------------------------------------------------------------------------------------------------- measurements
+
+    def reaction(self, mission, *messages, **keys):
+        """Return the reaction times to the messages, each ``(topic, values…)``, in turn."""
+        self.start(mission, **keys)
+        time.sleep(0.5)
+        taken = [self.next_request(SAY, *messages[turn % len(messages)]) for turn in range(ROUNDS)]
+        self.stop()
+        return taken
+
+    def reaction_floor(self):
+        """Return the reaction times of the bare node."""
+        self.floor("reaction")
+        time.sleep(0.5)
+        taken = [self.next_request(SAY, FACES, *A_FACE) for _ in range(ROUNDS)]
+        self.stop()
+        return taken
+
+    def steps(self, begin):
+        """Return the seconds from each answer to the next request, over two seconds."""
+        begin()
+        time.sleep(2.0)
+        events = [json.loads(line) for _, line in list(self.robot.lines.all)]
+        self.stop()
+        return [after["time"] - before["time"] for before, after in zip(events, events[1:])
+                if "answered" in before and "service" in after][50:]
+
+    def load(self, seconds, *floods):
+        """Return the share of a core that the waiting node takes, while ``floods`` (topic, values, hertz) are sent."""
+        self.start(VISITOR)
+        for topic, values, hertz in floods:
+            self.robot.publish(topic, *values, hertz=hertz)
+        time.sleep(1.5)
+        before = processor_seconds(self.node.process.pid)
+        time.sleep(seconds)
+        share = (processor_seconds(self.node.process.pid) - before) / seconds
+        self.stop()
+        return share
+
+    def reaction_in_flood(self):
+        """Return the reaction times to a visitor's answer while the two other topics are flooded."""
+        self.start(YES)
+        self.robot.publish(ATTENTION, "seeking", 3, hertz=2000)
+        self.robot.publish(FACES, *TEN_FACES, hertz=30)
+        time.sleep(1.0)
+        taken = [self.next_request(SAY, SPEECH, "yes") for _ in range(ROUNDS)]
+        self.stop()
+        return taken
+
+
+def wait_for_port(port):
+    """Return when somebody listens there."""
+    ends = time.monotonic() + 15.0
+    while time.monotonic() < ends:
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.05)
+    raise SystemExit("the ROS master did not start")
+
+
+def processor_seconds(pid):
+    """Return the processor time that a process has taken."""
+    with open("/proc/{}/stat".format(pid)) as file:
+        fields = file.read().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def in_ms(times):
+    """Return the percentiles of times in seconds as milliseconds."""
+    ordered = sorted(times)
+    return {"p50": round(1000 * statistics.median(ordered), 3), "p95": round(1000 * ordered[len(ordered) * 95 // 100], 3),
+            "p99": round(1000 * ordered[len(ordered) * 99 // 100], 3), "max": round(1000 * ordered[-1], 3),
+            "rounds": len(ordered)}
+
+
+# ------------------------------------------------------------------------------------------- in this process: hung calls
+
+
+def hung(bench, count, seconds):
+    """Return the times of ticks while all seven servers hang, and what so many hung calls leave behind."""
+    import rospy
+    from behavior_controller.bt.clock import Clock
+    from behavior_controller.bt.wakeup import WakeUp
+    from behavior_controller.gateway import Say
+    from behavior_controller.ros.services import ROUTES, RosGateway
+    bench.robot = Robot({kind.service: "hang" for kind in ROUTES})
+    rospy.init_node("bench", disable_signals=True)
+    ticks = hung_ticks(seconds)
+    clock, wake = Clock(), WakeUp()
+    gateway = RosGateway(lambda service: 0.004, clock, wake.emit)
+    before = None
+    for number in range(count + 50):
+        call = gateway.start(Say("hello"))
+        while call.result is None:
+            wake.wait(max(0.0, (clock.next_due() or 0.0) - clock.now()))
+            wake.test_and_clear()
+            clock.run_due()
+        if number == 50:
+            before = descriptors_and_threads()
+    time.sleep(0.5)
+    after = descriptors_and_threads()
+    bench.robot.kill()
+    return ticks, {"calls": count, "descriptors and threads before": before, "after": after}
+
+
+def hung_ticks(seconds):
+    """Return how long each tick of a mission took whose seven leaves wait for servers that do not answer."""
+    from behavior_controller.events import Events
+    from behavior_controller.leaves.base import MissionContext
+    from behavior_controller.ros.services import RosGateway
+    from behavior_controller import settings, folders, phrases, policy, leaves
+    from behavior_controller.bt.compiler import load_text
+    from behavior_controller.gateway import Location
+    from behavior_controller.leaves.base import TARGET_LOCATION
+    from behavior_controller.leaves.vocabulary import registry
+    calls = ("<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/><LookUpHome/>"
+             "<PressYesNoDialogue/><Navigate/>")
+    tree = load_text(MISSION.format("<Parallel>{}<Repeat num_cycles=\"-1\"><Sleep msec=\"5\"/></Repeat></Parallel>".format(
+        calls)), registry())
+    tree.blackboard.set(TARGET_LOCATION, Location(1.0, 2.0, 3.0))
+    gateway = RosGateway(lambda service: 60.0, tree.clock, tree.wake.emit)
+    tree.setup(mission=MissionContext(
+        gateway, None, settings.defaults(), phrases.load("English"),
+        policy.load(folders.config("recoveryPolicy.ini"), [spec.id for spec in leaves.SPECS]), tree.clock, Events()))
+    taken, ends = [], time.monotonic() + seconds
+    while time.monotonic() < ends:
+        began = time.perf_counter()
+        tree.tick_once()
+        taken.append(time.perf_counter() - began)
+        tree.sleep(0.01)
+    tree.halt()
+    gateway.close()
+    return taken
+
+
+def descriptors_and_threads():
+    """Return how many of each this process has."""
+    return [len(os.listdir("/proc/self/fd")), threading.active_count()]
+
+
+def main():
+    """Measure everything and print it."""
+    folder = tempfile.mkdtemp()
+    bench = Bench(folder)
+    try:
+        floor = bench.reaction_floor()
+        reactions = {
+            "visitor": bench.reaction(VISITOR, (FACES,) + A_FACE, (FACES,) + NO_FACE),
+            "gaze": bench.reaction(GAZE, (ATTENTION, "seeking", 1)),
+            "yes": bench.reaction(YES, (SPEECH, "yes")),
+            "yes, in a flood": bench.reaction_in_flood(),
+        }
+        step_floor = bench.steps(lambda: bench.floor("step"))
+        step = bench.steps(lambda: bench.start(STEPS))
+        idle = bench.load(10.0)
+        flood = bench.load(5.0, (ATTENTION, ("seeking", 3), 2000), (FACES, NO_FACE, 30), (SPEECH, ("hm",), 100))
+        ticks, calls = hung(bench, 10_000 if "--all" in sys.argv else 1_000, 5.0)
+    finally:
+        bench.master.terminate()
+        bench.master.wait()
+        shutil.rmtree(folder)
+    print(json.dumps({
+        "python": platform.python_version(),
+        "reaction, ms": dict({name: in_ms(times) for name, times in reactions.items()}, **{"rospy alone": in_ms(floor)}),
+        "reaction to rospy alone, p50": round(statistics.median(reactions["visitor"]) / statistics.median(floor), 2),
+        "step, ms": {"mission": in_ms(step), "rospy alone": in_ms(step_floor)},
+        "share of a core": {"idle": round(idle, 4), "flood of 2,130 messages per second": round(flood, 4)},
+        "tick while seven servers hang, ms": in_ms(ticks),
+        "hung calls": calls,
+    }, indent=2))
+
+
+if __name__ == "__main__":
+    main()
