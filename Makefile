@@ -1,6 +1,6 @@
 # Each target sets up first what it needs; what is there already is skipped.
 
-.PHONY: run test setup conformance bench mutations clean
+.PHONY: run test setup conformance bench soak mutations clean
 
 # the lab tour once, against nine simulated nodes; the exit code tells the verdict. ARGS=failureRate:=0.2
 run:
@@ -25,6 +25,10 @@ conformance:
 bench:
 	@tools/in_workspace.sh python3 bench/bench_engine.py
 	@tools/in_workspace.sh python3 bench/bench_runtime.py $(ARGS)
+
+# the lab tour on the real node with every fault at every call: about 40 minutes. ARGS=sweep, pairs, rates or stops
+soak:
+	@tools/in_workspace.sh python3 test/soak/soak.py $(ARGS)
 
 # break a rule at a time: does a test notice?
 mutations:

@@ -7,7 +7,6 @@ import json
 import os
 import platform
 import shutil
-import socket
 import statistics
 import subprocess
 import sys
@@ -17,7 +16,7 @@ import time
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.join(os.path.dirname(HERE), "test", "rostest"))
-from robot import Controller, Package, Robot  # noqa: E402
+from robot import Controller, Package, Robot, start_master  # noqa: E402
 
 FACES, ATTENTION, SPEECH = "/faceDetection/data", "/overtAttention/mode", "/speechEvent/text"
 SAY, MODE = "/textToSpeech/say_text", "/overtAttention/set_mode"
@@ -40,13 +39,7 @@ class Bench:
 
     def __init__(self, folder):
         self.folder = folder
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = str(probe.getsockname()[1])
-        os.environ["ROS_MASTER_URI"] = "http://localhost:" + port
-        self.master = subprocess.Popen(["rosmaster", "--core", "-p", port], stdout=subprocess.DEVNULL,
-                                       stderr=subprocess.DEVNULL)
-        wait_for_port(int(port))
+        self.master = start_master()
         self.package = Package(os.path.join(folder, "package"))
         self.robot = None
         self.node = None
@@ -135,17 +128,6 @@ class Bench:
         taken = [self.next_request(SAY, SPEECH, "yes") for _ in range(ROUNDS)]
         self.stop()
         return taken
-
-
-def wait_for_port(port):
-    """Return when somebody listens there."""
-    ends = time.monotonic() + 15.0
-    while time.monotonic() < ends:
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.05)
-    raise SystemExit("the ROS master did not start")
 
 
 def processor_seconds(pid):

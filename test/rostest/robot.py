@@ -3,6 +3,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -109,6 +110,23 @@ class Robot:
         self.process.wait(10)
         for stream in (self.process.stdin, self.process.stdout):
             stream.close()
+
+
+def start_master():
+    """Start a ROS master on a free port, let the environment name it, and return its process."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    os.environ["ROS_MASTER_URI"] = "http://localhost:{}".format(port)
+    master = subprocess.Popen(["rosmaster", "--core", "-p", str(port)], stdout=subprocess.DEVNULL,
+                              stderr=subprocess.DEVNULL)
+    ends = time.monotonic() + 20.0
+    while time.monotonic() < ends:
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return master
+        time.sleep(0.05)
+    raise AssertionError("the ROS master did not start")
 
 
 def forget_dead_entries():

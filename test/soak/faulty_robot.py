@@ -1,0 +1,286 @@
+"""A robot whose services fail exactly as a script says, each in a process of its own, and a visitor who plays along.
+
+One thread takes what happens (requests, the controller's lines) in order and decides; so each fault meets the call that
+it is meant for. What a call meets is decided before it is made: a server that is to be out of reach goes away together
+with its answer to the call before.
+"""
+import io
+import json
+import os
+import queue
+import re
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+
+import rosgraph
+import rospy
+from cssr_system.msg import faceDetectionMessage, overtAttentionMessage
+from geometry_msgs.msg import Point
+from std_msgs.msg import String
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE, os.path.join(os.path.dirname(HERE), "rostest")]
+from stub_robot import SERVICES  # noqa: E402
+from tour_model import BEFORE_SENDING, FAULTS  # noqa: E402
+
+TOLD = re.compile(r"behaviorController: (\w+) \(.*\): (?:FAILURE, (/\S+), [\d.]+ s|retry \d+ failed, (/\S+)), ([a-z ]+): ")
+PASS = re.compile(r"behaviorController: pass \d+: (\w+) after")
+PUBLISH_EVERY = 0.02  # s
+
+
+class Process:
+    """One server process."""
+
+    def __init__(self, service, kind, happened):
+        self.service = service
+        self.process = subprocess.Popen([sys.executable, "-S", os.path.join(HERE, "faulty_server.py"), kind._type,
+                                         kind._md5sum], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                        universal_newlines=True, bufsize=1)
+        self.port = None
+        self.ready = threading.Event()
+        threading.Thread(target=self._read, args=(happened,), daemon=True).start()
+
+    def _read(self, happened):
+        for line in self.process.stdout:
+            event = json.loads(line)
+            if "port" in event:
+                self.port = event["port"]
+                self.ready.set()
+            else:
+                happened(("server", self, event))
+
+    def order(self, **order):
+        """Send one line."""
+        try:
+            self.process.stdin.write(json.dumps(order) + "\n")
+            self.process.stdin.flush()
+        except OSError:
+            pass  # it has died, as it was told to
+
+    def kill(self):
+        """End it as a crash does."""
+        self.process.kill()
+        self.process.wait()
+
+
+class FaultyRobot:
+    """Plays the script: for each service the attempts of ``tour_model``, in order."""
+
+    def __init__(self):
+        """Needs ``rospy.init_node``."""
+        self.events = queue.Queue()
+        self.current, self.standby, self.impostor, self.retired = {}, {}, {}, []
+        for service in SERVICES:
+            self.standby[service] = self._spawn(service)
+            other = SERVICES["/robotNavigation/set_goal" if "Navigation" not in service else "/textToSpeech/say_text"][0]
+            self.impostor[service] = Process(service, other, self.events.put)
+        for service in SERVICES:
+            self._replace(service)
+        self._ends = threading.Event()
+        threading.Thread(target=self._be_a_visitor, daemon=True).start()
+
+    def close(self):
+        """End every process."""
+        self._ends.set()
+        for process in list(self.current.values()) + list(self.standby.values()) + list(
+                self.impostor.values()) + self.retired:
+            process.kill()
+            process.process.stdin.close()
+            process.process.stdout.close()
+
+    def _spawn(self, service):
+        return Process(service, SERVICES[service][0], self.events.put)
+
+    def _be_a_visitor(self):
+        """Be seen, look at the robot and say yes, all the time."""
+        publishers = (rospy.Publisher("/faceDetection/data", faceDetectionMessage, queue_size=1),
+                      rospy.Publisher("/overtAttention/mode", overtAttentionMessage, queue_size=1),
+                      rospy.Publisher("/speechEvent/text", String, queue_size=1))
+        messages = (faceDetectionMessage(["1"], [Point(0.0, 0.0, 1.0)], [True]), overtAttentionMessage("seeking", 1),
+                    String("yes"))
+        while not self._ends.wait(PUBLISH_EVERY):
+            for publisher, message in zip(publishers, messages):
+                publisher.publish(message)
+
+    # ------------------------------------------------------------------------------------------------- who is registered
+
+    def _register(self, process):
+        assert process.ready.wait(20), "a server did not start"
+        rosgraph.Master(rospy.get_name()).registerService(
+            process.service, "rosrpc://127.0.0.1:{}".format(process.port), rospy.get_node_uri())
+
+    def _replace(self, service):
+        """Let a fresh process take over; the one before may still hold a connection that is to hang."""
+        if service in self.current:
+            self.retired.append(self.current[service])
+        self.current[service] = self.standby[service]
+        self._register(self.current[service])
+        self.standby[service] = self._spawn(service)
+
+    def _clear_away(self, service):
+        for process in [process for process in self.retired if process.service == service]:
+            process.kill()
+            process.process.stdin.close()
+            process.process.stdout.close()
+            self.retired.remove(process)
+
+    # -------------------------------------------------------------------------------------------------------- the script
+
+    def play(self, attempts, controller_lines, is_over, stop_at=None, on_stop=None):
+        """Serve until ``is_over()``; return the problems found. ``attempts`` are in order of the mission.
+
+        ``controller_lines`` is a ``robot.Lines``. At the attempt with index ``stop_at`` ``on_stop()`` is called instead
+        of an answer, and everything after it is answered at once.
+        """
+        self.problems, self.outcomes = [], []
+        self.untold = Counter((a.node, a.service, FAULTS[a.fault][1]) for a in attempts if a.fault and a.is_told)
+        self.attempts = attempts
+        self.index = {id(attempt): number for number, attempt in enumerate(attempts)}
+        self.script = {service: [a for a in attempts if a.service == service] for service in SERVICES}
+        self.position = dict.fromkeys(SERVICES, 0)
+        self.unmet = [n for n, attempt in enumerate(attempts) if attempt.fault in BEFORE_SENDING]
+        self.held, self.extra, self.stop_at, self.on_stop = [], [], stop_at, on_stop
+        feeder = threading.Thread(target=self._feed, args=(controller_lines,), daemon=True)
+        feeder.start()
+        while not self.problems:
+            try:
+                event = self.events.get(timeout=0.2)
+            except queue.Empty:
+                if is_over() and not feeder.is_alive():
+                    break
+                continue
+            self._take(*event)
+        return self.problems + ([] if self.problems else self._left_over())
+
+    def _feed(self, lines):
+        """Pass on each line of the controller."""
+        seen = 0
+        while True:
+            with lines._news:
+                lines._news.wait_for(lambda: len(lines.all) > seen or lines.ended, 600)
+                fresh, seen, ended = lines.all[seen:], len(lines.all), lines.ended
+            for _, line in fresh:
+                self.events.put(("line", line, None))
+            if ended and len(lines.all) == seen:
+                return
+
+    def _take(self, kind, source, event):
+        if kind == "line":
+            self._take_line(source)
+        elif "request" in event:
+            self._take_request(source, event["id"], bytes.fromhex(event["request"]))
+        elif "mismatch" in event:
+            self._prepare(source.service, 1, "")
+            source.order(then="")
+
+    def _take_line(self, line):
+        if "Traceback" in line or "internal error" in line:
+            self.problems.append(line)
+        over = PASS.search(line)
+        if over:
+            self.outcomes.append(over.group(1))
+        told = TOLD.search(line)
+        if not told or told.group(1) == "HandleFallBack":
+            return
+        node, service, cause = told.group(1), told.group(2) or told.group(3), told.group(4)
+        if service not in SERVICES:
+            return  # a condition, answered by a topic
+        self.untold[node, service, cause] -= 1
+        if self.untold[node, service, cause] < 0:
+            self.problems.append("told but not injected: " + line)
+        attempt = self._next(service)
+        if attempt is not None and attempt.fault in BEFORE_SENDING and cause == FAULTS[attempt.fault][1]:
+            self.position[service] += 1
+            self.unmet.remove(self.index[id(attempt)])
+            if attempt.fault != "wrong md5":  # else it was seen to when the handshake came
+                self._prepare(service, 0, "")
+            self._release()
+
+    def _next(self, service, further=0):
+        place = self.position[service] + further
+        return self.script[service][place] if place < len(self.script[service]) else None
+
+    def _take_request(self, process, number, request):
+        attempt = self._next(process.service)
+        if attempt is None or attempt.fault in BEFORE_SENDING:
+            self.extra.append(process.service)
+            if self.stop_at is None:
+                self.problems.append("an unexpected request to {}; before it: {}".format(
+                    process.service, [(a.node, a.fault) for a in self.script[process.service][
+                        max(0, self.position[process.service] - 3):self.position[process.service] + 1]]))
+            process.order(id=number, send=self._response(process.service, "", request).hex(), then="")
+            return
+        self.position[process.service] += 1
+        if self.index[id(attempt)] == self.stop_at:
+            self.script = dict.fromkeys(SERVICES, ())
+            self.on_stop()
+        elif self.unmet and self.unmet[0] < self.index[id(attempt)]:
+            self.held.append((process, number, request, attempt))
+        else:
+            self._answer(process, number, request, attempt)
+
+    def _release(self):
+        """Answer what waited for an earlier fault to be met."""
+        ready = [held for held in self.held if not self.unmet or self.unmet[0] >= self.index[id(held[3])]]
+        self.held = [held for held in self.held if held not in ready]
+        for held in ready:
+            self._answer(*held)
+
+    def _answer(self, process, number, request, attempt):
+        """Give ``attempt`` the fault that the script has for it, and get ready for the next one to this service."""
+        service = process.service
+        if attempt.fault == "killed":
+            self._replace(service)
+            process.kill()
+            self._prepare(service, 0, "fresh")
+        elif attempt.fault == "hang":
+            self._prepare(service, 0, "hung")
+        else:
+            process.order(id=number, send=self._response(service, attempt.fault, request).hex(),
+                          then=self._prepare(service, 0, "answer"))
+            if process is not self.current[service] and process not in self.retired:
+                self._clear_away(service)
+
+    def _prepare(self, service, further, how):
+        """See to it that the next attempt meets its fault; return what the process does with its answer."""
+        following = self._next(service, further)
+        fault = following.fault if following is not None else ""
+        if fault not in BEFORE_SENDING:
+            if how == "":
+                self._replace(service)
+            return ""
+        if how in ("", "hung"):
+            self._replace(service)
+        order = {"zombie": "exit", "refused connection": "deafen", "wrong md5": "close"}[fault]
+        if fault == "wrong md5":
+            self._register(self.impostor[service])
+        if how == "answer":
+            return order
+        self.current[service].order(then=order)
+        return ""
+
+    @staticmethod
+    def _response(service, fault, request):
+        """Return the bytes of the answer to ``request`` (bytes)."""
+        if fault == "exception":
+            text = b"the server was told to fail"
+            return b"\x00" + struct.pack("<I", len(text)) + text
+        if fault == "malformed":
+            return b"\x01" + struct.pack("<I", 3) + b"\x07\x07\x07"
+        kind, done, refusal, _ = SERVICES[service]
+        values = refusal if fault == "refused" else done(kind._request_class().deserialize(request))
+        body = io.BytesIO()
+        kind._response_class(*values).serialize(body)
+        return b"\x01" + struct.pack("<I", body.tell()) + body.getvalue()
+
+    # ------------------------------------------------------------------------------------------------------- the verdict
+
+    def _left_over(self):
+        """Return what was expected and did not come."""
+        problems = ["{} call(s) to {} did not come".format(len(script) - self.position[service], service)
+                    for service, script in self.script.items() if self.position[service] < len(script)]
+        return problems + ["not told: {}".format(what) for what in self.untold.elements()]
