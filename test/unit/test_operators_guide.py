@@ -1,0 +1,43 @@
+"""The operator's guide says of each mission node what the delivered recovery policy does."""
+import os
+
+import pytest
+
+from behavior_controller import folders, leaves, policy
+from behavior_controller.gateway import Cause
+
+GUIDE = os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "operators_guide.md")
+NODES = [spec.id for spec in leaves.SPECS]
+POLICY = policy.load(folders.config("recoveryPolicy.ini"), NODES)
+COLUMNS = ((Cause.REFUSED,), (Cause.NOT_REACHABLE,), (Cause.NO_ANSWER, Cause.CONNECTION_LOST), (Cause.TYPE_MISMATCH,))
+
+
+def rows():
+    with open(GUIDE, encoding="utf-8") as file:
+        table = [[cell.strip() for cell in line.strip("|\n ").split("|")] for line in file if line.startswith("|")]
+    return {row[0]: row[1:] for row in table if row[0] in NODES}
+
+
+def in_words(rule):
+    return ("{}×, ".format(rule.retries) if rule.retries else "") + {policy.SKIP: "skip", policy.GIVE_UP: "give up"}[
+        rule.then]
+
+
+@pytest.mark.parametrize("node", sorted(node for node, cells in rows().items() if len(cells) == 5))
+def test_the_guide_says_what_the_policy_does(node):
+    for cell, causes in zip(rows()[node], COLUMNS):
+        rules = [in_words(POLICY.rule(node, cause)) for cause in causes]
+        if len(set(rules)) == 1:
+            assert cell == rules[0]
+        else:
+            assert (node, cell, rules) == ("Navigate", "1× (no answer) or 2× (lost), give up",
+                                           ["1×, give up", "2×, give up"])
+
+
+def test_no_node_is_forgotten():
+    with open(GUIDE, encoding="utf-8") as file:
+        text = file.read()
+    aliases = {"DescribeExhibitSpeech_1", "DescribeExhibitSpeech_2", "SayGoodBye", "HandleFallback",
+               "SeekingOvertAttentionMode"}
+    assert [node for node in NODES if node not in text and node not in aliases] == []
+    assert len([node for node in rows()]) == 32  # table 4's without START_OF_TREE and HandleFallBack, and two of ours
