@@ -193,7 +193,7 @@ def hung_ticks(seconds):
     gateway = RosGateway(lambda service: 60.0, tree.clock, tree.wake.emit)
     tree.setup(mission=MissionContext(
         gateway, None, settings.defaults(), phrases.load("English"),
-        policy.load(folders.config("recoveryPolicy.ini"), [spec.id for spec in leaves.SPECS]), tree.clock, Events()))
+        policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), tree.clock, Events()))
     taken, ends = [], time.monotonic() + seconds
     while time.monotonic() < ends:
         began = time.perf_counter()

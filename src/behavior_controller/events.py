@@ -29,7 +29,7 @@ class LeafFinished(NamedTuple):
 
 
 class Retried(NamedTuple):
-    """HandleFallBack tried a failed step once more and it failed again: which attempt, and why this time."""
+    """HandleFallBack tried a failed step, or its substitute, once more and it failed again: which attempt, and why."""
 
     node: str
     path: str
@@ -40,7 +40,8 @@ class Retried(NamedTuple):
 class Recovered(NamedTuple):
     """A decision of HandleFallBack: which failure, what was done, after how many attempts, and whether it helped.
 
-    ``outcome`` is ``done`` (a retry did it), ``skipped`` or ``given up``; ``success`` is false for the last only.
+    ``outcome`` is ``done`` (a retry did it), ``substituted``, ``skipped`` or ``given up``; ``success`` is false for the
+    last only.
     """
 
     node: str

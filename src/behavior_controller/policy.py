@@ -3,7 +3,7 @@ import itertools
 import re
 from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
-from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.bt.registry import NodeSpec, did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.gateway import Cause
 
@@ -19,18 +19,23 @@ NEVER_SKIPPED = ("Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpE
 
 
 class Rule(NamedTuple):
-    """One line of the policy. ``node`` and ``cause`` may be ``*``; ``back_off`` in seconds."""
+    """One line of the policy. ``node`` and ``cause`` may be ``*``; ``back_off`` in seconds.
+
+    A ``substitute`` is done in place of the failed node; if that fails too, ``then`` decides.
+    """
 
     node: str
     cause: str
     retries: int
     back_off: float
     then: str
+    substitute: Optional[NodeSpec] = None
 
     def __str__(self) -> str:
         """Return the rule as an operator reads it."""
         retry = "retry {}x, then ".format(self.retries) if self.retries else ""
-        return retry + ("skip" if self.then == SKIP else "give up")
+        instead = "{} instead, or ".format(self.substitute.id) if self.substitute else ""
+        return retry + instead + ("skip" if self.then == SKIP else "give up")
 
 
 class Policy(NamedTuple):
@@ -45,13 +50,13 @@ class Policy(NamedTuple):
         for rule in self.rules:
             if rule.node in ("*", node) and (rule.cause == "*" or CAUSES[rule.cause] is cause):
                 if rule.then == SKIP and node in NEVER_SKIPPED:
-                    return rule._replace(then=GIVE_UP)
+                    return rule._replace(then=GIVE_UP, substitute=None)
                 return rule
         return Rule(node, "*", 0, 0.0, GIVE_UP)
 
 
-def load(path: str, nodes: Iterable[str]) -> Policy:
-    """Read a policy file; ``nodes`` are the names that it may use. Raises ConfigurationError with every fault."""
+def load(path: str, specs: Iterable[NodeSpec]) -> Policy:
+    """Read a policy file; ``specs`` are the nodes that it may name. Raises ConfigurationError with every fault."""
     try:
         with open(path, encoding="utf-8") as file:
             lines = file.read().split("\n")
@@ -59,7 +64,7 @@ def load(path: str, nodes: Iterable[str]) -> Policy:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         text = "the recovery policy cannot be read: {}".format(reason)
         raise ConfigurationError([Fault(path, 0, 0, text)]) from error
-    reader = _Reader(path, set(nodes))
+    reader = _Reader(path, {spec.id: spec for spec in specs})
     for number, line in enumerate(lines, 1):
         words = line.split("#")[0].split()
         if words:
@@ -73,7 +78,7 @@ def load(path: str, nodes: Iterable[str]) -> Policy:
 
 
 class _Reader:
-    def __init__(self, path: str, nodes: Any):
+    def __init__(self, path: str, nodes: Dict[str, NodeSpec]):
         self.path = path
         self.nodes = nodes
         self.rules: List[Rule] = []
@@ -107,12 +112,18 @@ class _Reader:
             self.fault(number, "retries cannot be {}".format(retries), "allowed: 0 to 99")
         if not _is_seconds(back_off):
             self.fault(number, "back-off cannot be {}".format(back_off), "allowed: seconds, 0 to 3600")
-        if then not in (SKIP, GIVE_UP):
-            self.fault(number, "the last word cannot be {}".format(then), "allowed: skip, giveUp")
-        elif then == SKIP and node in NEVER_SKIPPED:
+        if then not in (SKIP, GIVE_UP) and not self._is_request(then):
+            self.fault(number, "the last word cannot be {}".format(then), did_you_mean(then, filter(
+                self._is_request, self.nodes)) or "allowed: skip, giveUp, or a node that calls a service")
+        elif then != GIVE_UP and node in NEVER_SKIPPED:
             self.fault(number, "{} cannot be skipped".format(node), "write giveUp")
         if len(self.faults) == before:
-            self._keep(number, Rule(node, cause, int(retries), float(back_off), then))
+            last = then if then in (SKIP, GIVE_UP) else SKIP
+            self._keep(number, Rule(node, cause, int(retries), float(back_off), last, self.nodes.get(then)))
+
+    def _is_request(self, node: str) -> bool:
+        """Return whether the node is one that asks a service for something, and so can stand in for another."""
+        return node in self.nodes and hasattr(self.nodes[node].factory(node), "request")
 
     def _keep(self, number: int, rule: Rule) -> None:
         """Append a rule that is right in itself, unless the rules before it leave it nothing to decide."""

@@ -39,7 +39,7 @@ class Rig:
         self.settings = settings.defaults(**changed)
         self.mission = MissionContext(
             self.gateway, self.topics, self.settings, phrases.load(self.settings.language),
-            policy.load(folders.config("recoveryPolicy.ini"), [spec.id for spec in leaves.SPECS]), self.clock, log)
+            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, log)
 
     def _reply(self, request):
         answer = self.answer(request)

@@ -8,7 +8,7 @@ from behavior_controller.gateway import Cause
 
 GUIDE = os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "operators_guide.md")
 NODES = [spec.id for spec in leaves.SPECS]
-POLICY = policy.load(folders.config("recoveryPolicy.ini"), NODES)
+POLICY = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
 COLUMNS = ((Cause.REFUSED,), (Cause.NOT_REACHABLE,), (Cause.NO_ANSWER, Cause.CONNECTION_LOST), (Cause.TYPE_MISMATCH,))
 
 

@@ -13,7 +13,7 @@ from mission_rig import EXHIBITS, refusal
 from test_leaves import one_leaf, write
 
 NODES = [spec.id for spec in leaves.SPECS]
-DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), NODES)
+DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
 
@@ -305,6 +305,35 @@ def test_nobody_waits_for_what_may_be_left_out():
     assert rig.clock.now() <= 1002.0
 
 
+INSTEAD = "budget 5 10\nPerformDeicticGesture * 1 0.5 LocationOvertAttentionMode\n"
+LOOK = SetAttention("location", Point(1.0, 2.0, 3.0))
+
+
+@pytest.mark.parametrize("looks, outcome", [(True, "substituted"), (False, "skipped")])
+def test_another_node_may_stand_in_for_the_one_that_failed(tmp_path, looks, outcome):
+    rig = fallback("<PerformDeicticGesture/>", lambda request: Answer() if request == LOOK and looks
+                   else refusal(request))
+    rig.mission.policy = read(tmp_path, INSTEAD)
+    write(rig, gestureTarget=Point(1.0, 2.0, 3.0))
+    assert to_the_end(rig) is SUCCESS
+    assert [type(request).__name__ for request in rig.requests] == ["PerformGesture", "PerformGesture", "SetAttention"]
+    assert rig.requests[-1] == LOOK
+    assert [(event.outcome, event.attempts, event.policy) for event in rig.of(Recovered)] == [
+        (outcome, 1, "retry 1x, then LocationOvertAttentionMode instead, or skip")]
+    assert [event.node for event in rig.of(Retried)] == ["PerformDeicticGesture"] + [
+        "LocationOvertAttentionMode"] * (not looks)
+    assert (rig.tree.blackboard.get("attentionSetAt") is not None) is looks
+
+
+def test_a_subtree_has_no_stand_in(tmp_path):
+    rig = one_leaf("<Fallback><Sequence><PerformDeicticGesture/></Sequence><HandleFallBack/></Fallback>",
+                   failing(9, Cause.REFUSED))
+    rig.mission.policy = read(tmp_path, INSTEAD)
+    write(rig, gestureTarget=Point(1.0, 2.0, 3.0))
+    assert to_the_end(rig) is SUCCESS
+    assert len(rig.requests) == 1
+
+
 def test_a_visit_may_be_wrapped_otherwise():
     visit = ("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
              "<HandleFallBack/></Fallback></Sequence>")
@@ -362,7 +391,7 @@ def test_halting_a_recovery_drops_the_safe_state():
 def read(tmp_path, text):
     path = tmp_path / "policy.ini"
     path.write_text(text, encoding="utf-8")
-    return policy.load(str(path), NODES)
+    return policy.load(str(path), leaves.SPECS)
 
 
 @pytest.mark.parametrize("line, expected", [
@@ -371,7 +400,12 @@ def read(tmp_path, text):
     ("Navigate refusd 1 0 giveUp", "2:1: unknown cause refusd (did you mean refused?)"),
     ("Navigate refused -1 0 giveUp", "2:1: retries cannot be -1 (allowed: 0 to 99)"),
     ("Navigate refused 1 soon giveUp", "2:1: back-off cannot be soon (allowed: seconds, 0 to 3600)"),
-    ("Navigate refused 1 0 ignore", "2:1: the last word cannot be ignore (allowed: skip, giveUp)"),
+    ("Navigate refused 1 0 ignore", "2:1: the last word cannot be ignore (allowed: skip, giveUp, or a node that "
+     "calls a service)"),
+    ("Navigate refused 1 0 LookUpHome", "2:1: Navigate cannot be skipped (write giveUp)"),
+    ("WelcomeGesture refused 1 0 IsASREnabled", "2:1: the last word cannot be IsASREnabled (allowed: skip, giveUp, or a "
+     "node that calls a service)"),
+    ("WelcomeGesture refused 1 0 WelcomeSpech", "2:1: the last word cannot be WelcomeSpech (did you mean WelcomeSpeech?)"),
     ("Navigate refused 1 0", "2:1: 4 words; a rule has 5: node cause retries back-off then"),
     ("budget 1 1", "2:1: a budget is one line: budget <recoveries> <seconds>"),
 ])

@@ -18,12 +18,12 @@ VISITING = ("SelectExhibit", "Navigate")
 RETURN_LIMIT = 15.0
 """Seconds that a retry waits for the return of a service that is known to be gone, if the tour cannot do without."""
 
-DONE, SKIPPED, GIVEN_UP = "done", "skipped", "given up"
+DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given up"
 """How a recovery may end."""
 
 
 class HandleFallBack(MissionLeaf, ActionLeaf):
-    """``<HandleFallBack/>``: retries the failed step before it, goes on without it, or gives up in the safe state.
+    """``<HandleFallBack/>``: retries the failed step, does another instead, goes on without it, or gives up.
 
     The failure is the newest one of the leaves before this node below their common parent. Only a step that is itself
     the neighbour can be retried: of a whole SubTree, redoing one leaf would not do the rest. SUCCESS only if the step
@@ -36,6 +36,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         self.cause: Optional[Failed] = None
         self.rule: Rule = None  # type: ignore[assignment]
         self.attempts = 0
+        self.stand_in: Optional[ServiceLeaf] = None  # what is done instead of the failed step
         self.call: Optional[Call] = None
         self.timer: Optional[Timer] = None
         self.patience: Optional[Timer] = None  # ends the wait for a service that is gone
@@ -50,18 +51,18 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         steps = self._steps()
         self.cause = self.mission.failures.newest(steps[0].uid if steps else self.uid, self.uid, self.last_number)
         self.last_number = self.mission.failures.newest_number
-        self.attempts, self.is_giving_up, self.because = 0, False, ""
+        self.attempts, self.is_giving_up, self.because, self.stand_in = 0, False, "", None
         if self.cause is None:
             self.feedback_message = "no mission node failed before"
             self._report_end(GIVEN_UP, "give up", Failure(Cause.MISSING_DATA, self.feedback_message))
             return self._finished(False)
         self.rule = self.mission.policy.rule(self.cause.leaf.registration_id, self.cause.failure.cause)
         if not self._within_budget():
-            self.rule = self.rule._replace(retries=0, then=GIVE_UP)
+            self.rule = self.rule._replace(retries=0, then=GIVE_UP, substitute=None)
             self.because = ": the budget of {} recoveries in {:g} s is spent".format(
                 self.mission.policy.most, self.mission.policy.seconds)
         if not self._is_neighbour():
-            self.rule = self.rule._replace(retries=0)
+            self.rule = self.rule._replace(retries=0, substitute=None)
         return self._next()
 
     def _steps(self) -> List[Any]:
@@ -89,12 +90,23 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         if self.attempts < self.rule.retries:
             self.timer = self.mission.clock.call_after(self.rule.back_off * 2 ** self.attempts, self._due)
             return RUNNING
+        if self.rule.substitute is not None and self.stand_in is None:
+            return self._stand_in(self.rule.substitute)
         if self._is_visit() and not leave_out_exhibit(self) and self.rule.then == SKIP:
             self.rule = self.rule._replace(then=GIVE_UP)
             self.because = ": every exhibit would be left out"
         if self.rule.then == SKIP:
             return self._ended(SKIPPED)
         return self._give_up()
+
+    def _stand_in(self, spec: NodeSpec) -> Result:
+        """Do another node in place of the one that failed."""
+        leaf = spec.factory(spec.id)
+        assert isinstance(leaf, ServiceLeaf)
+        leaf.registration_id, leaf.full_path = spec.id, self.full_path
+        leaf.blackboard, leaf.services, leaf.mission = self.blackboard, self.services, self.mission
+        self.stand_in = leaf
+        return self._attempt()
 
     def _is_visit(self) -> bool:
         return any(node.registration_id in VISITING for step in self._steps() for node in step.iterate())
@@ -123,7 +135,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         return self._attempt()
 
     def _awaits_return(self) -> bool:
-        """Return whether to put the attempt off: what is gone may be started again, and giving up is the alternative."""
+        """Return whether to put the attempt off: what is gone may be started again, and the tour cannot do without."""
         assert self.cause is not None
         if self.rule.then == SKIP or not self.mission.health.is_gone(self.cause.failure.resource):
             return False
@@ -133,29 +145,32 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
 
     def _attempt(self) -> Result:
         assert self.cause is not None
-        leaf = self.cause.leaf
+        leaf = self.stand_in or self.cause.leaf
         assert isinstance(leaf, ServiceLeaf)
         if self.call is None:
-            self.attempts += 1
+            self.attempts += leaf is not self.stand_in
             wanted = leaf.request()
             if wanted is None:
-                return self._ended(DONE)
+                return self._done()
             if isinstance(wanted, Failure):
-                return self._failed_again(wanted)
+                return self._failed_again(leaf, wanted)
             self.call = self.mission.gateway.start(wanted)
         if self.call.result is None:
             return RUNNING
         result, self.call = self.call.result, None
         failure = result if isinstance(result, Failure) else leaf.accept(result)
-        return self._ended(DONE) if failure is None else self._failed_again(failure)
+        return self._done() if failure is None else self._failed_again(leaf, failure)
 
-    def _failed_again(self, failure: Failure) -> Result:
+    def _done(self) -> Result:
+        return self._ended(SUBSTITUTED if self.stand_in is not None else DONE)
+
+    def _failed_again(self, leaf: ServiceLeaf, failure: Failure) -> Result:
         assert self.cause is not None
-        self.cause = self.cause._replace(failure=failure)
-        leaf = self.cause.leaf
         self.mission.events.emit(Retried(leaf.registration_id, leaf.full_path, self.attempts, failure))
-        # what was refused before may have been done this time: the rule is that of the new cause
-        self.rule = self.mission.policy.rule(self.cause.leaf.registration_id, failure.cause)
+        if leaf is not self.stand_in:
+            self.cause = self.cause._replace(failure=failure)
+            # what was refused before may have been done this time: the rule is that of the new cause
+            self.rule = self.mission.policy.rule(leaf.registration_id, failure.cause)
         return self._next()
 
     def _leave(self) -> Result:

@@ -49,7 +49,7 @@ def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Plan:
             return None
 
     plan = Plan(settings, mission, attempt(load_phrases, settings.language),
-                attempt(load_policy, folders.config(POLICY), [spec.id for spec in leaves.SPECS]),
+                attempt(load_policy, folders.config(POLICY), leaves.SPECS),
                 attempt(load_mission, mission, clock=clock, wake=wake))
     if faults:
         raise FaultsFound(faults)
