@@ -9,6 +9,7 @@ setup(**generate_distutils_setup(
         "behavior_controller.bt",
         "behavior_controller.leaves",
         "behavior_controller.ros",
+        "behavior_controller.watch",
     ],
     package_dir={"": "src"},
 ))

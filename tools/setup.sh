@@ -8,13 +8,13 @@ set -eo pipefail
 DEBIAN_PACKAGES="
   catkin cmake make g++ graphviz
   libgeometry-msgs-dev libroscpp-dev librostest-dev libstd-msgs-dev
-  python3-geometry-msgs python3-lxml python3-roslaunch python3-rosmsg python3-rosnode python3-rospy
-  python3-rosservice python3-rostest python3-rostopic python3-std-msgs python3-venv
+  python3-geometry-msgs python3-lxml python3-msgpack python3-roslaunch python3-rosmsg python3-rosnode python3-rospy
+  python3-rosservice python3-rostest python3-rostopic python3-std-msgs python3-venv python3-zmq
   ros-core ros-geometry-msgs ros-message-generation ros-message-runtime ros-std-msgs rosbash"
 
 # ROS Noetic on Ubuntu 20.04; its package source is set up where /opt/ros/noetic is
 NOETIC_PACKAGES="
-  cmake make g++ graphviz python3-lxml python3-venv
+  cmake make g++ graphviz python3-lxml python3-msgpack python3-venv python3-zmq
   ros-noetic-catkin ros-noetic-geometry-msgs ros-noetic-message-generation ros-noetic-message-runtime
   ros-noetic-rosbash ros-noetic-rosgraph ros-noetic-roslaunch ros-noetic-rosmsg ros-noetic-rosnode ros-noetic-rospy
   ros-noetic-rosservice ros-noetic-rostest ros-noetic-rostopic ros-noetic-std-msgs"

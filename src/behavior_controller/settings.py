@@ -119,6 +119,12 @@ KEYS: Tuple[Key, ...] = (
     _deadline("robotNavigationDeadline", 180.0, "/robotNavigation/set_goal"),
     _deadline("tabletEventDeadline", 60.0, "/tabletEvent/prompt_and_get_response"),
     _deadline("textToSpeechDeadline", 60.0, "/textToSpeech/say_text"),
+    Key("groot2Port", integer(0, 65534), "a port from 1 to 65534, or 0", 1667,
+        "where Groot2 connects, with the port after it; 0: nobody can"),
+    Key("groot2Address", words, "an address of this computer", "127.0.0.1",
+        "who may connect: 127.0.0.1 this computer alone, 0.0.0.0 everybody on the network"),
+    Key("monitorPort", integer(0, 65535), "a port from 1 to 65535, or 0", 8080, "where a browser sees the mission; 0: off"),
+    Key("monitorAddress", words, "an address of this computer", "127.0.0.1", "who may look, as groot2Address"),
     Key("recordDirectory", words, "a folder", "", "where to write the record mission.jsonl; empty: none is written"),
 )
 

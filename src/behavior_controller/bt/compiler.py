@@ -51,7 +51,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     faults = list(dict.fromkeys(checked.faults + compiler.faults))
     if any(not fault.is_warning for fault in faults):
         raise MissionError(sorted(faults, key=lambda fault: (fault.file, fault.line, fault.column)))
-    return Tree(compiler.nodes, compiler.blackboards, compiler.services, faults)
+    return Tree(checked.main, compiler.nodes, compiler.blackboards, compiler.services, faults)
 
 
 class _Place(NamedTuple):

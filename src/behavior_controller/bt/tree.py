@@ -11,10 +11,11 @@ ROUNDS_PER_TICK = 1000
 
 
 class Tree:
-    """The unfolded tree. ``nodes`` in order of uid; ``blackboards`` by path of the subtree, "" is the root's."""
+    """The unfolded tree ``id``. ``nodes`` in order of uid; ``blackboards`` by path of the subtree, "" is the root's."""
 
-    def __init__(self, nodes: List[Node], blackboards: Dict[str, Blackboard], services: Services,
+    def __init__(self, id: str, nodes: List[Node], blackboards: Dict[str, Blackboard], services: Services,
                  warnings: Sequence[Fault] = ()):
+        self.id = id
         self.nodes = nodes
         self.root = nodes[0]
         self.blackboards = blackboards
