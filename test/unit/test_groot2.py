@@ -17,7 +17,7 @@ from behavior_controller.bt.leaf import ActionLeaf, ConditionLeaf
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.watch.groot2 import Groot2Publisher
-from mission_rig import Rig, registry, visitor_who
+from mission_rig import Rig, visitor_who
 
 FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures", "groot2")
 RESULTS = {"R": RUNNING, "S": SUCCESS, "F": FAILURE}
@@ -102,7 +102,7 @@ def served():
     """A publisher on free ports, and a way to make clients."""
     warnings, clients = [], []
     port = free_ports()
-    publisher = Groot2Publisher("127.0.0.1", port, warnings.append, heartbeat=0.4)
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, heartbeat=0.4)
     publisher.port, publisher.warnings = port, warnings
 
     def client():
@@ -138,7 +138,7 @@ def test_every_reply_equals_the_capture(served):
     with open(os.path.join(FIXTURES, "golden.json")) as file:
         captures = json.load(file)
     tree, client, ticks = mission(), served.client(), 0
-    served.show(tree, SPECS)
+    served.show(tree)
     for capture in captures:
         state = capture["state"]
         if state.startswith("after tick"):
@@ -212,7 +212,7 @@ def hook(uid, position=0, mode=1, once=False, enabled=True, status="SUCCESS"):
 @pytest.mark.parametrize("status, expected, ran", [("SUCCESS", SUCCESS, 0), ("FAILURE", FAILURE, 0), ("SKIPPED", SUCCESS, 1)])
 def test_a_replacement_before_a_node(served, status, expected, ran):
     tree = tree_of('<Sequence><Act name="a"/></Sequence>', a="SF")
-    served.show(tree, SPECS)
+    served.show(tree)
     assert served.client().ask("I", hook(2, status=status)) is None
     assert tree.tick_exactly_once() is expected
     assert 2 - len(SCRIPTS["a"]) == ran
@@ -221,7 +221,7 @@ def test_a_replacement_before_a_node(served, status, expected, ran):
 @pytest.mark.parametrize("status, expected", [("FAILURE", FAILURE), ("SUCCESS", SUCCESS), ("SKIPPED", SUCCESS)])
 def test_a_replacement_after_a_node(served, status, expected):
     tree = tree_of('<Sequence><Act name="a"/></Sequence>', a="RSF")
-    served.show(tree, SPECS)
+    served.show(tree)
     served.client().ask("I", hook(2, position=1, status=status))
     assert tree.tick_exactly_once() is RUNNING  # no result yet, nothing to replace
     assert tree.tick_exactly_once() is expected
@@ -229,7 +229,7 @@ def test_a_replacement_after_a_node(served, status, expected):
 
 def test_once_is_once(served):
     tree = tree_of('<Act name="a"/>', a="S")
-    served.show(tree, SPECS)
+    served.show(tree)
     client = served.client()
     client.ask("I", hook(1, once=True, status="FAILURE"))
     assert [tree.tick_exactly_once(), tree.tick_exactly_once()] == [FAILURE, SUCCESS]
@@ -241,7 +241,7 @@ def test_once_is_once(served):
 @pytest.mark.parametrize("position", [0, 1])
 def test_a_breakpoint_keeps_its_node_running_and_the_tree_ticking(served, leaf, uid, position):
     tree = tree_of('<Parallel success_count="2">{}<Act name="b"/></Parallel>'.format(leaf), a="SF", b="RRRS")
-    served.show(tree, SPECS)
+    served.show(tree)
     client = served.client()
     client.ask("I", hook(uid, position=position, mode=0))
     assert [tree.tick_exactly_once() for _ in range(5)] == 5 * [RUNNING]
@@ -257,7 +257,7 @@ def test_a_breakpoint_keeps_its_node_running_and_the_tree_ticking(served, leaf, 
 
 def test_a_halt_ends_a_breakpoint(served):
     tree = tree_of('<Act name="a"/>', a="S")
-    served.show(tree, SPECS)
+    served.show(tree)
     served.client().ask("I", hook(1, mode=0))
     assert tree.tick_exactly_once() is RUNNING
     tree.halt()
@@ -268,7 +268,7 @@ def test_a_halt_ends_a_breakpoint(served):
 @pytest.mark.parametrize("release", ["R", "A", "X"])
 def test_removing_or_disabling_lets_a_breakpoint_go_on(served, release):
     tree = tree_of('<Act name="a"/>', a="S")
-    served.show(tree, SPECS)
+    served.show(tree)
     client = served.client()
     client.ask("I", hook(1, mode=0))
     assert tree.tick_exactly_once() is RUNNING
@@ -278,7 +278,7 @@ def test_removing_or_disabling_lets_a_breakpoint_go_on(served, release):
 
 def test_the_breakpoints_of_a_client_that_is_gone_let_go_and_come_back_with_it(served):
     tree = tree_of('<Act name="a"/>', a="S")
-    served.show(tree, SPECS)
+    served.show(tree)
     served.client().ask("I", hook(1, mode=0))
     assert tree.tick_exactly_once() is RUNNING
     tree.wake.test_and_clear()
@@ -293,7 +293,7 @@ def test_the_breakpoints_of_a_client_that_is_gone_let_go_and_come_back_with_it(s
 
 def test_nodes_without_hooks_are_left_alone(served):
     tree = tree_of('<Sequence><Act name="a"/><Act name="b"/></Sequence>', a="S", b="S")
-    served.show(tree, SPECS)
+    served.show(tree)
     served.client().ask("I", hook(2))
     assert "update" in vars(tree.nodes[1]) and "update" not in vars(tree.nodes[2]) and "update" not in vars(tree.root)
 
@@ -303,19 +303,19 @@ def test_nodes_without_hooks_are_left_alone(served):
 
 def test_a_port_that_is_taken_is_one_line(served):
     warnings = []
-    other = Groot2Publisher("127.0.0.1", served.port, warnings.append)
-    other.show(tree_of('<Act name="a"/>', a="S"), SPECS)
+    other = Groot2Publisher("127.0.0.1", served.port, SPECS, warnings.append)
+    other.show(tree_of('<Act name="a"/>', a="S"))
     other.close()
     assert len(warnings) == 1 and str(served.port) in warnings[0] and "groot2Port" in warnings[0]
 
 
 def test_a_new_tree_has_another_uuid_and_lets_the_old_ones_breakpoint_go(served):
     client, old, new = served.client(), tree_of('<Act name="a"/>', a="S"), tree_of('<Cond name="c"/>', c="S")
-    served.show(old, SPECS)
+    served.show(old)
     client.ask("I", hook(1, mode=0))
     before = client.uuid
     assert old.tick_exactly_once() is RUNNING
-    served.show(new, SPECS)
+    served.show(new)
     assert b'<Cond name="c"' in client.ask("T") and client.uuid != before
     assert old.tick_exactly_once() is SUCCESS
     assert client.ask("D") == b"[]"
@@ -323,7 +323,7 @@ def test_a_new_tree_has_another_uuid_and_lets_the_old_ones_breakpoint_go(served)
 
 def test_the_missions_own_records_are_shown(served):
     rig = Rig()
-    served.show(rig.tree, registry().all())
+    served.show(rig.tree)
     assert rig.run(visitor_who(says="yes")) == 0
     shown = msgpack.unpackb(served.client().ask("B", "LabTour"))["LabTour"]
     assert shown["currentExhibit"] == "exhibit 2"
@@ -333,7 +333,7 @@ def test_the_missions_own_records_are_shown(served):
 
 def test_transitions_keep_the_newest_thousand(served):
     tree = tree_of('<Act name="a"/>', a="S")
-    served.show(tree, SPECS)
+    served.show(tree)
     client = served.client()
     client.ask("r", "start")
     for _ in range(600):
@@ -344,7 +344,7 @@ def test_transitions_keep_the_newest_thousand(served):
 def test_garbage_is_answered_and_forgotten(served):
     draw = random.Random(1)
     tree = tree_of('<Act name="a"/>', a="S")
-    served.show(tree, SPECS)
+    served.show(tree)
     client = served.client()
     kinds = b"TSBIRUDAXrt?\x00\xff"
     for _ in range(10_000 if ALL else 500):
@@ -361,7 +361,7 @@ def test_garbage_is_answered_and_forgotten(served):
 
 
 def test_clients_that_come_and_go_leave_nothing_behind(served):
-    served.show(tree_of('<Act name="a"/>', a="S"), SPECS)
+    served.show(tree_of('<Act name="a"/>', a="S"))
     served.client().ask("S")
     before = len(os.listdir("/proc/self/fd"))
     for number in range(1000 if ALL else 40):

@@ -19,6 +19,7 @@ from behavior_controller.events import Events
 from behavior_controller.gateway import SAFE_STATE
 from behavior_controller.health import Health
 from behavior_controller.leaves.base import MissionContext
+from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.record import Record
 from behavior_controller.ros.connection import Trouble, ask_master
 from behavior_controller.ros.console import Console, flush_every_line, report_internal_error
@@ -29,6 +30,7 @@ from behavior_controller.ros.services import RosGateway
 from behavior_controller.ros.signals import Signals
 from behavior_controller.ros.topics import RosTopics
 from behavior_controller.runner import Runner, Running
+from behavior_controller.watch.groot2 import Groot2Publisher
 
 NAME = "behaviorController"
 SUCCESS, NODES_MISSING, BAD_FILES, FAILED = 0, 1, 2, 3
@@ -142,11 +144,13 @@ class _Run:
         self._events.subscribe(console)
         self._health = Health(self._wake.emit)
         self._gateway = RosGateway(plan.settings.deadline, self._clock, self._wake.emit, self._health)
+        self._watchers: List[Groot2Publisher] = []
         self._monitor = Monitor(topics, self._health, lambda: self._plan.settings.asr_enabled)
 
     def carry_out(self) -> int:
         """Run the mission and return the exit code."""
         console, plan = self._console, self._plan
+        self._open_watchers()
         if plan.settings.record_directory:
             self._events.subscribe(Record(plan.settings.record_directory, lambda text: console.tell("warning", text)))
         runner = Runner(self._running(), lambda: self._signals.stop_requested, self._successor)
@@ -161,10 +165,25 @@ class _Run:
             return FAILED
         finally:
             self._monitor.close()
+            for watcher in self._watchers:
+                watcher.close()
+
+    def _open_watchers(self) -> None:
+        """Let those look on who may; what they need is opened at the start only."""
+        chosen = self._plan.settings
+
+        def warn(text: str) -> None:
+            self._console.tell("warning", text)
+
+        if chosen.groot2_port:
+            self._watchers.append(Groot2Publisher(
+                chosen.groot2_address, chosen.groot2_port, registry().all(), warn))
 
     def _running(self) -> Running:
-        """Return the plan as the runner wants it."""
+        """Return the plan as the runner wants it, and show it to who looks on."""
         plan = self._plan
+        for watcher in self._watchers:
+            watcher.show(plan.tree)
         context = MissionContext(self._gateway, self._topics, plan.settings, plan.phrases, plan.policy, self._clock,
                                  self._events, self._health)
         return Running(plan.tree, context, plan.mission, plan.settings.mission_runs)

@@ -49,8 +49,13 @@ class Refused(Exception):
 class Groot2Publisher:
     """Serves one tree after another at ``address``, ``port`` (requests) and ``port + 1`` (breakpoints reached)."""
 
-    def __init__(self, address: str, port: int, warn: Callable[[str], None], heartbeat: float = HEARTBEAT):
-        """Open the sockets; a port that is taken is told to ``warn`` in one line, and nobody is served."""
+    def __init__(self, address: str, port: int, specs: Sequence[NodeSpec], warn: Callable[[str], None],
+                 heartbeat: float = HEARTBEAT):
+        """Open the sockets; a port that is taken is told to ``warn`` in one line, and nobody is served.
+
+        ``specs`` are all registered node types.
+        """
+        self._specs = specs
         self._shown: Optional[_Shown] = None
         self._heartbeat = heartbeat
         self._lock = threading.Lock()
@@ -74,9 +79,9 @@ class Groot2Publisher:
         self._thread = threading.Thread(target=self._serve, name="groot2", daemon=True)
         self._thread.start()
 
-    def show(self, tree: Tree, specs: Sequence[NodeSpec]) -> None:
-        """Serve ``tree`` from now on; ``specs`` are all registered node types. A client sees by the UUID that it is new."""
-        shown = _Shown(tree, specs, self._tell_reached)
+    def show(self, tree: Tree) -> None:
+        """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
+        shown = _Shown(tree, self._specs, self._tell_reached)
         with self._lock:
             before, self._shown = self._shown, shown
         if before is not None:
