@@ -144,6 +144,11 @@ class FaultyRobot:
         self.position = dict.fromkeys(SERVICES, 0)
         self.unmet = [n for n, attempt in enumerate(attempts) if attempt.fault in BEFORE_SENDING]
         self.held, self.extra, self.stop_at, self.on_stop = [], [], stop_at, on_stop
+        for service in SERVICES:  # whatever the run before has left
+            self._replace(service)
+            self._clear_away(service)
+        while not self.events.empty():
+            self.events.get()
         feeder = threading.Thread(target=self._feed, args=(controller_lines,), daemon=True)
         feeder.start()
         while not self.problems:
@@ -197,7 +202,7 @@ class FaultyRobot:
             self.position[service] += 1
             self.unmet.remove(self.index[id(attempt)])
             if attempt.fault != "wrong md5":  # else it was seen to when the handshake came
-                self._prepare(service, 0, "")
+                self._prepare(service, 0, "dead")
             self._release()
 
     def _next(self, service, further=0):
@@ -246,21 +251,28 @@ class FaultyRobot:
                 self._clear_away(service)
 
     def _prepare(self, service, further, how):
-        """See to it that the next attempt meets its fault; return what the process does with its answer."""
+        """See to it that the next attempt meets its fault; return what the process does with its answer.
+
+        ``how`` tells of the process that is registered: it is about to ``answer``, it is ``hung``, ``dead``, ``fresh``, or
+        it is the impostor ("").
+        """
         following = self._next(service, further)
         fault = following.fault if following is not None else ""
         if fault not in BEFORE_SENDING:
-            if how == "":
+            if how in ("", "dead"):
                 self._replace(service)
             return ""
         if how in ("", "hung"):
             self._replace(service)
+        if how == "dead" and fault != "wrong md5":
+            return ""  # it is what it should be
         order = {"zombie": "exit", "refused connection": "deafen", "wrong md5": "close"}[fault]
         if fault == "wrong md5":
             self._register(self.impostor[service])
         if how == "answer":
             return order
-        self.current[service].order(then=order)
+        if how != "dead":
+            self.current[service].order(then=order)
         return ""
 
     @staticmethod

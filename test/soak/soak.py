@@ -143,7 +143,7 @@ def rates(soak, short, seed):
                 def get(self, key, default=None):
                     return draw.choice(sorted(FAULTS)) if draw.random() < rate else default
 
-            tours = [tour_with(Draws(), by_voice) for _ in range(1 if short else 20)]
+            tours = [tour_with(Draws(), by_voice, is_careful=True) for _ in range(1 if short else 20)]
             yield "failure rate {:g}, {}".format(rate, "voice" if by_voice else "tablet"), len(tours), soak.run(
                 tours, by_voice)
 

@@ -7,7 +7,7 @@ from behavior_controller.settings import REQUIRED, Key, boolean, integer, number
 
 from unit_tests.faults import KINDS, REFUSED, PlannedFault, parse_planned_fault
 from unit_tests.robot import SERVICES
-from unit_tests.visitor import ALIASES, BEHAVIOURS, ENGAGES
+from unit_tests.visitor import ALIASES, BEHAVIOURS, ENGAGES, RANDOM
 
 FILE_NAME = "behaviorControllerTestConfiguration.ini"
 
@@ -28,7 +28,7 @@ def _kinds(text: str) -> Tuple[str, ...]:
 
 
 def _behaviour(text: str) -> str:
-    return ALIASES.get(text) or one_of(*BEHAVIOURS)(text)
+    return ALIASES.get(text) or one_of(RANDOM, *BEHAVIOURS)(text)
 
 
 def _planned_faults(text: str) -> Tuple[PlannedFault, ...]:
@@ -44,7 +44,7 @@ KEYS = (
     Key("arrivalRate", number(1, infinite=True), "a number of messages per minute, 1 or more, or inf", REQUIRED,
         "average rate of the messages on each topic"),
     Key("verboseMode", boolean, "true or false", REQUIRED, "a line for every request and for every new message"),
-    Key("visitorBehaviour", _behaviour, "one of {}".format(", ".join(BEHAVIOURS + tuple(ALIASES))), ENGAGES,
+    Key("visitorBehaviour", _behaviour, "one of {}".format(", ".join(BEHAVIOURS + (RANDOM,) + tuple(ALIASES))), ENGAGES,
         "what the visitor does"),
     Key("missionRuns", integer(1, 10 ** 6), "a whole number, 1 or more", 1, "passes (visitors) until the test ends"),
     Key("randomSeed", _seed, "a whole number from 0 to {}, or nothing".format(SEEDS - 1), None,

@@ -1,8 +1,9 @@
 """What is known at the end of a test: the controller's record and the journal of the simulated nodes."""
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence
+from typing import Any, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence
 
 from unit_tests.exhibits import Knowledge
 from unit_tests.journal import Line
+from unit_tests.rehearsal import Rehearsal
 
 Event = Dict[str, Any]
 """A line of the record: ``event`` (one of ``behavior_controller.events``), ``time`` (unix seconds) and its fields."""
@@ -18,6 +19,8 @@ class Facts(NamedTuple):
     runs: int
     knowledge: Knowledge
     cut_off: str = ""  # why nobody waited for the end
+    rehearsal: Optional[Rehearsal] = None  # the same mission with a robot that never fails
+    real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
 
 
 class Pass(NamedTuple):

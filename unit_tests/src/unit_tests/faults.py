@@ -5,7 +5,9 @@ from typing import Dict, NamedTuple, Optional, Sequence
 REFUSED = "refused"  # the answer says failure
 EXCEPTION = "exception"  # the server's handler raises
 UNANSWERED = "unanswered"  # no answer before any deadline
-KINDS = (REFUSED, EXCEPTION, UNANSWERED)
+CRASH = "crash"  # the node's process dies in the call and is started again
+WRONG = "wrong"  # an answer that means nothing
+KINDS = (REFUSED, EXCEPTION, UNANSWERED, CRASH, WRONG)
 
 
 class PlannedFault(NamedTuple):

@@ -4,12 +4,17 @@ from typing import Dict, Iterator, List, Tuple
 from behavior_controller.gateway import Cause
 
 from unit_tests.facts import Event, Facts
-from unit_tests.faults import EXCEPTION, REFUSED, UNANSWERED
+from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
 from unit_tests.journal import Line
+from unit_tests.robot import SERVICES
 from unit_tests.visitor import SILENT
 
-CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.value, UNANSWERED: Cause.NO_ANSWER.value}
+CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.value, UNANSWERED: Cause.NO_ANSWER.value,
+            CRASH: Cause.CONNECTION_LOST.value, WRONG: Cause.UNUSABLE_ANSWER.value}
 """How the controller must record each kind of fault."""
+
+AWAY = {Cause.NOT_REACHABLE.value, Cause.CONNECTION_LOST.value}
+"""How calls fail between the crash of a node and its return."""
 
 RECOVERY = {"HandleFallBack", "HandleFallback"}
 
@@ -58,9 +63,18 @@ class Matching:
     def _is_natural(self, event: Event) -> bool:
         """Whether the failure is the mission's way to say no: a false condition, a visitor who presses nothing."""
         cause = event["failure"]["cause"]
-        return cause == Cause.CONDITION_FALSE.value or (
+        return cause == Cause.CONDITION_FALSE.value or self._is_away(event) or (
             cause == Cause.MISSING_DATA.value and event["node"] == "PressYesNoDialogue"
             and self._facts.behaviour == SILENT)
+
+    def _is_away(self, event: Event) -> bool:
+        """Whether nobody simulates the service that failed: a real node does it, or it has crashed and is not back."""
+        lines = [line for line in self._facts.journal if line.resource == event["failure"]["resource"] and line.call]
+        if not lines:
+            return any(SERVICES[node].name == event["failure"]["resource"] for node in self._facts.real & set(SERVICES))
+        before = [line for line in lines if line.time <= event["time"]]
+        return bool(before) and before[-1].fault == CRASH and before[-1] not in self._open \
+            and event["failure"]["cause"] in AWAY
 
     def _take_fault(self, event: Event) -> bool:
         """Match the newest fault before a leaf's failure, if it is of the right kind."""

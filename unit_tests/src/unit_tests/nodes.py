@@ -1,9 +1,11 @@
 """The nine simulated nodes as ROS nodes: a service, a topic, or both, behind each name."""
+import os
 import sys
 import threading
 import time
 from typing import Any, Callable, Dict
 
+import rosgraph
 import rospy
 from cssr_system.msg import (exhibitInfoMessage, faceDetectionMessage, gestureMessage, locationMessage,
                              overtAttentionMessage)
@@ -17,9 +19,12 @@ from behavior_controller.gateway import Exhibit
 
 from unit_tests import parameters
 from unit_tests.arrivals import Arrivals
-from unit_tests.faults import EXCEPTION, UNANSWERED, Faults
+from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG, Faults
 from unit_tests.journal import Journal, Line, now
 from unit_tests.robot import SERVICES, TOPICS, Fields
+
+CRASHED = 9
+"""Exit code of a node that dies on purpose; the launch file starts it again."""
 
 SHORTEST_GAP = 0.001
 """Seconds between two messages of a topic at the least: what an infinite arrival rate comes to."""
@@ -36,7 +41,10 @@ TOPIC_TYPES = {"faceDetection": faceDetectionMessage, "overtAttention": overtAtt
 
 
 def main(name: str) -> None:
-    """Run one simulated node until ROS shuts down. Exit code 2: the configuration cannot be used."""
+    """Run one simulated node until ROS shuts down. Exit code 1: there is no master; 2: the configuration is wrong."""
+    if not rosgraph.is_master_online():
+        sys.exit("{}: no ROS master at {}: start roscore, or use the launch file".format(
+            name, rosgraph.get_master_uri()))
     rospy.init_node(name)
     try:
         Node(name).run()
@@ -73,12 +81,14 @@ class Node:
         self._test = parameters.read_configuration(rospy.get_name())
         self._world = parameters.read_world(self._test)
         self._journal = Journal(parameters.folder())
-        self._journal.skip()
+        if not parameters.is_launched():
+            self._journal.skip()  # of an earlier day; in a launch it is what was before a crash
         self._lock = threading.Lock()  # for the journal and the visitor: each service connection is a thread
         self._stopped = threading.Event()
         planned = [fault for fault in self._test.planned_faults if fault.node == name]
         self._faults = Faults(self._test.failure_rate, self._seed("faults"), self._test.fault_kinds, planned)
         self._published: Fields = {}
+        self._look_around()
         if not parameters.is_launched():  # else the report says it
             rospy.loginfo("%s: randomSeed %d", name, self._test.random_seed)
 
@@ -102,6 +112,8 @@ class Node:
     def _look_around(self) -> None:
         for line in self._journal.news():
             self._world.visitor.notice(line)
+            while line.node == self._name and self._faults.calls < line.call:
+                self._faults.next()  # decided before the crash
 
     def _tell(self, *words: Any) -> None:
         if self._test.verbose_mode:
@@ -115,13 +127,18 @@ class Node:
         fields = {slot: getattr(request, slot) for slot in request.__slots__}
         with self._lock:
             fault = self._faults.next()
+            if fault == WRONG and service.wrong is None:
+                fault = REFUSED
             line = Line(now(), self._name, rospy.resolve_name(service.name), self._faults.calls, fields, fault,
                         service.object_to(fields))
             self._write(line)
-            answer = service.answer(fields, self._world) if line.done else service.refusal
+            answer = service.answer(fields, self._world) if line.done else (
+                service.wrong if fault == WRONG else service.refusal)
         self._tell("call", line.call, fields, "->", fault or line.objection or answer)
         if fault == EXCEPTION:
             raise rospy.ServiceException("call {} of {} fails on purpose".format(line.call, self._name))
+        if fault == CRASH:
+            os._exit(CRASHED)
         if fault == UNANSWERED:
             self._stopped.wait()
         return self._response(answer)

@@ -8,7 +8,7 @@ from behavior_controller.gateway import Cause
 from unit_tests.facts import Facts, count, of
 from unit_tests.matching import CAUSE_OF, Matching
 from unit_tests.robot import SERVICES
-from unit_tests.verdict import Verdict, judge
+from unit_tests.verdict import Verdict, judge, reached
 
 
 def failure_lines(facts: Facts) -> List[str]:
@@ -33,10 +33,32 @@ def summary_lines(facts: Facts) -> List[str]:
     for node in SERVICES:
         calls = [line for line in facts.journal if line.node == node and line.call > 0]
         lines.append("{:<28} {:>6} {:>8}".format(node, len(calls), sum(line.fault is not None for line in calls)))
+    return lines + [""] + recovery_lines(facts) + coverage_lines(facts)
+
+
+def recovery_lines(facts: Facts) -> List[str]:
+    """Return how many recoveries there were and how they ended, and a line for each decision."""
     recovered = of(facts.events, "Recovered")
-    going_on = sum(event["success"] for event in recovered)
-    return lines + ["", "recoveries: {}; {} went on, {} gave up".format(
-        len(recovered), going_on, len(recovered) - going_on)]
+    ended = Counter(event["outcome"] for event in recovered)
+    lines = ["recoveries: {}{}".format(len(recovered), "".join(
+        "; {} {}".format(number, outcome) for outcome, number in sorted(ended.items())))]
+    return lines + ["  {}: {}; policy: {}; {}: {}".format(
+        event["path"], event["failure"]["cause"], event["policy"], count(event["attempts"], "attempt", "attempts"),
+        event["outcome"]) for event in recovered]
+
+
+def coverage_lines(facts: Facts) -> List[str]:
+    """Return how much of the mission ran: leaves, and branches of nodes with several children."""
+    started = of(facts.events, "RunStarted")
+    if not started:
+        return []
+    ran, leaves = reached(facts), {path for path, _ in started[-1]["leaves"]}
+    lines = ["coverage: {} of {} leaves of the mission ran".format(len(ran & leaves), len(leaves))]
+    if facts.rehearsal is not None:
+        wanted, ways = facts.rehearsal.reached, facts.rehearsal.branches
+        lines.append("          {} of {} that this visitor should bring about".format(len(ran & wanted), len(wanted)))
+        lines.append("          {} of {} branches".format(sum(bool(paths & ran) for paths in ways), len(ways)))
+    return lines
 
 
 def write(facts: Facts, title: str) -> Tuple[Verdict, str]:

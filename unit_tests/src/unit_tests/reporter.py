@@ -3,8 +3,9 @@ import datetime
 import os
 import sys
 import time
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
+import rospkg
 import rospy
 
 from behavior_controller.errors import BehaviorControllerError
@@ -12,16 +13,25 @@ from behavior_controller.record import FILE_NAME as RECORD
 
 from unit_tests import configuration, parameters
 from unit_tests.controller import STARTUP_TIMEOUT, read_exit_code
+from unit_tests.exhibits import Knowledge
 from unit_tests.facts import Facts
 from unit_tests.journal import Journal, Tail
+from unit_tests.junit import to_xml
+from unit_tests.rehearsal import Rehearsal, rehearse
 from unit_tests.report import write
 
 OUTPUT = "behaviorControllerTestOutput.dat"
+JUNIT = "behaviorControllerTest.xml"
+"""File with the verdict as JUnit XML, in the folder where ROS keeps test results."""
+
 VERDICT = "verdict"
 """File in the folder of the run that holds the exit code of the test."""
 
 START_LIMIT = STARTUP_TIMEOUT + 30.0
 """Seconds after which a controller that has not started its mission is given up."""
+
+PROGRESS_INTERVAL = 5.0
+"""Seconds between two lines about how far the mission is."""
 
 LOOK_INTERVAL = 0.1
 """Seconds between two looks at what the controller has recorded."""
@@ -38,23 +48,63 @@ def main() -> int:
         return _finish(2)
     print("randomSeed {}".format(test.random_seed), flush=True)
     folder = parameters.folder()
-    events, exit_code, cut_off = wait_for_end(folder, test.test_timeout)
+    began = time.monotonic()
+    events, exit_code, cut_off = wait_for_end(folder, test.test_timeout, Progress(folder).show)
     facts = Facts(events, Journal(folder).news(), exit_code, test.visitor_behaviour, test.mission_runs,
-                  world.knowledge, cut_off)
-    verdict, text = write(facts, _title(events, test))
+                  world.knowledge, cut_off, _rehearse(events, test, world.knowledge), parameters.real_nodes())
+    title = _title(events, test)
+    verdict, text = write(facts, title)
     print("\n" + text, flush=True)
+    _save_junit(to_xml(verdict, time.monotonic() - began, title))
     print("written to {}; the record and the journal are in {}".format(_save(text), folder), flush=True)
     return _finish(0 if verdict.passed else 1)
 
 
-def wait_for_end(folder: str, limit: float) -> Tuple[List[Dict[str, Any]], Optional[int], str]:
-    """Return the controller's record, its exit code once it has ended, and else why nobody waits any longer."""
+class Progress:
+    """Shows a waiting user every few seconds how far the mission is."""
+
+    def __init__(self, folder: str):
+        self._journal = Journal(folder)
+        self._calls = self._faults = 0
+        self._began = self._told = time.monotonic()
+
+    def show(self, events: List[Dict[str, Any]]) -> None:
+        """Print a line, if the last one was a while ago."""
+        if time.monotonic() - self._told < PROGRESS_INTERVAL:
+            return
+        self._told = time.monotonic()
+        for line in self._journal.news():
+            self._calls += line.call > 0
+            self._faults += line.fault is not None
+        ran = [event["node"] for event in events if event["event"] == "LeafFinished"]
+        ended = sum(event["event"] == "PassFinished" for event in events)
+        print("{:4.0f} s: pass {}, {} calls, {} of them made to fail; last: {}".format(
+            self._told - self._began, ended + 1, self._calls, self._faults, ran[-1] if ran else "not started"),
+            flush=True)
+
+
+def _rehearse(events: List[Dict[str, Any]], test: configuration.Configuration,
+              knowledge: Knowledge) -> Optional[Rehearsal]:
+    """Return how the mission goes with a robot that never fails; None if it did not start."""
+    started = [event for event in events if event["event"] == "RunStarted"]
+    if not started:
+        return None
+    return rehearse(started[-1]["mission"], started[-1]["settings"], parameters.read_manners(test, knowledge), knowledge)
+
+
+def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]], None] = lambda events: None
+                 ) -> Tuple[List[Dict[str, Any]], Optional[int], str]:
+    """Return the controller's record, its exit code once it has ended, and else why nobody waits any longer.
+
+    ``show`` is given the record again and again meanwhile.
+    """
     record = Tail(os.path.join(folder, RECORD))
     events: List[Dict[str, Any]] = []
     began = time.monotonic()
     cut_off = ""
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
         events += record.news()
+        show(events)
         waited = time.monotonic() - began
         if not events and waited > START_LIMIT:
             cut_off = "the controller did not start its mission within {:g} s".format(START_LIMIT)
@@ -86,6 +136,17 @@ def _save(text: str) -> str:
         except OSError as error:
             reason = "nowhere: {}: {}".format(path, error.strerror)
     return reason
+
+
+def _save_junit(text: str) -> None:
+    """Write the verdict where catkin collects test results."""
+    folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
+    try:
+        os.makedirs(folder, exist_ok=True)
+        with open(os.path.join(folder, JUNIT), "w", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        print("no JUnit file: {}: {}".format(folder, error.strerror), flush=True)
 
 
 def _finish(code: int) -> int:

@@ -2,6 +2,8 @@
 import math
 from typing import Any, Callable, Dict, NamedTuple, Optional
 
+from behavior_controller.gateway import Exhibit, Location, Point
+
 from unit_tests.exhibits import Knowledge
 from unit_tests.visitor import GAZE_VALUES, Visitor
 
@@ -26,6 +28,7 @@ class Service(NamedTuple):
     object_to: Callable[[Fields], Optional[str]]
     answer: Callable[[Fields, World], Fields]
     refusal: Fields
+    wrong: Optional[Fields] = None  # an answer of the right type that means nothing, if there is one
 
 
 def _allow(field: str, *values: str) -> Callable[[Fields], Optional[str]]:
@@ -66,22 +69,26 @@ def _press(request: Fields, world: World) -> Fields:
     return {"success": True, "response": world.visitor.press(request["message"].split("|"))}
 
 
+NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
+"""A place that cannot be driven to."""
+
 SERVICES: Dict[str, Service] = {
     "animateBehavior": Service("/animateBehaviour/set_activation", _allow("state", "enabled", "disabled"),
-                               _fixed(success="1"), {"success": "0"}),
+                               _fixed(success="1"), {"success": "0"}, {"success": "perhaps"}),
     "overtAttention": Service("/overtAttention/set_mode",
                               _allow("state", "disabled", "social", "scanning", "seeking", "location"),
-                              _fixed(mode_set_success=1), {"mode_set_success": 0}),
+                              _fixed(mode_set_success=1), {"mode_set_success": 0}, {"mode_set_success": 7}),
     "gestureExecution": Service("/gestureExecution/perform_gesture", _object_to_gesture,
-                                _fixed(gesture_success=1), {"gesture_success": 0}),
+                                _fixed(gesture_success=1), {"gesture_success": 0}, {"gesture_success": 7}),
     "textToSpeech": Service("/textToSpeech/say_text", _object_to_text,
                             _fixed(success=True, response=""), {"success": False, "response": ""}),
     "robotNavigation": Service("/robotNavigation/set_goal", _object_to_goal,
-                               _fixed(navigation_goal_success=1), {"navigation_goal_success": 0}),
+                               _fixed(navigation_goal_success=1), {"navigation_goal_success": 0},
+                               {"navigation_goal_success": 7}),
     "knowledgeBase": Service("/knowledgeBase/query", _object_to_query,
-                             _exhibits, {"success": False, "exhibits": []}),
+                             _exhibits, {"success": False, "exhibits": []}, {"success": True, "exhibits": [NOWHERE]}),
     "tabletEvent": Service("/tabletEvent/prompt_and_get_response", _object_to_text,
-                           _press, {"success": False, "response": ""}),
+                           _press, {"success": False, "response": ""}, {"success": True, "response": "Perhaps"}),
 }
 """Node -> its service (table 3)."""
 

@@ -1,10 +1,9 @@
 """The verdict of a test: what the controller recorded against what the simulated nodes received and what was expected.
 
-Three questions decide: did each pass end as the visitor's behaviour predicts, was every exhibit seen to that had to be,
-and is every failure that the controller recorded one that was injected, and the other way round?
+``QUESTIONS`` decide, among them: did each pass end as the visitor's behaviour predicts, was every exhibit and every leaf
+of the mission seen to that had to be, and is every recorded failure one that was injected, and the other way round?
 """
-import itertools
-from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.gateway import Exhibit
 
@@ -26,11 +25,23 @@ DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES
         NO_GAZE: "never looks back"}
 
 
-class Verdict(NamedTuple):
-    """The result: PASSED if there is nothing that speaks against it."""
+GOODBYE = {"EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"}
+"""Mission nodes that make no sense to a visitor who is not there any more."""
 
-    objections: Tuple[str, ...]
+JUDGED_BY = {"robotNavigation", "textToSpeech", "knowledgeBase", "overtAttention"}
+"""Simulated nodes without whose journal nobody can say which exhibits were seen to."""
+
+
+class Verdict(NamedTuple):
+    """The result: PASSED if there is nothing that speaks against it. ``answers``: each question and the objections."""
+
+    answers: Tuple[Tuple[str, Tuple[str, ...]], ...]
     praise: str
+
+    @property
+    def objections(self) -> Tuple[str, ...]:
+        """All that speaks against it."""
+        return tuple(objection for _, objections in self.answers for objection in objections)
 
     @property
     def passed(self) -> bool:
@@ -46,14 +57,15 @@ class Verdict(NamedTuple):
 
 def judge(facts: Facts) -> Verdict:
     """Return the verdict."""
-    objections = list(itertools.chain(_ended(facts), _outcomes(facts), _exhibits(facts), _objections(facts),
-                                      Matching(facts).objections()))
+    answers = tuple((question, tuple(answer(facts))) for question, answer in QUESTIONS)
     ended = len(of(facts.events, "PassFinished"))
     calls = [line for line in facts.journal if line.call > 0]
     praise = "{} as a visitor who {} should; {} of {} calls were made to fail, and all of these are on record".format(
         count(ended, "pass ended", "passes ended"), DOES[facts.behaviour],
         sum(line.fault is not None for line in calls), len(calls))
-    return Verdict(tuple(objections), praise)
+    if facts.real:
+        praise += "; not simulated, so what they were asked is not judged: {}".format(", ".join(sorted(facts.real)))
+    return Verdict(answers, praise)
 
 
 # ------------------------------------------------------------------------------------------------------ start and end
@@ -84,7 +96,7 @@ def _ending(exit_code: Optional[int]) -> str:
 
 def _outcomes(facts: Facts) -> Iterator[str]:
     """Object to passes that did not end as the visitor's behaviour predicts."""
-    expected = "FAILURE" if _is_never_met(facts) else "SUCCESS"
+    expected = "FAILURE" if _is_never_met(facts) or _is_deserted(facts) else "SUCCESS"
     for a_pass in passes(facts):
         if a_pass.outcome != expected:
             yield "pass {} ended with {}; a visitor who {} should bring {} ({}{})".format(
@@ -95,6 +107,12 @@ def _outcomes(facts: Facts) -> Iterator[str]:
 def _is_never_met(facts: Facts) -> bool:
     """Whether the mission waits for a gaze that this visitor never returns. All other visitors it has an answer to."""
     return facts.behaviour == NO_GAZE and GAZE in _mission_nodes(facts)
+
+
+def _is_deserted(facts: Facts) -> bool:
+    """Whether the visitor leaves before the last exhibit of a mission that looks for him: the tour is broken off."""
+    return (facts.behaviour == LEAVES and TOUR | {GAZE} <= _mission_nodes(facts)
+            and len(facts.knowledge.exhibits) > EXHIBITS_BEFORE_LEAVING)
 
 
 def _mission_nodes(facts: Facts) -> Set[str]:
@@ -128,18 +146,21 @@ def _hint(a_pass: Pass) -> str:
 def _exhibits(facts: Facts) -> Iterator[str]:
     """Object to exhibits that were left out, or visited though nobody wanted a tour."""
     nodes = _mission_nodes(facts)
-    if not TOUR <= nodes:
+    if not TOUR <= nodes or facts.real & JUDGED_BY:
         return
     for a_pass in passes(facts):
         if _is_never_met(facts):
             yield from _unwanted(a_pass)
             yield from _never_sought(a_pass)
+        elif _is_deserted(facts):
+            yield from _left_out(a_pass, facts, EXHIBITS_BEFORE_LEAVING)
+            yield from _waved_after(a_pass)
         elif a_pass.outcome != "SUCCESS":
             continue  # why it failed is told already
         elif facts.behaviour in (DECLINES, SILENT, UNCLEAR) and ASKING & nodes:
             yield from _unwanted(a_pass)
         else:
-            yield from _left_out(a_pass, facts)
+            yield from _left_out(a_pass, facts, len(facts.knowledge.exhibits))
 
 
 def _unwanted(a_pass: Pass) -> Iterator[str]:
@@ -156,15 +177,20 @@ def _never_sought(a_pass: Pass) -> Iterator[str]:
         yield "pass {}: the robot did not seek the visitor's gaze".format(a_pass.number)
 
 
-def _left_out(a_pass: Pass, facts: Facts) -> Iterator[str]:
+def _waved_after(a_pass: Pass) -> Iterator[str]:
+    """Object to a goodbye to a visitor who has left."""
+    told = sorted({event["node"] for event in of(a_pass.events, "LeafFinished")} & GOODBYE)
+    if told:
+        yield "pass {}: the visitor had left, and the robot went on to {}".format(a_pass.number, ", ".join(told))
+
+
+def _left_out(a_pass: Pass, facts: Facts, count_of_exhibits: int) -> Iterator[str]:
     """Object to exhibits that the robot did not get to, or did not describe to a visitor who was there."""
     stops = _stops(a_pass.lines)
-    for index, exhibit in enumerate(facts.knowledge.exhibits):
+    for exhibit in facts.knowledge.exhibits[:count_of_exhibits]:
         stop = stops.get((exhibit.location.x, exhibit.location.y))
         if stop is None:
             yield "pass {}: the robot did not get to exhibit {}".format(a_pass.number, exhibit.name)
-        elif facts.behaviour == LEAVES and index >= EXHIBITS_BEFORE_LEAVING:
-            continue
         elif not _is_described(exhibit, stop) and not _could_not_seek(stop):
             yield "pass {}: exhibit {} was not described{}".format(a_pass.number, exhibit.name, _hint(a_pass))
 
@@ -200,3 +226,32 @@ def _objections(facts: Facts) -> Iterator[str]:
     for line in facts.journal:
         if line.objection is not None:
             yield "{} received a request that makes no sense: {}".format(line.resource, line.objection)
+
+
+# ------------------------------------------------------------------------------------------------------------ coverage
+
+
+def _unreached(facts: Facts) -> Iterator[str]:
+    """Object to leaves that the same mission reaches with a robot that never fails, unless a recovery gave up."""
+    if facts.rehearsal is None or facts.real or any(not event["success"] for event in of(facts.events, "Recovered")):
+        return
+    if not of(facts.events, "PassFinished"):
+        return  # told already
+    for path in sorted(facts.rehearsal.reached - reached(facts)):
+        yield "the leaf {} was not reached; a visitor who {} should bring the robot there".format(
+            path, DOES[facts.behaviour])
+
+
+def reached(facts: Facts) -> Set[str]:
+    """Return the paths of the mission leaves that ran."""
+    return {event["path"] for event in of(facts.events, "LeafFinished")}
+
+
+QUESTIONS: Tuple[Tuple[str, Callable[[Facts], Iterable[str]]], ...] = (
+    ("the controller ran the mission to its end", _ended),
+    ("each pass ended as the visitor's behaviour predicts", _outcomes),
+    ("each exhibit was seen to, and nobody had a tour who wanted none", _exhibits),
+    ("each leaf was reached that should be", _unreached),
+    ("each request made sense to the node that got it", _objections),
+    ("the failures on record are those that were injected", lambda facts: Matching(facts).objections()),
+)

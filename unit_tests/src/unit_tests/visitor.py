@@ -9,6 +9,7 @@ from unit_tests.journal import Line
 
 ENGAGES, SILENT, DECLINES, LEAVES = "engages", "silent", "declines", "leaves"
 UNCLEAR, NO_GAZE = "unclear", "noGaze"
+RANDOM = "random"  # one of the others, drawn
 BEHAVIOURS = (ENGAGES, SILENT, UNCLEAR, DECLINES, LEAVES, NO_GAZE)
 
 ALIASES = {"complete": ENGAGES, "partial01": NO_GAZE, "partial02": SILENT, "partial03": DECLINES, "partial04": LEAVES}

@@ -49,7 +49,8 @@ def test_parameters_override_the_file(given, field, value):
     ({"failureRate": "nan"}, "a number from 0 to 1"),
     ({"arrivalRate": 0.5}, "1 or more, or inf"),
     ({"verboseMode": "yes"}, "true or false"),
-    ({"visitorBehaviour": "shouts"}, "one of engages, silent, unclear, declines, leaves, noGaze, complete, partial01"),
+    ({"visitorBehaviour": "shouts"}, "one of engages, silent, unclear, declines, leaves, noGaze, random, complete, "
+     "partial01"),
     ({"missionRuns": 0}, "1 or more"),
     ({"randomSeed": 10 ** 9}, "from 0 to 999999999, or nothing"),
     ({"faultKinds": ""}, "some of refused, exception, unanswered"),

@@ -1,4 +1,6 @@
 """Tests of the verdict: what passes, and every way in which a test must fail."""
+from xml.etree import ElementTree
+
 import pytest
 
 from behavior_controller.gateway import Exhibit, Location, Point
@@ -6,6 +8,8 @@ from behavior_controller.gateway import Exhibit, Location, Point
 from unit_tests.exhibits import Knowledge
 from unit_tests.facts import Facts
 from unit_tests.journal import Line
+from unit_tests.junit import to_xml
+from unit_tests.rehearsal import Rehearsal
 from unit_tests.report import failure_lines, summary_lines, write
 from unit_tests.verdict import judge
 
@@ -59,6 +63,7 @@ class Story:
 
     def recovered(self, node, resource, attempts, success=True, cause="refused", path=None):
         self.record("Recovered", node=node, path=path or node, policy="retry", attempts=attempts, success=success,
+                    outcome="done" if success else "given up",
                     failure={"cause": cause, "message": "-", "resource": resource})
 
     def visit(self, exhibit, described=True):
@@ -111,10 +116,28 @@ def test_no_tour_passes_when_nobody_wants_one(behaviour):
     assert finished(story).objections() == []
 
 
-def test_who_leaves_sees_no_description_after_the_second_exhibit():
-    story = Story("leaves")
+GAZING = TOUR_LEAVES + ("IsMutualGazeDiscovered",)
+
+
+def test_who_leaves_breaks_the_tour_off():
+    story = Story("leaves", leaves=GAZING)
     story.tour(described=2)
-    assert finished(story).objections() == []
+    assert finished(story, "FAILURE").objections() == []
+
+
+def test_who_leaves_is_not_told_goodbye():
+    story = Story("leaves", leaves=GAZING)
+    story.tour(described=2)
+    story.done("SayGoodByeSpeech", SAY)
+    assert finished(story, "FAILURE").objections() == [
+        "pass 1: the visitor had left, and the robot went on to SayGoodByeSpeech"]
+
+
+def test_a_tour_without_its_visitor_is_no_success():
+    story = Story("leaves", leaves=GAZING)
+    story.tour(described=2)
+    assert finished(story).objections()[0].startswith(
+        "pass 1 ended with SUCCESS; a visitor who leaves should bring FAILURE")
 
 
 def test_every_pass_is_judged_for_itself():
@@ -124,6 +147,58 @@ def test_every_pass_is_judged_for_itself():
     story.visit(KNOWLEDGE.exhibits[0])
     assert finished(story).objections() == ["pass 2: the robot did not get to exhibit Base",
                                             "pass 2: the robot did not get to exhibit Desk"]
+
+
+@pytest.mark.parametrize("node", ("robotNavigation", "textToSpeech", "knowledgeBase", "overtAttention"))
+def test_what_a_real_node_was_asked_is_not_judged(node):
+    story = finished(Story())
+    verdict = judge(story.facts()._replace(real=frozenset([node])))
+    assert verdict.passed and "not judged: " + node in str(verdict)
+
+
+def test_the_failures_of_a_real_node_are_its_own():
+    story = Story(leaves=("WelcomeSpeech",))
+    story.failed("WelcomeSpeech", SAY, "refused")
+    facts = finished(story).facts()
+    assert judge(facts._replace(real=frozenset(["textToSpeech"]))).passed
+    assert not judge(facts._replace(real=frozenset(["robotNavigation"]))).passed
+
+
+def test_a_crash_excuses_what_fails_until_the_node_is_back():
+    story = Story(leaves=("WelcomeSpeech",))
+    story.say("Hello", "crash")
+    story.failed("WelcomeSpeech", SAY, "connection lost")
+    story.failed("FollowMeSpeech", SAY, "not reachable")
+    assert finished(story).objections() == []
+    story = Story(leaves=("WelcomeSpeech",))
+    story.say("Hello", "crash")
+    story.failed("WelcomeSpeech", SAY, "connection lost")
+    story.say("Follow me")
+    story.failed("FollowMeSpeech", SAY, "not reachable")
+    assert len(finished(story).objections()) == 1
+
+
+def test_a_leaf_that_should_run_and_did_not_is_named():
+    story = Story(leaves=("WelcomeSpeech", "FollowMeSpeech"))
+    story.done("WelcomeSpeech", SAY)
+    facts = finished(story).facts()._replace(rehearsal=Rehearsal("SUCCESS", frozenset(["WelcomeSpeech", "p/Follow"]), (
+        frozenset(["WelcomeSpeech"]), frozenset(["p/Follow"]))))
+    assert judge(facts).objections == (
+        "the leaf p/Follow was not reached; a visitor who engages should bring the robot there",)
+    assert summary_lines(facts)[-3:] == [
+        "coverage: 0 of 1 leaves of the mission ran", "          1 of 2 that this visitor should bring about",
+        "          1 of 2 branches"]
+
+
+def test_the_verdict_as_junit_names_each_question_and_what_speaks_against_it():
+    story = Story(leaves=("WelcomeSpeech",))
+    story.failed("WelcomeSpeech", SAY, "refused")
+    suite = ElementTree.fromstring(to_xml(judge(finished(story).facts()), 12.5, "a title"))
+    assert (suite.get("tests"), suite.get("failures"), suite.get("time")) == ("6", "1", "12.500")
+    failed = [case.get("name") for case in suite.iter("testcase") if case.find("failure") is not None]
+    assert failed == ["the failures on record are those that were injected"]
+    assert "WelcomeSpeech failed" in suite.find("testcase/failure").get("message")
+    assert "a title" in suite.find("system-out").text
 
 
 def test_a_mission_without_a_tour_needs_no_exhibits():
@@ -438,7 +513,8 @@ def test_the_summary_counts_every_node():
     assert ["WelcomeSpeech", "1", "1"] in counts
     assert ["textToSpeech", "2", "1"] in counts
     assert ["robotNavigation", "0", "0"] in counts
-    assert "recoveries: 1; 1 went on, 0 gave up" in summary_lines(story.facts())
+    assert "recoveries: 1; 1 done" in summary_lines(story.facts())
+    assert "  WelcomeSpeech: refused; policy: retry; 1 attempt: done" in summary_lines(story.facts())
 
 
 def test_the_report_ends_with_the_verdict():

@@ -1,0 +1,113 @@
+"""Plays a mission without ROS, with a robot that never fails and the visitor of the test: what should be reached.
+
+The mission is played by the engine itself, but not by the node under test: not its ROS edge, its clock or its process.
+"""
+from typing import Any, Dict, FrozenSet, List, NamedTuple, Optional, Tuple, Union
+
+from behavior_controller import folders, leaves, phrases, policy, settings
+from behavior_controller.bt.clock import ManualClock
+from behavior_controller.bt.node import Node
+from behavior_controller.bt.tree import Tree
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.events import Event, Events, LeafFinished, PassFinished
+from behavior_controller.gateway import (Answer, AttentionStatus, Faces, FakeGateway, FakeTopics, GoTo, Prompt,
+                                         QueryKnowledge, Request, Say, SetAttention, Topic)
+from behavior_controller.leaves.base import MissionContext, MissionLeaf
+from behavior_controller.leaves.vocabulary import load as load_mission
+from behavior_controller.runner import Runner, Running
+
+from unit_tests.exhibits import Knowledge
+from unit_tests.journal import Line
+from unit_tests.robot import SERVICES, TOPICS, World
+from unit_tests.visitor import Manners, Visitor
+
+STEP = 0.5
+"""Seconds between two messages of each topic."""
+
+MOST_STEPS = 7200
+"""A rehearsal that has not ended by then (an hour of the mission's time) does not end."""
+
+
+class Rehearsal(NamedTuple):
+    """How the mission should go: its outcome, the paths of the leaves that it reaches, and its branches.
+
+    A branch is a child of a node with several children; it is given as the paths of the mission leaves below it.
+    """
+
+    outcome: str
+    reached: FrozenSet[str]
+    branches: Tuple[FrozenSet[str], ...]
+
+
+class _Stage(Runner):
+    """A runner that waits for nothing: the world goes on a step instead."""
+
+    world: World
+    topics: FakeTopics
+    steps = 0
+
+    def wait(self, seconds: Optional[float]) -> None:
+        """Let time pass, and every topic be published."""
+        self.steps += 1
+        self.clock.advance(STEP)
+        faces = TOPICS["faceDetection"].content(self.world)
+        self.topics.publish(Topic.FACES, Faces(tuple(faces["face_label_id"]), tuple(faces["mutualGaze"])))
+        self.topics.publish(Topic.ATTENTION, AttentionStatus(**TOPICS["overtAttention"].content(self.world)))
+        self.topics.publish(Topic.SPEECH, TOPICS["speechEvent"].content(self.world)["data"])
+
+
+def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: Knowledge) -> Optional[Rehearsal]:
+    """Return how one pass of ``mission`` goes with the configuration ``chosen``; None if that cannot be told."""
+    try:
+        clock = ManualClock(1000.0)
+        tree = load_mission(mission, clock=clock)
+        given = settings.defaults(**{key: value for key, value in chosen.items() if key != "recordDirectory"})
+        speech, rules = phrases.load(given.language), policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
+    except (BehaviorControllerError, OSError, TypeError):
+        return None
+    world = World(Visitor(manners), knowledge, given.mutual_gaze_value)
+    events, seen = Events(), []  # type: Tuple[Events, List[Event]]
+    events.subscribe(seen.append)
+    topics = FakeTopics(clock.now, tree.wake.emit)
+    context = MissionContext(FakeGateway(tree.wake.emit, lambda request: _answer(request, world)), topics, given, speech,
+                             rules, clock, events)
+    stage = _Stage(Running(tree, context, mission, 1), lambda: stage.steps >= MOST_STEPS)
+    stage.world, stage.topics = world, topics
+    stage.run()
+    outcomes = [event.outcome for event in seen if isinstance(event, PassFinished)]
+    if not outcomes:
+        return None
+    reached = frozenset(event.path for event in seen if isinstance(event, LeafFinished))
+    return Rehearsal(outcomes[-1], reached, branches(tree))
+
+
+def _answer(request: Request, world: World) -> Answer:
+    """Do what the simulated nodes do with a request, and let the visitor see it."""
+    node = next(node for node, service in SERVICES.items() if service.name == request.service)
+    world.visitor.notice(Line(0.0, node, request.service, 1, _fields(request)))
+    if isinstance(request, QueryKnowledge):
+        return Answer(exhibits=world.knowledge.query(request.what))
+    if isinstance(request, Prompt):
+        return Answer(response=world.visitor.press(request.options))
+    return Answer()
+
+
+def _fields(request: Request) -> Dict[str, Union[str, float]]:
+    """Return what a visitor sees of a request."""
+    if isinstance(request, SetAttention):
+        return {"state": request.state}
+    if isinstance(request, Say):
+        return {"message": request.text}
+    if isinstance(request, GoTo):
+        return {"goal_x": request.goal.x, "goal_y": request.goal.y}
+    return {}
+
+
+def branches(tree: Tree) -> Tuple[FrozenSet[str], ...]:
+    """Return the branches of a tree that have mission leaves."""
+    found = (_leaves_below(child) for node in tree.nodes if len(node.children) > 1 for child in node.children)
+    return tuple(paths for paths in found if paths)
+
+
+def _leaves_below(node: Node) -> FrozenSet[str]:
+    return frozenset(below.full_path for below in node.iterate() if isinstance(below, MissionLeaf))

@@ -1,0 +1,57 @@
+"""The mission without ROS: what it should reach, for each kind of visitor, read off lab_tour.xml by hand."""
+import os
+
+import pytest
+
+from behavior_controller import folders, phrases
+
+from unit_tests import configuration, exhibits
+from unit_tests.rehearsal import rehearse
+from unit_tests.visitor import Manners
+
+KNOWLEDGE = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
+LANGUAGE = phrases.load("English")
+TOUR = {"RetrieveListOfExhibits", "SelectExhibit", "Navigate", "FollowMeSpeech"}
+GOODBYE = {"EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", "GoodbyeGesture"}
+
+
+def play(behaviour, asr=True, mission=folders.mission("lab_tour")):
+    yes, no = LANGUAGE.tablet_options
+    home = KNOWLEDGE.home.location
+    manners = Manners(behaviour, [LANGUAGE.speech(node) for node in ("QueryTourSpeech", "SayYesNoSpeech")], yes, no,
+                      (home.x, home.y))
+    return rehearse(mission, {"asrEnabled": asr}, manners, KNOWLEDGE)
+
+
+def nodes(rehearsal):
+    return {path.split("/")[-1].split("::")[0] for path in rehearsal.reached}
+
+
+@pytest.mark.parametrize("asr", (True, False))
+@pytest.mark.parametrize("behaviour, outcome, tour, goodbye", [
+    ("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False), ("silent", "SUCCESS", False, False),
+    ("unclear", "SUCCESS", False, False), ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
+def test_how_the_lab_tour_goes_with_each_visitor(behaviour, outcome, tour, goodbye, asr):
+    rehearsal = play(behaviour, asr)
+    assert rehearsal.outcome == outcome
+    assert TOUR <= nodes(rehearsal) if tour else not TOUR & nodes(rehearsal)
+    assert GOODBYE <= nodes(rehearsal) if goodbye else not GOODBYE & nodes(rehearsal)
+    assert ("PressYesNoDialogue" in nodes(rehearsal)) is (not asr and behaviour != "noGaze")
+
+
+def test_the_branches_are_those_of_the_nodes_with_several_children(tmp_path):
+    path = tmp_path / "m.xml"
+    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback><Sequence><WelcomeSpeech name="a"/>'
+                    '<Inverter><FollowMeSpeech name="b"/></Inverter></Sequence><EndTourSpeech name="c"/><Sleep msec="1"/>'
+                    '</Fallback></BehaviorTree></root>')
+    rehearsal = play("engages", mission=str(path))
+    assert rehearsal.outcome == "SUCCESS" and rehearsal.reached == {"a", "b", "c"}
+    assert sorted(map(sorted, rehearsal.branches)) == [["a"], ["a", "b"], ["b"], ["c"]]
+
+
+def test_a_mission_that_never_ends_or_cannot_be_read_is_not_rehearsed(tmp_path):
+    path = tmp_path / "m.xml"
+    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><AlwaysFailure/><Sleep msec="99999999"/>'
+                    '</ReactiveFallback></BehaviorTree></root>')
+    assert play("engages", mission=str(path)) is None
+    assert play("engages", mission=str(tmp_path / "none.xml")) is None
