@@ -179,7 +179,7 @@ class FaultyRobot:
         elif "request" in event:
             self._take_request(source, event["id"], bytes.fromhex(event["request"]))
         elif "mismatch" in event:
-            self._prepare(source.service, 1, "")
+            self._met(source.service, "")
             source.order(then="")
 
     def _take_line(self, line):
@@ -198,15 +198,18 @@ class FaultyRobot:
         if self.untold[node, service, cause] < 0:
             self.problems.append("told but not injected: " + line)
         attempt = self._next(service)
-        if attempt is not None and attempt.fault in BEFORE_SENDING and cause == FAULTS[attempt.fault][1]:
-            self.position[service] += 1
-            self.unmet.remove(self.index[id(attempt)])
-            if attempt.fault != "wrong md5":  # else it was seen to when the handshake came
-                self._prepare(service, 0, "dead")
-            self._release()
+        if attempt is not None and attempt.fault in BEFORE_SENDING[:2] and cause == FAULTS[attempt.fault][1]:
+            self._met(service, "dead")
 
-    def _next(self, service, further=0):
-        place = self.position[service] + further
+    def _met(self, service, how):
+        """Take note that a request did not get through, as it should not: by the log, or by a handshake that failed."""
+        self.unmet.remove(self.index[id(self._next(service))])
+        self.position[service] += 1
+        self._prepare(service, how)
+        self._release()
+
+    def _next(self, service):
+        place = self.position[service]
         return self.script[service][place] if place < len(self.script[service]) else None
 
     def _take_request(self, process, number, request):
@@ -241,22 +244,22 @@ class FaultyRobot:
         if attempt.fault == "killed":
             self._replace(service)
             process.kill()
-            self._prepare(service, 0, "fresh")
+            self._prepare(service, "fresh")
         elif attempt.fault == "hang":
-            self._prepare(service, 0, "hung")
+            self._prepare(service, "hung")
         else:
             process.order(id=number, send=self._response(service, attempt.fault, request).hex(),
-                          then=self._prepare(service, 0, "answer"))
+                          then=self._prepare(service, "answer"))
             if process is not self.current[service] and process not in self.retired:
                 self._clear_away(service)
 
-    def _prepare(self, service, further, how):
+    def _prepare(self, service, how):
         """See to it that the next attempt meets its fault; return what the process does with its answer.
 
         ``how`` tells of the process that is registered: it is about to ``answer``, it is ``hung``, ``dead``, ``fresh``, or
         it is the impostor ("").
         """
-        following = self._next(service, further)
+        following = self._next(service)
         fault = following.fault if following is not None else ""
         if fault not in BEFORE_SENDING:
             if how in ("", "dead"):

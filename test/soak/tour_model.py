@@ -22,7 +22,7 @@ FAULTS = {  # a kind of fault: the policy's word for its cause, and what an oper
     "malformed": ("unusable-answer", "unusable answer"),
 }
 BEFORE_SENDING = ("refused connection", "zombie", "wrong md5")
-"""Faults that keep the request from arriving at all."""
+"""Faults that keep the request from arriving at all; only the log tells of the first two."""
 
 
 class GivenUp(Exception):

@@ -1,44 +1,21 @@
 #!/usr/bin/env python3
 """Does the test end by itself with the right exit code, whatever the controller does?"""
-import os
 import re
-import socket
-import subprocess
 import sys
-import tempfile
 import unittest
 
 import rospy
 import rostest
 
-LIMIT = 120.0  # seconds for one test
-
-
-def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
+from whole_test import run_test
 
 
 class TestVerdict(unittest.TestCase):
-    """Runs the whole test as a user does, each time with a master of its own."""
-
-    def run_test(self, *arguments):
-        """Return exit code, what was printed, and the lines of the report (none: it was not written)."""
-        with tempfile.TemporaryDirectory() as folder:
-            report = os.path.join(folder, "report.dat")
-            environment = dict(os.environ, ROS_MASTER_URI="http://localhost:{}".format(free_port()), ROS_HOME=folder)
-            for name in ("ROS_LOG_DIR", "ROS_NAMESPACE"):
-                environment.pop(name, None)
-            done = subprocess.run(("rosrun", "unit_tests", "runTest", "outputFile:=" + report, "arrivalRate:=3000")
-                                  + arguments, env=environment, timeout=LIMIT, stdout=subprocess.PIPE,
-                                  stderr=subprocess.STDOUT, universal_newlines=True)
-            lines = open(report).read().splitlines() if os.path.exists(report) else []
-        return done.returncode, done.stdout, lines
+    """Each case runs the whole test."""
 
     def test_a_mission_that_succeeds_although_calls_fail(self):
-        code, printed, report = self.run_test("scenarioSpecification:=lab_tour", "failureRate:=0",
-                                              "plannedFaults:=textToSpeech:1,gestureExecution:2")
+        code, printed, report = run_test("scenarioSpecification:=lab_tour", "failureRate:=0",
+                                         "plannedFaults:=textToSpeech:1,gestureExecution:2")[:3]
         self.assertEqual(code, 0, printed)
         self.assertEqual(report[-1], "PASSED: 1 pass ended as a visitor who engages should; "
                                      "2 of 77 calls were made to fail, and all of these are on record")
@@ -51,24 +28,24 @@ class TestVerdict(unittest.TestCase):
             ("PerformDeicticGesture", "/gestureExecution/perform_gesture")])
 
     def test_a_mission_that_cannot_succeed(self):
-        code, printed, report = self.run_test("scenarioSpecification:=lab_tour", "failureRate:=0", "plannedFaults:="
-                                              + ",".join("knowledgeBase:{}".format(call) for call in range(1, 10)))
+        code, printed, report = run_test("scenarioSpecification:=lab_tour", "failureRate:=0", "plannedFaults:="
+                                         + ",".join("knowledgeBase:{}".format(call) for call in range(1, 10)))[:3]
         self.assertEqual(code, 1, printed)
         self.assertTrue(any("given up: RetrieveListOfExhibits" in line for line in report), report)
 
     def test_a_controller_that_does_not_start(self):
-        code, printed, report = self.run_test("scenarioSpecification:=no_such_mission")
+        code, printed, report = run_test("scenarioSpecification:=no_such_mission")[:3]
         self.assertEqual(code, 1, printed)
         self.assertEqual(report[-1], "FAILED: the controller ended with exit code 2 before it started its mission")
 
     def test_a_mission_that_does_not_end(self):
-        code, printed, report = self.run_test("scenarioSpecification:=lab_tour", "visitorBehaviour:=silent",
-                                              "failureRate:=0", "testTimeout:=8")
+        code, printed, report = run_test("scenarioSpecification:=lab_tour", "visitorBehaviour:=silent",
+                                         "failureRate:=0", "testTimeout:=8")[:3]
         self.assertEqual(code, 1, printed)
         self.assertEqual(report[-1], "FAILED: the mission did not end within 8 s (testTimeout)")
 
     def test_a_wrong_configuration_is_told_once(self):
-        code, printed, report = self.run_test("failureRate:=2")
+        code, printed, report = run_test("failureRate:=2")[:3]
         self.assertEqual((code, report), (2, []), printed)
         self.assertEqual(printed.count("failureRate cannot be \"2\" (allowed: a number from 0 to 1)"), 1, printed)
 

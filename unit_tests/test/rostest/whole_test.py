@@ -1,0 +1,56 @@
+"""Runs the whole test as a user does, each time with a master of its own."""
+import glob
+import json
+import os
+import socket
+import subprocess
+import tempfile
+from typing import List, NamedTuple
+from xml.etree import ElementTree
+
+LIMIT = 120.0  # seconds for one test
+PASSED, FAILED, NOT_RUN = 0, 1, 2
+
+
+class Result(NamedTuple):
+    """What a user gets: exit code, what was printed, the lines of the report, the JUnit file, and the record."""
+
+    code: int
+    printed: str
+    report: List[str]  # empty: it was not written
+    junit: ElementTree.Element
+    record: List[dict]
+
+
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+def run_test(*arguments, **environment):
+    """Run ``runTest`` with a high rate of messages and these arguments."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = os.path.join(folder, "report.dat")
+        environment = dict(os.environ, ROS_MASTER_URI="http://localhost:{}".format(free_port()), ROS_HOME=folder,
+                           ROS_TEST_RESULTS_DIR=folder, **environment)
+        for name in ("ROS_LOG_DIR", "ROS_NAMESPACE"):
+            environment.pop(name, None)
+        done = subprocess.run(("rosrun", "unit_tests", "runTest", "outputFile:=" + report, "arrivalRate:=3000") + arguments, env=environment, timeout=LIMIT,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        return Result(done.returncode, done.stdout, _lines(report),
+                      _junit(os.path.join(folder, "unit_tests", "behaviorControllerTest.xml")),
+                      [json.loads(line) for line in _lines(os.path.join(
+                          folder, "log", "behaviorControllerTest_*", "mission.jsonl"))])
+
+
+def _lines(pattern):
+    found = glob.glob(pattern)
+    if not found:
+        return []
+    with open(found[0], encoding="utf-8") as file:
+        return file.read().splitlines()
+
+
+def _junit(path):
+    return ElementTree.parse(path).getroot() if os.path.exists(path) else ElementTree.Element("none")
