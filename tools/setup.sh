@@ -9,15 +9,18 @@ DEBIAN_PACKAGES="
   catkin cmake make g++ graphviz
   libgeometry-msgs-dev libroscpp-dev librostest-dev libstd-msgs-dev
   python3-geometry-msgs python3-lxml python3-msgpack python3-roslaunch python3-rosmsg python3-rosnode python3-rospy
-  python3-rosservice python3-rostest python3-rostopic python3-std-msgs python3-venv python3-zmq
+  python3-rosservice python3-rostest python3-rostopic python3-std-msgs python3-tornado python3-venv python3-zmq
   ros-core ros-geometry-msgs ros-message-generation ros-message-runtime ros-std-msgs rosbash"
 
 # ROS Noetic on Ubuntu 20.04; its package source is set up where /opt/ros/noetic is
 NOETIC_PACKAGES="
-  cmake make g++ graphviz python3-lxml python3-msgpack python3-venv python3-zmq
+  cmake make g++ graphviz python3-lxml python3-msgpack python3-tornado python3-venv python3-zmq
   ros-noetic-catkin ros-noetic-geometry-msgs ros-noetic-message-generation ros-noetic-message-runtime
   ros-noetic-rosbash ros-noetic-rosgraph ros-noetic-roslaunch ros-noetic-rosmsg ros-noetic-rosnode ros-noetic-rospy
   ros-noetic-rosservice ros-noetic-rostest ros-noetic-rostopic ros-noetic-std-msgs"
+
+# for the tests: a browser that looks at the page; Ubuntu 20.04 has none as a package, and its tests are skipped there
+TEST_PACKAGES="chromium chromium-driver fonts-dejavu-core python3-selenium"
 
 # the interpreters of the two platforms
 PYTHONS="3.8 3.11"
@@ -30,7 +33,7 @@ main() {
   mkdir -p "$BUILD"
   exec 9>"$BUILD/lock"
   flock 9 # two set-ups at once would spoil each other's work
-  install_packages
+  install_packages "${1:-}"
   make_environment "$BUILD/venv" /usr/bin/python3 --system-site-packages
   build_workspace
   if [ "${1:-}" = --tests ]; then
@@ -40,7 +43,12 @@ main() {
 
 install_packages() {
   local wanted missing
-  wanted="$([ -d /opt/ros/noetic ] && echo "$NOETIC_PACKAGES" || echo "$DEBIAN_PACKAGES")"
+  if [ -d /opt/ros/noetic ]; then
+    wanted="$NOETIC_PACKAGES"
+  else
+    wanted="$DEBIAN_PACKAGES"
+    [ "${1:-}" != --tests ] || wanted="$wanted $TEST_PACKAGES"
+  fi
   command -v dpkg-query >/dev/null || fail "This needs Debian 12, or Ubuntu 20.04 with ROS Noetic."
   missing="$(missing_packages $wanted)"
   [ -n "$missing" ] || return 0

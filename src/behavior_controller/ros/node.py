@@ -7,7 +7,7 @@ import os
 import sys
 import threading
 import time
-from typing import List, Optional
+from typing import List, Optional, Union
 
 import rosgraph
 import rospy
@@ -30,7 +30,9 @@ from behavior_controller.ros.services import RosGateway
 from behavior_controller.ros.signals import Signals
 from behavior_controller.ros.topics import RosTopics
 from behavior_controller.runner import Runner, Running
+from behavior_controller.watch.board import Board
 from behavior_controller.watch.groot2 import Groot2Publisher
+from behavior_controller.watch.page import Page
 
 NAME = "behaviorController"
 SUCCESS, NODES_MISSING, BAD_FILES, FAILED = 0, 1, 2, 3
@@ -144,7 +146,7 @@ class _Run:
         self._events.subscribe(console)
         self._health = Health(self._wake.emit)
         self._gateway = RosGateway(plan.settings.deadline, self._clock, self._wake.emit, self._health)
-        self._watchers: List[Groot2Publisher] = []
+        self._watchers: List[Union[Groot2Publisher, Page]] = []
         self._monitor = Monitor(topics, self._health, lambda: self._plan.settings.asr_enabled)
 
     def carry_out(self) -> int:
@@ -178,6 +180,9 @@ class _Run:
         if chosen.groot2_port:
             self._watchers.append(Groot2Publisher(
                 chosen.groot2_address, chosen.groot2_port, registry().all(), warn))
+        if chosen.monitor_port:
+            board = Board(self._events, self._health, registry())
+            self._watchers.append(Page(chosen.monitor_address, chosen.monitor_port, board, warn))
 
     def _running(self) -> Running:
         """Return the plan as the runner wants it, and show it to who looks on."""

@@ -1,0 +1,160 @@
+"""The live page: serves the running mission to browsers and pushes every change; nobody can change anything through it.
+
+tornado, which rosbridge uses on robots too, serves; changes travel as server-sent events, which every browser reconnects
+by itself. The page needs nothing from elsewhere: HTML, CSS and script lie beside this module.
+"""
+import asyncio
+import json
+import os
+import threading
+from typing import Any, Callable, Dict, Optional, Set
+
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+from tornado.iostream import StreamClosedError
+from tornado.netutil import bind_sockets
+from tornado.web import Application, RequestHandler, StaticFileHandler
+
+from behavior_controller.bt.tree import Tree
+from behavior_controller.watch.board import PARTS, Board
+
+FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page")
+PUSH_INTERVAL = 0.05
+"""Seconds between two pushes at the least: what changes meanwhile is sent together."""
+
+KEEP_ALIVE = 15.0
+"""Seconds after which a browser is sent a sign of life; one that has vanished is noticed by it."""
+
+MOST_BROWSERS = 50
+
+
+class Page:
+    """Serves ``board`` at ``http://address:port/`` on a thread of its own."""
+
+    def __init__(self, address: str, port: int, board: Board, warn: Callable[[str], None]):
+        """Start to serve; a port that is taken is told to ``warn`` in one line, and nobody is served."""
+        self.board = board
+        self.streams: Set[_Stream] = set()
+        self._is_pending = False
+        self._loop: Optional[IOLoop] = None
+        try:
+            sockets = bind_sockets(port, address)
+        except OSError as error:
+            warn("no page in the browser: {}:{} cannot be opened ({}); set monitorPort to another port, or to 0".format(
+                address, port, error.strerror or error))
+            return
+        ready = threading.Event()
+        self._thread = threading.Thread(target=self._serve, args=(sockets, ready), name="page", daemon=True)
+        self._thread.start()
+        ready.wait(5.0)
+        board.changed = self._changed
+
+    def show(self, tree: Tree) -> None:
+        """Show ``tree`` from now on, also to who looks already."""
+        self.board.show(tree)
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._loop is not None:
+            self._loop.add_callback(self._loop.stop)
+            self._thread.join(1.0)
+
+    def _serve(self, sockets: Any, ready: threading.Event) -> None:
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        self._loop = IOLoop.current()
+        application = Application([
+            (r"/events", _Stream, {"page": self}), (r"/state", _State, {"page": self}),
+            (r"/(.*)", _File, {"path": FILES, "default_filename": "index.html"})], log_function=lambda handler: None)
+        server = HTTPServer(application, max_body_size=1024)
+        server.add_sockets(sockets)
+        self._loop.add_callback(ready.set)
+        self._loop.start()
+        server.stop()
+
+    def _changed(self) -> None:
+        """Have the browsers told. Called on the tick thread, for every change of a status."""
+        if not self._is_pending and self.streams and self._loop is not None:
+            self._is_pending = True
+            self._loop.add_callback(self._push_soon)
+
+    def _push_soon(self) -> None:
+        assert self._loop is not None
+        self._loop.call_later(PUSH_INTERVAL, self._push)
+
+    def _push(self) -> None:
+        self._is_pending = False
+        self.board.look()
+        for stream in self.streams:
+            stream.news.set()
+
+
+class _Quiet(RequestHandler):
+    """What all answers have in common."""
+
+    def set_default_headers(self) -> None:
+        """Allow nothing from elsewhere, and nothing to be kept."""
+        self.set_header("Content-Security-Policy", "default-src 'self'")
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Cache-Control", "no-store")
+
+
+class _File(_Quiet, StaticFileHandler):
+    """The page itself."""
+
+
+class _State(_Quiet):
+    """``/state``: the whole board at once."""
+
+    def initialize(self, page: Page) -> None:
+        """Take the page."""
+        self._board = page.board
+
+    def get(self) -> None:
+        """Answer with all parts as JSON."""
+        self._board.look()
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        self.write(json.dumps({name: self._board.part(name) for name in PARTS}))
+
+
+class _Stream(_Quiet):
+    """``/events``: all parts at first, then each part that has changed. A slow browser gets the newest, not a backlog."""
+
+    def initialize(self, page: Page) -> None:
+        """Take the page."""
+        self._page = page
+        self.news = asyncio.Event()
+
+    async def get(self) -> None:
+        """Send until the browser goes."""
+        if len(self._page.streams) >= MOST_BROWSERS:
+            self.set_status(503)
+            return
+        self.set_header("Content-Type", "text/event-stream; charset=utf-8")
+        self._page.streams.add(self)
+        known: Dict[str, int] = {}
+        try:
+            while True:
+                self.news.clear()
+                self.write(self._message(known))
+                await self.flush()
+                try:
+                    await asyncio.wait_for(self.news.wait(), KEEP_ALIVE)
+                except asyncio.TimeoutError:
+                    pass
+        except StreamClosedError:
+            pass
+        finally:
+            self._page.streams.discard(self)
+
+    def on_connection_close(self) -> None:
+        """Wake the loop above, so that it ends."""
+        self.news.set()
+
+    def _message(self, known: Dict[str, int]) -> str:
+        """Return the parts that are newer than ``known``, as one event; a comment if there are none."""
+        board = self._page.board
+        newer = {name: version for name, version in board.versions.items() if known.get(name) != version}
+        if not newer:
+            return ": still here\n\n"
+        known.update(newer)
+        return "data: {}\n\n".format(json.dumps({name: board.part(name) for name in newer}))

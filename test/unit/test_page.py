@@ -1,0 +1,255 @@
+"""The live page in a real browser, and what a server must put up with."""
+import http.client
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+
+from behavior_controller.events import HealthChanged
+from behavior_controller.gateway import Answer, PerformGesture, Say
+from behavior_controller.health import GONE
+from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.watch.board import PARTS, Board
+from behavior_controller.watch.page import Page
+from browser import open_browser
+from mission_rig import Rig, refusal, visitor_who
+from test_leaves import one_leaf
+
+SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
+
+
+class Stop(Exception):
+    """The mission has come to the moment in question."""
+
+
+class Show:
+    """A mission on a page."""
+
+    def __init__(self, rig):
+        self.rig, self.warnings = rig, []
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self.page = Page("127.0.0.1", self.port, Board(rig.mission.events, rig.mission.health, registry()),
+                         self.warnings.append)
+        self.page.show(rig.tree)
+        self.url = "http://127.0.0.1:{}/".format(self.port)
+
+    def fetch(self, path="", method="GET"):
+        """Return status and body."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=5)
+        connection.request(method, "/" + path)
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode(), answer.headers
+
+    def run_until(self, wanted):
+        """Run the lab tour until a request is ``wanted``, which stays unanswered."""
+        answer = self.rig.answer
+        self.rig.answer = lambda request: None if wanted(request) else answer(request)
+
+        def visitor(rig):
+            visitor_who(says="yes")(rig)
+            if any(wanted(request) for request in rig.requests):
+                raise Stop
+
+        with pytest.raises(Stop):
+            self.rig.run(visitor)
+
+
+@pytest.fixture
+def show():
+    shows = []
+
+    def make(rig):
+        shows.append(Show(rig))
+        return shows[-1]
+
+    yield make
+    for each in shows:
+        each.page.close()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    opened = open_browser()
+    yield opened
+    opened.quit()
+
+
+def wait_until(is_so, seconds=8.0):
+    """The browser tells nobody what it has drawn: look until it has."""
+    ends = time.monotonic() + seconds
+    while time.monotonic() < ends:
+        if is_so():
+            return
+        time.sleep(0.05)
+    raise AssertionError("not in {} s".format(seconds))
+
+
+def open_page(browser, shown, width=1280, height=800):
+    browser.set_window_size(width, height)
+    browser.get(shown.url)
+    wait_until(lambda: browser.execute_script("return items.length") == len(shown.rig.tree.nodes))
+
+
+def text(browser, selector):
+    return browser.execute_script("return document.querySelector(arguments[0]).innerText", selector)
+
+
+IN_VIEW = """
+const row = document.querySelector(".tip > .row").getBoundingClientRect(), box = byId("tree").getBoundingClientRect();
+return row.height > 0 && row.top >= box.top && row.bottom <= box.bottom && row.left >= 0 && row.right <= innerWidth;"""
+
+
+@pytest.mark.parametrize("width, height", [(1280, 800), (800, 1180)])
+def test_a_tour_is_followed_without_a_reload(show, browser, width, height):
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    shown = show(rig)
+    open_page(browser, shown, width, height)
+    assert text(browser, "#now") == "nothing runs"
+    browser.execute_script("window.is_same_page = true")
+    shown.run_until(lambda request: isinstance(request, Say) and request.text == "second text 1")
+    wait_until(lambda: "VisitExhibit › DescribeExhibitSpeech 2" in text(browser, "#now"))
+    assert browser.execute_script("return is_same_page")
+    wait_until(lambda: browser.execute_script(IN_VIEW))
+    drawn = browser.execute_script("return items.map(one => [...one.classList].find(name => name.length == 1) || '-').join('')")
+    assert drawn == shown.page.board.part("statuses")["letters"]
+    assert "recovery: skipped" in text(browser, "#trouble")
+    assert "exhibit 1" in text(browser, "#blackboard")
+    assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+def test_every_status_has_a_sign_and_a_word_of_its_own(show, browser):
+    rig = one_leaf("<Parallel success_count='3' failure_count='4'><WelcomeSpeech/><ForceFailure><FollowMeSpeech/></ForceFailure>"
+                   "<SayGoodByeSpeech/><EndTourSpeech/></Parallel>",
+                   lambda request: None if "oodbye" in request.text.lower() else Answer())
+    shown = show(rig)
+    open_page(browser, shown)
+    rig.tick()
+    wait_until(lambda: "R" in browser.execute_script("return letters"))
+    seen = dict(browser.execute_script("return items.map((one, n) => [letters[n], [one.firstChild.children[1].innerText, "
+                                       "one.getAttribute('aria-label').split(': ')[1]]])"))
+    assert seen["R"] == ["▶", "running"] and seen["S"] == ["✔", "success"] and seen["F"] == ["✘", "failure"]
+
+
+def press(browser, *keys):
+    for key in keys:
+        browser.switch_to.active_element.send_keys(key)
+
+
+def test_the_keyboard_folds_and_walks(show, browser):
+    from selenium.webdriver.common.keys import Keys
+    shown = show(Rig())
+    open_page(browser, shown)
+    browser.execute_script("byId('fold').click(); items[0].focus()")
+
+    def focused():
+        return browser.execute_script("return document.activeElement.querySelector('.name').innerText")
+
+    press(browser, Keys.ARROW_DOWN, Keys.ARROW_DOWN)
+    assert focused() == "DetectVisitor"
+    press(browser, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
+    assert focused() == "Sequence"
+    press(browser, Keys.ARROW_LEFT, Keys.ARROW_LEFT)
+    assert focused() == "DetectVisitor"
+    assert browser.execute_script("return document.activeElement.getAttribute('aria-expanded')") == "true"
+    press(browser, Keys.ENTER)
+    assert browser.execute_script("return document.activeElement.getAttribute('aria-expanded')") == "false"
+    press(browser, Keys.END)
+    last = focused()
+    press(browser, Keys.ARROW_DOWN)
+    assert focused() == last
+    press(browser, Keys.HOME)
+    assert focused() == "Sequence" and browser.execute_script("return follow") is False
+
+
+def test_another_mission_takes_the_place_of_the_first(show, browser):
+    shown = show(Rig())
+    open_page(browser, shown)
+    other = one_leaf("<Sequence><WelcomeSpeech name='&lt;img src=x onerror=alert(1)&gt;'/></Sequence>")
+    shown.page.show(other.tree)
+    wait_until(lambda: browser.execute_script("return items.length") == 2)
+    # a name is a text, whatever it looks like
+    assert text(browser, "#tree .row:last-child .name, [aria-level='2'] .name") == "<img src=x onerror=alert(1)>"
+
+
+def test_health_is_told_when_it_changes(show, browser):
+    rig = one_leaf("<Sleep msec='9000'/>")
+    shown = show(rig)
+    open_page(browser, shown)
+    for is_well in (False, True):
+        rig.mission.health.report(GONE, HealthChanged("service", "/robotNavigation/set_goal", "", is_well, "gone", "no drive"))
+        rig.mission.health.publish(rig.mission.events)
+        wait_until(lambda: ("gone; no drive" in text(browser, "#health")) is not is_well)
+
+
+# ------------------------------------------------------------------------------------------------------ without a browser
+
+
+def test_it_needs_nothing_from_elsewhere_and_takes_no_orders(show):
+    shown = show(Rig())
+    for path in ("", "page.js", "page.css", "icon.svg"):
+        status, body, headers = shown.fetch(path)
+        assert status == 200 and "http://" not in body.replace("http://www.w3.org/2000/svg", "") and "https://" not in body
+        assert headers["Content-Security-Policy"] == "default-src 'self'"
+    assert json.loads(shown.fetch("state")[1]).keys() == set(PARTS)
+    for method in ("POST", "PUT", "DELETE"):
+        assert shown.fetch("state", method)[0] == 405
+    assert shown.fetch("../page.py")[0] in (403, 404) and shown.fetch("none")[0] == 404
+
+
+def test_changes_are_pushed_together(show):
+    rig = one_leaf("<Repeat num_cycles='-1'><Sequence><WelcomeSpeech/><FollowMeSpeech/><Sleep msec='1'/></Sequence></Repeat>")
+    shown = show(rig)
+    with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
+        assert json.loads(stream.readline()[6:]).keys() == set(PARTS)
+        stream.readline()
+        wait_until(lambda: shown.page.streams)
+        for _ in range(500):
+            rig.tick()
+            rig.clock.advance(0.001)
+        parts = json.loads(stream.readline()[6:])
+        assert "statuses" in parts and "mission" not in parts
+
+
+def test_a_port_that_is_taken_is_one_line(show):
+    shown = show(Rig())
+    warnings = []
+    page = Page("127.0.0.1", shown.port, Board(shown.rig.mission.events, shown.rig.mission.health, registry()), warnings.append)
+    page.show(shown.rig.tree)
+    page.close()
+    assert len(warnings) == 1 and str(shown.port) in warnings[0] and "monitorPort" in warnings[0]
+
+
+def test_browsers_that_vanish_or_never_read_disturb_nobody(show):
+    rig = one_leaf("<Repeat num_cycles='-1'><Sequence><WelcomeSpeech/><Sleep msec='1'/></Sequence></Repeat>")
+    shown = show(rig)
+    idle = [socket.create_connection(("127.0.0.1", shown.port)) for _ in range(70)]
+    for number, each in enumerate(idle):
+        each.sendall(b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n" if number % 3 else b"\x00\xff garbage\r\n\r\n")
+    wait_until(lambda: len(shown.page.streams) > 30)
+    began = time.perf_counter()
+    for _ in range(2000):
+        rig.tick()
+        rig.clock.advance(0.001)
+    assert time.perf_counter() - began < 10.0
+    for each in idle:
+        each.close()
+    assert shown.fetch("state")[0] == 200
+    wait_until(lambda: not shown.page.streams, 25.0)
+
+
+def test_the_terminal_shows_the_same(show):
+    shown = show(Rig())
+    shown.run_until(lambda request: isinstance(request, Say) and request.text == "first text 1")
+    printed = subprocess.run([sys.executable, os.path.join(SOURCE, "behavior_controller", "missionStatus"), "--port",
+                              str(shown.port)], env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE,
+                             universal_newlines=True, check=True).stdout
+    assert "▶ 1 [DescribeExhibitSpeech] (running)" in printed
