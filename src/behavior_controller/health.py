@@ -34,7 +34,8 @@ class Health:
         """``wake`` is called after each change, so that the tick thread comes and tells it."""
         self._wake = wake
         self._troubles: Set[Tuple[str, str]] = set()
-        self._changes: "queue.SimpleQueue[HealthChanged]" = queue.SimpleQueue()
+        self._gone: Set[str] = set()
+        self._changes: "queue.SimpleQueue[Tuple[str, HealthChanged]]" = queue.SimpleQueue()
         self.calls: Dict[str, CallCount] = {}
 
     def report(self, respect: str, change: HealthChanged) -> None:
@@ -46,7 +47,7 @@ class Health:
             self._troubles.discard(key)
         else:
             self._troubles.add(key)
-        self._changes.put(change)
+        self._changes.put((respect, change))
         self._wake()
 
     def slow(self, service: str, deadline: float) -> None:
@@ -69,10 +70,15 @@ class Health:
                 self.report(SLOW, HealthChanged("service", service, "", True, "answers in time again", ""))
 
     def is_gone(self, name: str) -> bool:
-        """Return whether the service or topic is known to be gone."""
-        return (name, GONE) in self._troubles
+        """Return whether the service or topic was known to be gone when the changes were published last."""
+        return name in self._gone
 
     def publish(self, events: Events) -> None:
         """Emit the changes since the last time; to be called on the tick thread."""
         while not self._changes.empty():
-            events.emit(self._changes.get())
+            respect, change = self._changes.get()
+            if respect == GONE and change.is_well:
+                self._gone.discard(change.name)
+            elif respect == GONE:
+                self._gone.add(change.name)
+            events.emit(change)

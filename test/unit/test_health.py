@@ -35,8 +35,10 @@ def test_what_was_always_well_is_no_news():
 def test_what_is_gone_is_known_until_it_is_back():
     health = Health()
     health.report(GONE, DEAD)
+    published(health)
     assert health.is_gone("/say") and not health.is_gone("/go")
     health.report(GONE, BACK)
+    published(health)
     assert not health.is_gone("/say")
 
 

@@ -27,12 +27,22 @@ class Clock:
     """Monotonic seconds and a queue of timers. Used from the tick thread only, but for ``now``."""
 
     def __init__(self) -> None:
+        self._held: Optional[float] = None
         self._queue: List[Tuple[float, int, Timer]] = []
         self._order = itertools.count()
 
     def now(self) -> float:
         """Return monotonic seconds; only differences mean something."""
-        return time.monotonic()
+        held = self._held
+        return time.monotonic() if held is None else held
+
+    def hold(self) -> None:
+        """Let time stand still until ``release``: within one traversal everything happens at once, and can be replayed."""
+        self._held = time.monotonic()
+
+    def release(self) -> None:
+        """Let time go on."""
+        self._held = None
 
     def call_after(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Run ``callback`` once, ``seconds`` from now, by whoever calls ``run_due`` then."""
@@ -64,6 +74,9 @@ class ManualClock(Clock):
     def __init__(self, now: float = 0.0):
         super().__init__()
         self._now = now
+
+    def hold(self) -> None:
+        """It stands still anyway."""
 
     def now(self) -> float:
         """Return the time that the test has set."""

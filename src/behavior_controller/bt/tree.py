@@ -1,5 +1,5 @@
 """A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
-from typing import Any, Dict, List, Sequence
+from typing import Any, Callable, Dict, List, Optional, Sequence
 
 from behavior_controller.bt.blackboard import Blackboard, Entry
 from behavior_controller.bt.node import Node, Observer, Result, Services
@@ -25,6 +25,8 @@ class Tree:
         self.wake = services.wake
         self.warnings = list(warnings)
         self.spins = False  # the last tick_once was cut short: the mission goes round without ever waiting
+        self.on_traversal: Optional[Callable[[bool], None]] = None
+        """Told before each traversal whether it is the first one of a tick; the record listens."""
         self._observers: List[Observer] = []
 
     def setup(self, **kwargs: Any) -> None:
@@ -52,22 +54,33 @@ class Tree:
 
     def tick_exactly_once(self) -> Result:
         """Traverse the tree once; the wake-up signal is not looked at."""
-        self.clock.run_due()
-        return self._completed(self.root.execute())
+        return self._completed(self._traverse(True))
 
     def tick_once(self) -> Result:
         """Traverse the tree, and again for as long as it is RUNNING and a wake-up was signalled meanwhile."""
-        self.clock.run_due()
-        result = self.root.execute()
+        result = self._traverse(True)
         rounds = 1
         while result is RUNNING and self.wake.test_and_clear():
             if rounds == ROUNDS_PER_TICK:
                 self.wake.emit()
                 break
             rounds += 1
-            result = self.root.execute()
+            result = self._traverse(False)
         self.spins = rounds == ROUNDS_PER_TICK
         return self._completed(result)
+
+    def _traverse(self, is_first: bool) -> Result:
+        """Traverse the tree, at one moment of its clock; the first time of a tick timers that are due run before."""
+        clock = self.clock
+        clock.hold()
+        try:
+            if self.on_traversal is not None:
+                self.on_traversal(is_first)
+            if is_first:
+                clock.run_due()
+            return self.root.execute()
+        finally:
+            clock.release()
 
     def tick_while_running(self, sleep_seconds: float = 0.01) -> Result:
         """Tick until the result is not RUNNING; sleep between ticks, at most until the next wake-up."""

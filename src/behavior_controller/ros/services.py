@@ -10,6 +10,7 @@ import math
 import queue
 import struct
 import threading
+import time
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
 
 import genpy
@@ -247,7 +248,7 @@ class RosGateway(Gateway):
         deadline = self.deadline(kind.service)
         timers = (self._clock.call_after(deadline, lambda: self._expire(call)),
                   self._clock.call_after(deadline * SLOW_SHARE, lambda: self._health.slow(self._names[kind], deadline)))
-        self._under_way[call] = _UnderWay(line, timers, self._clock.now())
+        self._under_way[call] = _UnderWay(line, timers, time.monotonic())
         line.carry(request, lambda result: self._end(call, result))
         return call
 
@@ -270,7 +271,7 @@ class RosGateway(Gateway):
     def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure]) -> None:
         """Hand over the result, and tell the health of the service."""
         kind = type(call.request)
-        self._health.ended(self._names[kind], self._clock.now() - held.since, self.deadline(kind.service),
+        self._health.ended(self._names[kind], time.monotonic() - held.since, self.deadline(kind.service),
                            isinstance(result, Failure))
         call.finish(result)
 
