@@ -66,6 +66,7 @@ class HealthChanged(NamedTuple):
     is_well: bool
     status: str
     consequence: str
+    respect: str = ""  # what changed about it: see ``health``
 
 
 class PassFinished(NamedTuple):

@@ -35,7 +35,7 @@ class Health:
         self._wake = wake
         self._troubles: Set[Tuple[str, str]] = set()
         self._gone: Set[str] = set()
-        self._changes: "queue.SimpleQueue[Tuple[str, HealthChanged]]" = queue.SimpleQueue()
+        self._changes: "queue.SimpleQueue[HealthChanged]" = queue.SimpleQueue()
         self.calls: Dict[str, CallCount] = {}
 
     def report(self, respect: str, change: HealthChanged) -> None:
@@ -47,7 +47,7 @@ class Health:
             self._troubles.discard(key)
         else:
             self._troubles.add(key)
-        self._changes.put((respect, change))
+        self._changes.put(change._replace(respect=respect))
         self._wake()
 
     def slow(self, service: str, deadline: float) -> None:
@@ -76,9 +76,9 @@ class Health:
     def publish(self, events: Events) -> None:
         """Emit the changes since the last time; to be called on the tick thread."""
         while not self._changes.empty():
-            respect, change = self._changes.get()
-            if respect == GONE and change.is_well:
+            change = self._changes.get()
+            if change.respect == GONE and change.is_well:
                 self._gone.discard(change.name)
-            elif respect == GONE:
+            elif change.respect == GONE:
                 self._gone.add(change.name)
             events.emit(change)

@@ -125,7 +125,8 @@ KEYS: Tuple[Key, ...] = (
         "who may connect: 127.0.0.1 this computer alone, 0.0.0.0 everybody on the network"),
     Key("monitorPort", integer(0, 65535), "a port from 1 to 65535, or 0", 8080, "where a browser sees the mission; 0: off"),
     Key("monitorAddress", words, "an address of this computer", "127.0.0.1", "who may look, as groot2Address"),
-    Key("recordDirectory", words, "a folder", "", "where to write the record mission.jsonl; empty: none is written"),
+    Key("recordDirectory", words, "a folder, nothing, or none", "",
+        "where to write the record mission.jsonl; empty: a new folder among ROS' logs; none: nowhere"),
 )
 
 _DEADLINES = {

@@ -163,7 +163,7 @@ class Package:
     def configure(self, **values):
         """Write the configuration: the required keys with working values, and ``values``; nobody looks on by default."""
         keys = dict(scenarioSpecification="lab_tour", verboseMode="false", asrEnabled="true", groot2Port="0",
-                    monitorPort="0")
+                    monitorPort="0", recordDirectory="none")
         keys.update(values)
         self.write("config/behaviorControllerConfiguration.ini", "".join(
             "{} {}\n".format(key, value) for key, value in keys.items()))

@@ -32,6 +32,7 @@ class Rig:
         self.tree = load(mission, registry(), clock=self.clock)
         self.answer = answer
         self.seen = []
+        self.mission_file = "lab_tour.xml"
         log = events.Events()
         log.subscribe(self.seen.append)
         self.gateway = FakeGateway(self.tree.wake.emit, self._reply)
@@ -73,7 +74,7 @@ class Rig:
             def wait(self, seconds):
                 visitor(rig)
 
-        self.runner = Waiting(runner.Running(self.tree, self.mission, "lab_tour.xml", runs), is_stopped, successor)
+        self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs), is_stopped, successor)
         return self.runner.run()
 
 

@@ -14,7 +14,7 @@ PRODUCT = "behavior_controller"
 LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli"],
-    ["watch", "record", "leaves"],
+    ["watch", "leaves"],
     ["runner", "bt.compiler", "bt.checks", "bt.lint", "bt.conformance"],
     ["bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy"],
     ["errors"],

@@ -2,8 +2,8 @@
 from behavior_controller.events import Events, HealthChanged
 from behavior_controller.health import GONE, SLOW, CallCount, Health
 
-DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer", "the robot cannot speak")
-BACK = HealthChanged("service", "/say", "textToSpeech", True, "back", "")
+DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer", "the robot cannot speak", GONE)
+BACK = HealthChanged("service", "/say", "textToSpeech", True, "back", "", GONE)
 
 
 def published(health):
@@ -47,7 +47,7 @@ def test_each_respect_is_for_itself():
     health.report(SLOW, DEAD)
     assert not health.is_gone("/say")
     health.report(GONE, DEAD)
-    assert published(health) == [DEAD, DEAD]
+    assert published(health) == [DEAD._replace(respect=SLOW), DEAD]
 
 
 def test_calls_are_counted():

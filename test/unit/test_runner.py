@@ -208,7 +208,7 @@ def test_what_was_read_anew_runs_from_the_next_pass_on():
 
 def test_what_changed_about_the_robot_is_told_at_a_tick():
     rig = one_leaf("<Sequence><WelcomeSpeech/><Sleep msec='700'/></Sequence>")
-    change = HealthChanged("service", "/say", "", False, "gone", "")
+    change = HealthChanged("service", "/say", "", False, "gone", "", "gone")
 
     def act(rig):
         rig.mission.health.report("gone", change)

@@ -1,5 +1,5 @@
 """A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
-from typing import Any, Callable, Dict, List, Optional, Sequence
+from typing import Any, Dict, List, Sequence
 
 from behavior_controller.bt.blackboard import Blackboard, Entry
 from behavior_controller.bt.node import Node, Observer, Result, Services
@@ -25,8 +25,8 @@ class Tree:
         self.wake = services.wake
         self.warnings = list(warnings)
         self.spins = False  # the last tick_once was cut short: the mission goes round without ever waiting
-        self.on_traversal: Optional[Callable[[bool], None]] = None
-        """Told before each traversal whether it is the first one of a tick; the record listens."""
+        self.traversals: Any = None
+        """Told of each traversal, ``begin(is_first)`` and ``end()``: the record listens."""
         self._observers: List[Observer] = []
 
     def setup(self, **kwargs: Any) -> None:
@@ -74,12 +74,14 @@ class Tree:
         clock = self.clock
         clock.hold()
         try:
-            if self.on_traversal is not None:
-                self.on_traversal(is_first)
+            if self.traversals is not None:
+                self.traversals.begin(is_first)
             if is_first:
                 clock.run_due()
             return self.root.execute()
         finally:
+            if self.traversals is not None:
+                self.traversals.end()
             clock.release()
 
     def tick_while_running(self, sleep_seconds: float = 0.01) -> Result:

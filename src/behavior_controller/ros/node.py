@@ -10,17 +10,17 @@ import time
 from typing import List, Optional, Union
 
 import rosgraph
+import rospkg
 import rospy
 
 from behavior_controller.bt.clock import Clock
 from behavior_controller.bt.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, NodesMissing
 from behavior_controller.events import Events
-from behavior_controller.gateway import SAFE_STATE
+from behavior_controller.gateway import SAFE_STATE, Gateway, Topics
 from behavior_controller.health import Health
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.leaves.vocabulary import registry
-from behavior_controller.record import Record
 from behavior_controller.ros.connection import Trouble, ask_master
 from behavior_controller.ros.console import Console, flush_every_line, report_internal_error
 from behavior_controller.ros.monitor import Monitor
@@ -33,9 +33,13 @@ from behavior_controller.runner import Runner, Running
 from behavior_controller.watch.board import Board
 from behavior_controller.watch.groot2 import Groot2Publisher
 from behavior_controller.watch.page import Page
+from behavior_controller.watch.record import Record, new_folder
 
 NAME = "behaviorController"
 SUCCESS, NODES_MISSING, BAD_FILES, FAILED = 0, 1, 2, 3
+
+NO_RECORD = "none"
+"""The value of ``recordDirectory`` that has nothing recorded."""
 
 USAGE = """usage: rosrun cssr_system behaviorController [_key:=value ...] [name:=other_name ...]
 
@@ -146,15 +150,15 @@ class _Run:
         self._events.subscribe(console)
         self._health = Health(self._wake.emit)
         self._gateway = RosGateway(plan.settings.deadline, self._clock, self._wake.emit, self._health)
-        self._watchers: List[Union[Groot2Publisher, Page]] = []
+        self._mission_gateway: Gateway = self._gateway  # or what records it
+        self._mission_topics: Topics = topics
+        self._watchers: List[Union[Groot2Publisher, Page, Record]] = []
         self._monitor = Monitor(topics, self._health, lambda: self._plan.settings.asr_enabled)
 
     def carry_out(self) -> int:
         """Run the mission and return the exit code."""
         console, plan = self._console, self._plan
         self._open_watchers()
-        if plan.settings.record_directory:
-            self._events.subscribe(Record(plan.settings.record_directory, lambda text: console.tell("warning", text)))
         runner = Runner(self._running(), lambda: self._signals.stop_requested, self._successor)
         console.start_heartbeat(self._clock)
         self._monitor.start()
@@ -183,13 +187,19 @@ class _Run:
         if chosen.monitor_port:
             board = Board(self._events, self._health, registry())
             self._watchers.append(Page(chosen.monitor_address, chosen.monitor_port, board, warn))
+        if chosen.record_directory != NO_RECORD:
+            folder = chosen.record_directory or new_folder(rospkg.get_log_dir())
+            record = Record(folder, self._clock, warn)
+            self._events.subscribe(record)
+            self._watchers.append(record)
+            self._mission_gateway, self._mission_topics = record.gateway(self._gateway), record.topics(self._topics)
 
     def _running(self) -> Running:
         """Return the plan as the runner wants it, and show it to who looks on."""
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
-        context = MissionContext(self._gateway, self._topics, plan.settings, plan.phrases, plan.policy, self._clock,
+        context = MissionContext(self._mission_gateway, self._mission_topics, plan.settings, plan.phrases, plan.policy, self._clock,
                                  self._events, self._health)
         return Running(plan.tree, context, plan.mission, plan.settings.mission_runs)
 

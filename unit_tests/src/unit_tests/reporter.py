@@ -9,7 +9,7 @@ import rospkg
 import rospy
 
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.record import FILE_NAME as RECORD
+from behavior_controller.watch.record import FILE_NAME as RECORD
 
 from unit_tests import configuration, parameters
 from unit_tests.controller import STARTUP_TIMEOUT, read_exit_code

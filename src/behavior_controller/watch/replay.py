@@ -1,0 +1,266 @@
+"""Runs a recorded mission again, without ROS, on the recorded answers and messages: does it take the same path?"""
+import argparse
+import itertools
+import json
+import sys
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
+
+from behavior_controller import folders, leaves, phrases, policy, settings
+from behavior_controller.bt.clock import ManualClock
+from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.tree import Tree
+from behavior_controller.errors import BehaviorControllerError, Fault, FaultsFound, MissionError
+from behavior_controller.events import Events, HealthChanged
+from behavior_controller.gateway import (Answer, AttentionStatus, Call, Cause, Exhibit, Faces, Failure, Gateway, Location,
+                                         Point, Request, Sample, Topic, Topics)
+from behavior_controller.health import Health
+from behavior_controller.leaves.base import MissionContext
+from behavior_controller.leaves.vocabulary import load as load_mission
+from behavior_controller.watch.board import LETTERS
+from behavior_controller.watch.record import plain_request, sha256
+from behavior_controller.watch.report import to_html
+
+Line = Dict[str, Any]
+READ = {
+    Topic.FACES: lambda value: Faces(tuple(value[0]), tuple(value[1])),
+    Topic.ATTENTION: lambda value: AttentionStatus(*value),
+    Topic.SPEECH: lambda value: value,
+}
+
+
+class Outcome(NamedTuple):
+    """What a replay found. ``parting`` says where the paths part; empty: they are the same."""
+
+    mission: str
+    is_edited: bool
+    passes: int
+    changes: int
+    parting: str = ""
+
+    def __str__(self) -> str:
+        """Return the lines for a person."""
+        edited = "{} has changed since the record was made\n".format(self.mission) if self.is_edited else ""
+        if self.parting:
+            return edited + "the paths part {}".format(self.parting)
+        return edited + "the same path: {} passes, {} changes of status".format(self.passes, self.changes)
+
+
+class Parted(Exception):
+    """The replay went another way than the record; the text says where."""
+
+
+def read_record(path: str) -> List[Line]:
+    """Return the lines of a record. Raises MissionError that names the first line that is none; a torn last one is left."""
+    found: List[Line] = []
+    try:
+        with open(path, encoding="utf-8") as file:
+            lines = file.read().split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MissionError([Fault(path, 0, 0, "the record cannot be read: {}".format(
+            getattr(error, "strerror", None) or "it is not UTF-8 text"))])
+    for number, line in enumerate(lines[:-1], 1):  # what follows the last line's end was torn when the node was killed
+        try:
+            found.append(json.loads(line))
+            if not isinstance(found[-1], dict) or "event" not in found[-1]:
+                raise ValueError
+        except ValueError:
+            raise MissionError([Fault(path, number, 1, "this is no line of a record", "a record is written by the node")])
+    if not {"RunStarted", "Tree"} <= {line["event"] for line in found}:
+        raise MissionError([Fault(path, 0, 0, "the record has no mission in it", "was the node stopped before it began?")])
+    return found
+
+
+def replay(lines: List[Line]) -> Outcome:
+    """Run the record again. Raises BehaviorControllerError if the mission cannot be read any more."""
+    replaying: Optional[_Replay] = None
+    is_edited, passes, changes, mission = False, 0, 0, ""
+    for place, line in enumerate(lines):
+        if line["event"] == "RunStarted":
+            mission = line["mission"]
+            is_edited = is_edited or sha256(mission) != line["sha256"]
+            tree = [other for other in lines[:place] if other["event"] == "Tree"][-1]
+            replaying = _Replay(line, [entry[0] for entry in tree["nodes"]])
+        elif replaying is not None:
+            passes += line["event"] == "PassFinished"
+            try:
+                changes += replaying.take(line)
+            except Parted as parted:
+                return Outcome(mission, is_edited, passes, changes, "in pass {}, {}".format(passes + 1, parted))
+    return Outcome(mission, is_edited, passes, changes)
+
+
+class _Replay:
+    """One mission of a record, and the world as it was told."""
+
+    def __init__(self, started: Line, paths: List[str]):
+        self.clock = ManualClock()
+        self.tree: Tree = load_mission(started["mission"], clock=self.clock)
+        self._paths = paths  # of the record's nodes, by uid - 1
+        self._world = _World()
+        self._health = Health()
+        self._began: Optional[float] = None
+        self._now: List[Tuple[str, str]] = []
+        chosen = settings.defaults(**started["settings"])
+        events = Events()
+        self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
+        self.tree.setup(mission=MissionContext(
+            self._world, self._world, chosen, phrases.load(chosen.language),
+            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, events, self._health))
+
+    def take(self, line: Line) -> int:
+        """Take in one line; a traversal is made again and compared. Return how many statuses it changed."""
+        kind = line["event"]
+        if kind in ("Asked", "Answered", "Message"):
+            self._world.take(line)
+        elif kind == "HealthChanged":
+            change = HealthChanged(*(line[name] for name in HealthChanged._fields))
+            self._health.report(change.respect, change)
+            self._health.publish(Events())
+        elif kind == "Tick":
+            return self._traverse(line)
+        return 0
+
+    def _traverse(self, line: Line) -> int:
+        self.clock._now = line["at"]
+        self._began = line["at"] if self._began is None else self._began
+        self._now.clear()
+        self._world.begin()
+        result: Any = None
+        try:
+            if line["first"]:
+                self.clock.run_due()
+            result = self.tree.root.execute()
+        except BehaviorControllerError:
+            pass  # it ended a pass of the recorded run too
+        self._compare([(self._paths[uid - 1], letter) for uid, letter in line["changes"]], line["at"] - self._began)
+        if result is SUCCESS or result is FAILURE:
+            self.tree.root.reset()
+        elif result is not RUNNING:
+            self.tree.halt()
+        return len(line["changes"])
+
+    def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
+        """Raise ``Parted`` at the first difference."""
+        differences = [self._world.difference()]
+        for was, now in itertools.zip_longest(recorded, self._now):
+            if was != now:
+                differences.insert(0, "recorded is {}, now it is {}".format(_words(was), _words(now)))
+                break
+        if any(differences):
+            raise Parted("{:.1f} s after its mission began: {}".format(seconds, "; ".join(filter(None, differences))))
+
+
+def _words(change: Optional[Tuple[str, str]]) -> str:
+    words = {"R": "RUNNING", "S": "SUCCESS", "F": "FAILURE", "-": "IDLE"}
+    return "no further change" if change is None else "{} {}".format(change[0], words[change[1]])
+
+
+class _Recorded(Call):
+    """A call that has its recorded result from the traversal on that saw it."""
+
+    def __init__(self, request: Request):
+        self.request = request
+        self.result = None
+
+    def drop(self) -> None:
+        """Nobody waits any more."""
+
+
+class _World(Gateway, Topics):
+    """Answers and messages as the record has them. The lines of a traversal come before it, as it was them that it saw."""
+
+    def __init__(self) -> None:
+        self._calls: List[_Recorded] = []
+        self._wanted: List[Line] = []  # requests that the traversal is to make
+        self._results: Dict[int, Union[Answer, Failure]] = {}
+        self._messages: List[Tuple[Topic, int, Optional[Sample]]] = []
+        self._newest: Dict[Topic, Optional[Sample]] = {}
+        self._reads: Dict[Topic, int] = {}
+        self._difference = ""  # between the requests that are made and the recorded ones
+
+    def take(self, line: Line) -> None:
+        """Take in a request, an answer or a message of the traversal that follows."""
+        if line["event"] == "Asked":
+            self._wanted.append(line)
+        elif line["event"] == "Answered":
+            self._results[line["call"]] = _failure(line["failure"]) if "failure" in line else _answer(line["answer"])
+        else:
+            topic = Topic(line["topic"])
+            sample = None if line["value"] is None else Sample(READ[topic](line["value"]), line["arrived"])
+            self._messages.append((topic, line["read"], sample))
+
+    def begin(self) -> None:
+        """A traversal begins."""
+        self._reads.clear()
+        for number, result in list(self._results.items()):
+            if number <= len(self._calls):
+                self._calls[number - 1].result = self._results.pop(number)
+
+    def start(self, request: Request) -> Call:
+        """Compare a request with the recorded one; its answer is the recorded one's."""
+        call = _Recorded(request)
+        self._calls.append(call)
+        recorded = self._wanted.pop(0) if self._wanted else None
+        if not self._difference and (recorded is None or recorded["request"] != plain_request(request)):
+            self._difference = "recorded is {}, now it asks {} for {}".format(
+                "no request" if recorded is None else "the request {}".format(recorded["request"]), request.service,
+                plain_request(request))
+        call.result = self._results.pop(len(self._calls), None)
+        return call
+
+    def difference(self) -> str:
+        """Return how the requests of the traversal differ from the recorded ones; empty if they do not."""
+        if self._wanted and not self._difference:
+            return "recorded is the request {}, now there is none".format(self._wanted[0]["request"])
+        return self._difference
+
+    def newest(self, topic: Topic) -> Optional[Sample]:
+        """Return what the record has for this look at a topic."""
+        self._reads[topic] = self._reads.get(topic, 0) + 1
+        for entry in list(self._messages):
+            if entry[0] is topic and entry[1] <= self._reads[topic]:
+                self._newest[topic] = entry[2]
+                self._messages.remove(entry)
+        return self._newest.get(topic)
+
+    def wake_when(self, key: Any, topic: Topic, wanted: Any) -> None:
+        """Nobody is to be woken: the record says when the tree was traversed."""
+
+
+def _failure(fields: Dict[str, str]) -> Failure:
+    return Failure(Cause(fields["cause"]), fields["message"], fields["resource"])
+
+
+def _answer(fields: List[Any]) -> Answer:
+    response, exhibits = fields
+    return Answer(response, tuple(Exhibit(name, first, second, Location(*place), Point(*target))
+                                  for name, first, second, place, target in exhibits))
+
+
+# ------------------------------------------------------------------------------------------------------- the command
+
+SAME, BAD_FILE, PARTED = 0, 2, 3
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    """Return the exit code of ``replayMission``: 0 the same path, 3 another one, 2 the record cannot be replayed."""
+    parser = argparse.ArgumentParser(
+        prog="replayMission", description="Runs a recorded mission again and says whether it takes the same path.")
+    parser.add_argument("record", help="mission.jsonl of a run")
+    parser.add_argument("--report", metavar="OUT.html", help="write a report of the recorded run as a web page instead")
+    chosen = parser.parse_args(arguments)
+    try:
+        lines = read_record(chosen.record)
+        if chosen.report:
+            with open(chosen.report, "w", encoding="utf-8") as file:
+                file.write(to_html(lines))
+            return SAME
+        outcome = replay(lines)
+    except FaultsFound as found:
+        print("\n".join(str(fault) for fault in found.faults), file=sys.stderr)
+        return BAD_FILE
+    except OSError as error:
+        print("{}: {}".format(error.filename, error.strerror), file=sys.stderr)
+        return BAD_FILE
+    print(outcome)
+    return PARTED if outcome.parting else SAME
