@@ -80,7 +80,10 @@ class Tour:
         while cause and tries < int(self._rule(node, cause)[2]):
             tries += 1
             cause = self._ask(node, service, tries=tries)
-        if cause and self._rule(node, cause)[4] == "giveUp":
+        then = self._rule(node, cause)[4] if cause else ""
+        if then == "LocationOvertAttentionMode":
+            self._ask(then, ATTENTION)
+        if then == "giveUp":
             self._ask("safe state", ATTENTION, False)
             self._ask("safe state", ANIMATION, False)
             raise GivenUp(node)

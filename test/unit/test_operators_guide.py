@@ -19,8 +19,8 @@ def rows():
 
 
 def in_words(rule):
-    return ("{}×, ".format(rule.retries) if rule.retries else "") + {policy.SKIP: "skip", policy.GIVE_UP: "give up"}[
-        rule.then]
+    then = rule.substitute.id if rule.substitute else {policy.SKIP: "skip", policy.GIVE_UP: "give up"}[rule.then]
+    return ("{}×, ".format(rule.retries) if rule.retries else "") + then
 
 
 @pytest.mark.parametrize("node", sorted(node for node, cells in rows().items() if len(cells) == 5))
