@@ -2,5 +2,5 @@
 
 Reading order: ``errors`` and ``settings``; the engine in ``bt`` (``document`` -> ``checks`` -> ``compiler`` ->
 ``node``); what leaves may ask of the robot in ``gateway``; the mission vocabulary in ``leaves``; the tick loop in ``runner``;
-and last ``ros``, the only folder that knows ROS.
+who looks on in ``watch``; and last ``ros``, the only folder that knows ROS.
 """
