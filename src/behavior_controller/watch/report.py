@@ -14,7 +14,7 @@ body { font: 15px/1.45 system-ui, "DejaVu Sans", sans-serif; margin: 0 auto; max
 h1 { font-size: 1.3rem; } h2 { font-size: 1.05rem; margin: 1.6rem 0 .4rem; }
 table { border-collapse: collapse; width: 100%; } td, th { text-align: left; vertical-align: top; padding: .1rem .6rem .1rem 0;
   border-top: 1px solid #d5dbe1; } th { color: #5d6975; font-weight: 600; }
-.time { white-space: nowrap; color: #5d6975; } .lane { position: relative; height: 1rem; min-width: 18rem; background: #f2f5f8; }
+td:first-child { width: 1%; white-space: nowrap; } .time { white-space: nowrap; color: #5d6975; } .lane { position: relative; height: 1rem; min-width: 18rem; background: #f2f5f8; }
 .bar { position: absolute; top: .15rem; height: .7rem; min-width: 3px; border-radius: 2px; }
 .S { color: #00785a; } .F { color: #b34700; } .R { color: #0072b2; } .h { color: #5d6975; }
 .bar.S { background: #00785a; } .bar.F { background: #b34700; border: 1px dashed #000; } .bar.h { background: #8d99a6; }
@@ -71,7 +71,7 @@ def _decisions(lines: List[Line], began: float) -> str:
     rows = []
     for line in lines:
         text = ""
-        if line["event"] == "LeafFinished" and line["failure"] and line["failure"]["cause"] != "condition false":
+        if line["event"] == "LeafFinished" and _is_worth_telling(line):
             text = "{} failed: {}: {}".format(line["path"], line["failure"]["cause"], line["failure"]["message"])
         elif line["event"] == "Retried":
             text = "{}: retry {} failed: {}".format(line["path"], line["attempt"], line["failure"]["cause"])
@@ -82,6 +82,12 @@ def _decisions(lines: List[Line], began: float) -> str:
         if text:
             rows.append(['<span class="time">{:.1f} s</span>'.format(line["time"] - began), _text(text)])
     return "<h2>Failures and recoveries</h2>" + (_table(["after", "what"], rows) if rows else "<p>none</p>")
+
+
+def _is_worth_telling(finished: Line) -> bool:
+    """Whether a leaf failed; a false condition is an answer, and what HandleFallBack decided is told by itself."""
+    failure = finished["failure"]
+    return bool(failure) and failure["cause"] != "condition false" and finished["node"].lower() != "handlefallback"
 
 
 def _timeline(lines: List[Line], began: float) -> str:
