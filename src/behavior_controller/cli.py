@@ -7,6 +7,7 @@ from typing import Any, List, Optional, Tuple
 
 from behavior_controller import folders, leaves
 from behavior_controller.bt.document import one_line
+from behavior_controller.bt.node import label
 from behavior_controller.bt.palette import tree_nodes_model
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.leaves import vocabulary
@@ -89,14 +90,7 @@ def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any
     except MissionError as error:
         sys.exit(str(error))
     for node in tree.nodes:
-        node.name = _label(node)
+        node.name = " ".join(label(node))  # a colon would be a port in the dot language
         node.memory = False  # else py_trees puts a sign before the name that few fonts have; the label tells the type
     tree.root.name = subtree or os.path.splitext(os.path.basename(path))[0]
     return tree.root
-
-
-def _label(node: Any) -> str:
-    last = node.full_path.rsplit("/", 1)[-1]
-    if last == "{}::{}".format(node.name, node.uid):
-        return "{} #{}".format(node.name, node.uid)  # a colon would be a port in the dot language
-    return "{} ({}) #{}".format(node.name, node.registration_id, node.uid)

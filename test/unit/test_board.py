@@ -1,5 +1,6 @@
 """What there is to see of a mission, as data, and as missionStatus prints it."""
-from behavior_controller.events import HealthChanged
+from behavior_controller.cli import create_tree
+from behavior_controller.events import HealthChanged, RunStarted
 from behavior_controller.gateway import Answer, PerformGesture, Say
 from behavior_controller.health import GONE
 from behavior_controller.leaves.vocabulary import registry
@@ -28,9 +29,22 @@ def test_the_tree_has_the_nodes_of_the_mission_with_their_names_and_types():
     def flat(node):
         return [node] + [one for child in node["children"] for one in flat(child)]
 
-    assert [(node["uid"], node["name"], node["type"], node["path"]) for node in flat(outline)] == [
-        (node.uid, node.name, node.registration_id, node.full_path) for node in rig.tree.nodes]
-    assert {node["type"] for node in flat(outline) if node["subtree"]} == {"SubTree"}
+    assert [(node["uid"], node["name"], node["path"]) for node in flat(outline)] == [
+        (node.uid, node.name, node.full_path) for node in rig.tree.nodes]
+    assert len([node for node in flat(outline) if node["subtree"]]) == len(
+        [node for node in rig.tree.nodes if node.registration_id == "SubTree"])
+
+
+def test_nodes_are_called_what_py_trees_render_calls_them():
+    rig = Rig()
+    board = board_of(rig)
+    rig.mission.events.emit(RunStarted("some/where/lab_tour.xml", [], {}))
+
+    def labels(node):
+        return [" ".join(filter(None, (node["name"], node["kind"])))] + [
+            label for child in node["children"] for label in labels(child)]
+
+    assert sorted(labels(board.part("mission")["tree"])) == sorted(node.name for node in create_tree("lab_tour").iterate())
 
 
 def test_the_letter_of_each_node_and_the_leaf_that_runs():
@@ -85,8 +99,8 @@ def test_what_the_terminal_shows():
     rig.tick()
     state = {name: board.part(name) for name in PARTS}
     assert status.lines(state, False)[1:] == [
-        "▶ all [Sequence] (running)", "  ✔ hello [WelcomeSpeech] (success)", "  ▶ FollowMeSpeech (running)"]
-    assert status.lines(state, True)[-1] == "  · SayGoodByeSpeech"
+        "▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success", "  ▶ FollowMeSpeech #3: running"]
+    assert status.lines(state, True)[-1] == "  · SayGoodByeSpeech #4"
     assert isinstance(rig.requests[0], Say)
 
 

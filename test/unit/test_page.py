@@ -115,7 +115,7 @@ def test_a_tour_is_followed_without_a_reload(show, browser, width, height):
     assert text(browser, "#now") == "nothing runs"
     browser.execute_script("window.is_same_page = true")
     shown.run_until(lambda request: isinstance(request, Say) and request.text == "second text 1")
-    wait_until(lambda: "VisitExhibit › DescribeExhibitSpeech 2" in text(browser, "#now"))
+    wait_until(lambda: "VisitExhibit › 2 (DescribeExhibitSpeech) #128" in text(browser, "#now"))
     assert browser.execute_script("return is_same_page")
     wait_until(lambda: browser.execute_script(IN_VIEW))
     drawn = browser.execute_script("return items.map(one => [...one.classList].find(name => name.length == 1) || '-').join('')")
@@ -252,4 +252,4 @@ def test_the_terminal_shows_the_same(show):
     printed = subprocess.run([sys.executable, os.path.join(SOURCE, "behavior_controller", "missionStatus"), "--port",
                               str(shown.port)], env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE,
                              universal_newlines=True, check=True).stdout
-    assert "▶ 1 [DescribeExhibitSpeech] (running)" in printed
+    assert "▶ 1 (DescribeExhibitSpeech) #119: running" in printed

@@ -1,10 +1,11 @@
 """What there is to see of a running mission, as plain data: the page and ``missionStatus`` show it."""
 import collections
+import os
 import time
 from typing import Any, Callable, Deque, Dict, List, Optional
 
 from behavior_controller.bt.blackboard import Entry
-from behavior_controller.bt.node import Node
+from behavior_controller.bt.node import Node, label
 from behavior_controller.bt.registry import Kind, Registry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.bt.tree import Tree
@@ -99,12 +100,16 @@ class Board:
 
     def _part_mission(self) -> Dict[str, Any]:
         tree = self._tree
-        return {"file": self._mission, "tree": None if tree is None else self._outline(tree.root)}
+        outline = None if tree is None else self._outline(tree.root)
+        if outline is not None and self._mission:
+            outline.update(name=os.path.splitext(os.path.basename(self._mission))[0], kind="")  # as py-trees-render has it
+        return {"file": self._mission, "tree": outline}
 
     def _outline(self, node: Node) -> Dict[str, Any]:
         spec = self._registry.find(node.registration_id)
-        return {"uid": node.uid, "name": node.name, "type": node.registration_id, "path": node.full_path,
-                "leaf": not node.children, "subtree": spec is not None and spec.kind is Kind.SUBTREE,
+        name, kind = label(node)
+        return {"uid": node.uid, "name": name, "kind": kind, "path": node.full_path,
+                "subtree": spec is not None and spec.kind is Kind.SUBTREE,
                 "children": [self._outline(child) for child in node.children]}
 
     def _part_statuses(self) -> Dict[str, Any]:

@@ -67,7 +67,7 @@ def _tree(node: Dict[str, Any], letters: str, depth: int, is_all: bool) -> List[
     letter = letters[node["uid"] - 1]
     if letter == "-" and not is_all and depth:
         return []
-    kind = "" if node["type"] == node["name"] else " [{}]".format(node["type"])
-    words = " ({})".format(WORDS[letter]) if WORDS[letter] else ""
-    found = ["{}{} {}{}{}".format("  " * depth, SIGNS[letter], node["name"], kind, words)]
+    label = " ".join(filter(None, (node["name"], node["kind"])))
+    words = ": " + WORDS[letter] if WORDS[letter] else ""
+    found = ["{}{} {}{}".format("  " * depth, SIGNS[letter], label, words)]
     return found + [line for child in node["children"] for line in _tree(child, letters, depth + 1, is_all)]

@@ -29,7 +29,7 @@ function item(node, level) {
   const row = element("div", "row");
   row.title = node.path;
   row.append(element("span", "fold"), element("span", "sign", SIGNS["-"]), element("span", "name", node.name));
-  if (node.type !== node.name) row.append(element("span", "type", node.type));
+  if (node.kind) row.append(element("span", "type", node.kind));
   row.addEventListener("click", () => { focus(made); if (node.children.length) fold(made, isOpen(made)); });
   made.append(row);
   items[node.uid - 1] = made;
@@ -86,7 +86,7 @@ function whereabouts(one) {
   const around = [];
   for (let outer = parentItem(one); outer; outer = parentItem(outer))
     if (outer.classList.contains("subtree")) around.unshift(outer.querySelector(".name").textContent);
-  return around.concat(names.reverse().join(" ")).join(" › ");
+  return around.concat(names.join(" ")).join(" › ");
 }
 
 function goToTip() {
