@@ -90,6 +90,20 @@ class Bench:
         self.stop()
         return taken
 
+    def watched_reaction(self):
+        """Return the reaction times to a visitor while Groot2 and a browser look on and the run is recorded."""
+        self.start(VISITOR, groot2Port="21667", monitorPort="28080", recordDirectory=os.path.join(self.folder, "record"))
+        onlookers = subprocess.Popen([sys.executable, os.path.join(HERE, "onlookers.py"), "21667", "28080"],
+                                     stdout=subprocess.PIPE)
+        onlookers.stdout.readline()
+        time.sleep(0.5)
+        taken = [self.next_request(SAY, FACES, *(NO_FACE if turn % 2 else A_FACE)) for turn in range(ROUNDS)]
+        onlookers.kill()
+        onlookers.wait()
+        onlookers.stdout.close()
+        self.stop()
+        return taken
+
     def reaction_floor(self):
         """Return the reaction times of the bare node."""
         self.floor("reaction")
@@ -221,6 +235,7 @@ def main():
             "gaze": bench.reaction(GAZE, (ATTENTION, "seeking", 1)),
             "yes": bench.reaction(YES, (SPEECH, "yes")),
             "yes, in a flood": bench.reaction_in_flood(),
+            "visitor, watched and recorded": bench.watched_reaction(),
         }
         step_floor = bench.steps(lambda: bench.floor("step"))
         step = bench.steps(lambda: bench.start(STEPS))
@@ -235,6 +250,8 @@ def main():
         "python": platform.python_version(),
         "reaction, ms": dict({name: in_ms(times) for name, times in reactions.items()}, **{"rospy alone": in_ms(floor)}),
         "reaction to rospy alone, p50": round(statistics.median(reactions["visitor"]) / statistics.median(floor), 2),
+        "watched and recorded to not, p50": round(statistics.median(reactions["visitor, watched and recorded"])
+                                                  / statistics.median(reactions["visitor"]), 3),
         "step, ms": {"mission": in_ms(step), "rospy alone": in_ms(step_floor)},
         "share of a core": {"idle": round(idle, 4), "flood of 2,130 messages per second": round(flood, 4)},
         "tick while seven servers hang, ms": in_ms(ticks),

@@ -164,6 +164,10 @@ class TestMission(unittest.TestCase):
 SPOILT_RUNNER = '''"""A runner with a mistake in it."""
 
 
+def Running(*everything):
+    """Take everything."""
+
+
 class Runner:
     """Takes everything and fails."""
 
