@@ -1,8 +1,10 @@
 """The record of a run: all that the mission was told and all that it did, as one JSON object a line, complete enough to replay.
 
 A line for each event, each traversal of the tree with the statuses that it changed, each request, each answer in the
-traversal that saw it, and each message in the traversal that looked at it. Lines are written by a thread of their own.
+traversal that saw it, and each message in the traversal that looked at it. The tick thread only notes what happened; a
+thread of its own makes lines of it, a little later, so that it competes with nothing that the robot waits for.
 """
+import collections
 import dataclasses
 import hashlib
 import json
@@ -11,12 +13,12 @@ import queue
 import shutil
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Tuple, Union
+from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
 
 from behavior_controller.bt.clock import Clock
 from behavior_controller.bt.tree import Tree
 from behavior_controller.events import Event, RunStarted
-from behavior_controller.gateway import Answer, Call, Failure, Gateway, Request, Sample, Topic, Topics
+from behavior_controller.gateway import REQUESTS, Answer, Call, Failure, Gateway, Request, Sample, Topic, Topics
 from behavior_controller.watch.board import LETTERS
 
 FILE_NAME = "mission.jsonl"
@@ -29,6 +31,9 @@ MOST_RUNS = 20
 
 MOST_WAITING = 100_000
 """Lines that may wait for a slow disk."""
+
+REST = 0.05
+"""Seconds that the writing thread lets pass before it makes lines of what has happened."""
 
 
 def new_folder(logs: str) -> str:
@@ -47,7 +52,9 @@ class Record:
         self.path = os.path.join(directory, FILE_NAME)
         self._clock = clock
         self._complain = complain
-        self._lines: "queue.SimpleQueue[Optional[Dict[str, Any]]]" = queue.SimpleQueue()
+        self._notes: Deque[Tuple[str, float, Dict[str, Any]]] = collections.deque()
+        self._bell: "queue.SimpleQueue[bool]" = queue.SimpleQueue()  # False: the end
+        self._is_rung = False
         self._changes: List[Tuple[int, str]] = []  # of this traversal
         self._is_first = self._is_traversing = False
         self._reads: Dict[Topic, int] = {}  # in this traversal
@@ -70,25 +77,35 @@ class Record:
         """Write what waits, for a second at the most."""
         thread = self._thread
         if thread is not None:
-            self._lines.put(None)
+            self._bell.put(False)
             thread.join(1.0)
 
     # --------------------------------------------------------------------------------------------------------- writing
 
     def _put(self, event_name: str, **fields: Any) -> None:
-        if self._thread is not None and self._lines.qsize() < MOST_WAITING:
-            self._lines.put(dict(event=event_name, time=time.time(), **fields))
+        """Note what happened; values that JSON does not know are made plain later."""
+        if self._thread is None or len(self._notes) >= MOST_WAITING:
+            return
+        self._notes.append((event_name, time.time(), fields))
+        if not self._is_rung:
+            self._is_rung = True
+            self._bell.put(True)
 
     def _write(self, file: Any) -> None:
-        """Write lines until the end; on a thread of its own, as a disk may take its time."""
+        """Make lines until the end; on a thread of its own, as a disk may take its time."""
+        goes_on, written = True, 0
         try:
-            line = self._lines.get()
-            while line is not None and file.tell() < MOST_BYTES:
-                file.write(json.dumps(line, ensure_ascii=False, default=str) + "\n")
-                if self._lines.empty():
-                    file.flush()
-                line = self._lines.get()
-            if line is not None:
+            while goes_on and written < MOST_BYTES:
+                goes_on = self._bell.get()
+                if goes_on:
+                    time.sleep(REST)
+                self._is_rung = False
+                while self._notes and written < MOST_BYTES:
+                    name, when, fields = self._notes.popleft()
+                    line = dict({"event": name, "time": when}, **{key: _plain(value) for key, value in fields.items()})
+                    written += file.write(json.dumps(line, ensure_ascii=False, default=str) + "\n")
+                file.flush()
+            if written >= MOST_BYTES:
                 self._tell("it has reached {} bytes and ends here".format(MOST_BYTES))
             file.close()
         except (OSError, ValueError) as error:
@@ -99,10 +116,10 @@ class Record:
 
     def __call__(self, event: Event) -> None:
         """Record an event."""
-        fields = {name: _plain(value) for name, value in zip(event._fields, event)}
         if isinstance(event, RunStarted):
-            fields.update(pid=os.getpid(), sha256=sha256(event.mission))
-        self._put(type(event).__name__, **fields)
+            self._put("RunStarted", pid=os.getpid(), sha256=sha256(event.mission), **event._asdict())
+        else:
+            self._put(type(event).__name__, **event._asdict())
 
     def show(self, tree: Tree) -> None:
         """Record ``tree`` from now on."""
@@ -138,19 +155,19 @@ class Record:
     def asked(self, request: Request) -> int:
         """Record a request and return its number."""
         self._calls += 1
-        self._put("Asked", call=self._calls, service=request.service, request=plain_request(request))
+        self._put("Asked", call=self._calls, service=request.service, request=request)
         return self._calls
 
     def answered(self, call: int, result: Union[Answer, Failure]) -> None:
         """Record that the mission saw the answer of a call."""
-        self._put("Answered", call=call, **{"failure" if isinstance(result, Failure) else "answer": _plain(result)})
+        self._put("Answered", call=call, **{"failure" if isinstance(result, Failure) else "answer": result})
 
     def looked_at(self, topic: Topic, sample: Optional[Sample]) -> None:
         """Record that the mission looked at the newest message of a topic, if that was another one than last time."""
         self._reads[topic] = self._reads.get(topic, 0) + 1
         if sample is not self._seen.get(topic):
             self._seen[topic] = sample
-            self._put("Message", topic=topic.value, read=self._reads[topic], value=_plain(sample.value) if sample else None,
+            self._put("Message", topic=topic.value, read=self._reads[topic], value=sample.value if sample else None,
                       arrived=sample.arrived if sample else 0.0)
 
 
@@ -216,6 +233,8 @@ def plain_request(request: Request) -> List[Any]:
 
 def _plain(value: Any) -> Any:
     """Return a value as JSON can hold it: failures as objects, other records as lists."""
+    if isinstance(value, REQUESTS):
+        return plain_request(value)
     if isinstance(value, Failure):
         return {"cause": value.cause.value, "message": value.message, "resource": value.resource}
     return value
