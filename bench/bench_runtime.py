@@ -122,8 +122,11 @@ class Bench:
                 if "answered" in before and "service" in after][50:]
 
     def load(self, seconds, *floods):
-        """Return the share of a core that the waiting node takes, while ``floods`` (topic, values, hertz) are sent."""
-        self.start(VISITOR)
+        """Return the share of a core that the node takes that waits for a gaze, while ``floods`` are sent.
+
+        A flood is ``(topic, values, hertz)``.
+        """
+        self.start(GAZE)
         for topic, values, hertz in floods:
             self.robot.publish(topic, *values, hertz=hertz)
         time.sleep(1.5)
@@ -240,7 +243,7 @@ def main():
         step_floor = bench.steps(lambda: bench.floor("step"))
         step = bench.steps(lambda: bench.start(STEPS))
         idle = bench.load(10.0)
-        flood = bench.load(5.0, (ATTENTION, ("seeking", 3), 2000), (FACES, NO_FACE, 30), (SPEECH, ("hm",), 100))
+        flood = bench.load(5.0, (ATTENTION, ("seeking", 3), 2000), (FACES, TEN_FACES, 30), (SPEECH, ("hm",), 100))
         ticks, calls = hung(bench, 10_000 if "--all" in sys.argv else 1_000, 5.0)
     finally:
         bench.master.terminate()

@@ -30,12 +30,13 @@ class Signals:
         self._wakes: List[Callable[[], None]] = []
         self._lock = threading.Lock()
         self._has_terminal = _terminal_answers()
+        self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
 
     def listen(self) -> None:
         """Take the signals from now on. To be called before any thread is started."""
         signals = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
         signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-        # blocked but ignored (``nohup``) would never reach sigwait
+        # an ignored signal would never reach sigwait
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
         threading.Thread(target=self._take, args=(signals,), name="signals", daemon=True).start()
 
@@ -54,9 +55,13 @@ class Signals:
 
     def _take(self, signals: Set[signal.Signals]) -> None:
         """Act on each signal until one of them means stop."""
-        while signal.sigwait(signals) == signal.SIGHUP and self._has_terminal == _terminal_answers():
+        while signal.sigwait(signals) == signal.SIGHUP and not self._is_hang_up():
             self.reload()
         self._stop()
+
+    def _is_hang_up(self) -> bool:
+        """Whether the terminal that the operator started us from has gone away, and he did not mean us to stay."""
+        return self._has_terminal and not self._outlives_terminal and not _terminal_answers()
 
     def _stop(self) -> None:
         """Pass the wish on, and end the process if it has not ended ``STOP_LIMIT`` seconds later."""
