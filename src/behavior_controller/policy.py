@@ -1,7 +1,7 @@
 """The recovery policy: what to do about which failure, read from ``config/recoveryPolicy.ini``, checked as a whole."""
 import itertools
 import re
-from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Tuple
+from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.registry import NodeSpec, did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault

@@ -143,21 +143,20 @@ class _Run:
         self._plan = plan
         self._following: Optional[Plan] = None
         self._clock, self._wake = plan.tree.clock, plan.tree.wake
-        self._topics = topics
+        self._topics: Topics = topics
         self._console = console
         self._signals = signals
         self._events = Events()
         self._events.subscribe(console)
         self._health = Health(self._wake.emit)
-        self._gateway = RosGateway(plan.settings.deadline, self._clock, self._wake.emit, self._health)
-        self._mission_gateway: Gateway = self._gateway  # or what records it
-        self._mission_topics: Topics = topics
+        self._robot = RosGateway(plan.settings.deadline, self._clock, self._wake.emit, self._health)
+        self._gateway: Gateway = self._robot  # or what records it
         self._watchers: List[Union[Groot2Publisher, Page, Record]] = []
         self._monitor = Monitor(topics, self._health, lambda: self._plan.settings.asr_enabled)
 
     def carry_out(self) -> int:
         """Run the mission and return the exit code."""
-        console, plan = self._console, self._plan
+        console = self._console
         self._open_watchers()
         runner = Runner(self._running(), lambda: self._signals.stop_requested, self._successor)
         console.start_heartbeat(self._clock)
@@ -192,14 +191,14 @@ class _Run:
             record = Record(folder, self._clock, warn)
             self._events.subscribe(record)
             self._watchers.append(record)
-            self._mission_gateway, self._mission_topics = record.gateway(self._gateway), record.topics(self._topics)
+            self._gateway, self._topics = record.gateway(self._gateway), record.topics(self._topics)
 
     def _running(self) -> Running:
         """Return the plan as the runner wants it, and show it to who looks on."""
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
-        context = MissionContext(self._mission_gateway, self._mission_topics, plan.settings, plan.phrases, plan.policy, self._clock,
+        context = MissionContext(self._gateway, self._topics, plan.settings, plan.phrases, plan.policy, self._clock,
                                  self._events, self._health)
         return Running(plan.tree, context, plan.mission, plan.settings.mission_runs)
 
@@ -219,14 +218,14 @@ class _Run:
         if following is None:
             return None
         self._plan = following
-        self._gateway.deadline = following.settings.deadline
+        self._robot.deadline = following.settings.deadline
         self._console.is_verbose = following.settings.verbose_mode
         return self._running()
 
     def _calm(self) -> None:
         """Give up every call and ask for the safe state, for a second at the most."""
-        self._gateway.close()
-        calls = [self._gateway.start(request) for request in SAFE_STATE]
+        self._robot.close()
+        calls = [self._robot.start(request) for request in SAFE_STATE]
         ends = time.monotonic() + 1.0
         while any(call.result is None for call in calls) and time.monotonic() < ends:
             self._wake.wait(max(0.0, ends - time.monotonic()))

@@ -3,7 +3,7 @@ import argparse
 import itertools
 import json
 import sys
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import folders, leaves, phrases, policy, settings
 from behavior_controller.bt.clock import ManualClock

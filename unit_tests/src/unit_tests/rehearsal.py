@@ -66,7 +66,8 @@ def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: 
     except (BehaviorControllerError, OSError, TypeError):
         return None
     world = World(Visitor(manners), knowledge, given.mutual_gaze_value)
-    events, seen = Events(), []  # type: Tuple[Events, List[Event]]
+    events = Events()
+    seen: List[Event] = []
     events.subscribe(seen.append)
     topics = FakeTopics(clock.now, tree.wake.emit)
     context = MissionContext(FakeGateway(tree.wake.emit, lambda request: _answer(request, world)), topics, given, speech,
