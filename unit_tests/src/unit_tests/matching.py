@@ -25,13 +25,13 @@ SAFE_STATE = ("overtAttention", "animateBehavior")
 class Matching:
     """Which injected fault each recorded failure comes from.
 
-    A leaf's failure comes from the newest fault of its service before it. What the recovery asked for (its attempts,
-    the safe state) and what was halted on the way stands in the record as one event for several calls, so the faults
-    of that service between the leaf's failure and that event belong to it.
+    A leaf's failure, and that of each attempt of a recovery, comes from the newest fault of its service before it. How
+    the requests for the safe state went and what became of a halted leaf's call is not on record, so the faults of those
+    services between the leaf's failure and that event belong to it.
     """
 
     def __init__(self, facts: Facts):
-        self.in_recovery: List[Tuple[Line, Event]] = []  # faults of calls that a recovery made
+        self.in_recovery: List[Tuple[Line, Event]] = []  # faults of the safe state's calls
         self._facts = facts
         self._open: List[Line] = [line for line in facts.journal if line.fault is not None]
         self._failed_at: Dict[str, float] = {}  # path of a leaf -> when it failed last
@@ -39,8 +39,10 @@ class Matching:
         for event in facts.events:
             if event["event"] == "LeafFinished":
                 self._leaf(event)
-            elif event["event"] == "Recovered":
-                self._recovery(event)
+            elif event["event"] == "Retried":
+                self._failed(event)
+            elif event["event"] == "Recovered" and not event["success"]:
+                self._gave_up(event)
 
     def objections(self) -> Iterator[str]:
         """Object to failures that were not injected, and to faults without a failure on record."""
@@ -57,8 +59,11 @@ class Matching:
             self._take(resource, self._failed_at.get(event["path"], 0.0), event["time"], 1)
         elif event["status"] == "FAILURE" and event["node"] not in RECOVERY:
             self._failed_at[event["path"]] = event["time"]
-            if not self._is_natural(event) and not self._take_fault(event):
-                self._not_injected.append(event)
+            self._failed(event)
+
+    def _failed(self, event: Event) -> None:
+        if not self._is_natural(event) and not self._take_fault(event):
+            self._not_injected.append(event)
 
     def _is_natural(self, event: Event) -> bool:
         """Whether the failure is the mission's way to say no: a false condition, a visitor who presses nothing."""
@@ -87,13 +92,10 @@ class Matching:
                 return True
         return False
 
-    def _recovery(self, event: Event) -> None:
+    def _gave_up(self, event: Event) -> None:
         began = self._failed_at.get(event["path"], 0.0)
-        taken = self._take(event["failure"]["resource"], began, event["time"], event["attempts"])
-        if not event["success"]:
-            for resource in sorted({line.resource for line in self._open if line.node in SAFE_STATE}):
-                taken += self._take(resource, began, event["time"], 1)
-        self.in_recovery += [(line, event) for line in taken]
+        for resource in sorted({line.resource for line in self._open if line.node in SAFE_STATE}):
+            self.in_recovery += [(line, event) for line in self._take(resource, began, event["time"], 1)]
 
     def _take(self, resource: str, after: float, until: float, most: int) -> List[Line]:
         """Match and return up to ``most`` faults of a service between two moments."""

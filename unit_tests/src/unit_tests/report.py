@@ -15,9 +15,10 @@ def failure_lines(facts: Facts) -> List[str]:
     """Return one line for each failure: time, node, path, topic or service, cause, message; tabs between them."""
     failures = [(event["time"], event["node"], event["path"], event["failure"]["resource"] or "-",
                  event["failure"]["cause"], " ".join(event["failure"]["message"].split()))
-                for event in of(facts.events, "LeafFinished") if event["status"] == "FAILURE" and event["failure"]]
+                for event in facts.events if event["event"] == "Retried"
+                or event["event"] == "LeafFinished" and event["status"] == "FAILURE" and event["failure"]]
     failures += [(line.time, event["node"], event["path"], line.resource, CAUSE_OF[line.fault or ""],
-                  "during the recovery from the failure before") for line, event in Matching(facts).in_recovery]
+                  "on the way to the safe state") for line, event in Matching(facts).in_recovery]
     return ["\t".join((_clock(failure[0]),) + failure[1:]) for failure in sorted(failures)]
 
 

@@ -57,6 +57,10 @@ class Story:
         self.record("LeafFinished", uid=1, node=node, path=path or node, status=status, resource=resource, seconds=0.1,
                     failure={"cause": cause, "message": message, "resource": resource} if status == "FAILURE" else None)
 
+    def retried(self, node, resource, cause="refused", path=None):
+        self.record("Retried", node=node, path=path or node, attempt=1,
+                    failure={"cause": cause, "message": "-", "resource": resource})
+
     def done(self, node, resource=""):
         self.record("LeafFinished", uid=1, node=node, path=node, status="SUCCESS", resource=resource, seconds=0.1,
                     failure=None)
@@ -245,6 +249,8 @@ def test_an_exhibit_where_the_robot_was_not_let_seek_the_gaze_needs_no_descripti
     story.call("overtAttention", ATTEND, "refused", state="seeking")
     story.failed("SeekOvertAttentionMode", ATTEND, "refused")
     story.call("overtAttention", ATTEND, second_try, state="seeking")
+    if second_try:
+        story.retried("SeekOvertAttentionMode", ATTEND)
     story.recovered("SeekOvertAttentionMode", ATTEND, 1)
     story.visit(KNOWLEDGE.exhibits[1])
     story.visit(KNOWLEDGE.exhibits[2])
@@ -266,8 +272,7 @@ def test_a_pass_that_failed_is_wrong_and_what_was_given_up_is_named():
     story.tour()
     for call in range(3):
         story.go(0.0, "refused")
-        if call == 0:
-            story.failed("Navigate", GO, "refused")
+        (story.retried if call else story.failed)("Navigate", GO, "refused")
     story.recovered("Navigate", GO, 2, success=False)
     assert finished(story, "FAILURE").objections() == [
         "pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (given up: Navigate; "
@@ -397,9 +402,20 @@ def test_failed_attempts_of_the_recovery_belong_to_it():
     story.go(1.0, "refused")
     story.failed("Navigate", GO, "refused")
     story.go(1.0, "refused")
+    story.retried("Navigate", GO)
     story.go(1.0)
     story.recovered("Navigate", GO, 2)
     assert finished(story).objections() == []
+
+
+def test_a_failed_attempt_that_was_not_injected():
+    story = without_tour()
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.go(1.0)
+    story.retried("Navigate", GO)
+    story.recovered("Navigate", GO, 2)
+    assert finished(story).objections() == ["Navigate failed and nothing was injected there: refused: -"]
 
 
 def test_more_failed_calls_than_the_recovery_made_attempts():
@@ -407,6 +423,7 @@ def test_more_failed_calls_than_the_recovery_made_attempts():
     story.go(1.0, "refused")
     story.failed("Navigate", GO, "refused")
     story.go(1.0, "refused")
+    story.retried("Navigate", GO)
     story.go(1.0, "refused")
     story.recovered("Navigate", GO, 1)
     assert len(finished(story).objections()) == 1
@@ -493,6 +510,7 @@ def test_failures_during_a_recovery_have_their_lines_too():
     story.go(1.0, "refused")
     story.failed("Navigate", GO, "refused", path="Tree::1/Navigate::2")
     story.go(1.0, "exception")
+    story.retried("Navigate", GO, "exception in the server", path="Tree::1/Navigate::2")
     story.call("animateBehavior", ANIMATE, "refused", state="disabled")
     story.recovered("Navigate", GO, 1, success=False, path="Tree::1/Navigate::2")
     lines = [line.split("\t")[1:5] for line in failure_lines(finished(story, "FAILURE").facts())]
