@@ -38,6 +38,9 @@ def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Plan:
     """Read everything and tell what is going to run. Raises FaultsFound with all that is wrong."""
     overrides = _private_parameters()
     settings = load_settings(folders.config(CONFIGURATION), overrides)
+    overriding = ["{} {}".format(key, overrides[key]) for key in settings.values if key in overrides]
+    if overriding:
+        tell("info", "parameters of the node override the configuration: {}".format(", ".join(overriding)))
     mission = _find_mission(settings.scenario_specification)
     faults: List[Fault] = []
 
@@ -53,7 +56,7 @@ def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Plan:
                 attempt(load_mission, mission, clock=clock, wake=wake))
     if faults:
         raise FaultsFound(faults)
-    _announce(plan, overrides, tell)
+    _announce(plan, tell)
     return plan
 
 
@@ -84,12 +87,9 @@ def _find_mission(name: str) -> str:
                                     did_you_mean(name, known) or "there are: {}".format(", ".join(known)))])
 
 
-def _announce(plan: Plan, overrides: Dict[str, Any], tell: Tell) -> None:
+def _announce(plan: Plan, tell: Tell) -> None:
     """Tell what is going to run, and what is odd about it."""
     chosen = plan.settings
-    overriding = ["{} {}".format(key, overrides[key]) for key in chosen.values if key in overrides]
-    if overriding:
-        tell("info", "parameters of the node override the configuration: {}".format(", ".join(overriding)))
     tell("info", "mission {}: {} nodes; language {}; speech recognition {}; verbose mode {}".format(
         plan.mission, len(plan.tree.nodes), chosen.language, *("on" if switch else "off" for switch in (
             chosen.asr_enabled, chosen.verbose_mode))))
