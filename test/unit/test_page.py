@@ -234,7 +234,7 @@ def test_browsers_that_vanish_or_never_read_disturb_nobody(show):
     idle = [socket.create_connection(("127.0.0.1", shown.port)) for _ in range(70)]
     for number, each in enumerate(idle):
         each.sendall(b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n" if number % 3 else b"\x00\xff garbage\r\n\r\n")
-    wait_until(lambda: len(shown.page.streams) > 30)
+    wait_until(lambda: len(shown.page.streams) == 20)
     began = time.perf_counter()
     for _ in range(2000):
         rig.tick()

@@ -2,7 +2,7 @@
 import collections
 import os
 import time
-from typing import Any, Callable, Deque, Dict, List, Optional
+from typing import Any, Deque, Dict, List, Optional
 
 from behavior_controller.bt.blackboard import Entry
 from behavior_controller.bt.node import Node, label
@@ -25,12 +25,13 @@ PARTS = ("mission", "statuses", "passes", "blackboard", "trouble", "health")
 
 
 class Board:
-    """Collects what happens on the tick thread; ``part`` may be asked from any other."""
+    """Collects what happens on the tick thread, and wakes nobody there; ``part`` may be asked from any other.
+
+    ``versions`` counts the changes of each part.
+    """
 
     def __init__(self, events: Events, health: Health, registry: Registry):
         self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
-        self.changed: Callable[[], None] = lambda: None
-        """Called on the tick thread after each change; it must be quick."""
         self._registry = registry
         self._tree: Optional[Tree] = None
         self._mission = ""
@@ -57,12 +58,10 @@ class Board:
     def _touch(self, *parts: str) -> None:
         for part in parts:
             self.versions[part] += 1
-        self.changed()
 
     def _observe(self, node: Any, old: Any, new: Any) -> None:
         self._statuses[node.uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
         self.versions["statuses"] += 1
-        self.changed()
 
     def _take(self, event: Event) -> None:
         """Keep what is worth being seen of an event."""

@@ -19,13 +19,13 @@ from behavior_controller.bt.tree import Tree
 from behavior_controller.watch.board import PARTS, Board
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page")
-PUSH_INTERVAL = 0.05
-"""Seconds between two pushes at the least: what changes meanwhile is sent together."""
+PUSH_INTERVAL = 0.1
+"""Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake nobody."""
 
 KEEP_ALIVE = 15.0
 """Seconds after which a browser is sent a sign of life; one that has vanished is noticed by it."""
 
-MOST_BROWSERS = 50
+MOST_BROWSERS = 20
 
 
 class Page:
@@ -35,7 +35,6 @@ class Page:
         """Start to serve; a port that is taken is told to ``warn`` in one line, and nobody is served."""
         self.board = board
         self.streams: Set[_Stream] = set()
-        self._is_pending = False
         self._loop: Optional[IOLoop] = None
         try:
             sockets = bind_sockets(port, address)
@@ -47,7 +46,6 @@ class Page:
         self._thread = threading.Thread(target=self._serve, args=(sockets, ready), name="page", daemon=True)
         self._thread.start()
         ready.wait(5.0)
-        board.changed = self._changed
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on, also to who looks already."""
@@ -70,22 +68,6 @@ class Page:
         self._loop.add_callback(ready.set)
         self._loop.start()
         server.stop()
-
-    def _changed(self) -> None:
-        """Have the browsers told. Called on the tick thread, for every change of a status."""
-        if not self._is_pending and self.streams and self._loop is not None:
-            self._is_pending = True
-            self._loop.add_callback(self._push_soon)
-
-    def _push_soon(self) -> None:
-        assert self._loop is not None
-        self._loop.call_later(PUSH_INTERVAL, self._push)
-
-    def _push(self) -> None:
-        self._is_pending = False
-        self.board.look()
-        for stream in self.streams:
-            stream.news.set()
 
 
 class _Quiet(RequestHandler):
@@ -122,7 +104,7 @@ class _Stream(_Quiet):
     def initialize(self, page: Page) -> None:
         """Take the page."""
         self._page = page
-        self.news = asyncio.Event()
+        self._is_gone = False
 
     async def get(self) -> None:
         """Send until the browser goes."""
@@ -132,29 +114,31 @@ class _Stream(_Quiet):
         self.set_header("Content-Type", "text/event-stream; charset=utf-8")
         self._page.streams.add(self)
         known: Dict[str, int] = {}
+        quiet = 0.0
         try:
-            while True:
-                self.news.clear()
-                self.write(self._message(known))
-                await self.flush()
-                try:
-                    await asyncio.wait_for(self.news.wait(), KEEP_ALIVE)
-                except asyncio.TimeoutError:
-                    pass
+            while not self._is_gone:
+                message = self._message(known)
+                quiet = 0.0 if message else quiet + PUSH_INTERVAL
+                if message or quiet > KEEP_ALIVE:
+                    quiet = 0.0
+                    self.write(message or ": still here\n\n")
+                    await self.flush()
+                await asyncio.sleep(PUSH_INTERVAL)
         except StreamClosedError:
             pass
         finally:
             self._page.streams.discard(self)
 
     def on_connection_close(self) -> None:
-        """Wake the loop above, so that it ends."""
-        self.news.set()
+        """End the loop above."""
+        self._is_gone = True
 
     def _message(self, known: Dict[str, int]) -> str:
-        """Return the parts that are newer than ``known``, as one event; a comment if there are none."""
+        """Return the parts that are newer than ``known``, as one event; an empty text if there are none."""
         board = self._page.board
+        board.look()
         newer = {name: version for name, version in board.versions.items() if known.get(name) != version}
         if not newer:
-            return ": still here\n\n"
+            return ""
         known.update(newer)
         return "data: {}\n\n".format(json.dumps({name: board.part(name) for name in newer}))

@@ -9,7 +9,6 @@ import dataclasses
 import hashlib
 import json
 import os
-import queue
 import shutil
 import threading
 import time
@@ -33,7 +32,7 @@ MOST_WAITING = 100_000
 """Lines that may wait for a slow disk."""
 
 REST = 0.05
-"""Seconds that the writing thread lets pass before it makes lines of what has happened."""
+"""Seconds between two times that lines are made of what has happened."""
 
 
 def new_folder(logs: str) -> str:
@@ -53,8 +52,7 @@ class Record:
         self._clock = clock
         self._complain = complain
         self._notes: Deque[Tuple[str, float, Dict[str, Any]]] = collections.deque()
-        self._bell: "queue.SimpleQueue[bool]" = queue.SimpleQueue()  # False: the end
-        self._is_rung = False
+        self._is_over = threading.Event()
         self._changes: List[Tuple[int, str]] = []  # of this traversal
         self._is_first = self._is_traversing = False
         self._reads: Dict[Topic, int] = {}  # in this traversal
@@ -77,29 +75,23 @@ class Record:
         """Write what waits, for a second at the most."""
         thread = self._thread
         if thread is not None:
-            self._bell.put(False)
+            self._is_over.set()
             thread.join(1.0)
 
     # --------------------------------------------------------------------------------------------------------- writing
 
     def _put(self, event_name: str, **fields: Any) -> None:
-        """Note what happened; values that JSON does not know are made plain later."""
+        """Note what happened, and wake nobody; values that JSON does not know are made plain later."""
         if self._thread is None or len(self._notes) >= MOST_WAITING:
             return
         self._notes.append((event_name, time.time(), fields))
-        if not self._is_rung:
-            self._is_rung = True
-            self._bell.put(True)
 
     def _write(self, file: Any) -> None:
         """Make lines until the end; on a thread of its own, as a disk may take its time."""
-        goes_on, written = True, 0
+        is_last, written = False, 0
         try:
-            while goes_on and written < MOST_BYTES:
-                goes_on = self._bell.get()
-                if goes_on:
-                    time.sleep(REST)
-                self._is_rung = False
+            while not is_last and written < MOST_BYTES:
+                is_last = self._is_over.wait(REST)
                 while self._notes and written < MOST_BYTES:
                     name, when, fields = self._notes.popleft()
                     line = dict({"event": name, "time": when}, **{key: _plain(value) for key, value in fields.items()})
