@@ -36,7 +36,7 @@ class Runner:
 
     def __init__(self, running: Running, is_stopped: Callable[[], bool],
                  successor: Callable[[], Optional[Running]] = lambda: None):
-        """``successor`` gives what is to run from the next pass on, with the same clock, wake-up and gateway, or None."""
+        """``successor`` gives what is to run from the next pass on (with the same clock and wake-up), or None."""
         self.tree, self.mission, self.mission_file, self.runs = running
         self.clock = self.tree.clock
         self.is_stopped = is_stopped

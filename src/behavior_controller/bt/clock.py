@@ -37,7 +37,7 @@ class Clock:
         return time.monotonic() if held is None else held
 
     def hold(self) -> None:
-        """Let time stand still until ``release``: within one traversal everything happens at once, and can be replayed."""
+        """Let time stand still until ``release``: within one traversal all happens at once, and can be replayed."""
         self._held = time.monotonic()
 
     def release(self) -> None:

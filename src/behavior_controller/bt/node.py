@@ -257,7 +257,7 @@ class Node(Behaviour):
 
 
 def label(node: Any) -> Tuple[str, str]:
-    """Return a node's name, and what tells it from others of that name: its type, if that is another word, and its uid."""
+    """Return a node's name, and what tells it from others of that name: its type, if that is another, and its uid."""
     if node.full_path.rsplit("/", 1)[-1] == "{}::{}".format(node.name, node.uid):
         return node.name, "#{}".format(node.uid)
     return node.name, "({}) #{}".format(node.registration_id, node.uid)

@@ -1,4 +1,4 @@
-"""Reads all that decides about a run, configuration, phrases, recovery policy and mission, and finds all that is wrong."""
+"""Reads all that decides about a run (configuration, phrases, policy, mission) and finds all that is wrong."""
 import os
 from typing import Any, Callable, Dict, List, NamedTuple
 

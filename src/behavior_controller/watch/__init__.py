@@ -1,1 +1,1 @@
-"""Who looks on while a mission runs: Groot2, the page in the browser, the record. Nobody here changes what the robot does."""
+"""Who looks on while a mission runs: Groot2, the page in the browser, the record."""

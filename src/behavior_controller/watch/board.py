@@ -101,7 +101,8 @@ class Board:
         tree = self._tree
         outline = None if tree is None else self._outline(tree.root)
         if outline is not None and self._mission:
-            outline.update(name=os.path.splitext(os.path.basename(self._mission))[0], kind="")  # as py-trees-render has it
+            # as py-trees-render has it
+            outline.update(name=os.path.splitext(os.path.basename(self._mission))[0], kind="")
         return {"file": self._mission, "tree": outline}
 
     def _outline(self, node: Node) -> Dict[str, Any]:

@@ -309,7 +309,8 @@ def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:
         subtree = inside.get(id(board))
         name = tree.id if subtree is None else subtree.attributes["ID"]
         lines.append("  <BehaviorTree ID={} _fullpath={}>".format(quoteattr(name), quoteattr(path)))
-        lines.extend("    " + line for line in _element(tree.root if subtree is None else subtree.children[0], inside, tree))
+        root = tree.root if subtree is None else subtree.children[0]
+        lines.extend("    " + line for line in _element(root, inside, tree))
         lines.append("  </BehaviorTree>")
     return "\n".join(lines + [tree_nodes_model(specs, "  "), "</root>"])
 

@@ -1,7 +1,7 @@
 """The live page: serves the running mission to browsers and pushes every change; nobody can change anything through it.
 
-tornado, which rosbridge uses on robots too, serves; changes travel as server-sent events, which every browser reconnects
-by itself. The page needs nothing from elsewhere: HTML, CSS and script lie beside this module.
+tornado, which rosbridge uses on robots too, serves; changes travel as server-sent events, for which every browser connects
+again by itself. The page needs nothing from elsewhere: HTML, CSS and script lie beside this module.
 """
 import asyncio
 import json
@@ -99,7 +99,7 @@ class _State(_Quiet):
 
 
 class _Stream(_Quiet):
-    """``/events``: all parts at first, then each part that has changed. A slow browser gets the newest, not a backlog."""
+    """``/events``: all parts at first, then each that has changed. A slow browser gets the newest, not a backlog."""
 
     def initialize(self, page: Page) -> None:
         """Take the page."""

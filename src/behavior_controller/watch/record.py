@@ -1,4 +1,4 @@
-"""The record of a run: all that the mission was told and all that it did, as one JSON object a line, complete enough to replay.
+"""The record of a run: all that the mission was told and did, one JSON object a line, complete enough to replay.
 
 A line for each event, each traversal of the tree with the statuses that it changed, each request, each answer in the
 traversal that saw it, and each message in the traversal that looked at it. The tick thread only notes what happened; a

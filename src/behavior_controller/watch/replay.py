@@ -11,8 +11,8 @@ from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.bt.tree import Tree
 from behavior_controller.errors import BehaviorControllerError, Fault, FaultsFound, MissionError
 from behavior_controller.events import Events, HealthChanged
-from behavior_controller.gateway import (Answer, AttentionStatus, Call, Cause, Exhibit, Faces, Failure, Gateway, Location,
-                                         Point, Request, Sample, Topic, Topics)
+from behavior_controller.gateway import (Answer, AttentionStatus, Call, Cause, Exhibit, Faces, Failure, Gateway,
+                                         Location, Point, Request, Sample, Topic, Topics)
 from behavior_controller.health import Health
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.leaves.vocabulary import load as load_mission
@@ -50,7 +50,7 @@ class Parted(Exception):
 
 
 def read_record(path: str) -> List[Line]:
-    """Return the lines of a record. Raises MissionError that names the first line that is none; a torn last one is left."""
+    """Return the lines of a record. Raises MissionError that names the first line that is none; a torn end is left out."""
     found: List[Line] = []
     try:
         with open(path, encoding="utf-8") as file:
@@ -64,9 +64,11 @@ def read_record(path: str) -> List[Line]:
             if not isinstance(found[-1], dict) or "event" not in found[-1]:
                 raise ValueError
         except ValueError:
-            raise MissionError([Fault(path, number, 1, "this is no line of a record", "a record is written by the node")])
+            raise MissionError([Fault(path, number, 1, "this is no line of a record",
+                                      "a record is written by the node")])
     if not {"RunStarted", "Tree"} <= {line["event"] for line in found}:
-        raise MissionError([Fault(path, 0, 0, "the record has no mission in it", "was the node stopped before it began?")])
+        raise MissionError([Fault(path, 0, 0, "the record has no mission in it",
+                                  "was the node stopped before it began?")])
     return found
 
 
@@ -167,7 +169,7 @@ class _Recorded(Call):
 
 
 class _World(Gateway, Topics):
-    """Answers and messages as the record has them. The lines of a traversal come before it, as it was them that it saw."""
+    """Answers and messages as the record has them: those that a traversal saw stand before it."""
 
     def __init__(self) -> None:
         self._calls: List[_Recorded] = []

@@ -104,7 +104,8 @@ def _timeline(lines: List[Line], began: float) -> str:
                 line["seconds"]))
     cells = [[_text(path.split("/")[-1]), '<div class="lane">{}</div>'.format("".join(bars))]
              for path, bars in rows.items()]
-    return "<h2>Timeline of {:.1f} s</h2>{}".format(whole, _table(["leaf", "when (dashed: failure; grey: halted)"], cells))
+    return "<h2>Timeline of {:.1f} s</h2>{}".format(
+        whole, _table(["leaf", "when (dashed: failure; grey: halted)"], cells))
 
 
 def _tree(nodes: List[_Node], lines: List[Line]) -> str:

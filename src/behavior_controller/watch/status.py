@@ -7,7 +7,8 @@ import urllib.request
 from typing import Any, Dict, Iterator, List, Optional
 
 SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
-WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure", "r": "was halted", "-": ""}
+WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure", "r": "was halted",
+         "-": ""}
 CLEAR = "\x1b[H\x1b[2J"
 LIMIT = 5.0
 """Seconds that the node may take to answer."""
@@ -32,7 +33,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
             print(CLEAR + text if chosen.watch and sys.stdout.isatty() else text, flush=True)
     except (OSError, ValueError, KeyError) as error:
         reason = getattr(error, "reason", error)
-        print("missionStatus: no mission answers at {} ({}): is behaviorController running, with this monitorPort?".format(
+        print("missionStatus: no mission answers at {} ({}): does behaviorController run, with this monitorPort?".format(
             base, reason), file=sys.stderr)
         return NOT_THERE
     return SUCCESS

@@ -66,7 +66,7 @@ def read_world(test: configuration.Configuration) -> World:
 
 
 def _read_controller() -> settings.Settings:
-    """Return the controller's configuration: it decides in which language the robot asks and what a gaze status means."""
+    """Return the controller's configuration: it decides how the robot asks and what a gaze status means."""
     return settings.load(folders.config("behaviorControllerConfiguration.ini"), _below(CONTROLLER))
 
 

@@ -70,8 +70,8 @@ def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: 
     seen: List[Event] = []
     events.subscribe(seen.append)
     topics = FakeTopics(clock.now, tree.wake.emit)
-    context = MissionContext(FakeGateway(tree.wake.emit, lambda request: _answer(request, world)), topics, given, speech,
-                             rules, clock, events)
+    gateway = FakeGateway(tree.wake.emit, lambda request: _answer(request, world))
+    context = MissionContext(gateway, topics, given, speech, rules, clock, events)
     stage = _Stage(Running(tree, context, mission, 1), lambda: stage.steps >= MOST_STEPS)
     stage.world, stage.topics = world, topics
     stage.run()

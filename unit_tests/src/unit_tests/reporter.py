@@ -89,7 +89,8 @@ def _rehearse(events: List[Dict[str, Any]], test: configuration.Configuration,
     started = [event for event in events if event["event"] == "RunStarted"]
     if not started:
         return None
-    return rehearse(started[-1]["mission"], started[-1]["settings"], parameters.read_manners(test, knowledge), knowledge)
+    manners = parameters.read_manners(test, knowledge)
+    return rehearse(started[-1]["mission"], started[-1]["settings"], manners, knowledge)
 
 
 def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]], None] = lambda events: None

@@ -36,8 +36,9 @@ def run_test(*arguments, **environment):
                            ROS_TEST_RESULTS_DIR=folder, **environment)
         for name in ("ROS_LOG_DIR", "ROS_NAMESPACE"):
             environment.pop(name, None)
-        done = subprocess.run(("rosrun", "unit_tests", "runTest", "outputFile:=" + report, "arrivalRate:=3000") + arguments, env=environment, timeout=LIMIT,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        done = subprocess.run(("rosrun", "unit_tests", "runTest", "outputFile:=" + report, "arrivalRate:=3000") + arguments,
+                              env=environment, timeout=LIMIT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              universal_newlines=True)
         return Result(done.returncode, done.stdout, _lines(report),
                       _junit(os.path.join(folder, "unit_tests", "behaviorControllerTest.xml")),
                       [json.loads(line) for line in _lines(os.path.join(
