@@ -22,7 +22,7 @@ from behavior_controller.watch.board import LETTERS
 
 FILE_NAME = "mission.jsonl"
 
-MOST_BYTES = 100_000_000
+MOST_BYTES = 50_000_000
 """A record that has grown so large ends there."""
 
 MOST_RUNS = 20

@@ -39,7 +39,7 @@ class TestVerdict(unittest.TestCase):
         self.assertEqual(report[-1], "FAILED: the controller ended with exit code 2 before it started its mission")
 
     def test_a_mission_that_does_not_end(self):
-        code, printed, report = run_test("scenarioSpecification:=lab_tour", "visitorBehaviour:=silent",
+        code, printed, report = run_test("mission:=lab_tour", "scenario:=silent",
                                          "failureRate:=0", "testTimeout:=8")[:3]
         self.assertEqual(code, 1, printed)
         self.assertEqual(report[-1], "FAILED: the mission did not end within 8 s (testTimeout)")
