@@ -37,6 +37,8 @@ class Health:
         self._gone: Set[str] = set()
         self._changes: "queue.SimpleQueue[HealthChanged]" = queue.SimpleQueue()
         self.calls: Dict[str, CallCount] = {}
+        self.heard: Dict[str, float] = {}
+        """When each topic was heard last (monotonic seconds), as far as anybody has looked."""
 
     def report(self, respect: str, change: HealthChanged) -> None:
         """Note how something is in one respect, from any thread; only a change is handed on."""

@@ -1,4 +1,6 @@
 """What there is to see of a mission, as data, and as missionStatus prints it."""
+import time
+
 from behavior_controller.cli import create_tree
 from behavior_controller.events import HealthChanged, RunStarted
 from behavior_controller.gateway import Answer, PerformGesture, Say
@@ -88,6 +90,20 @@ def test_passes_health_trouble_and_blackboard():
     assert not any("condition false" in text for text in texts)
     assert ["currentExhibit", "exhibit 2"] in board.part("blackboard")
     assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")
+
+
+def test_calls_and_the_age_of_topics_are_part_of_the_health():
+    rig = Rig()
+    board = board_of(rig)
+    before = board.versions["health"]
+    rig.mission.health.ended("/textToSpeech/say_text", 0.25, 60.0, True)
+    rig.mission.health.heard["/faceDetection/data"] = time.monotonic() - 3.0
+    board.look()
+    assert board.versions["health"] > before
+    parts = {part["name"]: part for part in board.part("health")}
+    said, seen = parts["/textToSpeech/say_text"], parts["/faceDetection/data"]
+    assert (said["calls"], said["failures"], said["seconds"], said["age"]) == (1, 1, 0.25, None)
+    assert 3.0 <= seen["age"] < 5.0
 
 
 def test_what_the_terminal_shows():

@@ -119,6 +119,8 @@ class Monitor:
 
     def _look_at(self, part: Part, latch: Latch) -> None:
         """Tell whether a topic is published at all, and whether it has been silent for too long."""
+        if latch.count:
+            self._health.heard[part.name] = latch.last_arrival
         if latch.is_connected:
             self._lonely[part] = 0
             self._tell_back(part)

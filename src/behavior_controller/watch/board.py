@@ -41,7 +41,8 @@ class Board:
         self._count = 0
         self._ended = ""
         self._trouble: Deque[Dict[str, Any]] = collections.deque(maxlen=KEPT)
-        self._calls = health.calls
+        self._state = health
+        self._called, self._aged = 0, 0.0
         self._health: Dict[str, Dict[str, Any]] = {}
         for kind, names in (("service", SERVICES), ("topic", [topic.value for topic in Topic])):
             for name in names:
@@ -92,10 +93,15 @@ class Board:
         return getattr(self, "_part_" + name)()
 
     def look(self) -> None:
-        """Notice what nobody tells: that entries of the blackboard were written."""
+        """Notice what nobody tells: entries that were written, calls that ended, topics that grow older."""
         if Entry.writes != self._writes:
             self._writes = Entry.writes
             self.versions["blackboard"] += 1
+        called = sum(count.calls for count in list(self._state.calls.values()))
+        now = time.monotonic()
+        if called != self._called or self._state.heard and now - self._aged >= 1.0:
+            self._called, self._aged = called, now
+            self.versions["health"] += 1
 
     def _part_mission(self) -> Dict[str, Any]:
         tree = self._tree
@@ -134,9 +140,10 @@ class Board:
     def _part_health(self) -> List[Dict[str, Any]]:
         found = []
         for entry in list(self._health.values()):
-            calls = self._calls.get(entry["name"])
+            calls, heard = self._state.calls.get(entry["name"]), self._state.heard.get(entry["name"])
             found.append(dict(entry, calls=calls.calls if calls else 0, failures=calls.failures if calls else 0,
-                              seconds=round(calls.last_seconds, 3) if calls else None))
+                              seconds=round(calls.last_seconds, 3) if calls else None,
+                              age=None if heard is None else round(time.monotonic() - heard, 1)))
         return found
 
 

@@ -148,6 +148,7 @@ function showHealth(parts) {
     made.append(element("span", "sign", part.well ? "✔" : "✘"), element("span", "name", part.name));
     if (part.calls)
       made.append(element("span", "calls", part.calls + " calls, " + part.failures + " failed, last " + part.seconds + " s"));
+    if (part.age !== null) made.append(element("span", "calls", "last message " + part.age + " s ago"));
     if (part.status && !part.well) made.append(element("span", "", part.status + "; " + part.consequence));
     return made;
   }));
