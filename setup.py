@@ -11,6 +11,6 @@ setup(**generate_distutils_setup(
         "behavior_controller.ros",
         "behavior_controller.watch",
     ],
-    package_data={"behavior_controller.watch": ["page/*"]},
+    package_data={"behavior_controller.watch": ["page_files/*"]},
     package_dir={"": "src"},
 ))

@@ -18,7 +18,7 @@ from tornado.web import Application, RequestHandler, StaticFileHandler
 from behavior_controller.bt.tree import Tree
 from behavior_controller.watch.board import PARTS, Board
 
-FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page")
+FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.1
 """Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake nobody."""
 
