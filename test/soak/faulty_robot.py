@@ -225,14 +225,19 @@ class FaultyRobot:
         if self.index[id(attempt)] == self.stop_at:
             self.script = dict.fromkeys(SERVICES, ())
             self.on_stop()
-        elif self.unmet and self.unmet[0] < self.index[id(attempt)]:
+        elif self._is_early(attempt):
             self.held.append((process, number, request, attempt))
         else:
             self._answer(process, number, request, attempt)
 
+    def _is_early(self, attempt):
+        """Whether a fault that comes before ``attempt``, and not beside it, has not shown in the log yet."""
+        return any(number < self.index[id(attempt)] and not (
+            attempt.abreast and self.attempts[number].abreast == attempt.abreast) for number in self.unmet)
+
     def _release(self):
         """Answer what waited for an earlier fault to be met."""
-        ready = [held for held in self.held if not self.unmet or self.unmet[0] >= self.index[id(held[3])]]
+        ready = [held for held in self.held if not self._is_early(held[3])]
         self.held = [held for held in self.held if held not in ready]
         for held in ready:
             self._answer(*held)

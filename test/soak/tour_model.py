@@ -39,9 +39,10 @@ def read_policy():
 class Attempt:
     """One call: of which node, to which service, and what is made to go wrong with it ("" is nothing)."""
 
-    def __init__(self, node, service, fault, is_told):
+    def __init__(self, node, service, fault, is_told, abreast):
         self.node, self.service, self.fault = node, service, fault
         self.is_told = is_told  # whether a failure of it appears in the log
+        self.abreast = abreast  # what it has in common with the calls that are made beside it; None: nothing
 
 
 class Tour:
@@ -58,6 +59,7 @@ class Tour:
         self._by_voice = by_voice
         self._is_careful = is_careful
         self._rules = read_policy()
+        self._abreast = None
         self._whole()
 
     def _ask(self, node, service, is_told=True, tries=99):
@@ -67,7 +69,7 @@ class Tour:
             fault = "wrong md5"
         if fault in BEFORE_SENDING and not is_told:
             fault = "refused"  # nothing would show when such a fault has been met
-        self.attempts.append(Attempt(node, service, fault, is_told))
+        self.attempts.append(Attempt(node, service, fault, is_told, self._abreast))
         return FAULTS[fault][0] if fault else ""
 
     def _rule(self, node, cause):
@@ -89,8 +91,7 @@ class Tour:
             raise GivenUp(node)
 
     def _whole(self):
-        self.step("EnableAnimateBehavior", ANIMATION)
-        self.step("ScanningOvertAttentionMode", ATTENTION)
+        self._side_by_side(("EnableAnimateBehavior", ANIMATION), ("ScanningOvertAttentionMode", ATTENTION))
         self.step("DisableAnimateBehavior", ANIMATION)
         self.step("WelcomeGesture", GESTURE)
         self.step("EnableAnimateBehavior", ANIMATION)
@@ -108,6 +109,13 @@ class Tour:
                 self._home()
             except GivenUp:
                 pass
+
+    def _side_by_side(self, *steps):
+        """Steps of a Parallel: in which order their attempts are made is left to time."""
+        self._abreast = (id(self), steps)
+        for step in steps:
+            self.step(*step)
+        self._abreast = None
 
     def _dialogue(self):
         """The tablet is tried three times; the dialogue has no recovery of its own."""
@@ -142,8 +150,7 @@ class Tour:
         self._gaze()
         self.step("HereIsTheDoorSpeech", SAY)
         self.step("PerformDeicticGesture", GESTURE)
-        self.step("GoodbyeGesture", GESTURE)
-        self.step("SayGoodByeSpeech", SAY)
+        self._side_by_side(("GoodbyeGesture", GESTURE), ("SayGoodByeSpeech", SAY))
         self._home()
 
     def _home(self):
