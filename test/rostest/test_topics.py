@@ -32,8 +32,8 @@ class TestTopics(unittest.TestCase):
 
     def setUp(self):
         self.robot = Robot()
-        for latch in self.topics.latches.values():
-            self.wait_until(lambda: latch.is_connected)
+        for topic, values in ((Topic.FACES, ([], [], [])), (Topic.ATTENTION, ("none", 0)), (Topic.SPEECH, ("-",))):
+            self.wait_until_heard(topic, values)
         self.wake.test_and_clear()
         for topic in Topic:
             self.topics.newest(topic)
@@ -43,6 +43,15 @@ class TestTopics(unittest.TestCase):
         forget_dead_entries()
         for latch in self.topics.latches.values():
             self.wait_until(lambda: not latch.is_connected)
+
+    def wait_until_heard(self, topic, values):
+        """Publish until a message arrives: the publisher learns of a subscriber later than the subscriber of it."""
+        latch = self.topics.latches[topic]
+        count = latch.count
+        self.robot.publish(topic.value, *values, hertz=50)
+        self.wait_until(lambda: latch.count > count)
+        self.robot.publish(topic.value, *values)
+        time.sleep(0.1)  # what is under way arrives
 
     def wait_until(self, is_so, seconds=10.0):
         """rospy tells nobody when it has connected: look until it has."""

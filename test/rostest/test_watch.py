@@ -22,10 +22,18 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M
   <START_OF_TREE/><LookUpHome/><Navigate/><WelcomeSpeech/></Sequence></BehaviorTree></root>"""
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def free_ports():
+    """Return a port for Groot2, which takes the next one too, and one for the page."""
+    while True:
+        with socket.socket() as first, socket.socket() as second, socket.socket() as third:
+            first.bind(("127.0.0.1", 0))
+            third.bind(("127.0.0.1", 0))
+            port = first.getsockname()[1]
+            try:
+                second.bind(("127.0.0.1", port + 1))
+                return port, third.getsockname()[1]
+            except (OSError, OverflowError):
+                continue
 
 
 class TestWatch(unittest.TestCase):
@@ -37,7 +45,7 @@ class TestWatch(unittest.TestCase):
         self.addCleanup(forget_dead_entries)
         self.package = Package(os.path.join(self.folder, "package"))
         self.package.write("data/m.xml", MISSION)
-        self.groot2, self.page = free_port(), free_port()
+        self.groot2, self.page = free_ports()
 
     def start(self):
         self.robot = Robot({SAY: "hang"})
