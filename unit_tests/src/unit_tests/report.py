@@ -1,14 +1,53 @@
 """The report of a test as text: a line for each failure, the counts, and the verdict as the last line."""
 import datetime
+import os
 from collections import Counter
 from typing import List, Tuple
 
 from behavior_controller.gateway import Cause
 
+from unit_tests.configuration import KEYS, Configuration
 from unit_tests.facts import Facts, count, of
+from unit_tests.faults import PlannedFault
 from unit_tests.matching import CAUSE_OF, Matching
 from unit_tests.robot import SERVICES
 from unit_tests.verdict import Verdict, judge, reached
+
+
+ALWAYS_TOLD = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
+"""Keys of the test that the title shows whatever they are."""
+
+TOLD_IF_SET = ("missionRuns", "faultKinds", "plannedFaults")
+"""Keys of the test that it shows if they are not the default. The rest does not change what happens."""
+
+SHAPES_THE_RUN = {"asrEnabled": True, "mutualGazeValue": 1}
+"""Keys of the controller that the launch file takes -> the default, which the title need not tell."""
+
+
+def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
+    """Return what ran and when: with the package's files as delivered, enough to repeat it (contract, section 10)."""
+    started = of(facts.events, "RunStarted")
+    mission = os.path.basename(started[-1]["mission"]) if started else "that did not start"
+    chosen = dict(zip((key.name for key in KEYS), test))
+    told = [(name, chosen[name]) for name in ALWAYS_TOLD]
+    told += [(key.name, chosen[key.name]) for key in KEYS
+             if key.name in TOLD_IF_SET and chosen[key.name] != key.default]
+    given = started[-1].get("settings", {}) if started else {}
+    told += [(name, given[name]) for name, usual in SHAPES_THE_RUN.items() if given.get(name, usual) != usual]
+    told += [("use_real_" + node, True) for node in sorted(facts.real)]
+    return "{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission,
+                                       "; ".join("{} {}".format(name, _value(value)) for name, value in told))
+
+
+def _value(value: object) -> str:
+    """Return a value as an argument of the launch file has it."""
+    if isinstance(value, PlannedFault):
+        return ":".join(map(str, value))
+    if isinstance(value, tuple):
+        return ",".join(map(_value, value))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "{:g}".format(value) if isinstance(value, float) else str(value)
 
 
 def failure_lines(facts: Facts) -> List[str]:

@@ -18,7 +18,7 @@ from unit_tests.facts import Facts
 from unit_tests.journal import Journal, Tail
 from unit_tests.junit import to_xml
 from unit_tests.rehearsal import Rehearsal, rehearse
-from unit_tests.report import write
+from unit_tests.report import title, write
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 JUNIT = "behaviorControllerTest.xml"
@@ -52,10 +52,10 @@ def main() -> int:
     events, exit_code, cut_off = wait_for_end(folder, test.test_timeout, Progress(folder).show)
     facts = Facts(events, Journal(folder).news(), exit_code, test.visitor_behaviour, test.mission_runs,
                   world.knowledge, cut_off, _rehearse(events, test, world.knowledge), parameters.real_nodes())
-    title = _title(events, test)
-    verdict, text = write(facts, title)
+    heading = title(facts, test, datetime.datetime.now())
+    verdict, text = write(facts, heading)
     print("\n" + text, flush=True)
-    _save_junit(to_xml(verdict, time.monotonic() - began, title))
+    _save_junit(to_xml(verdict, time.monotonic() - began, heading))
     print("written to {}; the record and the journal are in {}".format(_save(text), folder), flush=True)
     return _finish(0 if verdict.passed else 1)
 
@@ -107,7 +107,8 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
         events += record.news()
         show(events)
         waited = time.monotonic() - began
-        if not events and waited > START_LIMIT:
+        is_started = any(event["event"] == "RunStarted" for event in events)  # near the beginning, if at all
+        if not is_started and waited > START_LIMIT:
             cut_off = "the controller did not start its mission within {:g} s".format(START_LIMIT)
         elif waited > limit:
             cut_off = "the mission did not end within {:g} s (testTimeout)".format(limit)
@@ -116,13 +117,6 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
     if rospy.is_shutdown():
         cut_off = "the test was stopped before the mission had ended"
     return events + record.news(), read_exit_code(folder), cut_off
-
-
-def _title(events: List[Dict[str, Any]], test: configuration.Configuration) -> str:
-    mission = os.path.basename(events[0].get("mission", "?")) if events else "that did not start"
-    return "{}: mission {}; visitorBehaviour {}; failureRate {:g}; arrivalRate {:g}; randomSeed {}".format(
-        datetime.datetime.now().isoformat(timespec="seconds"), mission, test.visitor_behaviour, test.failure_rate,
-        test.arrival_rate, test.random_seed)
 
 
 def _save(text: str) -> str:

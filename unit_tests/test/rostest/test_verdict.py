@@ -20,7 +20,8 @@ class TestVerdict(unittest.TestCase):
         self.assertEqual(report[-1], "PASSED: 1 pass ended as a visitor who engages should; "
                                      "2 of 77 calls were made to fail, and all of these are on record")
         self.assertIn(report[-1], printed)
-        seed = re.search(r"randomSeed \d+$", report[0]).group()
+        self.assertIn(": mission lab_tour.xml; visitorBehaviour engages; failureRate 0; ", report[0])
+        seed = re.search(r"randomSeed \d+", report[0]).group()
         self.assertLess(printed.index(seed), printed.index(report[0]), "it is told before the mission begins")
         refused = [line.split("\t") for line in report if "\trefused\t" in line]
         self.assertEqual([(line[1], line[3]) for line in refused], [

@@ -1,4 +1,5 @@
 """Tests of the faults of service calls."""
+import itertools
 import math
 
 import pytest
@@ -13,11 +14,29 @@ def decisions(faults, number=CALLS):
     return [faults.next() for _ in range(number)]
 
 
+def binomial_interval(rate, level):
+    """Return the least and the greatest number of faults that ``level`` of all series of CALLS calls keep to."""
+    def share_of(count):
+        ways = math.lgamma(CALLS + 1) - math.lgamma(count + 1) - math.lgamma(CALLS - count + 1)
+        return math.exp(ways + count * math.log(rate) + (CALLS - count) * math.log(1 - rate))
+
+    sums = list(itertools.accumulate(map(share_of, range(CALLS + 1))))
+    outside = (1 - level) / 2
+    return (next(count for count, below in enumerate(sums) if below > outside),
+            next(count for count, below in enumerate(sums) if below >= 1 - outside))
+
+
+def test_the_interval_is_that_of_the_tables():
+    # of the normal distribution, which the binomial is near: 3.2905 standard deviations hold 99.9 %
+    assert binomial_interval(0.5, 0.999) == pytest.approx((5000 - 3.2905 * 50, 5000 + 3.2905 * 50), abs=1)
+
+
 @pytest.mark.parametrize("rate", (0.01, 0.1, 0.5, 0.9))
 @pytest.mark.parametrize("seed", ("1/textToSpeech/faults", "2/knowledgeBase/faults"))
 def test_the_share_of_faults_is_the_failure_rate(rate, seed):
     failed = sum(fault == REFUSED for fault in decisions(Faults(rate, seed)))
-    assert abs(failed - rate * CALLS) < 4 * math.sqrt(CALLS * rate * (1 - rate))  # 4 standard deviations
+    least, most = binomial_interval(rate, 0.999)
+    assert least <= failed <= most
 
 
 @pytest.mark.parametrize("rate, expected", ((0, None), (1, REFUSED)))

@@ -1,16 +1,18 @@
 """Tests of the verdict: what passes, and every way in which a test must fail."""
+import datetime
 from xml.etree import ElementTree
 
 import pytest
 
 from behavior_controller.gateway import Exhibit, Location, Point
 
+from unit_tests import configuration
 from unit_tests.exhibits import Knowledge
 from unit_tests.facts import Facts
 from unit_tests.journal import Line
 from unit_tests.junit import to_xml
 from unit_tests.rehearsal import Rehearsal
-from unit_tests.report import failure_lines, summary_lines, write
+from unit_tests.report import failure_lines, summary_lines, title, write
 from unit_tests.verdict import judge
 
 SAY, GO, ATTEND = "/textToSpeech/say_text", "/robotNavigation/set_goal", "/overtAttention/set_mode"
@@ -489,7 +491,47 @@ def test_only_a_silent_visitor_presses_nothing():
         assert len(finished(story).objections()) == number
 
 
+def test_what_the_verdict_does_not_know_changes_nothing():
+    story = Story()
+    story.events.append(dict(story.event("HealthChanged", name=SAY, node="textToSpeech", is_well=False, status="gone",
+                                         consequence="nothing is said"), kind="service"))
+    story.record("Tick", at=1.0, first=True, changes=[])
+    story.tour()
+    story.record("NotYetInvented")
+    facts = finished(story).facts()
+    assert judge(facts).passed
+    assert failure_lines(facts) == []
+
+
 # -------------------------------------------------------------------------------------------------------------- report
+
+
+def heading(story, *real, **given):
+    return title(story.facts()._replace(real=frozenset(real)), configuration.load(dict({"randomSeed": 7}, **given)),
+                 datetime.datetime(2026, 1, 2, 3, 4, 5))
+
+
+def test_the_title_names_the_mission_wherever_its_start_stands_in_the_record():
+    story = Story()
+    story.events.insert(0, {"event": "Tree", "time": 100.0, "id": "LabTour", "nodes": []})
+    assert heading(story) == ("2026-01-02T03:04:05: mission lab_tour.xml; visitorBehaviour engages; failureRate 0.1; "
+                              "arrivalRate 60; randomSeed 7")
+
+
+def test_the_title_tells_all_that_is_needed_to_repeat_the_run():
+    story = Story()
+    story.events[0]["settings"] = {"asrEnabled": False, "mutualGazeValue": 2, "language": "English"}
+    told = heading(story, "speechEvent", arrivalRate="inf", missionRuns=2, faultKinds="crash, wrong",
+                   plannedFaults="robotNavigation:3,textToSpeech:1:unanswered", testTimeout=8)
+    assert told.endswith("; arrivalRate inf; randomSeed 7; missionRuns 2; faultKinds crash,wrong; "
+                         "plannedFaults robotNavigation:3:refused,textToSpeech:1:unanswered; asrEnabled false; "
+                         "mutualGazeValue 2; use_real_speechEvent true")
+
+
+def test_the_title_of_a_mission_that_did_not_start():
+    story = Story()
+    story.events = [{"event": "Tree", "time": 100.0}]
+    assert ": mission that did not start; visitorBehaviour engages" in heading(story)
 
 
 def test_every_failure_has_a_line_of_its_own():
