@@ -10,6 +10,7 @@ import rospy
 import rostest
 
 from behavior_controller import folders
+from expected import KNOWLEDGE
 from whole_test import FAILED, run_test
 
 SOURCE = os.path.dirname(os.path.realpath(folders.__file__))
@@ -36,24 +37,28 @@ class TestBrokenControllers(unittest.TestCase):
         result = run_test("scenarioSpecification:=lab_tour", "failureRate:=0", *arguments,
                           PYTHONPATH=os.pathsep.join(paths))
         self.assertEqual(result.code, FAILED, result.printed[-3000:])
-        return [line for line in "\n".join(result.report).split("FAILED: ")[1].splitlines()]
+        return [line.strip() for line in "\n".join(result.report).split("FAILED: ")[1].splitlines()]
 
     def test_a_leaf_that_ignores_refusals(self):
-        objections = self.run_spoilt("ros/services.py", "    if success == route.refused:", "    if False:",
-                                     "plannedFaults:=gestureExecution:1")
-        self.assertTrue(any("gesture" in line.lower() for line in objections), objections)
+        objections = self.run_spoilt(
+            "leaves/base.py", RESULT, RESULT.replace("result if", "None if"), "plannedFaults:=gestureExecution:1")
+        self.assertEqual(objections, ["call 1 of /gestureExecution/perform_gesture was made to fail (refused) "
+                                      "and is not on record as a failure"])
 
     def test_a_recovery_that_always_succeeds(self):
+        # the first drive of the tour and both retries that the delivered policy allows
         objections = self.run_spoilt("leaves/recovery.py", "        return self._finished(outcome != GIVEN_UP)",
                                      "        return self._finished(True)",
                                      "plannedFaults:=" + ",".join("robotNavigation:{}".format(n) for n in (1, 2, 3)))
-        self.assertTrue(any("did not get to exhibit" in line or "ended with" in line for line in objections), objections)
+        self.assertEqual(objections, ["pass 1: the robot did not get to exhibit " + EXHIBITS[0]])
 
     def test_an_exhibit_that_is_skipped(self):
         objections = self.run_spoilt("leaves/knowledge.py", SELECTED, SELECTED.replace("+ 1", "+ 2"))
-        self.assertTrue(any("did not get to exhibit" in line for line in objections), objections)
+        self.assertEqual(objections, ["pass 1: the robot did not get to exhibit " + name for name in EXHIBITS[1::2]])
 
 
+EXHIBITS = [exhibit.name for exhibit in KNOWLEDGE.exhibits]
+RESULT = "        failure = result if isinstance(result, Failure) else self.accept(result)"
 SELECTED = "        self.remember(NEXT_EXHIBIT, index + 1)"
 
 if __name__ == "__main__":
