@@ -1,8 +1,10 @@
-"""Run the test suites one after another: a line for each, what failed, and the sum as the last line.
+"""Run the test suites, two side by side: a line for each as it ends, what failed, and the sum as the last line.
 
 ``python3 tools/test.py [WORD…]`` in the environment that tools/test.sh makes. Words choose suites by their name.
 The output of each suite and its results as JUnit XML are in a folder of its own under build/log/tests.
+A rostest file that says ``measures time`` in a comment runs alone.
 """
+import concurrent.futures
 import glob
 import os
 import shutil
@@ -10,7 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from typing import Dict, Iterator, List, NamedTuple, Optional
+from typing import Dict, Iterator, List, NamedTuple, Optional, Set
 from xml.etree import ElementTree
 
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -22,6 +24,8 @@ TEST_PACKAGE = ["unit_tests/test/unit"]
 PYTEST_LIMIT = 1200.0  # seconds
 ROSTEST_LIMIT = 600.0
 NAMED_AT_MOST = 20
+SIDE_BY_SIDE = 2
+MEASURES_TIME = "measures time"
 
 
 class Suite(NamedTuple):
@@ -33,6 +37,7 @@ class Suite(NamedTuple):
     limit: float
     environment: Dict[str, str]
     missing: str = ""
+    is_alone: bool = False
 
     @property
     def log(self) -> str:
@@ -46,6 +51,7 @@ class Outcome(NamedTuple):
     passed: int
     failed: List[str]
     skipped: List[str]
+    seconds: float = 0.0
 
 
 # ----------------------------------------------------------------------------------------------------------- the suites
@@ -79,15 +85,21 @@ def other_python(name: str, folders: List[str], version: str) -> Suite:
 
 
 def rostest_suite(test: str) -> Suite:
-    """Return the suite of one rostest file; rostest gives it a master of its own."""
+    """Return the suite of one rostest file; it gets a master and a ROS_HOME of its own."""
     package = "unit_tests" if test.startswith("unit_tests") else "cssr_system"
     name = os.path.splitext(os.path.basename(test))[0]
     results = os.path.join(LOGS, "rostest-{}-{}".format(package, name))
     command = ["rostest", "--results-base-dir", results, "--results-filename", name + ".xml", os.path.abspath(test)]
-    return Suite("rostest {} {}".format(package, name), command, results, ROSTEST_LIMIT, dict(os.environ))
+    with open(test, encoding="utf-8") as file:
+        is_alone = MEASURES_TIME in file.read()
+    return Suite("rostest {} {}".format(package, name), command, results, ROSTEST_LIMIT,
+                 dict(os.environ, ROS_HOME=os.path.join(results, "ros")), is_alone=is_alone)
 
 
 # -------------------------------------------------------------------------------------------------------------- running
+
+
+_running: Set["subprocess.Popen[bytes]"] = set()
 
 
 def main(words: List[str]) -> int:
@@ -96,7 +108,9 @@ def main(words: List[str]) -> int:
     shutil.rmtree(LOGS, ignore_errors=True)
     os.makedirs(LOGS)
     started = time.monotonic()
-    outcomes = [run(suite) for suite in suites() if not words or any(word in suite.name for word in words)]
+    chosen = [suite for suite in suites() if not words or any(word in suite.name for word in words)]
+    outcomes = run_all([suite for suite in chosen if not suite.is_alone], SIDE_BY_SIDE)
+    outcomes += run_all([suite for suite in chosen if suite.is_alone], 1)
     failed = sum(len(outcome.failed) for outcome in outcomes)
     passed = sum(outcome.passed for outcome in outcomes)
     for reason in sorted({reason for outcome in outcomes for reason in outcome.skipped}):
@@ -106,34 +120,57 @@ def main(words: List[str]) -> int:
     return 0 if passed and not failed else 1
 
 
+def run_all(chosen: List[Suite], side_by_side: int) -> List[Outcome]:
+    """Run suites, so many at a time, and print each as it ends."""
+    outcomes: List[Outcome] = []
+    with concurrent.futures.ThreadPoolExecutor(side_by_side) as pool:
+        waiting = {pool.submit(run, suite): suite for suite in chosen}
+        try:
+            for done in concurrent.futures.as_completed(waiting):
+                outcomes.append(done.result())
+                show(waiting[done], outcomes[-1])
+        except KeyboardInterrupt:
+            for future in waiting:
+                future.cancel()
+            for process in list(_running):
+                stop(process)
+            raise
+    return outcomes
+
+
 def run(suite: Suite) -> Outcome:
-    """Run one suite, print its line and what failed, and return its outcome."""
-    print("{:<44} ".format(suite.name), end="", flush=True)
+    """Run one suite and return its outcome."""
     if suite.missing:
-        print("skipped: {}".format(suite.missing), flush=True)
         return Outcome(0, [], ["{}: {}".format(suite.name, suite.missing)])
-    started = time.monotonic()
     os.makedirs(suite.folder)
+    started = time.monotonic()
     with open(suite.log, "w") as log:
         fault = execute(suite, log)
-    outcome = read_results(suite.folder, fault)
-    print("{:5} passed {:3} failed {:3} skipped {:5.0f} s".format(
-        outcome.passed, len(outcome.failed), len(outcome.skipped), time.monotonic() - started), flush=True)
+    return read_results(suite.folder, fault)._replace(seconds=time.monotonic() - started)
+
+
+def show(suite: Suite, outcome: Outcome) -> None:
+    """Print the line of a suite that has ended, and what failed."""
+    if suite.missing:
+        print("{:<44} skipped: {}".format(suite.name, suite.missing), flush=True)
+        return
+    print("{:<44} {:5} passed {:3} failed {:3} skipped {:5.0f} s".format(
+        suite.name, outcome.passed, len(outcome.failed), len(outcome.skipped), outcome.seconds), flush=True)
     show_failures(suite, outcome)
-    return outcome
 
 
 def execute(suite: Suite, log) -> str:
     """Run the command to its end or its limit, and return what went wrong; empty: nothing."""
     process = subprocess.Popen(suite.command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
                                env=suite.environment, start_new_session=True)
+    _running.add(process)
     try:
         code = process.wait(suite.limit)
-    except (subprocess.TimeoutExpired, KeyboardInterrupt) as reason:
+    except subprocess.TimeoutExpired:
         stop(process)
-        if isinstance(reason, KeyboardInterrupt):
-            raise
         return "not done after {:.0f} s".format(suite.limit)
+    finally:
+        _running.discard(process)
     return "exit code {}".format(code) if code else ""
 
 
