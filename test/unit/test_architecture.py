@@ -15,7 +15,7 @@ LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli"],
     ["watch", "leaves"],
-    ["runner", "bt.compiler"],
+    ["runner", "recovery", "bt.compiler"],
     ["bt.checking"],
     ["bt.engine"],
     ["bt.language"],

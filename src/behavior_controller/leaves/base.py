@@ -12,7 +12,7 @@ from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
-from behavior_controller.gateway import Answer, Call, Cause, Failure, Gateway, Request, Sample, Topic, Topics
+from behavior_controller.gateway import Answer, Cause, Failure, Gateway, Request, Sample, Topic, Topics
 from behavior_controller.health import Health
 
 # ------------------------------------------------------------------------------- keys on the root blackboard (README)
@@ -157,10 +157,40 @@ class InstantCondition(MissionLeaf, ConditionLeaf):
         return self.failed(Failure(Cause.CONDITION_FALSE, self.otherwise))
 
 
+class Ended(NamedTuple):
+    """The end of an attempt; ``failure`` None: it was done."""
+
+    failure: Optional[Failure]
+
+
+class Attempt:
+    """One request of a service leaf, from its sending to its end. The leaf makes one, and each retry another."""
+
+    def __init__(self, leaf: "ServiceLeaf"):
+        self._leaf = leaf
+        wanted = leaf.request()
+        self._failure = wanted if isinstance(wanted, Failure) else None
+        self._call = None if wanted is None or isinstance(wanted, Failure) else leaf.mission.gateway.start(wanted)
+
+    def poll(self) -> Optional[Ended]:
+        """Return how the attempt ended, or None while it is under way."""
+        if self._call is None:
+            return Ended(self._failure)
+        result = self._call.result
+        if result is None:
+            return None
+        return Ended(result if isinstance(result, Failure) else self._leaf.accept(result))
+
+    def drop(self) -> None:
+        """Give the attempt up; its answer is not used."""
+        if self._call is not None:
+            self._call.drop()
+
+
 class ServiceLeaf(MissionLeaf, ActionLeaf):
     """An action that calls a service: RUNNING until the answer or the deadline, which the gateway keeps."""
 
-    call: Optional[Call] = None
+    attempt: Optional[Attempt] = None
 
     def request(self) -> Union[Request, Failure, None]:
         """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
@@ -170,31 +200,29 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         """Take what a positive answer brought; return what is wrong with it, if anything."""
         return None
 
+    def try_once(self) -> Attempt:
+        """Begin an attempt; a recovery does so to retry the step."""
+        return Attempt(self)
+
     def on_start(self) -> Result:
-        """Send the request."""
+        """Begin the first attempt."""
         self.started_at = self.mission.clock.now()
-        wanted = self.request()
-        if wanted is None:
-            return self.succeeded()
-        if isinstance(wanted, Failure):
-            return self.failed(wanted)
-        self.call = self.mission.gateway.start(wanted)
+        self.attempt = self.try_once()
         return self.on_running()
 
     def on_running(self) -> Result:
-        """Look for the result."""
-        result = self.call.result if self.call is not None else None
-        if result is None:
+        """Look for the end of the attempt."""
+        ended = self.attempt.poll() if self.attempt is not None else None
+        if ended is None:
             return RUNNING
-        self.call = None
-        failure = result if isinstance(result, Failure) else self.accept(result)
-        return self.succeeded() if failure is None else self.failed(failure)
+        self.attempt = None
+        return self.succeeded() if ended.failure is None else self.failed(ended.failure)
 
     def on_halted(self) -> None:
-        """Drop the answer."""
-        if self.call is not None:
-            self.call.drop()
-            self.call = None
+        """Drop the attempt."""
+        if self.attempt is not None:
+            self.attempt.drop()
+            self.attempt = None
         self.report(IDLE)
 
 
