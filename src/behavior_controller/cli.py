@@ -6,11 +6,11 @@ import sys
 from typing import Any, List, Optional, Tuple
 
 from behavior_controller import folders, leaves
-from behavior_controller.bt.document import one_line
 from behavior_controller.bt.node import label
 from behavior_controller.bt.palette import tree_nodes_model
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.leaves import vocabulary
+from behavior_controller.text import clean
 
 GOOD, BAD = 0, 2
 
@@ -61,7 +61,7 @@ def _print_judgement(path: str, faults: List[Fault], nodes: int) -> None:
     if warnings or nodes:
         counts.append(_count(warnings, "warning"))
     good = "can be run, {}, ".format(_count(nodes, "node")) if nodes else ""
-    _print("{}: {}{}".format(one_line(path), good, ", ".join(counts)))
+    _print("{}: {}{}".format(clean(path), good, ", ".join(counts)))
 
 
 def _count(number: int, what: str) -> str:
