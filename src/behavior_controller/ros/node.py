@@ -67,7 +67,8 @@ def main(argv: List[str]) -> int:
         tell_faults(found, console.tell, "nothing was started")
         return BAD_FILES
     except NodesMissing as missing:
-        console.tell("error", str(missing))
+        for line in str(missing).split("\n"):
+            console.tell("error", line)
         return NODES_MISSING
     except Exception as error:  # the last resort: an operator never sees a traceback
         report_internal_error(console, error)
