@@ -187,6 +187,14 @@ def load(path: str, overrides: Optional[Mapping[str, Any]] = None) -> Settings:
     return Settings(read_configuration(path, KEYS, overrides))
 
 
+def recorded(values: Mapping[str, Any], where: str) -> Settings:
+    """Return settings from their values as a record has them. Raises ConfigurationError with every fault."""
+    reader = _Reader(where, {key.name: key for key in KEYS})
+    for name, value in values.items():
+        reader.given_value(name, value, where)
+    return Settings(reader.result())
+
+
 def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None) -> Dict[str, Any]:
     """Return a value for each of ``keys`` from a file and from overriding ROS parameters.
 
@@ -254,9 +262,18 @@ class _Reader:
             if hint:  # other parameters below our name are none of our business
                 self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name), hint))
             return
-        text = str(value).lower() if isinstance(value, bool) else str(value)
+        self.given_value(name, value, where)
+
+    def given_value(self, name: str, value: Any, where: str) -> None:
+        """Take a value that is not in the file, but a parameter or in a record."""
         self.given.setdefault(name, 0)
-        self._value(name, text, 0, 0, where)
+        if name not in self.keys:
+            self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name)))
+        elif not isinstance(value, (bool, int, float, str)):  # ROS also has lists, mappings, dates, bytes and null
+            self.faults.append(Fault(where, 0, 0, "{} cannot be of type {}".format(name, type(value).__name__),
+                                     "allowed: {}".format(self.keys[name].allowed)))
+        else:
+            self._value(name, str(value).lower() if isinstance(value, bool) else str(value), 0, 0, where)
 
     def _value(self, name: str, text: str, line_number: int, column: int, where: str = "") -> None:
         key = self.keys[name]

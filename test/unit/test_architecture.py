@@ -13,7 +13,7 @@ PRODUCT = "behavior_controller"
 # From the top: a module imports from its own layer and from those below. The longest name that fits decides.
 LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
-    ["ros", "cli"],
+    ["ros", "cli", "command"],
     ["watch", "leaves"],
     ["runner", "bt.compiler", "bt.checks", "bt.lint", "bt.conformance"],
     ["bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy"],

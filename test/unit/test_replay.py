@@ -154,10 +154,20 @@ def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     assert outcome.parting == "" and outcome.passes == 0 and outcome.changes > 20
 
 
+NOTICED = '{"event": "Noticed", "time": 1.5, "level": "info", "text": "-"}\n'
+
+
 @pytest.mark.parametrize("text, expected", [
     ("", "the record has no mission in it"), ("{}\n{}\n{}\n", "1:1: this is no line of a record"),
-    ('{"event": "Noticed"}\n[1]\n{"event": "Noticed"}\n\n', "2:1: this is no line of a record"),
-    ('{"event": "Noticed"}\n', "the record has no mission in it"), (None, "cannot be read")])
+    (NOTICED + "[1]\n" + NOTICED, "2:1: this is no line of a record: it has no event"),
+    (NOTICED, "the record has no mission in it"), (None, "cannot be read"),
+    (NOTICED + '{"event": "Dance"}\n', "2:1: this is no line of a record: the event Dance is unknown"),
+    (NOTICED + "\n", "2:1: this is no line of a record: it is not JSON"),
+    (NOTICED + "[" * 200_000 + "\n", "2:1: this is no line of a record: it is nested too deeply"),
+    (NOTICED.replace("1.5", "9" * 100_000), "1:1: this is no line of a record: a whole number has more than 18 digits"),
+    (NOTICED.replace("1.5", "NaN"), "1:1: this is no line of a record: the field time of Noticed is wrong"),
+    ('{"event": "Noticed", "time": 1.5, "level": "info"}\n', "the field text of Noticed is missing"),
+])
 def test_what_is_no_record_is_named(tmp_path, text, expected):
     path = tmp_path / "r.jsonl"
     if text is not None:
