@@ -26,6 +26,10 @@ def _is_whole(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
+def _is_count(value: Any) -> bool:
+    return _is_whole(value) and value > 0
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
@@ -81,9 +85,9 @@ FIELDS: Dict[str, Dict[str, Check]] = {
     "RunStarted": {"mission": _is_text, "sha256": _is_text, "settings": _is_object,
                    "leaves": _list(_row(_is_text, _is_text))},
     "Tick": {"at": _is_number, "first": _is_bool, "changes": _list(_row(_is_whole, _one_of(*LETTERS.values())))},
-    "Asked": {"call": _is_whole, "service": _is_text, "request": _row(_is_text, _is_object)},
-    "Answered": {"call": _is_whole},
-    "Message": {"topic": _one_of(*(topic.value for topic in Topic)), "read": _is_whole, "arrived": _is_number,
+    "Asked": {"call": _is_count, "service": _is_text, "request": _row(_is_text, _is_object)},
+    "Answered": {"call": _is_count},
+    "Message": {"topic": _one_of(*(topic.value for topic in Topic)), "read": _is_count, "arrived": _is_number,
                 "value": lambda value: True},
     "LeafFinished": dict(_STEP, uid=_is_whole, status=_is_outcome, resource=_is_text, seconds=_is_number,
                          failure=_is_failure_or_none),
