@@ -200,6 +200,22 @@ def test_faults_of_parameters_name_the_parameter(tmp_path):
         "parameter ~misionRuns: unknown key misionRuns (did you mean missionRuns?)"]
 
 
+@pytest.mark.parametrize("value", [None, [1], {"a": 1}, b"x", object()])
+def test_a_parameter_of_an_odd_type_is_one_fault(tmp_path, value):
+    found = faults(tmp_path, GOOD, {"language": value, "recordDirectory": value})
+    assert found == ["parameter ~{}: {} cannot be of type {} (allowed: {})".format(
+        name, name, type(value).__name__, allowed) for name, allowed in (
+            ("language", "the name of a language, such as English"), ("recordDirectory", "a folder, nothing, or none"))]
+
+
+def test_the_settings_of_a_record_are_checked():
+    assert settings.recorded(dict(settings.defaults().values), "r").values == settings.defaults().values
+    with pytest.raises(ConfigurationError) as raised:
+        settings.recorded(dict(settings.defaults().values, topicMaxAge="x", asrEnabled=None, oldKey=1), "r")
+    assert sorted(str(fault).split(" (")[0] for fault in raised.value.faults) == [
+        "r: asrEnabled cannot be of type NoneType", "r: topicMaxAge cannot be \"x\"", "r: unknown key oldKey"]
+
+
 def test_each_service_has_its_deadline(tmp_path):
     found = load(tmp_path, GOOD + "robotNavigationDeadline 42\n")
     assert found.deadline("/robotNavigation/set_goal") == 42.0
