@@ -133,7 +133,8 @@ def test_all_faults_come_at_once(tmp_path):
         "test.ini: the required key asrEnabled is missing (add a line: asrEnabled <true or false>)"]
 
 
-@pytest.mark.parametrize("line", ["{0}{0}x{0}x", "language{0}x{0}x", "language{0}={0}x{0}x#", "language x{0}#{0}#{0}", "{0}="])
+@pytest.mark.parametrize("line", ["{0}{0}x{0}x", "language{0}x{0}x", "language{0}={0}x{0}x#", "language x{0}#{0}#{0}",
+                                  "{0}="])
 def test_a_line_of_blanks_takes_no_time(tmp_path, line):
     path = tmp_path / "test.ini"
     path.write_text(GOOD + line.format(" " * 200_000) + "\n")

@@ -1,4 +1,4 @@
-"""No tampering with a record brings replayMission to a traceback, an exit code of its own, or a script in the report."""
+"""A record that was tampered with gives replayMission no traceback and no strange exit code, the report no script."""
 import copy
 import json
 import os
@@ -20,7 +20,8 @@ def nested(depth):
     return value
 
 
-ODD = [None, True, -1, 0, 10 ** 17, 1e308, float("inf"), float("nan"), "", SCRIPT, "\ud800\0", [], {}, [[]], nested(500)]
+ODD = [None, True, -1, 0, 10 ** 17, 1e308, float("inf"), float("nan"), "", SCRIPT, "\ud800\0", [], {},
+       [[]], nested(500)]
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +33,10 @@ def record(tmp_path_factory):
         lines = [json.loads(line) for line in file]
     began = next(number for number, line in enumerate(lines) if line["event"] == "RunStarted")
     failure = {"cause": "refused", "message": "-", "resource": "/x"}
-    lines[began + 1:began + 1] = [dict(event._asdict(), event=type(event).__name__, time=lines[began]["time"]) for event in (
-        HealthChanged("service", "/x", "n", False, "gone", "-", "gone"), Noticed("info", "-"), RunFinished("-", 0),
-        Retried("x", "x", 1, failure))]
+    extra = [HealthChanged("service", "/x", "n", False, "gone", "-", "gone"), Noticed("info", "-"), RunFinished("-", 0),
+             Retried("x", "x", 1, failure)]
+    lines[began + 1:began + 1] = [dict(event._asdict(), event=type(event).__name__, time=lines[began]["time"])
+                                  for event in extra]
     return lines
 
 
@@ -110,7 +112,8 @@ def without(kind):
     lambda lines: [line for line in lines for _ in range(2)], lambda lines: lines[len(lines) // 2:],
     lambda lines: lines[:1] + lines[len(lines) // 2:], lambda lines: [dict(line, time=0) for line in lines],
     lambda lines: [dict(line, at=-1e308) for line in lines], lambda lines: [dict(line, call=1) for line in lines],
-    lambda lines: [dict(line, changes=[]) for line in lines], lambda lines: [dict(line, extra=nested(50)) for line in lines],
+    lambda lines: [dict(line, changes=[]) for line in lines],
+    lambda lines: [dict(line, extra=nested(50)) for line in lines],
     lambda lines: [dict(line, event="Tick") for line in lines], lambda lines: [[line] for line in lines],
     lambda lines: b"\xef\xbb\xbf" + "\r\n".join(map(json.dumps, lines)).encode() + b"\r\n",
     lambda lines: "\n".join(map(json.dumps, lines)).encode("utf-16"), lambda lines: b"\0" * 10_000 + b"\n",

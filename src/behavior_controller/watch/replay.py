@@ -67,7 +67,7 @@ def find_record(name: str) -> str:
 
 
 def read_record(path: str) -> List[Line]:
-    """Return the lines of a record. Raises MissionError that names the first line that is none; a torn end is left out."""
+    """Return the lines of a record, without a torn end. Raises MissionError, which names the first line that is none."""
     try:
         lines = read_bytes(path, MOST_BYTES).split(b"\n")
     except Unreadable as error:
