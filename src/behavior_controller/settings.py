@@ -269,7 +269,7 @@ class _Reader:
         self.given.setdefault(name, 0)
         if name not in self.keys:
             self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name)))
-        elif not isinstance(value, (bool, int, float, str)):  # ROS also has lists, mappings, dates, bytes and null
+        elif not isinstance(value, (int, float, str)):  # ROS also has lists, mappings, dates, bytes and null
             self.faults.append(Fault(where, 0, 0, "{} cannot be of type {}".format(name, type(value).__name__),
                                      "allowed: {}".format(self.keys[name].allowed)))
         else:

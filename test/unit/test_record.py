@@ -76,8 +76,8 @@ def test_what_does_not_fit_into_the_queue_is_counted_where_it_is_missing(tmp_pat
     lost = [line for line in found if isinstance(line, dict)]
     assert [(line["event"], line["lines"]) for line in lost] == [("Lost", 2), ("Lost", 5)]
     assert found == list(range(10)) + [lost[0], 12, 13, 14, lost[1]]
-    assert [text.split(": ")[1].split(";")[0] for text in complaints] == [
-        "2 lines are lost, because the disk is too slow", "5 lines are lost, because the disk is too slow"]
+    assert complaints == ["the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
+        record.path, number) for number in (2, 5)]
 
 
 def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):

@@ -125,7 +125,8 @@ class Record:
 
     def _line(self, name: str, when: float, fields: Dict[str, Any]) -> bytes:
         if name == LOST:
-            self._tell("{} lines are lost, because the disk is too slow".format(fields["lines"]))
+            self._complain("the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
+                self.path, fields["lines"]))
         if name == RunStarted.__name__:
             fields["sha256"] = sha256(fields["mission"])
         line = dict({"event": name, "time": when}, **{key: _plain(value) for key, value in fields.items()})
