@@ -2,8 +2,8 @@
 import time
 
 from behavior_controller.cli import create_tree
-from behavior_controller.events import HealthChanged, RunStarted
-from behavior_controller.gateway import Answer, PerformGesture, Say
+from behavior_controller.events import HealthChanged, Noticed, RunStarted
+from behavior_controller.gateway import Answer, Cause, Failure, PerformGesture, Say
 from behavior_controller.health import GONE
 from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.watch import status
@@ -116,6 +116,21 @@ def test_what_the_terminal_shows():
         "▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success", "  ▶ FollowMeSpeech #3: running"]
     assert status.lines(state, True)[-1] == "  · SayGoodByeSpeech #4"
     assert isinstance(rig.requests[0], Say)
+
+
+def test_what_the_robot_says_stays_on_its_line():
+    odd = "\x1b[2J\n\u202e\ud800"
+    rig = one_leaf('<Sequence name="a&#10;b&#x202e;"><WelcomeSpeech/></Sequence>',
+                   lambda request: Failure(Cause.HANDLER_EXCEPTION, odd, odd))
+    board = board_of(rig)
+    rig.tick()
+    rig.mission.events.emit(Noticed("error", odd))
+    rig.mission.events.emit(HealthChanged("service", Say.service, odd, False, odd, ""))
+    state = {name: board.part(name) for name in PARTS}
+    assert state["trouble"] and all(line["text"].isprintable() for line in state["trouble"])
+    assert all(part["status"].isprintable() for part in state["health"])
+    assert "\\n" in state["mission"]["tree"]["name"]
+    assert "\\x1b[2J\\n\\u202e\\ud800" in "".join(status.lines(state, True))
 
 
 def test_nobody_there_is_one_line(capsys):

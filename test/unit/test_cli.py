@@ -186,3 +186,48 @@ def test_the_palette_executable():
     done = run("exportNodeModel")
     assert (done.returncode, done.stderr) == (0, b"") and b'<Action ID="Navigate">' in done.stdout
     assert os.access(os.path.join(EXECUTABLES, "exportNodeModel"), os.X_OK)
+
+
+# ---------------------------------------------------------------------------------------------------- standard streams
+
+TOOLS = {"validateMission": ([LAB_TOUR], 0), "exportNodeModel": ([], 0), "replayMission": (["no such record"], 2),
+         "missionStatus": (["--port", "1"], 1)}
+"""Tool -> arguments, and the exit code in an ordinary terminal."""
+
+
+def in_shell(tool, redirection, *arguments):
+    """Return exit code, standard output and standard error of a tool under a redirection of the shell's."""
+    script = 'executable=$1; shift; "$0" "$executable" "$@" {}'.format(redirection)
+    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
+    done = subprocess.run(["sh", "-c", script, sys.executable, os.path.join(EXECUTABLES, tool)] + list(arguments),
+                          env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
+    return done.returncode, done.stdout.decode(), done.stderr.decode()
+
+
+@pytest.mark.parametrize("tool, redirection", [
+    ("validateMission", "<&-"), ("validateMission", ">&-"), ("replayMission", "2>&-"), ("missionStatus", ">&-"),
+] + [(tool, "<&- >&- 2>&-") for tool in TOOLS])
+def test_a_closed_stream_changes_nothing_but_what_is_seen(tool, redirection):
+    arguments, code = TOOLS[tool]
+    found, out, err = in_shell(tool, redirection, *arguments)
+    assert found == code
+    assert bool(out) == (code == 0 and ">&-" not in redirection.replace("2>&-", ""))
+    assert err.count("\n") == (code != 0 and "2>&-" not in redirection)
+
+
+@pytest.mark.parametrize("tool", ["validateMission", "exportNodeModel"])
+def test_a_full_disk_is_one_line_and_exit_code_1(tool):
+    code, _, err = in_shell(tool, "> /dev/full", *TOOLS[tool][0])
+    assert (code, err) == (1, "{}: the output cannot be written: No space left on device\n".format(tool))
+    assert in_shell(tool, "> /dev/full 2>&1", "--help")[0] == 1
+
+
+def test_a_reader_that_goes_away_ends_a_tool_in_silence(file):
+    bad = file(BAD)
+    code, out, err = in_shell("validateMission", "| head -n 1", *[bad] * 2000)
+    assert (code, out.count("\n"), err) == (0, 1, "")
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_wrong_call_is_exit_code_2_with_every_stream(tool):
+    assert in_shell(tool, "2>&-", "--nonsense") == (2, "", "")

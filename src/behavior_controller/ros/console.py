@@ -15,6 +15,7 @@ from rosgraph.roslogging import RosStreamHandler
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
                                         Retried, RunFinished, RunStarted)
+from behavior_controller.text import clean
 
 HEARTBEAT = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
@@ -56,12 +57,11 @@ class Console:
         self._lines[type(event)](event)
 
     def tell(self, level: str, text: str) -> None:
-        """Write ``text``, each of its lines for itself, at ``info``, ``warning`` or ``error``."""
-        for line in text.splitlines():
-            try:
-                getattr(self._logger, level)("behaviorController: %s", line)
-            except (OSError, ValueError):
-                pass  # the terminal has gone away; the mission goes on
+        """Write ``text`` as one line, whatever outside text it quotes, at ``info``, ``warning`` or ``error``."""
+        try:
+            getattr(self._logger, level)("behaviorController: %s", clean(text))
+        except (OSError, ValueError):
+            pass  # the terminal has gone away; the mission goes on
 
     def start_heartbeat(self, clock: Clock) -> None:
         """Show every ten seconds that the tick thread still runs its timers."""

@@ -59,7 +59,7 @@ def _sign(letter: str) -> str:
 def _summary(started: Line, lines: List[Line]) -> str:
     """Return when it ran, with which configuration, and how each pass ended."""
     when = datetime.datetime.fromtimestamp(started["time"]).isoformat(sep=" ", timespec="seconds")
-    passes = [[str(line["number"]), _sign(WORDS[line["outcome"]]) + " " + _text(line["outcome"]),
+    passes = [[_text(line["number"]), _sign(WORDS.get(line["outcome"], "-")) + " " + _text(line["outcome"]),
                "{:.1f} s".format(line["seconds"])] for line in lines if line["event"] == "PassFinished"]
     chosen = "; ".join("{} {}".format(key, value) for key, value in started["settings"].items())
     return "<p>{}<br><span class=\"count\">{}</span></p>{}".format(

@@ -6,6 +6,8 @@ import urllib.error
 import urllib.request
 from typing import Any, Dict, Iterator, List, Optional
 
+from behavior_controller.text import clean
+
 SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
 WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure", "r": "was halted",
          "-": ""}
@@ -29,7 +31,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
     try:
         for news in _news(base) if chosen.watch else [_fetch(base)]:
             state.update(news)
-            text = "\n".join(lines(state, chosen.all))
+            text = "\n".join(clean(line, len(line)) for line in lines(state, chosen.all))
             print(CLEAR + text if chosen.watch and sys.stdout.isatty() else text, flush=True)
     except (OSError, ValueError, KeyError) as error:
         reason = getattr(error, "reason", error)

@@ -18,6 +18,7 @@ from behavior_controller.bt.language.script import Script, to_bool
 from behavior_controller.bt.registry import Port
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.text import clean
 
 Result = Union[Status, Skipped]
 Observer = Callable[[Behaviour, Status, Status], None]
@@ -259,8 +260,8 @@ class Node(Behaviour):
 def label(node: Any) -> Tuple[str, str]:
     """Return a node's name, and what tells it from others of that name: its type, if that is another, and its uid."""
     if node.full_path.rsplit("/", 1)[-1] == "{}::{}".format(node.name, node.uid):
-        return node.name, "#{}".format(node.uid)
-    return node.name, "({}) #{}".format(node.registration_id, node.uid)
+        return clean(node.name), "#{}".format(node.uid)
+    return clean(node.name), "({}) #{}".format(node.registration_id, node.uid)
 
 
 _DECISIONS = {"_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
