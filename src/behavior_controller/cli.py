@@ -5,6 +5,10 @@ import os
 import sys
 from typing import Any, List, Optional, Tuple
 
+try:
+    import behavior_controller.bt
+except ImportError as error:  # py-trees-render would show a traceback
+    sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
 from behavior_controller import folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
@@ -18,7 +22,8 @@ GOOD, BAD = 0, 2
 def validate(argv: Optional[List[str]] = None) -> int:
     """``validateMission FILE…``: print every fault of each file. Return 0 if all can be run, else 2."""
     parser = argparse.ArgumentParser(prog="validateMission", description="Check robot missions without running them.",
-                                     epilog="exit code: 0 if every file can be run, else 2")
+                                     epilog="exit code: 0 if every file can be run, 2 if not, 1 if a Python "
+                                            "package is missing or too old")
     parser.add_argument("files", nargs="+", metavar="FILE", help="a mission, as Groot2 saves it")
     parser.add_argument("--json", action="store_true", help="print the faults as a JSON array, for editors")
     options = parser.parse_args(_without_ros_arguments(argv))

@@ -1,4 +1,5 @@
 """The commands for mission authors: what they print, and their exit codes."""
+import importlib.util
 import json
 import os
 import subprocess
@@ -231,3 +232,48 @@ def test_a_reader_that_goes_away_ends_a_tool_in_silence(file):
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_wrong_call_is_exit_code_2_with_every_stream(tool):
     assert in_shell(tool, "2>&-", "--nonsense") == (2, "", "")
+
+
+# ------------------------------------------------------------------------------------------------- an older py_trees
+
+DRAW = "import sys; sys.argv = ['py-trees-render']; import behavior_controller.cli"
+
+
+def run_with_py_trees(folder, version, arguments):
+    """Run Python while a py_trees of that version, which cannot be imported, comes first."""
+    package = folder / "py_trees"
+    package.mkdir()
+    (package / "version.py").write_text("# License: BSD\n__version__ = '{}'\n".format(version))
+    (package / "__init__.py").write_text("raise ImportError('this py_trees was taken')\n")
+    path = os.pathsep.join([str(folder)] + [path for path in sys.path if path])
+    return subprocess.run([sys.executable] + arguments, env=dict(os.environ, PYTHONPATH=path), timeout=60,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
+
+
+@pytest.mark.parametrize("command, arguments", [
+    ("validateMission", [os.path.join(EXECUTABLES, "validateMission"), LAB_TOUR]),
+    ("exportNodeModel", [os.path.join(EXECUTABLES, "exportNodeModel")]),
+    ("replayMission", [os.path.join(EXECUTABLES, "replayMission"), "mission.jsonl"]),
+    ("behaviorController", [os.path.join(EXECUTABLES, "behaviorController")]),
+    ("py-trees-render", ["-c", DRAW]),
+])
+def test_an_older_py_trees_is_told_in_one_line(tmp_path, command, arguments):
+    if command == "behaviorController" and importlib.util.find_spec("rospy") is None:
+        pytest.skip("needs ROS")
+    done = run_with_py_trees(tmp_path, "0.7.6", arguments)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert done.stderr.startswith("{}: py_trees 0.7.6 in {} is found first and too old, 2.2 or newer is needed (".format(
+        command, tmp_path / "py_trees"))
+
+
+def test_the_status_in_the_terminal_needs_no_py_trees(tmp_path):
+    done = run_with_py_trees(tmp_path, "0.7.6", [os.path.join(EXECUTABLES, "missionStatus"), "--help"])
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("version, is_refused", [
+    ("1.4.0", True), ("2.1.6", True), ("2.2.0", False), ("2.10.0", False), ("10.0.0", False)])
+def test_which_py_trees_is_too_old(tmp_path, version, is_refused):
+    done = run_with_py_trees(tmp_path, version, [os.path.join(EXECUTABLES, "exportNodeModel")])
+    assert done.returncode == 1
+    assert ("too old" in done.stderr, "this py_trees was taken" in done.stderr) == (is_refused, not is_refused)

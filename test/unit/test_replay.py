@@ -10,12 +10,13 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
-from behavior_controller.events import HealthChanged
+from behavior_controller.events import HealthChanged, PassFinished
 from behavior_controller.gateway import AttentionStatus, Cause, Faces, Failure, GoTo, SetAttention, Topic
 from behavior_controller.health import GONE
 from behavior_controller.watch.record import Record, new_folder
 from behavior_controller.watch.replay import main, read_record, replay
 from mission_rig import Rig, visitor_who
+from test_runner import ASKS_WITHOUT_START_OF_TREE
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 CAUSES = [Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION,
@@ -31,7 +32,7 @@ def visitors():
         else:
             rig.clock.advance(0.5)
             rig.topics.publish(Topic.FACES, Faces((), ()))
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 3))
+            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 0))
 
     return [("engages", visitor_who(says="yes"), True), ("by tablet", visitor_who(), False),
             ("declines", visitor_who(says="no"), True), ("silent", visitor_who(), True),
@@ -104,6 +105,20 @@ def test_an_edited_mission_says_where_it_parts(tmp_path, mission, old, new, wher
     else:
         assert where in outcome.parting and outcome.parting.startswith("in pass 1, ")
         assert "recorded is" in outcome.parting and ", now " in outcome.parting
+
+
+def test_a_replay_forgets_each_visitor_when_the_run_did(tmp_path, mission):
+    with open(mission, "w") as file:
+        file.write("<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(ASKS_WITHOUT_START_OF_TREE))
+
+    def says_yes_in_the_first_pass(rig):
+        visitor_who(says=None if rig.of(PassFinished) else "yes")(rig)
+
+    lines = read_record(recorded(tmp_path, says_yes_in_the_first_pass, mission=mission, runs=2))
+    assert [line["outcome"] for line in lines if line["event"] == "PassFinished"] == ["SUCCESS", "FAILURE"]
+    assert replay(lines).parting == ""
+    # the second visitor would be taken for one who has said yes
+    assert "in pass 2" in replay([line for line in lines if line["event"] != "PassStarted"]).parting
 
 
 def test_another_answer_in_the_record_leads_elsewhere(tmp_path):

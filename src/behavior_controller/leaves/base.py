@@ -3,13 +3,14 @@
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
 """
 import itertools
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Answer, Cause, Failure, Gateway, Request, Sample, Topic, Topics
@@ -29,7 +30,9 @@ GESTURE_TARGET = "gestureTarget"  # Point that PerformDeicticGesture points at
 QUESTION_ASKED_AT = "questionAskedAt"  # monotonic seconds: only a later utterance is an answer
 ATTENTION_SET_AT = "attentionSetAt"  # monotonic seconds: only a later gaze status counts
 OF_ONE_VISITOR = (VISITOR_RESPONSE, EXHIBITS, NEXT_EXHIBIT, CURRENT_EXHIBIT, LEFT_OUT, DESCRIPTION_1, DESCRIPTION_2,
-                  TARGET_LOCATION, GESTURE_TARGET)
+                  TARGET_LOCATION, GESTURE_TARGET, QUESTION_ASKED_AT, ATTENTION_SET_AT)
+
+Shared = TypeVar("Shared")
 
 
 class Failed(NamedTuple):
@@ -76,6 +79,19 @@ class MissionContext:
         self.health = health or Health()
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget
+        self._shared: Dict[Any, Any] = {}
+
+    def shared(self, kind: Callable[[], Shared]) -> Shared:
+        """Return the one ``kind()`` of this mission, which its leaves share."""
+        return self._shared.setdefault(kind, kind())
+
+    @staticmethod
+    def begin_visit(blackboard: Blackboard, at: float) -> None:
+        """Forget the last visitor on the root's ``blackboard``; no answer and no gaze from before ``at`` counts."""
+        for key in OF_ONE_VISITOR:
+            blackboard.unset(key)
+        blackboard.set(QUESTION_ASKED_AT, at)
+        blackboard.set(ATTENTION_SET_AT, at)
 
     def leaves_of(self, tree: Tree) -> List[List[str]]:
         """Return path and type of each mission leaf, in document order."""
@@ -270,12 +286,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def use(self, sample: Sample) -> None:
         """Take what the message brought."""
 
+    def judged(self, sample: Optional[Sample]) -> None:
+        """Note what the newest message says beside the answer to the question."""
+
     def update(self) -> Result:
         """Judge the newest message."""
         if self.status is not RUNNING:
             self.started_at = self.mission.clock.now()
         sample = self.mission.topics.newest(self.topic)
-        if sample is not None and self._counts(sample) and self.is_evidence(sample.value):
+        is_true = sample is not None and self._counts(sample) and self.is_evidence(sample.value)
+        self.judged(sample)
+        if sample is not None and is_true:
             return self._true(sample)
         self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
         return RUNNING if self._waits() else self._false(sample)

@@ -159,7 +159,7 @@ def _line(event: Event) -> str:
         return "{}: retry {} failed: {}".format(event.path, event.attempt, event.failure.cause.value)
     if isinstance(event, Recovered):
         return "{}: recovery: {} ({})".format(event.path, event.outcome, event.policy)
-    return event.text if isinstance(event, Noticed) else ""
+    return event.text if isinstance(event, Noticed) and event.level != "info" else ""
 
 
 def _text(value: Any) -> str:

@@ -122,9 +122,10 @@ class _Replay:
         chosen = settings.recorded(started["settings"], "settings of the record")
         events = Events()
         self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
-        self.tree.setup(mission=MissionContext(
+        self._mission = MissionContext(
             self._world, self._world, chosen, phrases.load(chosen.language),
-            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, events, self._health))
+            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, events, self._health)
+        self.tree.setup(mission=self._mission)
 
     def take(self, line: Line) -> int:
         """Take in one line; a traversal is made again and compared. Return how many statuses it changed."""
@@ -133,6 +134,9 @@ class _Replay:
             self._world.take(line)
         elif kind == LOST:
             raise Parted("the record lacks {} lines".format(line["lines"]))
+        elif kind == "PassStarted":
+            self.clock._now = line["at"]
+            self._mission.begin_visit(self.tree.blackboard, line["at"])
         elif kind == "HealthChanged":
             change = HealthChanged(*(line[name] for name in HealthChanged._fields))
             self._health.report(change.respect, change)

@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple, Un
 
 from lxml import etree
 
-from behavior_controller.bt.language.markup import ATTRIBUTE, STARTS, TOKEN, MarkupFault, diagnosis, mended
+from behavior_controller.bt.language.markup import ATTRIBUTE, STARTS, TOKEN, MarkupFault, diagnosis, mended, stray_text
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Unreadable, clean, decode, read_bytes
 
@@ -81,6 +81,11 @@ class Document:
         """Return a fault of the markup with its place."""
         line, column = self.position(fault.offset)
         return Fault(self.file, line, column, clean(fault.text, _LONGEST), clean(fault.hint, _LONGEST))
+
+    def stray_text(self, most: int) -> List[Fault]:
+        """Return warnings of the first ``most`` texts that stand where only elements count."""
+        found = itertools.islice(stray_text(self.text), most)
+        return [self.fault(fault)._replace(is_warning=True) for fault in found]
 
 
 # ------------------------------------------------------------------------------------------------------------- one file
