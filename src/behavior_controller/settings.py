@@ -1,4 +1,4 @@
-"""The configuration: a file of ``key value`` lines, overridden by ROS parameters, checked as a whole at the start.
+"""The configuration: a file of ``key value`` lines, overridden by ROS parameters and arguments, checked as a whole.
 
 ``read_configuration`` works on any list of keys; the test package reads its own file with it.
 """
@@ -182,9 +182,26 @@ def defaults(**given: Any) -> Settings:
     return Settings(values)
 
 
-def load(path: str, overrides: Optional[Mapping[str, Any]] = None) -> Settings:
+def split_arguments(argv: Sequence[str]) -> Tuple[List[str], Dict[str, str]]:
+    """Return the arguments that rospy is to see, and key -> value of each ``_key:=value``.
+
+    rospy would put the latter on the parameter server, where they outlive the process and a later one finds them.
+    """
+    others: List[str] = []
+    given: Dict[str, str] = {}
+    for argument in argv:
+        name, is_assignment, value = argument.partition(":=")
+        if is_assignment and name.startswith("_") and not name.startswith("__"):
+            given[name[1:]] = value
+        else:
+            others.append(argument)
+    return others, given
+
+
+def load(path: str, overrides: Optional[Mapping[str, Any]] = None,
+         arguments: Optional[Mapping[str, str]] = None) -> Settings:
     """Read the controller's configuration. Raises ConfigurationError with every fault."""
-    return Settings(read_configuration(path, KEYS, overrides))
+    return Settings(read_configuration(path, KEYS, overrides, arguments))
 
 
 def recorded(values: Mapping[str, Any], where: str) -> Settings:
@@ -195,8 +212,9 @@ def recorded(values: Mapping[str, Any], where: str) -> Settings:
     return Settings(reader.result())
 
 
-def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None) -> Dict[str, Any]:
-    """Return a value for each of ``keys`` from a file and from overriding ROS parameters.
+def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None,
+                       arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
+    """Return a value for each of ``keys`` from a file, overriding ROS parameters, and ``arguments``, which override both.
 
     Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad value, missing key.
     """
@@ -207,6 +225,8 @@ def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mappi
             raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(path, line_number)])
     for name, value in (overrides or {}).items():
         reader.override(name, value)
+    for name, text in (arguments or {}).items():
+        reader.argument(name, text)
     return reader.result()
 
 
@@ -246,8 +266,7 @@ class _Reader:
         rest = rest[1:].lstrip() if rest.startswith("=") else rest
         text = rest[:_COMMENT.search(rest).start()].rstrip()  # type: ignore[union-attr]
         if name not in self.keys:
-            self._fault(line_number, column, "unknown key {}".format(name), did_you_mean(name, self.keys)
-                        or "the keys: {}".format(", ".join(self.keys)))
+            self._fault(line_number, column, "unknown key {}".format(name), self._nearest(name))
         elif name in self.given:
             self._fault(line_number, column, "the key {} stands in line {} already".format(name, self.given[name]))
         else:
@@ -274,6 +293,18 @@ class _Reader:
                                      "allowed: {}".format(self.keys[name].allowed)))
         else:
             self._value(name, str(value).lower() if isinstance(value, bool) else str(value), 0, 0, where)
+
+    def argument(self, name: str, text: str) -> None:
+        """Take one argument of the command line."""
+        where = "argument {}".format(name)
+        if name in self.keys:
+            self.given.setdefault(name, 0)
+            self._value(name, text, 0, 0, where)
+        else:
+            self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name), self._nearest(name)))
+
+    def _nearest(self, name: str) -> str:
+        return did_you_mean(name, self.keys) or "the keys: {}".format(", ".join(self.keys))
 
     def _value(self, name: str, text: str, line_number: int, column: int, where: str = "") -> None:
         key = self.keys[name]

@@ -200,11 +200,11 @@ class TestStartUp(unittest.TestCase):
         self.package.write("data/broken.xml", MISSION.format("<Sequence>"))
         self.assert_refused(("broken.xml:",))
 
-    def test_a_parameter_overrides_the_file(self):
+    def test_an_argument_overrides_the_file_and_leaves_nothing_on_the_master(self):
         self.robot()
         code, text = self.run_node("_scenarioSpecification:=other")
-        self.addCleanup(rosgraph.Master("/test").deleteParam, "/behaviorController")
         self.assertEqual(code, 2)
+        self.assertFalse(rosgraph.Master("/test").hasParam("/behaviorController"), "a later run would find it")
         self.assert_line(text, "INFO", "override", "scenarioSpecification other")
         self.assert_line(text, "ERROR", "other.xml", "lab_tour")
 
@@ -219,12 +219,12 @@ class TestStartUp(unittest.TestCase):
             self.assert_line(text, "ERROR", "parameter ~language: language cannot be of type " + kind)
             self.assertEqual(text.count("ERROR"), 2)  # the fault, and the sum
 
-    def test_a_parameter_that_ros_cannot_carry_is_one_line(self):
-        code, text = self.run_node("_language:=2026-01-01", "_topicMaxAge:=null", "_missionRuns:=99999999999")
+    def test_an_argument_of_an_odd_value_is_one_line(self):
+        code, text = self.run_node("_topicMaxAge:=2026-01-01", "_conditionWait:=null", "_missionRuns:=99999999999")
         self.assertEqual(code, 2)
-        self.assert_line(text, "parameter ~language: language cannot be 2026-01-01")
-        self.assert_line(text, "parameter ~topicMaxAge: topicMaxAge cannot be None")
-        self.assert_line(text, "parameter ~missionRuns: missionRuns cannot be 99999999999")
+        self.assert_line(text, 'argument topicMaxAge: topicMaxAge cannot be "2026-01-01"')
+        self.assert_line(text, 'argument conditionWait: conditionWait cannot be "null"')
+        self.assert_line(text, 'argument missionRuns: missionRuns cannot be "99999999999"')
         self.assertNotIn("Traceback", text)
 
     # ------------------------------------------------------------------------------------------------ command line

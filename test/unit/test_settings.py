@@ -10,15 +10,15 @@ from behavior_controller.errors import ConfigurationError
 GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"
 
 
-def load(tmp_path, text, overrides=None):
+def load(tmp_path, text, *overrides):
     path = tmp_path / "test.ini"
     path.write_text(text, encoding="utf-8")
-    return settings.load(str(path), overrides)
+    return settings.load(str(path), *overrides)
 
 
-def faults(tmp_path, text, overrides=None):
+def faults(tmp_path, text, *overrides):
     with pytest.raises(ConfigurationError) as raised:
-        load(tmp_path, text, overrides)
+        load(tmp_path, text, *overrides)
     return [str(fault).replace(str(tmp_path) + "/", "") for fault in raised.value.faults]
 
 
@@ -215,6 +215,24 @@ def test_the_settings_of_a_record_are_checked():
         settings.recorded(dict(settings.defaults().values, topicMaxAge="x", asrEnabled=None, oldKey=1), "r")
     assert sorted(str(fault).split(" (")[0] for fault in raised.value.faults) == [
         "r: asrEnabled cannot be of type NoneType", "r: topicMaxAge cannot be \"x\"", "r: unknown key oldKey"]
+
+
+def test_arguments_override_parameters_and_the_file(tmp_path):
+    found = load(tmp_path, GOOD, {"missionRuns": 2, "startupTimeout": 4}, {"missionRuns": "3", "asrEnabled": "false"})
+    assert (found.mission_runs, found.startup_timeout, found.asr_enabled) == (3, 4.0, False)
+
+
+def test_no_argument_is_ignored(tmp_path):
+    assert faults(tmp_path, GOOD, {}, {"asrEnabled": "", "misionRuns": "1", "colour": "red"}) == [
+        "argument asrEnabled: asrEnabled cannot be empty (allowed: true or false)",
+        "argument misionRuns: unknown key misionRuns (did you mean missionRuns?)",
+        "argument colour: unknown key colour (the keys: {})".format(", ".join(key.name for key in settings.KEYS))]
+
+
+def test_arguments_are_kept_from_rospy():
+    given = ["node", "_asrEnabled:=false", "__name:=n", "/a:=/b", "_recordDirectory:=/tmp/a:=b", "_language:=", "--help"]
+    assert settings.split_arguments(given) == (["node", "__name:=n", "/a:=/b", "--help"], {
+        "asrEnabled": "false", "recordDirectory": "/tmp/a:=b", "language": ""})
 
 
 def test_each_service_has_its_deadline(tmp_path):

@@ -7,7 +7,6 @@ import os
 import sys
 import threading
 import time
-import xmlrpc.client
 from typing import Any, Dict, List, Optional, Union
 
 import rosgraph
@@ -31,6 +30,7 @@ from behavior_controller.ros.services import RosGateway
 from behavior_controller.ros.signals import Signals
 from behavior_controller.ros.topics import RosTopics
 from behavior_controller.runner import Runner, Running
+from behavior_controller.settings import split_arguments
 from behavior_controller.watch.board import Board
 from behavior_controller.watch.groot2 import Groot2Publisher
 from behavior_controller.watch.page import Page
@@ -105,23 +105,9 @@ def _join_ros(argv: List[str]) -> None:
         raise NodesMissing("no ROS master at {}: start roscore or the robot, or set ROS_MASTER_URI".format(
             rosgraph.get_master_uri()))
     try:
-        _check_parameters(rospy.client.load_command_line_node_params(argv))
-        rospy.init_node(NAME, argv=argv, disable_signals=True)
+        rospy.init_node(NAME, argv=split_arguments(argv)[0], disable_signals=True)
     except (rospy.ROSException, ValueError) as error:
         raise ConfigurationError([Fault("command line", 0, 0, str(error))])
-
-
-def _check_parameters(given: Dict[str, Any]) -> None:
-    """Refuse parameters of the command line that ROS cannot carry, such as a date or null."""
-    faults = []
-    for name, value in given.items():
-        try:
-            xmlrpc.client.dumps((value,))
-        except (TypeError, OverflowError):
-            faults.append(Fault("parameter ~{}".format(name), 0, 0, "{} cannot be {}".format(name, value),
-                                "allowed: a value that ROS can carry"))
-    if faults:
-        raise ConfigurationError(faults)
 
 
 def _part_from_ros() -> None:

@@ -1,5 +1,6 @@
 """Reads all that decides about a run (configuration, phrases, policy, mission) and finds all that is wrong."""
 import os
+import sys
 from typing import Any, Callable, Dict, List, NamedTuple
 
 import rospy
@@ -17,6 +18,7 @@ from behavior_controller.policy import Policy
 from behavior_controller.policy import load as load_policy
 from behavior_controller.settings import Settings
 from behavior_controller.settings import load as load_settings
+from behavior_controller.settings import split_arguments
 
 CONFIGURATION = "behaviorControllerConfiguration.ini"
 POLICY = "recoveryPolicy.ini"
@@ -36,8 +38,9 @@ class Plan(NamedTuple):
 
 def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Plan:
     """Read everything and tell what is going to run. Raises FaultsFound with all that is wrong."""
-    overrides = _private_parameters()
-    settings = load_settings(folders.config(CONFIGURATION), overrides)
+    parameters, given = _private_parameters(), split_arguments(sys.argv)[1]
+    settings = load_settings(folders.config(CONFIGURATION), parameters, given)
+    overrides = {**parameters, **given}
     overriding = ["{} {}".format(key, overrides[key]) for key in settings.values if key in overrides]
     if overriding:
         tell("info", "parameters of the node override the configuration: {}".format(", ".join(overriding)))

@@ -4,12 +4,13 @@ import os
 from collections import Counter
 from typing import List, Tuple
 
+from behavior_controller import settings
 from behavior_controller.gateway import Cause
 from behavior_controller.text import clean
 
+from unit_tests.arguments import to_text
 from unit_tests.configuration import KEYS, Configuration
 from unit_tests.facts import Facts, count, of
-from unit_tests.faults import PlannedFault
 from unit_tests.matching import CAUSE_OF, Matching
 from unit_tests.robot import SERVICES
 from unit_tests.verdict import Verdict, judge, reached
@@ -21,8 +22,9 @@ ALWAYS_TOLD = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
 TOLD_IF_SET = ("missionRuns", "faultKinds", "plannedFaults")
 """Keys of the test that it shows if they are not the default. The rest does not change what happens."""
 
-SHAPES_THE_RUN = {"asrEnabled": True, "mutualGazeValue": 1}
-"""Keys of the controller that the launch file takes -> the default, which the title need not tell."""
+NOT_TOLD = {"scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port", "groot2Address",
+            "monitorPort", "monitorAddress", "recordDirectory"}
+"""Keys of the controller that the title has already, or that do not change what happens. It shows the rest if it is set."""
 
 
 def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
@@ -34,21 +36,11 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     told += [(key.name, chosen[key.name]) for key in KEYS
              if key.name in TOLD_IF_SET and chosen[key.name] != key.default]
     given = started[-1].get("settings", {}) if started else {}
-    told += [(name, given[name]) for name, usual in SHAPES_THE_RUN.items() if given.get(name, usual) != usual]
+    told += [(name, given[name]) for name, usual in settings.defaults().values.items()
+             if name not in NOT_TOLD and given.get(name, usual) != usual]
     told += [("use_real_" + node, True) for node in sorted(facts.real)]
     return clean("{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission, "; ".join(
-        "{} {}".format(name, _value(value)) for name, value in told)))
-
-
-def _value(value: object) -> str:
-    """Return a value as an argument of the launch file has it."""
-    if isinstance(value, PlannedFault):
-        return ":".join(map(str, value))
-    if isinstance(value, tuple):
-        return ",".join(map(_value, value))
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "{:g}".format(value) if isinstance(value, float) else str(value)
+        "{} {}".format(name, to_text(value)) for name, value in told)))
 
 
 def failure_lines(facts: Facts) -> List[str]:
