@@ -2,6 +2,7 @@
 
 ``read_configuration`` works on any list of keys; the test package reads its own file with it.
 """
+import ipaddress
 import math
 import re
 from types import MappingProxyType
@@ -86,12 +87,26 @@ def mission_name(text: str) -> str:
     return name[:-4] if name.endswith(".xml") else name
 
 
+def address(text: str) -> str:
+    """Return an IP address or the name of a host.
+
+    What merely looks like an address is refused: the system's resolver takes nothing, 0 and 0x0 for all addresses.
+    """
+    labels = text.lower().split(".")
+    if ":" in text or re.fullmatch("[0-9]*|0x[0-9a-f]*", labels[-1]):
+        return str(ipaddress.ip_address(text))
+    if len(text) > 253 or not all(re.fullmatch("[0-9a-z_][0-9a-z_-]{0,62}", label) for label in labels):
+        raise ValueError(text)
+    return text
+
+
 def words(text: str) -> str:
     """Return any text."""
     return text
 
 
 _SECONDS = "a number of seconds, 0 or more"
+_ADDRESS = "an address or a host name of this computer, 127.0.0.1 for itself alone, 0.0.0.0 for all networks"
 _POSITIVE = "a number of seconds, more than 0 and at most 86400"
 
 
@@ -128,11 +143,11 @@ KEYS: Tuple[Key, ...] = (
     _deadline("textToSpeechDeadline", 60.0, "/textToSpeech/say_text"),
     Key("groot2Port", integer(0, 65534), "a port from 1 to 65534, or 0", 1667,
         "where Groot2 connects, with the port after it; 0: nobody can"),
-    Key("groot2Address", words, "an address of this computer", "127.0.0.1",
+    Key("groot2Address", address, _ADDRESS, "127.0.0.1",
         "who may connect: 127.0.0.1 this computer alone, 0.0.0.0 everybody on the network"),
     Key("monitorPort", integer(0, 65535), "a port from 1 to 65535, or 0", 8080,
         "where a browser sees the mission; 0: nobody does"),
-    Key("monitorAddress", words, "an address of this computer", "127.0.0.1", "who may look, as groot2Address"),
+    Key("monitorAddress", address, _ADDRESS, "127.0.0.1", "who may look, as groot2Address"),
     Key("recordDirectory", words, "a folder, nothing, or none", "",
         "where to write the record mission.jsonl; empty: a new folder among ROS' logs; none: nowhere"),
 )

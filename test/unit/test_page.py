@@ -31,20 +31,23 @@ class Stop(Exception):
 class Show:
     """A mission on a page."""
 
-    def __init__(self, rig):
+    def __init__(self, rig, address="127.0.0.1"):
         self.rig, self.warnings = rig, []
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = probe.getsockname()[1]
-        self.page = Page("127.0.0.1", self.port, Board(rig.mission.events, rig.mission.health, registry()),
+        self.page = Page(address, self.port, Board(rig.mission.events, rig.mission.health, registry()),
                          self.warnings.append)
         self.page.show(rig.tree)
         self.url = "http://127.0.0.1:{}/".format(self.port)
 
-    def fetch(self, path="", method="GET"):
-        """Return status and body."""
+    def fetch(self, path="", method="GET", host=None):
+        """Return status, body and headers; ``host`` is the name that the page is asked for by, empty for none."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=5)
-        connection.request(method, "/" + path)
+        connection.putrequest(method, "/" + path, skip_host=host is not None)
+        if host:
+            connection.putheader("Host", host)
+        connection.endheaders()
         answer = connection.getresponse()
         return answer.status, answer.read().decode(), answer.headers
 
@@ -66,8 +69,8 @@ class Show:
 def show():
     shows = []
 
-    def make(rig):
-        shows.append(Show(rig))
+    def make(rig, **more):
+        shows.append(Show(rig, **more))
         return shows[-1]
 
     yield make
@@ -198,11 +201,68 @@ def test_it_needs_nothing_from_elsewhere_and_takes_no_orders(show):
     for path in ("", "page.js", "page.css", "icon.svg"):
         status, body, headers = shown.fetch(path)
         assert status == 200 and "http://" not in body.replace("http://www.w3.org/2000/svg", "") and "https://" not in body
-        assert headers["Content-Security-Policy"] == "default-src 'self'"
+        assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'"
+        assert headers["X-Frame-Options"] == "DENY"
     assert json.loads(shown.fetch("state")[1]).keys() == set(PARTS)
     for method in ("POST", "PUT", "DELETE"):
         assert shown.fetch("state", method)[0] == 405
     assert shown.fetch("../page.py")[0] in (403, 404) and shown.fetch("none")[0] == 404
+
+
+@pytest.mark.parametrize("path", ["", "page.js", "state", "events", "none"])
+@pytest.mark.parametrize("host", ["rebound.example", "rebound.example:8080", "localhost.rebound.example", "93.184.216.34",
+                                  "127.0.0.1.rebound.example", "localhost@rebound.example", "127.0.0.1, rebound.example", ""])
+def test_a_foreign_name_is_refused(show, path, host):
+    """A site whose name points at this computer could else read the page in the operator's browser."""
+    status, body, headers = show(Rig()).fetch(path, host=host)
+    assert status in (400, 403) and "mission" not in body and "<" not in body
+    assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'" or status == 400
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:9", "localhost", "LocalHost:8080", "127.1.2.3", "[::1]:8080"])
+def test_loopback_names_are_answered(show, host):
+    assert show(Rig()).fetch("state", host=host)[0] == 200
+
+
+def test_to_the_network_the_page_answers_by_address_and_host_name(show):
+    own, shown = socket.gethostname(), show(Rig(), address="0.0.0.0")
+    addresses = {entry[4][0] for entry in socket.getaddrinfo(own, None, socket.AF_INET)}
+    for host in (own, own.upper() + ":80", own + ".local", "localhost"):
+        assert shown.fetch("state", host=host)[0] == 200
+    for address in addresses:
+        with urllib.request.urlopen("http://{}:{}/state".format(address, shown.port), timeout=5) as answer:
+            assert answer.status == 200
+    for host in (own + ".rebound.example", "rebound.example", "0.0.0.0"):
+        assert shown.fetch("state", host=host)[0] == 403
+
+
+def test_a_foreign_page_cannot_frame_it(show, browser, tmp_path):
+    shown = show(Rig())
+    (tmp_path / "foreign.html").write_text("<title>foreign</title><iframe src='{}'></iframe>".format(shown.url))
+    browser.get("file://{}/foreign.html".format(tmp_path))
+    wait_until(lambda: any("frame-ancestors" in entry["message"] for entry in browser.get_log("browser")))
+
+
+def test_idle_connections_are_capped_and_make_room(show):
+    shown = show(Rig())
+    before = len(os.listdir("/proc/self/fd"))
+    idle = [socket.create_connection(("127.0.0.1", shown.port)) for _ in range(300)]
+
+    def open_by_page():
+        return len(os.listdir("/proc/self/fd")) - before - len(idle)
+
+    wait_until(lambda: open_by_page() <= 64)
+    wait_until(lambda: is_served(shown))  # as soon as one of them has been idle for two seconds
+    assert open_by_page() <= 64
+    for each in idle:
+        each.close()
+
+
+def is_served(shown):
+    try:
+        return shown.fetch("state")[0] == 200
+    except OSError:
+        return False
 
 
 def test_changes_are_pushed_together(show):
@@ -233,7 +293,7 @@ def test_browsers_that_vanish_or_never_read_disturb_nobody(show):
     shown = show(rig)
     idle = [socket.create_connection(("127.0.0.1", shown.port)) for _ in range(70)]
     for number, each in enumerate(idle):
-        each.sendall(b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n" if number % 3 else b"\x00\xff garbage\r\n\r\n")
+        each.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n" if number % 3 else b"\x00\xff garbage\r\n\r\n")
     wait_until(lambda: len(shown.page.streams) == 20)
     began = time.perf_counter()
     for _ in range(2000):

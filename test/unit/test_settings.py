@@ -78,6 +78,20 @@ def test_one_fault_each(tmp_path, line, expected):
     assert faults(tmp_path, GOOD + line + "\n") == [expected]
 
 
+@pytest.mark.parametrize("key", ["groot2Address", "monitorAddress"])
+@pytest.mark.parametrize("value", ["", "*", "a b", "0", "0x0", "0x7f.1", "127.0.0", "1.2.3.256", "-a", "a..b", "a/b", "a:80",
+                                   "http://a", "[::1]", "::1::", "a" * 64, "b." * 127 + "b", "\u0661", "."])
+def test_what_is_no_address_is_a_fault(tmp_path, key, value):
+    found = faults(tmp_path, GOOD + "{} {}\n".format(key, value))
+    assert len(found) == 1 and "{} cannot be {}".format(key, "\"{}\"".format(value) if value else "empty") in found[0]
+    assert "allowed: an address or a host name of this computer" in found[0]
+
+
+@pytest.mark.parametrize("value", ["127.0.0.1", "0.0.0.0", "192.168.1.7", "::1", "::", "localhost", "pepper.local", "robot_2", "3com.com"])
+def test_addresses_and_host_names(tmp_path, value):
+    assert load(tmp_path, GOOD + "monitorAddress {}\n".format(value)).monitor_address == value
+
+
 @pytest.mark.parametrize("value", ["yes", "1", "0", "on", "tru"])
 def test_nothing_else_is_a_boolean(tmp_path, value):
     assert faults(tmp_path, GOOD.replace("true", value)) == [
