@@ -30,10 +30,17 @@ def run(name: str, main: Callable[[], int]) -> int:
 
 
 def open_closed_streams() -> None:
-    """Open the null device for each standard stream that is closed, which Python has as None."""
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+    """Let standard streams that the process was started without lead to the null device.
+
+    Modules expect them to be there, and a socket that got the number of one would be written to.
+    """
+    spare = os.open(os.devnull, os.O_RDWR)
+    while spare < 3:
+        spare = os.dup(spare)
+    os.close(spare)
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode))
+            setattr(sys, name, open(number, mode))
 
 
 def _discard(descriptor: int) -> None:

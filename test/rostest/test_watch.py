@@ -63,6 +63,17 @@ class TestWatch(unittest.TestCase):
         self.addCleanup(self.node.close)
         self.robot.wait_for_request(SAY, 20)
 
+    def test_where_to_find_page_and_record_is_told(self):
+        self.start()
+        record = os.path.join(self.folder, "record", "mission.jsonl")
+        lines = [line for _, line in self.node.lines.all]
+        self.assertTrue(any(line.endswith("page: http://127.0.0.1:{}/".format(self.page)) for line in lines), lines)
+        self.assertTrue(any(line.endswith(" record: " + record) for line in lines), lines)
+        self.node.stop()
+        self.assertTrue(self.node.lines.text().endswith("record of this run: " + record), self.node.lines.text())
+        with open(record) as file:
+            self.assertEqual(json.loads(file.read().splitlines()[-1])["event"], "RunFinished")
+
     def command(self, name, *arguments):
         """Run one of the package's commands and return its exit code and what it printed."""
         done = subprocess.run([sys.executable, self.package.path("src/behavior_controller/" + name)] + list(arguments),

@@ -66,15 +66,16 @@ class Rig:
             self._is_set_up = True
         return self.tree.tick_once()
 
-    def run(self, visitor, runs=1, is_stopped=lambda: False, successor=lambda: None):
-        """Run passes; ``visitor(rig)`` acts whenever the mission waits. Return the exit code."""
+    def run(self, visitor, runs=1, **options):
+        """Run passes; ``visitor(rig)`` acts whenever the mission waits; ``options`` are the runner's. Return the code."""
         rig = self
 
         class Waiting(runner.Runner):
             def wait(self, seconds):
                 visitor(rig)
 
-        self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs), is_stopped, successor)
+        options.setdefault("is_stopped", lambda: False)
+        self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs), **options)
         return self.runner.run()
 
 

@@ -206,6 +206,37 @@ def test_what_was_read_anew_runs_from_the_next_pass_on():
     assert [request.text for request in rig.requests][1:] == 2 * [rig.requests[1].text] != 2 * [rig.requests[0].text]
 
 
+def test_a_stop_while_another_mission_waits_halts_the_one_that_runs():
+    dropped, stopped = [], []
+    rig = one_leaf("<Sequence><LookUpHome/><Navigate/></Sequence>",
+                   lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    other = one_leaf("<FollowMeSpeech/>")
+    other.mission.gateway = rig.gateway
+    waiting = [Running(other.tree, other.mission, "other.xml", 0)]
+
+    def stop(rig):
+        rig.gateway.calls[1]._abandon = lambda: dropped.append(True)
+        stopped.append(True)
+
+    rig.run(stop, runs=0, is_stopped=lambda: bool(stopped), successor=lambda: waiting.pop() if waiting else None)
+    assert dropped == [True] and rig.tree.is_idle
+    assert rig.requests[2:] == SAFE
+    assert other.of(RunStarted) == []
+    assert len(rig.of(RunFinished)) == 1
+
+
+def test_a_stop_may_have_an_exit_code_of_its_own():
+    stopped = []
+    rig = one_leaf("<AlwaysFailure/>")
+
+    def stop(rig):
+        stopped.extend(rig.of(PassFinished))
+        rig.clock.advance(0.5)
+
+    assert rig.run(stop, runs=0, is_stopped=lambda: bool(stopped), stop_code=lambda: 0 if stopped else None) == 0
+    assert [event.exit_code for event in rig.of(RunFinished)] == [0]
+
+
 def test_what_changed_about_the_robot_is_told_at_a_tick():
     rig = one_leaf("<Sequence><WelcomeSpeech/><Sleep msec='700'/></Sequence>")
     change = HealthChanged("service", "/say", "", False, "gone", "", "gone")

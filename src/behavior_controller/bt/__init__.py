@@ -25,7 +25,7 @@ def _refuse_older_py_trees() -> None:
         if found is not None and (int(found.group(2)), int(found.group(3))) < OLDEST_PY_TREES:
             raise ImportError(
                 "py_trees {} in {} is found first and too old, {}.{} or newer is needed (remove it, or put a newer one "
-                "before it on PYTHONPATH)".format(found.group(1), folder, *OLDEST_PY_TREES))
+                "before it on PYTHONPATH)".format(found.group(1), folder, *OLDEST_PY_TREES), name="py_trees")
 
 
 _refuse_older_py_trees()

@@ -52,6 +52,11 @@ class Page:
             return
         self._thread = LoopThread("page", self._begin, self._end)
 
+    @property
+    def is_served(self) -> bool:
+        """Whether the port could be opened."""
+        return self._thread is not None
+
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on, also to who looks already."""
         self.board.show(tree)

@@ -51,7 +51,10 @@ def new_folder(logs: str) -> str:
 
 
 class Record:
-    """Writes ``<directory>/mission.jsonl``. A sink of events. What cannot be written is told once; the run goes on."""
+    """Writes ``<directory>/mission.jsonl``. A sink of events. What cannot be written is told once; the run goes on.
+
+    The file is opened, written and closed on a thread of its own: a disk may take its time, or for ever.
+    """
 
     def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None]):
         self.path = os.path.join(directory, FILE_NAME)
@@ -67,6 +70,11 @@ class Record:
         self._calls = 0
         self._thread: Optional[threading.Thread] = threading.Thread(target=self._write, name="record", daemon=True)
         self._thread.start()
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether nothing has kept the record from being written so far."""
+        return self._thread is not None
 
     def _tell(self, reason: Any) -> None:
         self._complain("no record is written to {}: {}; the mission goes on".format(self.path, reason))

@@ -1,6 +1,6 @@
 """The arguments of a test: every key of both configurations, and what concerns the test as a whole."""
 import os
-from typing import Dict, Iterable, List, Mapping, Sequence, Tuple
+from typing import Dict, Iterable, List, Mapping, Sequence
 
 from behavior_controller import folders, phrases, settings
 from behavior_controller.bt.registry import did_you_mean
