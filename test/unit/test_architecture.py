@@ -15,11 +15,11 @@ LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli", "command"],
     ["watch", "leaves"],
-    ["runner", "recovery", "bt.compiler"],
+    ["runner", "recovery", "apart", "bt.compiler"],
     ["bt.checking"],
     ["bt.engine"],
     ["bt.language"],
-    ["apart", "bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy", "sinks"],
+    ["bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy", "sinks"],
     ["errors"],
     ["text"],
 ]
