@@ -6,6 +6,7 @@ for each leaf that finishes. Each line is handed to the threads of its sinks (te
 import errno
 import logging
 import os
+import sys
 import tempfile
 import traceback
 from typing import Any, Callable, Dict
@@ -55,6 +56,9 @@ class Console:
         if not any(isinstance(handler, RosStreamHandler) for handler in rosout.handlers):
             rosout.addHandler(RosStreamHandler())
             rosout.setLevel(logging.INFO)
+        for handler in rosout.handlers:
+            if isinstance(handler, RosStreamHandler):
+                handler.addFilter(_cut_traceback)
         for logger in (rosout, logging.getLogger()):
             for handler in list(logger.handlers):
                 # a RosStreamHandler writes into our streams, which do not block
@@ -132,6 +136,14 @@ class Console:
 
     def _run_finished(self, event: RunFinished) -> None:
         self.tell("info", "ends: {} (exit code {})".format(event.outcome, event.exit_code))
+
+
+def _cut_traceback(record: logging.LogRecord) -> bool:
+    """Keep a traceback of rospy's off the terminal; the log file has it. A filter of the terminal's handler."""
+    head, found, _ = record.getMessage().partition("\nTraceback (most recent call last)")
+    if found:
+        sys.stderr.write("[{}] [{:f}]: {} (details in the log file)\n".format(record.levelname, record.created, head))
+    return not found
 
 
 def reason(failure: Any) -> str:
