@@ -26,7 +26,8 @@ bench:
 	@tools/in_workspace.sh python3 bench/bench_engine.py
 	@tools/in_workspace.sh python3 bench/bench_runtime.py $(ARGS)
 
-# the lab tour on the real node with every fault at every call: about 40 minutes. ARGS=sweep, pairs, rates or stops
+# the lab tour on the real node with every fault at every call, and an adversary around it: about 55 minutes.
+# ARGS=sweep, pairs, rates, stops or adversary
 soak:
 	@tools/in_workspace.sh python3 test/soak/soak.py $(ARGS)
 

@@ -178,6 +178,20 @@ def forget_dead_entries():
             master.unregisterPublisher(topic, master.lookupNode(node))
 
 
+def free_ports():
+    """Return a port for Groot2, which takes the next one too, and one for the page."""
+    while True:
+        with socket.socket() as first, socket.socket() as second, socket.socket() as third:
+            first.bind(("127.0.0.1", 0))
+            third.bind(("127.0.0.1", 0))
+            port = first.getsockname()[1]
+            try:
+                second.bind(("127.0.0.1", port + 1))
+                return port, third.getsockname()[1]
+            except (OSError, OverflowError):
+                continue
+
+
 class Package:
     """A copy of the package in ``folder``, whose configuration, missions and code a test may spoil."""
 

@@ -16,7 +16,7 @@ import rostest
 import zmq
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>
@@ -27,20 +27,6 @@ CALLS = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
   <START_OF_TREE/><WelcomeSpeech/>
   <Repeat num_cycles="{}"><Sequence><WelcomeSpeech/><Delay delay_msec="100"><AlwaysSuccess/></Delay></Sequence></Repeat>
   </Sequence></BehaviorTree></root>""".format(CALLED)
-
-
-def free_ports():
-    """Return a port for Groot2, which takes the next one too, and one for the page."""
-    while True:
-        with socket.socket() as first, socket.socket() as second, socket.socket() as third:
-            first.bind(("127.0.0.1", 0))
-            third.bind(("127.0.0.1", 0))
-            port = first.getsockname()[1]
-            try:
-                second.bind(("127.0.0.1", port + 1))
-                return port, third.getsockname()[1]
-            except (OSError, OverflowError):
-                continue
 
 
 class TestWatch(unittest.TestCase):
