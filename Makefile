@@ -18,7 +18,7 @@ setup:
 # compare the engine with recorded traces. VECTORS: folder of .json, or .jsonl(.xz) file; LEVEL: roots, leaves or full
 conformance:
 	@test -n '$(VECTORS)' || { echo 'say where the traces are: make conformance VECTORS=test/conformance/hand'; exit 2; }
-	@tools/in_workspace.sh python3 -m behavior_controller.bt.conformance --level $(or $(LEVEL),full) \
+	@tools/in_workspace.sh python3 test/conformance/harness.py --level $(or $(LEVEL),full) \
 	  --may-differ test/conformance/may_differ.json '$(VECTORS)'
 
 # the engine against plain py_trees and lxml

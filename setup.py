@@ -7,6 +7,9 @@ setup(**generate_distutils_setup(
     packages=[
         "behavior_controller",
         "behavior_controller.bt",
+        "behavior_controller.bt.checking",
+        "behavior_controller.bt.engine",
+        "behavior_controller.bt.language",
         "behavior_controller.leaves",
         "behavior_controller.ros",
         "behavior_controller.watch",

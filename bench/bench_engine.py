@@ -12,8 +12,8 @@ import py_trees
 from lxml import etree
 from py_trees.common import Status
 
-from behavior_controller.bt.builtins import builtin_specs
 from behavior_controller.bt.compiler import load_text
+from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.registry import Registry
 
 REGISTRY = Registry(builtin_specs())

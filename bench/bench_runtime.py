@@ -168,8 +168,8 @@ def in_ms(times):
 def hung(bench, count, seconds):
     """Return the times of ticks while all seven servers hang, and what so many hung calls leave behind."""
     import rospy
-    from behavior_controller.bt.clock import Clock
-    from behavior_controller.bt.wakeup import WakeUp
+    from behavior_controller.bt.engine.clock import Clock
+    from behavior_controller.bt.engine.wakeup import WakeUp
     from behavior_controller.gateway import Say
     from behavior_controller.ros.services import ROUTES, RosGateway
     bench.robot = Robot({kind.service: "hang" for kind in ROUTES})

@@ -1,6 +1,6 @@
 """Robot Mission Interpreter: runs a mission drawn in Groot2 on the CSSR4Africa robot.
 
-Reading order: ``errors`` and ``settings``; the engine in ``bt`` (``document`` -> ``checks`` -> ``compiler`` ->
-``node``); what leaves may ask of the robot in ``gateway``; the mission vocabulary in ``leaves``; the tick loop in ``runner``;
-who looks on in ``watch``; and last ``ros``, the only folder that knows ROS.
+Reading order: ``errors`` and ``settings``; the engine in ``bt`` (``language`` -> ``checking`` -> ``compiler`` ->
+``engine``); what leaves may ask of the robot in ``gateway``; the mission vocabulary in ``leaves``; the tick loop in
+``runner``; monitoring and records in ``watch``; and last ``ros``, the only folder that knows ROS.
 """

@@ -6,9 +6,9 @@ import sys
 from typing import Any, List, Optional, Tuple
 
 from behavior_controller import folders, leaves
-from behavior_controller.bt.document import one_line
-from behavior_controller.bt.node import label
-from behavior_controller.bt.palette import tree_nodes_model
+from behavior_controller.bt.checking.palette import tree_nodes_model
+from behavior_controller.bt.engine.node import label
+from behavior_controller.bt.language.document import one_line
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.leaves import vocabulary
 

@@ -1,8 +1,8 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
 from typing import Any, Callable, Dict, NamedTuple, Optional
 
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
-from behavior_controller.bt.tree import Tree
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, RunFinished, RunStarted
 from behavior_controller.gateway import SAFE_STATE

@@ -2,9 +2,8 @@
 import json
 import os
 
+import harness as conformance
 import pytest
-
-from behavior_controller.bt import conformance
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 with open(os.path.join(HERE, "may_differ.json"), encoding="utf-8") as file:

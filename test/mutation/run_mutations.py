@@ -15,30 +15,30 @@ VECTORS = os.path.join(ROOT, "test", "conformance")
 # the rule that is broken, file below bt/, a text of it, what the text becomes
 MUTATIONS = (
     ("Sequence and Fallback reset their children when they end early",
-     "controls.py",
+     "engine/controls.py",
      "        self.halt_children()\n"
      "        self.index = 0\n"
      "        return self.ends_at",
      "        self.index = 0\n"
      "        return self.ends_at"),
     ("Sequence and Fallback start anew after they ended early",
-     "controls.py",
+     "engine/controls.py",
      "        self.halt_children()\n"
      "        self.index = 0\n"
      "        return self.ends_at",
      "        self.halt_children()\n"
      "        return self.ends_at"),
     ("Sequence starts anew after its last child",
-     "controls.py",
+     "engine/controls.py",
      "        self.index = self.skipped = 0\n"
      "        return SKIPPED if all_skipped else self.goes_on_at",
      "        return SKIPPED if all_skipped else self.goes_on_at"),
     ("a Sequence of skipped children is SKIPPED",
-     "controls.py",
+     "engine/controls.py",
      "return SKIPPED if all_skipped else self.goes_on_at",
      "return self.goes_on_at"),
     ("the count of skipped children lasts over ticks",
-     "controls.py",
+     "engine/controls.py",
      "            if self.status is IDLE:\n"
      "                self.skipped = 0\n"
      "            self.store(RUNNING)",
@@ -46,35 +46,35 @@ MUTATIONS = (
      "            self.store(RUNNING)\n"
      "        self.skipped = 0"),
     ("a halted Sequence starts anew",
-     "controls.py",
+     "engine/controls.py",
      "        self.index = self.skipped = 0\n"
      "        super().halt()",
      "        super().halt()"),
     ("AsyncSequence gives way only after a child that was idle",
-     "controls.py",
+     "engine/controls.py",
      "if was_idle and self.index < count and self.yields():",
      "if self.index < count and self.yields():"),
     ("giving way signals a wake-up",
-     "controls.py",
+     "engine/controls.py",
      "        self.wake()\n"
      "        return True",
      "        return True"),
     ("SequenceWithMemory gives way",
-     "controls.py",
+     "engine/controls.py",
      "class SequenceWithMemory(AsyncSequence):",
      "class SequenceWithMemory(Sequence):"),
     ("SequenceWithMemory keeps the status of earlier children on failure",
-     "controls.py",
+     "engine/controls.py",
      "        for child in self.children[self.index:]:",
      "        for child in self.children:"),
     ("SequenceWithMemory keeps its place when halted",
-     "controls.py",
+     "engine/controls.py",
      "    def halt(self) -> None:\n"
      "        \"\"\"Halt the children; keep the place.\"\"\"\n"
      "        Control.halt(self)",
      "    pass"),
     ("Fallback ends at SUCCESS",
-     "controls.py",
+     "engine/controls.py",
      "class Fallback(_InOrder, composites.Selector):\n"
      "    \"\"\"Children in order until one succeeds.\"\"\"\n"
      "\n"
@@ -84,196 +84,196 @@ MUTATIONS = (
      "\n"
      "    ends_at = RUNNING"),
     ("a reactive node halts its other children while one is RUNNING",
-     "controls.py",
+     "engine/controls.py",
      "                self.others_halted(index)\n"
      "                return RUNNING",
      "                return RUNNING"),
     ("a reactive node resets a skipped child",
-     "controls.py",
+     "engine/controls.py",
      "                skipped += 1\n"
      "                halt_child(child)",
      "                skipped += 1"),
     ("a reactive node resets its children at the end",
-     "controls.py",
+     "engine/controls.py",
      "            if result is self.ends_at:\n"
      "                self.halt_children()\n"
      "                return result",
      "            if result is self.ends_at:\n"
      "                return result"),
     ("Parallel fails when it can no longer succeed",
-     "controls.py",
+     "engine/controls.py",
      "if count - self.failures < needed or self.failures == allowed:",
      "if self.failures == allowed:"),
     ("Parallel fails at failure_count",
-     "controls.py",
+     "engine/controls.py",
      "self.failures == allowed:",
      "self.failures > allowed:"),
     ("skipped children count as successes if success_count is negative",
-     "controls.py",
+     "engine/controls.py",
      "(skips_count and self.successes + skipped >= needed)",
      "False"),
     ("Parallel does not tick a completed child again",
-     "controls.py",
+     "engine/controls.py",
      "            if index not in self.completed and self.execute_child(index) is SKIPPED:",
      "            if self.execute_child(index) is SKIPPED:"),
     ("ParallelAll fails at max_failures",
-     "controls.py",
+     "engine/controls.py",
      "FAILURE if self.failures >= allowed else SUCCESS",
      "FAILURE if self.failures > allowed else SUCCESS"),
     ("Parallel resets its children at the end",
-     "controls.py",
+     "engine/controls.py",
      "        self.clear()\n"
      "        self.halt_children()\n"
      "        return result",
      "        self.clear()\n"
      "        return result"),
     ("IfThenElse takes the second child on SUCCESS",
-     "controls.py",
+     "engine/controls.py",
      "            self.branch = 1 if result is SUCCESS else 2",
      "            self.branch = 2 if result is SUCCESS else 1"),
     ("IfThenElse asks its condition again after a branch",
-     "controls.py",
+     "engine/controls.py",
      "        self.branch = 0\n"
      "        return self.finished(result)",
      "        return self.finished(result)"),
     ("WhileDoElse halts the other branch",
-     "controls.py",
+     "engine/controls.py",
      "            halt_child(self.children[2 if condition is SUCCESS else 1])",
      "            pass"),
     ("Switch halts a child that is no longer chosen",
-     "controls.py",
+     "engine/controls.py",
      "        if self.running is not None and self.running != chosen:\n"
      "            halt_child(self.children[self.running])",
      "        pass"),
     ("TryCatch stays in its catch child",
-     "controls.py",
+     "engine/controls.py",
      "                self.catching = True\n"
      "                return self._catch()",
      "                return self._catch()"),
     ("TryCatch fails after its catch child",
-     "controls.py",
+     "engine/controls.py",
      "        self._end()\n"
      "        return FAILURE",
      "        self._end()\n"
      "        return SUCCESS"),
     ("TryCatch catches a halt only in its try block",
-     "controls.py",
+     "engine/controls.py",
      "not self.catching and self._catches_on_halt()",
      "self._catches_on_halt()"),
     ("Inverter turns FAILURE round",
-     "decorators.py",
+     "engine/decorators.py",
      "        return SUCCESS if result is FAILURE else result",
      "        return result"),
     ("ForceFailure fails",
-     "decorators.py",
+     "engine/decorators.py",
      "    forced = FAILURE",
      "    forced = SUCCESS"),
     ("KeepRunningUntilFailure is RUNNING after a success",
-     "decorators.py",
+     "engine/decorators.py",
      "return FAILURE if self.tick_child() is FAILURE else RUNNING",
      "return self.tick_child()"),
     ("Repeat gives way after a round done at once",
-     "decorators.py",
+     "engine/decorators.py",
      "                if was_idle and go:\n"
      "                    self.wake()\n"
      "                    return RUNNING",
      "                if False:\n"
      "                    return RUNNING"),
     ("Repeat counts from the start after a failure",
-     "decorators.py",
+     "engine/decorators.py",
      "                self.count = 0\n"
      "                halt_child(self.decorated)\n"
      "                return result",
      "                halt_child(self.decorated)\n"
      "                return result"),
     ("Retry reads its port again after a failure",
-     "decorators.py",
+     "engine/decorators.py",
      "        return self._limit()",
      "        return limit"),
     ("RunOnce remembers completions only",
-     "decorators.py",
+     "engine/decorators.py",
      "        if result is SUCCESS or result is FAILURE:\n"
      "            self.result = result",
      "        self.result = result"),
     ("Precondition does not ask again while its child runs",
-     "decorators.py",
+     "engine/decorators.py",
      "        if not self.latched:\n"
      "            self.latched = to_bool",
      "        if True:\n"
      "            self.latched = to_bool"),
     ("Precondition asks again after its child completed",
-     "decorators.py",
+     "engine/decorators.py",
      "            self.latched = False",
      "            pass"),
     ("Timeout fails at expiry",
-     "decorators.py",
+     "engine/decorators.py",
      "        if self.expired:\n"
      "            self.active = False\n"
      "            return FAILURE",
      "        pass"),
     ("Timeout halts its child at expiry",
-     "decorators.py",
+     "engine/decorators.py",
      "            halt_child(self.decorated)\n"
      "            self.wake()",
      "            self.wake()"),
     ("Delay waits",
-     "decorators.py",
+     "engine/decorators.py",
      "        if not self.over:\n"
      "            return RUNNING",
      "        pass"),
     ("a Loop is RUNNING after each item",
-     "decorators.py",
+     "engine/decorators.py",
      "return FAILURE if result is FAILURE else RUNNING",
      "return result"),
     ("SkipUnlessUpdated remembers what it has seen",
-     "decorators.py",
+     "engine/decorators.py",
      "            self.seen = sequence",
      "            pass"),
     ("a decorator resets its completed child before it changes itself",
-     "decorators.py",
+     "engine/decorators.py",
      "            self.decorated.reset()\n"
      "        return result",
      "            pass\n"
      "        return result"),
     ("WasEntryUpdated remembers",
-     "builtins.py",
+     "engine/builtins.py",
      "        self.seen = entry.sequence\n"
      "        self.services.changes += 1\n"
      "        return SUCCESS",
      "        return SUCCESS"),
     ("_while halts a running node",
-     "node.py",
+     "engine/node.py",
      "                    self.halt_node()\n"
      "                    return SKIPPED",
      "                    return SKIPPED"),
     ("_onHalted runs on a halt",
-     "node.py",
+     "engine/node.py",
      "        self.halt()\n"
      "        self._run_after(\"_onHalted\")",
      "        self.halt()"),
     ("_post runs after SUCCESS",
-     "node.py",
+     "engine/node.py",
      "            self._run_after(\"_onSuccess\", \"_post\")",
      "            self._run_after(\"_onSuccess\")"),
     ("pre-conditions are asked of an IDLE node only",
-     "node.py",
+     "engine/node.py",
      "        if status is IDLE:\n"
      "            for attribute, script in self.before:",
      "        if status is not RUNNING:\n"
      "            for attribute, script in self.before:"),
     ("a completed action that was not reset returns its result again",
-     "leaf.py",
+     "engine/leaf.py",
      "        else:\n"
      "            return status",
      "        else:\n"
      "            result, callback = self.on_start(), \"onStart\""),
     ("haltTree runs every _onHalted",
-     "tree.py",
+     "engine/tree.py",
      "        for node in self.nodes:\n"
      "            node.halt_node()",
      "        pass"),
     ("a completed root is reset",
-     "tree.py",
+     "engine/tree.py",
      "            self.root.reset()\n"
      "        return result",
      "            pass\n"
@@ -287,7 +287,7 @@ def notices(root):
     for vectors in ("hand", "random.jsonl.xz"):
         try:
             done = subprocess.run(
-                [sys.executable, "-m", "behavior_controller.bt.conformance", os.path.join(VECTORS, vectors),
+                [sys.executable, os.path.join(VECTORS, "harness.py"), os.path.join(VECTORS, vectors),
                  "--may-differ", os.path.join(VECTORS, "may_differ.json")],
                 env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120, check=False)
         except subprocess.TimeoutExpired:

@@ -15,8 +15,8 @@ import rostest
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Robot, forget_dead_entries  # noqa: E402
 
-from behavior_controller.bt.clock import Clock  # noqa: E402
-from behavior_controller.bt.wakeup import WakeUp  # noqa: E402
+from behavior_controller.bt.engine.clock import Clock  # noqa: E402
+from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.gateway import (Answer, Cause, Exhibit, GoTo, Location, PerformGesture, Point,  # noqa: E402
                                          Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.ros.services import RosGateway  # noqa: E402

@@ -14,7 +14,7 @@ from std_msgs.msg import String
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Robot, forget_dead_entries  # noqa: E402
 
-from behavior_controller.bt.wakeup import WakeUp  # noqa: E402
+from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.gateway import AttentionStatus, Faces, Topic  # noqa: E402
 from behavior_controller.health import Health  # noqa: E402
 from behavior_controller.ros.monitor import Monitor  # noqa: E402

@@ -1,8 +1,8 @@
 """A mission on the real engine with a robot and a visitor of the test's own, and a clock that only the test moves."""
 from behavior_controller import events, folders, leaves, phrases, policy, runner, settings
-from behavior_controller.bt.builtins import builtin_specs
-from behavior_controller.bt.clock import ManualClock
 from behavior_controller.bt.compiler import load_mission, load_text
+from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.registry import Registry
 from behavior_controller.gateway import (Answer, AttentionStatus, Cause, Exhibit, Faces, Failure, FakeGateway,
                                          FakeTopics, Location, Point, QueryKnowledge, SetAttention, Topic)

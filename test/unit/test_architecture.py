@@ -15,7 +15,10 @@ LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli"],
     ["watch", "leaves"],
-    ["runner", "bt.compiler", "bt.checks", "bt.lint", "bt.conformance"],
+    ["runner", "bt.compiler"],
+    ["bt.checking"],
+    ["bt.engine"],
+    ["bt.language"],
     ["bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy"],
     ["errors"],
     ["text"],
@@ -113,7 +116,7 @@ def test_only_the_ros_folder_imports_ros(name):
 
 
 def test_only_the_document_imports_lxml():
-    assert [name for name in MODULES if "lxml" in map(outer, imports(name))] == [PRODUCT + ".bt.document"]
+    assert [name for name in MODULES if "lxml" in map(outer, imports(name))] == [PRODUCT + ".bt.language.document"]
 
 
 def test_nothing_that_runs_on_the_robot_imports_the_test_package():

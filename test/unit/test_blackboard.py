@@ -1,9 +1,9 @@
 """Entries by name: where a key leads, what a write may change, and how often it was written (BT.CPP section 9)."""
 import pytest
 
-from behavior_controller.bt.blackboard import Blackboard, Entry
+from behavior_controller.bt.language.blackboard import Blackboard, Entry
+from behavior_controller.bt.language.values import ValueFault
 from behavior_controller.bt.status import RUNNING
-from behavior_controller.bt.values import ValueFault
 
 
 def chain(*levels):

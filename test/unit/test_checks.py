@@ -3,10 +3,10 @@ import time
 
 import pytest
 
-from behavior_controller.bt.builtins import AlwaysSuccess, builtin_specs
-from behavior_controller.bt.checks import MOST_FAULTS, MOST_NODES, check
+from behavior_controller.bt.checking.checks import MOST_FAULTS, MOST_NODES, check
 from behavior_controller.bt.compiler import load_mission, load_text
-from behavior_controller.bt.document import parse
+from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
+from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import MissionError
 

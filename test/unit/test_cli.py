@@ -9,8 +9,8 @@ import pytest
 from lxml import etree
 
 from behavior_controller import cli, folders, leaves
-from behavior_controller.bt.builtins import builtin_specs
-from behavior_controller.bt.palette import tree_nodes_model
+from behavior_controller.bt.checking.palette import tree_nodes_model
+from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
 
 EXECUTABLES = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)))

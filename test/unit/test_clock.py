@@ -1,5 +1,5 @@
 """Timers run in order, at their own time, once, and not after they were cancelled."""
-from behavior_controller.bt.clock import Clock, ManualClock
+from behavior_controller.bt.engine.clock import Clock, ManualClock
 
 
 def test_timers_run_in_order_of_due_time_and_see_their_own_time():

@@ -6,8 +6,8 @@ import time
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.bt import document
-from behavior_controller.bt.document import MOST_FILES, parse, read, with_includes
+from behavior_controller.bt.language import document
+from behavior_controller.bt.language.document import MOST_FILES, parse, read, with_includes
 from behavior_controller.errors import MissionError
 
 LEAF = "<AlwaysSuccess/>"

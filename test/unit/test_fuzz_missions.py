@@ -10,10 +10,10 @@ import time
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.bt import document
-from behavior_controller.bt.checks import CONDITIONS, check
+from behavior_controller.bt.checking.checks import CONDITIONS, check
+from behavior_controller.bt.checking.lint import lint
 from behavior_controller.bt.compiler import build
-from behavior_controller.bt.lint import lint
+from behavior_controller.bt.language import document
 from behavior_controller.errors import MissionError
 from behavior_controller.leaves import vocabulary
 

@@ -11,9 +11,9 @@ import msgpack
 import pytest
 import zmq
 
-from behavior_controller.bt.builtins import builtin_specs
 from behavior_controller.bt.compiler import load_mission, load_text
-from behavior_controller.bt.leaf import ActionLeaf, ConditionLeaf
+from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.watch.groot2 import Groot2Publisher

@@ -4,15 +4,15 @@ import lzma
 import os
 import time
 
+import harness as conformance
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.bt import conformance
-from behavior_controller.bt.builtins import AlwaysSuccess, builtin_specs
-from behavior_controller.bt.checks import below, check
-from behavior_controller.bt.document import parse
-from behavior_controller.bt.lint import Vocabulary, lint
-from behavior_controller.bt.outcomes import FAILS, SUCCEEDS, outcomes
+from behavior_controller.bt.checking.checks import below, check
+from behavior_controller.bt.checking.lint import Vocabulary, lint
+from behavior_controller.bt.checking.outcomes import FAILS, SUCCEEDS, outcomes
+from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
+from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.leaves import vocabulary
 

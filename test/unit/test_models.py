@@ -1,7 +1,7 @@
 """A palette in the file that does not fit the node types is told, with its place."""
 from behavior_controller import folders
-from behavior_controller.bt.document import parse, read
-from behavior_controller.bt.models import stale_models
+from behavior_controller.bt.checking.models import stale_models
+from behavior_controller.bt.language.document import parse, read
 from behavior_controller.leaves import vocabulary
 
 

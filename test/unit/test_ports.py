@@ -3,12 +3,12 @@ import math
 
 import pytest
 
-from behavior_controller.bt import ports
-from behavior_controller.bt.blackboard import Blackboard
-from behavior_controller.bt.ports import PortError
+from behavior_controller.bt.language import ports
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.ports import PortError
+from behavior_controller.bt.language.values import ValueFault
 from behavior_controller.bt.registry import Direction, Port
 from behavior_controller.bt.status import FAILURE, SUCCESS
-from behavior_controller.bt.values import ValueFault
 
 ENUMS = {"RED": 1, "BLUE": 3}
 

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from behavior_controller.bt.clock import ManualClock
+from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.events import LeafFinished, PassFinished, RunStarted
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.watch import record as module

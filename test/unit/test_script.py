@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from behavior_controller.bt.blackboard import Blackboard
-from behavior_controller.bt.script import ScriptError, ScriptSyntaxError, compile_script, to_bool
-from behavior_controller.bt.values import ValueFault
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.script import ScriptError, ScriptSyntaxError, compile_script, to_bool
+from behavior_controller.bt.language.values import ValueFault
 
 TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance", "hand")
 # the library's names of types that differ from ours

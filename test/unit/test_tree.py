@@ -5,9 +5,9 @@ import time
 import py_trees
 import pytest
 
-from behavior_controller.bt.builtins import builtin_specs
-from behavior_controller.bt.clock import Clock, ManualClock
 from behavior_controller.bt.compiler import load_mission, load_text
+from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.registry import Registry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import MissionError

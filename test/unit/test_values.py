@@ -4,9 +4,9 @@ import time
 
 import pytest
 
-from behavior_controller.bt import values
+from behavior_controller.bt.language import values
+from behavior_controller.bt.language.values import TYPES, ValueFault
 from behavior_controller.bt.status import IDLE, RUNNING, SKIPPED
-from behavior_controller.bt.values import TYPES, ValueFault
 
 ENUMS = {"RED": 1}
 

@@ -2,18 +2,18 @@
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from behavior_controller.bt import ports
-from behavior_controller.bt.blackboard import Blackboard
-from behavior_controller.bt.checks import CONDITIONS, Checked, check, is_port_name
-from behavior_controller.bt.clock import Clock
-from behavior_controller.bt.document import Document, Element, collector_at_rest, parse, read, with_includes
-from behavior_controller.bt.node import PRE_CONDITIONS, ConfigureError, Node, Services
+from behavior_controller.bt.checking.checks import CONDITIONS, Checked, check, is_port_name
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.node import PRE_CONDITIONS, ConfigureError, Node, Services
+from behavior_controller.bt.engine.substitution import Substitutions, TestNode, substitutions
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.bt.language import ports
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.document import Document, Element, collector_at_rest, parse, read, with_includes
+from behavior_controller.bt.language.script import Script, ScriptSyntaxError, compile_script
+from behavior_controller.bt.language.values import TYPES, ValueFault
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
-from behavior_controller.bt.script import Script, ScriptSyntaxError, compile_script
-from behavior_controller.bt.substitution import Substitutions, TestNode, substitutions
-from behavior_controller.bt.tree import Tree
-from behavior_controller.bt.wakeup import WakeUp
-from behavior_controller.bt.values import TYPES, ValueFault
 from behavior_controller.errors import Fault, MissionError
 
 DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to four Python frames a level

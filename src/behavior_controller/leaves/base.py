@@ -5,12 +5,12 @@ A service leaf fills a request and reads an answer; deadline, waiting and the ma
 import itertools
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
-from behavior_controller.bt.clock import Clock, Timer
-from behavior_controller.bt.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
-from behavior_controller.bt.node import Node, Result
+from behavior_controller.bt.engine.clock import Clock, Timer
+from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
+from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
+from behavior_controller.bt.engine.node import Node, Result
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
-from behavior_controller.bt.tree import Tree
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Answer, Call, Cause, Failure, Gateway, Request, Sample, Topic, Topics
 from behavior_controller.health import Health

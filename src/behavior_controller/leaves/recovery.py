@@ -1,9 +1,9 @@
 """HandleFallBack: looks at the failure that brought it there and does what the recovery policy says (D5.4.3 §3.2.4)."""
 from typing import Any, List, Optional
 
-from behavior_controller.bt.clock import Timer
-from behavior_controller.bt.leaf import ActionLeaf
-from behavior_controller.bt.node import Result
+from behavior_controller.bt.engine.clock import Timer
+from behavior_controller.bt.engine.leaf import ActionLeaf
+from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.events import Recovered, Retried

@@ -2,7 +2,7 @@
 from functools import partial
 from typing import Optional, Union
 
-from behavior_controller.bt.node import Result
+from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.gateway import Answer, Cause, Failure, Request, Say
 from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT,

@@ -2,15 +2,15 @@
 from typing import Any
 
 from behavior_controller import leaves
-from behavior_controller.bt.builtins import builtin_specs
-from behavior_controller.bt.checks import check
+from behavior_controller.bt.checking.checks import check
+from behavior_controller.bt.checking.lint import Vocabulary, lint
+from behavior_controller.bt.checking.models import stale_models
+from behavior_controller.bt.checking.outcomes import SUCCEEDS
 from behavior_controller.bt.compiler import build
-from behavior_controller.bt.document import read, with_includes
-from behavior_controller.bt.lint import Vocabulary, lint
-from behavior_controller.bt.models import stale_models
-from behavior_controller.bt.outcomes import SUCCEEDS
+from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.document import read, with_includes
 from behavior_controller.bt.registry import Registry
-from behavior_controller.bt.tree import Tree
 from behavior_controller.leaves.base import ATTENTION_SET_AT, OF_ONE_VISITOR, QUESTION_ASKED_AT
 
 _TARGET = ("SelectExhibit", "LookUpEntrance", "LookUpHome")

@@ -12,7 +12,7 @@ from typing import Any, Callable, Dict
 
 from rosgraph.roslogging import RosStreamHandler
 
-from behavior_controller.bt.clock import Clock
+from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
                                         Retried, RunFinished, RunStarted)
 

@@ -13,8 +13,8 @@ import rosgraph
 import rospkg
 import rospy
 
-from behavior_controller.bt.clock import Clock
-from behavior_controller.bt.wakeup import WakeUp
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, NodesMissing
 from behavior_controller.events import Events
 from behavior_controller.gateway import SAFE_STATE, Gateway, Topics

@@ -5,10 +5,10 @@ from typing import Any, Callable, Dict, List, NamedTuple
 import rospy
 
 from behavior_controller import folders, leaves
-from behavior_controller.bt.clock import Clock
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.registry import did_you_mean
-from behavior_controller.bt.tree import Tree
-from behavior_controller.bt.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.leaves.vocabulary import load as load_mission
 from behavior_controller.phrases import Phrases

@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Un
 
 import rospy
 
-from behavior_controller.bt.wakeup import WakeUp
+from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
 from behavior_controller.gateway import (Cause, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation,
                                          SetAttention, Topic)

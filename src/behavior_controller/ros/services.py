@@ -18,7 +18,7 @@ import rospy
 from cssr_system.srv import (animateBehaviorService, gestureExecutionService, knowledgeBaseService,
                              overtAttentionService, robotNavigationService, textService)
 
-from behavior_controller.bt.clock import Clock, Timer
+from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.gateway import (Answer, Call, Cause, Exhibit, Failure, Gateway, GoTo, Location, PerformGesture,
                                          Point, Prompt, QueryKnowledge, Request, Say, SetAnimation, SetAttention)
 from behavior_controller.health import SLOW_SHARE, Health

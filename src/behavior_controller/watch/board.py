@@ -4,11 +4,11 @@ import os
 import time
 from typing import Any, Deque, Dict, List, Optional
 
-from behavior_controller.bt.blackboard import Entry
-from behavior_controller.bt.node import Node, label
+from behavior_controller.bt.engine.node import Node, label
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.blackboard import Entry
 from behavior_controller.bt.registry import Kind, Registry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
-from behavior_controller.bt.tree import Tree
 from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
                                         Retried, RunFinished, RunStarted)
 from behavior_controller.gateway import SERVICES, Cause, Topic

@@ -17,13 +17,13 @@ from xml.sax.saxutils import quoteattr
 import msgpack
 import zmq
 
-from behavior_controller.bt.blackboard import Blackboard
-from behavior_controller.bt.checks import CONDITIONS
-from behavior_controller.bt.node import Node
-from behavior_controller.bt.palette import tree_nodes_model
+from behavior_controller.bt.checking.checks import CONDITIONS
+from behavior_controller.bt.checking.palette import tree_nodes_model
+from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.registry import NodeSpec
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
-from behavior_controller.bt.tree import Tree
 from behavior_controller.watch.hooks import Hook, Hooks
 
 PROTOCOL = 2

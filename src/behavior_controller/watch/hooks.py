@@ -6,10 +6,10 @@ library stops the ticking thread, ours stops the node, and everything else (stop
 import functools
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
-from behavior_controller.bt.leaf import SyncActionLeaf
-from behavior_controller.bt.node import Node, Result
+from behavior_controller.bt.engine.leaf import SyncActionLeaf
+from behavior_controller.bt.engine.node import Node, Result
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-from behavior_controller.bt.tree import Tree
 
 BEFORE, AFTER = 0, 1
 BREAKPOINT, REPLACE = 0, 1

@@ -15,7 +15,7 @@ from tornado.iostream import StreamClosedError
 from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
-from behavior_controller.bt.tree import Tree
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.watch.board import PARTS, Board
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")

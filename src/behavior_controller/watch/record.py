@@ -14,8 +14,8 @@ import threading
 import time
 from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
 
-from behavior_controller.bt.clock import Clock
-from behavior_controller.bt.tree import Tree
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.events import Event, RunStarted
 from behavior_controller.gateway import REQUESTS, Answer, Call, Failure, Gateway, Request, Sample, Topic, Topics
 from behavior_controller.watch.board import LETTERS

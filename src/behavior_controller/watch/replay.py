@@ -6,9 +6,9 @@ import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import folders, leaves, phrases, policy, settings
-from behavior_controller.bt.clock import ManualClock
+from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.bt.tree import Tree
 from behavior_controller.errors import BehaviorControllerError, Fault, FaultsFound, MissionError
 from behavior_controller.events import Events, HealthChanged
 from behavior_controller.gateway import (Answer, AttentionStatus, Call, Cause, Exhibit, Faces, Failure, Gateway,

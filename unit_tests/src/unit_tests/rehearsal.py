@@ -5,9 +5,9 @@ The mission is played by the engine itself, but not by the node under test: not 
 from typing import Any, Dict, FrozenSet, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import folders, leaves, phrases, policy, settings
-from behavior_controller.bt.clock import ManualClock
-from behavior_controller.bt.node import Node
-from behavior_controller.bt.tree import Tree
+from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Event, Events, LeafFinished, PassFinished
 from behavior_controller.gateway import (Answer, AttentionStatus, Faces, FakeGateway, FakeTopics, GoTo, Prompt,

@@ -1,10 +1,10 @@
 """Ports: what an attribute of a node means (a reference to an entry, or a literal), and how to read and write it."""
 from typing import Any, List, Optional, Tuple
 
-from behavior_controller.bt import values
-from behavior_controller.bt.blackboard import Blackboard
+from behavior_controller.bt.language import values
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.values import GENERIC, TYPES, Enums, ValueFault
 from behavior_controller.bt.registry import Direction, Port
-from behavior_controller.bt.values import GENERIC, TYPES, Enums, ValueFault
 
 BLANKS = " \t\n\r"
 _INT = (-2 ** 31, 2 ** 31 - 1)

@@ -6,12 +6,12 @@ is likely a mistake. What depends on an instance (types of entries, paths of Sub
 import itertools
 from typing import Callable, Collection, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from behavior_controller.bt import ports, values
-from behavior_controller.bt.document import EXPLICIT, Document, Element
-from behavior_controller.bt.node import POST_CONDITIONS, PRE_CONDITIONS
+from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
+from behavior_controller.bt.language import ports, values
+from behavior_controller.bt.language.document import EXPLICIT, Document, Element
+from behavior_controller.bt.language.script import ScriptSyntaxError, compile_script
+from behavior_controller.bt.language.values import ValueFault
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, did_you_mean
-from behavior_controller.bt.script import ScriptSyntaxError, compile_script
-from behavior_controller.bt.values import ValueFault
 from behavior_controller.errors import Fault
 
 FORBIDDEN = " \t\n\r<>&\"'/\\:*?|."

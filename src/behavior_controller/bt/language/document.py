@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple, Un
 
 from lxml import etree
 
-from behavior_controller.bt.markup import ATTRIBUTE, STARTS, TOKEN, MarkupFault, diagnosis, mended
+from behavior_controller.bt.language.markup import ATTRIBUTE, STARTS, TOKEN, MarkupFault, diagnosis, mended
 from behavior_controller.errors import Fault, MissionError
 
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million

@@ -8,8 +8,8 @@ from typing import Any, List, Optional, Set
 from py_trees import composites
 from py_trees.common import ParallelPolicy
 
-from behavior_controller.bt import ports
-from behavior_controller.bt.node import Node, NodeError, Result, halt_child
+from behavior_controller.bt.engine.node import Node, NodeError, Result, halt_child
+from behavior_controller.bt.language import ports
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 

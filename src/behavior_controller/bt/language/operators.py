@@ -7,9 +7,9 @@ import math
 import operator
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
-from behavior_controller.bt import values
-from behavior_controller.bt.blackboard import Blackboard, Entry
-from behavior_controller.bt.values import Enums, ValueFault, is_number, to_bool, to_real
+from behavior_controller.bt.language import values
+from behavior_controller.bt.language.blackboard import Blackboard, Entry
+from behavior_controller.bt.language.values import Enums, ValueFault, is_number, to_bool, to_real
 from behavior_controller.errors import BehaviorControllerError
 
 Evaluate = Callable[[Blackboard, Enums], Any]

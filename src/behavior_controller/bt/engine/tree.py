@@ -1,8 +1,8 @@
 """A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
 from typing import Any, Dict, List, Sequence
 
-from behavior_controller.bt.blackboard import Blackboard, Entry
-from behavior_controller.bt.node import Node, Observer, Result, Services
+from behavior_controller.bt.engine.node import Node, Observer, Result, Services
+from behavior_controller.bt.language.blackboard import Blackboard, Entry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault
 

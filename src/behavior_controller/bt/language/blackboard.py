@@ -1,8 +1,8 @@
 """The blackboard: typed entries by name, one storage for each tree instance, linked by remapping (BT.CPP section 9)."""
 from typing import Any, Dict, Optional, Tuple
 
-from behavior_controller.bt import values
-from behavior_controller.bt.values import ANY, BT_ANY, GENERIC, TEXT, TYPES, ValueFault
+from behavior_controller.bt.language import values
+from behavior_controller.bt.language.values import ANY, BT_ANY, GENERIC, TEXT, TYPES, ValueFault
 
 
 class Entry:

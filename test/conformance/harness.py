@@ -1,6 +1,6 @@
 """Run the engine over recorded traces of BehaviorTree.CPP and say where it differs.
 
-``python3 -m behavior_controller.bt.conformance VECTORS [--level roots|leaves|full]``; VECTORS is a folder of ``*.json``
+``python3 test/conformance/harness.py VECTORS [--level roots|leaves|full]``; VECTORS is a folder of ``*.json``
 or a ``.jsonl`` or ``.jsonl.xz`` file in the format of the README beside the traces. Exit code 0 only if every case passes.
 """
 import argparse
@@ -12,16 +12,17 @@ import sys
 import tempfile
 from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
-from behavior_controller.bt import leaf, ports
-from behavior_controller.bt.blackboard import Blackboard
-from behavior_controller.bt.builtins import builtin_specs
-from behavior_controller.bt.clock import Clock, ManualClock
 from behavior_controller.bt.compiler import build, with_includes
-from behavior_controller.bt.document import Document, parse, read
-from behavior_controller.bt.node import Node, Result
+from behavior_controller.bt.engine import leaf
+from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller.bt.engine.clock import Clock, ManualClock
+from behavior_controller.bt.engine.node import Node, Result
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language import ports
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.document import Document, parse, read
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.status import BY_NAME, IDLE, NAMES
-from behavior_controller.bt.tree import Tree
 from behavior_controller.errors import BehaviorControllerError
 
 LEVELS = ("roots", "leaves", "full")

@@ -4,7 +4,7 @@ An estimate to the safe side: what a node may do for all we know counts as possi
 """
 from typing import Any, Callable, Dict, Iterable, List, Mapping
 
-from behavior_controller.bt.document import Element
+from behavior_controller.bt.language.document import Element
 
 SUCCEEDS, FAILS, SKIPS = 1, 2, 4
 ANY_END = SUCCEEDS | FAILS

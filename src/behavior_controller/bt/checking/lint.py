@@ -5,10 +5,10 @@ cannot tell, there is none.
 """
 from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
-from behavior_controller.bt.checks import CONDITIONS, Checked, below, is_port_name
-from behavior_controller.bt.dataflow import Flow, flow
-from behavior_controller.bt.document import EXPLICIT, Document, Element
-from behavior_controller.bt.outcomes import FAILS, SKIPS, SUCCEEDS, outcomes
+from behavior_controller.bt.checking.checks import CONDITIONS, Checked, below, is_port_name
+from behavior_controller.bt.checking.dataflow import Flow, flow
+from behavior_controller.bt.checking.outcomes import FAILS, SKIPS, SUCCEEDS, outcomes
+from behavior_controller.bt.language.document import EXPLICIT, Document, Element
 from behavior_controller.bt.registry import Direction, Kind, Registry, did_you_mean
 from behavior_controller.errors import Fault
 

@@ -10,13 +10,13 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple, Union
 from py_trees.behaviour import Behaviour
 from py_trees.common import BlackBoxLevel, Status
 
-from behavior_controller.bt import ports
-from behavior_controller.bt.blackboard import Blackboard
-from behavior_controller.bt.clock import Clock
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.bt.language import ports
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.script import Script, to_bool
 from behavior_controller.bt.registry import Port
-from behavior_controller.bt.script import Script, to_bool
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
-from behavior_controller.bt.wakeup import WakeUp
 from behavior_controller.errors import BehaviorControllerError
 
 Result = Union[Status, Skipped]

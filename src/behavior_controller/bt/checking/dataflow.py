@@ -1,11 +1,11 @@
 """Which blackboard entries a mission reads and writes, and which are one: through remapping, ``@`` and SubTrees."""
 from typing import Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
 
-from behavior_controller.bt import ports
-from behavior_controller.bt.document import Element
-from behavior_controller.bt.node import POST_CONDITIONS, PRE_CONDITIONS
+from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
+from behavior_controller.bt.language import ports
+from behavior_controller.bt.language.document import Element
+from behavior_controller.bt.language.script import ScriptSyntaxError, compile_script
 from behavior_controller.bt.registry import Direction, Port, Registry
-from behavior_controller.bt.script import ScriptSyntaxError, compile_script
 
 _SCRIPTS = {("Script", "code"), ("ScriptCondition", "code"), ("Precondition", "if")}
 _NAMES = {("SetBlackboard", "output_key")}  # ports whose text is the name of an entry to write

@@ -2,14 +2,15 @@
 from functools import partial
 from typing import Any, Callable, List, Optional, Tuple
 
-from behavior_controller.bt import controls, decorators, ports
-from behavior_controller.bt.clock import Timer
-from behavior_controller.bt.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
-from behavior_controller.bt.node import ConfigureError, NodeError, Result
+from behavior_controller.bt.engine import controls, decorators
+from behavior_controller.bt.engine.clock import Timer
+from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
+from behavior_controller.bt.engine.node import ConfigureError, NodeError, Result
+from behavior_controller.bt.language import ports
+from behavior_controller.bt.language.script import Script, compile_script, to_bool
+from behavior_controller.bt.language.values import TEXT, ValueFault
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
-from behavior_controller.bt.script import Script, compile_script, to_bool
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.bt.values import TEXT, ValueFault
 
 
 class AlwaysSuccess(SyncActionLeaf):

@@ -5,10 +5,10 @@ from typing import Any, Deque, Optional
 from py_trees import decorators
 from py_trees.common import BlackBoxLevel
 
-from behavior_controller.bt import ports
-from behavior_controller.bt.clock import Timer
-from behavior_controller.bt.node import ConfigureError, Node, NodeError, Result, halt_child
-from behavior_controller.bt.script import Script, compile_script, to_bool
+from behavior_controller.bt.engine.clock import Timer
+from behavior_controller.bt.engine.node import ConfigureError, Node, NodeError, Result, halt_child
+from behavior_controller.bt.language import ports
+from behavior_controller.bt.language.script import Script, compile_script, to_bool
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 

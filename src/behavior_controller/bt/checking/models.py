@@ -5,7 +5,7 @@ unnoticed until a node of it is used.
 """
 from typing import Dict, List, Sequence
 
-from behavior_controller.bt.document import EXPLICIT, Document, Element
+from behavior_controller.bt.language.document import EXPLICIT, Document, Element
 from behavior_controller.bt.registry import Direction, NodeSpec, Port, Registry, did_you_mean
 from behavior_controller.errors import Fault
 

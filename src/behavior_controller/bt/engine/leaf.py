@@ -1,5 +1,5 @@
 """The kinds of leaf: stateful action, synchronous action and condition (BT.CPP section "Leaf kinds")."""
-from behavior_controller.bt.node import Node, NodeError, Result
+from behavior_controller.bt.engine.node import Node, NodeError, Result
 from behavior_controller.bt.status import IDLE, RUNNING
 
 

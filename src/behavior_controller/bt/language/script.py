@@ -5,10 +5,10 @@ Nothing of Python can be reached from a script. Reading one takes time in propor
 import re
 from typing import Any, Callable, Dict, List, Optional, Set, Tuple
 
-from behavior_controller.bt import operators
-from behavior_controller.bt.blackboard import Blackboard
-from behavior_controller.bt.operators import Evaluate, Rest, ScriptError
-from behavior_controller.bt.values import Enums, ValueFault, shown, to_bool
+from behavior_controller.bt.language import operators
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.operators import Evaluate, Rest, ScriptError
+from behavior_controller.bt.language.values import Enums, ValueFault, shown, to_bool
 from behavior_controller.errors import BehaviorControllerError
 
 __all__ = ["Script", "ScriptError", "ScriptSyntaxError", "compile_script", "to_bool"]

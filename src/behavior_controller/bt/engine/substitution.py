@@ -3,12 +3,12 @@ import fnmatch
 import re
 from typing import Any, Dict, NamedTuple, Optional
 
-from behavior_controller.bt.clock import Timer
-from behavior_controller.bt.leaf import ActionLeaf
-from behavior_controller.bt.node import ConfigureError, NodeError, Result
-from behavior_controller.bt.script import Script, compile_script
+from behavior_controller.bt.engine.clock import Timer
+from behavior_controller.bt.engine.leaf import ActionLeaf
+from behavior_controller.bt.engine.node import ConfigureError, NodeError, Result
+from behavior_controller.bt.language.script import Script, compile_script
+from behavior_controller.bt.language.values import to_int
 from behavior_controller.bt.status import BY_NAME, FAILURE, IDLE, NAMES, RUNNING, SUCCESS
-from behavior_controller.bt.values import to_int
 from behavior_controller.errors import BehaviorControllerError
 
 STATUS_NUMBERS = {"IDLE": 0, "RUNNING": 1, "SUCCESS": 2, "FAILURE": 3, "SKIPPED": 4}

@@ -1,0 +1,1 @@
+"""What is wrong with a mission, or cannot be meant, seen without running it."""
