@@ -7,6 +7,7 @@ import asyncio
 import json
 import os
 import threading
+import time
 from typing import Any, Callable, Dict, Optional, Set
 
 from tornado.httpserver import HTTPServer
@@ -22,8 +23,8 @@ FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.1
 """Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake nobody."""
 
-KEEP_ALIVE = 15.0
-"""Seconds after which a browser is sent a sign of life; one that has vanished is noticed by it."""
+FAREWELL = 0.3
+"""Seconds that browsers have at the end to take what came last."""
 
 MOST_BROWSERS = 20
 
@@ -35,6 +36,7 @@ class Page:
         """Start to serve; a port that is taken is told to ``warn`` in one line, and nobody is served."""
         self.board = board
         self.streams: Set[_Stream] = set()
+        self.is_closing = False
         self._loop: Optional[IOLoop] = None
         try:
             sockets = bind_sockets(port, address)
@@ -52,10 +54,19 @@ class Page:
         self.board.show(tree)
 
     def close(self) -> None:
-        """Stop serving."""
+        """Tell every browser how the mission ended, and stop serving."""
+        self.board.close()
         if self._loop is not None:
-            self._loop.add_callback(self._loop.stop)
+            self._loop.add_callback(self._part)
             self._thread.join(1.0)
+
+    async def _part(self) -> None:
+        self.is_closing = True
+        ends = time.monotonic() + FAREWELL
+        while self.streams and time.monotonic() < ends:
+            await asyncio.sleep(0.01)
+        assert self._loop is not None
+        self._loop.stop()
 
     def _serve(self, sockets: Any, ready: threading.Event) -> None:
         asyncio.set_event_loop(asyncio.new_event_loop())
@@ -107,22 +118,21 @@ class _Stream(_Quiet):
         self._is_gone = False
 
     async def get(self) -> None:
-        """Send until the browser goes."""
+        """Send until the browser goes, or all has been told at the end."""
         if len(self._page.streams) >= MOST_BROWSERS:
             self.set_status(503)
             return
         self.set_header("Content-Type", "text/event-stream; charset=utf-8")
         self._page.streams.add(self)
         known: Dict[str, int] = {}
-        quiet = 0.0
         try:
             while not self._is_gone:
-                message = self._message(known)
-                quiet = 0.0 if message else quiet + PUSH_INTERVAL
-                if message or quiet > KEEP_ALIVE:
-                    quiet = 0.0
-                    self.write(message or ": still here\n\n")
+                is_last, message = self._page.is_closing, self._message(known)
+                if message:
+                    self.write(message)
                     await self.flush()
+                if is_last:
+                    return
                 await asyncio.sleep(PUSH_INTERVAL)
         except StreamClosedError:
             pass
