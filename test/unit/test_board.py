@@ -97,7 +97,7 @@ def test_passes_health_trouble_and_blackboard():
     assert len(board.part("health")) == 10
     texts = [line["text"] for line in board.part("trouble")]
     assert texts[0].endswith("WelcomeGesture::22 failed: refused: the server refused")
-    assert texts[2].endswith("recovery: skipped (retry 1x, then skip)")
+    assert texts[2].endswith("recovery: skipped (retry 1x, then skip), for refused: the server refused")
     assert not any("condition false" in text for text in texts)
     assert ["currentExhibit", "exhibit 2"] in board.part("blackboard")
     assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")

@@ -195,7 +195,8 @@ def _line(event: Event) -> str:
     if isinstance(event, Retried):
         return "{}: retry {} failed: {}".format(event.path, event.attempt, event.failure.cause.value)
     if isinstance(event, Recovered):
-        return "{}: recovery: {} ({})".format(event.path, event.outcome, event.policy)
+        return "{}: recovery: {} ({}), for {}: {}".format(event.path, event.outcome, event.policy,
+                                                          event.failure.cause.value, event.failure.message)
     return event.text if isinstance(event, Noticed) else ""
 
 
