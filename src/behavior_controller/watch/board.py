@@ -70,7 +70,7 @@ class Board:
 
     def close(self) -> None:
         """Note that the controller ends, if it has not told how."""
-        self._ended = self._ended or "the controller has stopped"
+        self._ended, self._is_under_way = self._ended or "the controller has stopped", False
         self._touch("passes")
 
     def _beat(self, clock: Clock) -> None:

@@ -65,6 +65,9 @@ class Page:
         ends = time.monotonic() + FAREWELL
         while self.streams and time.monotonic() < ends:
             await asyncio.sleep(0.01)
+        # a browser must not ask again on a connection that is served no more
+        closing = asyncio.ensure_future(self._server.close_all_connections())
+        await asyncio.wait([closing], timeout=0.1)
         assert self._loop is not None
         self._loop.stop()
 
@@ -74,11 +77,11 @@ class Page:
         application = Application([
             (r"/events", _Stream, {"page": self}), (r"/state", _State, {"page": self}),
             (r"/(.*)", _File, {"path": FILES, "default_filename": "index.html"})], log_function=lambda handler: None)
-        server = HTTPServer(application, max_body_size=1024)
-        server.add_sockets(sockets)
+        self._server = HTTPServer(application, max_body_size=1024)
+        self._server.add_sockets(sockets)
         self._loop.add_callback(ready.set)
         self._loop.start()
-        server.stop()
+        self._server.stop()
 
 
 class _Quiet(RequestHandler):
