@@ -158,7 +158,7 @@ class _Tour:
         self._said: Set[str] = set()
         self._goal = ""
         self._recovered: Line = {}
-        self._steps: Dict[str, List[str]] = {}  # recoveries of a step by the node beside it, by the goal of the last drive
+        self._steps: Dict[str, List[str]] = {}  # recoveries of a step by the node beside it, by the last goal
         self._whole: Dict[str, List[str]] = {}  # of more than a step, such as the visit of an exhibit
 
     def take(self, line: Line) -> None:

@@ -9,7 +9,8 @@ NUMBER = "number"
 """A finite number within ``LARGEST``: one that can be formatted, and be a time."""
 
 LARGEST = 1e11
-NAMES = {str: "a text", int: "an integer", bool: "true or false", dict: "an object", list: "a list", type(None): "null"}
+NAMES = {str: "a text", int: "an integer", bool: "true or false", list: "a list", dict: "an object",
+         type(None): "null"}
 
 
 def mismatch(value: Any, shape: Any) -> str:

@@ -159,7 +159,7 @@ def _parsed(text: bytes) -> State:
         found = json.loads(text.decode("utf-8"))
     except (ValueError, RecursionError):
         raise ValueError("the answer is not JSON")
-    wrong = mismatch(found, {name: shape for name, shape in SHAPE.items() if not isinstance(found, dict) or name in found})
+    wrong = mismatch(found, {}) or mismatch(found, {name: shape for name, shape in SHAPE.items() if name in found})
     if wrong:
         raise ValueError("the answer is not a mission's: {}".format(wrong))
     return found
