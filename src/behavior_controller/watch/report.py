@@ -4,7 +4,7 @@ import html
 from typing import Any, Dict, Iterator, List, NamedTuple, Set, Tuple, Union
 
 from behavior_controller.errors import Fault, MissionError
-from behavior_controller.watch.shape import NUMBER, mismatch
+from behavior_controller.watch.expected import NUMBER, mismatch
 
 Line = Dict[str, Any]
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■"}

@@ -9,7 +9,7 @@ import time
 from typing import Any, Dict, Iterator, List, Optional, Union
 
 from behavior_controller.text import clean
-from behavior_controller.watch.shape import NUMBER, mismatch
+from behavior_controller.watch.expected import NUMBER, mismatch
 
 SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
 WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure", "r": "was halted",
