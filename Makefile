@@ -30,9 +30,9 @@ bench:
 soak:
 	@tools/in_workspace.sh python3 test/soak/soak.py $(ARGS)
 
-# break a rule at a time: does a test notice?
+# break one place of the code at a time: does a test notice? ARGS='rules', or 'sample --count 50 --seed 2'
 mutations:
-	@tools/in_workspace.sh python3 test/mutation/run_mutations.py
+	@tools/in_workspace.sh python3 test/mutation/run_mutations.py $(ARGS)
 
 clean:
 	rm -rf build

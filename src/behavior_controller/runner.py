@@ -4,7 +4,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.events import Noticed, PassFinished, RunFinished, RunStarted
+from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
 from behavior_controller.gateway import SAFE_STATE
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
@@ -69,8 +69,10 @@ class Runner:
             self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values)))
 
     def _pass(self) -> None:
-        """Run the mission once."""
+        """Run the mission once, for a visitor of whom nothing is known."""
         began = self.clock.now()
+        self.mission.begin_visit(self.tree.blackboard, began)
+        self.mission.events.emit(PassStarted(self._number + 1, began))
         result: Any = RUNNING
         while result is RUNNING and not self.is_stopped():
             self.tree.wake.test_and_clear()

@@ -10,6 +10,10 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Seq
 from behavior_controller import gateway
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.text import Unreadable, read_text
+
+MOST_FAULTS = 100
+"""A file with more mistakes is no configuration; the rest of it is not read."""
 
 REQUIRED = object()
 """The default of a key that must be given."""
@@ -17,6 +21,9 @@ REQUIRED = object()
 # float() and \d alone would also take "1_0" and the digits of other scripts
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?inf", re.IGNORECASE)
 _INTEGER = re.compile(r"-?[0-9]{1,18}")
+# each takes linear time
+_NAME_END = re.compile(r"[\s=#]|$")
+_COMMENT = re.compile(r"(?<!\S)#|$")
 
 
 class Key(NamedTuple):
@@ -180,23 +187,40 @@ def load(path: str, overrides: Optional[Mapping[str, Any]] = None) -> Settings:
     return Settings(read_configuration(path, KEYS, overrides))
 
 
+def recorded(values: Mapping[str, Any], where: str) -> Settings:
+    """Return settings from their values as a record has them. Raises ConfigurationError with every fault."""
+    reader = _Reader(where, {key.name: key for key in KEYS})
+    for name, value in values.items():
+        reader.given_value(name, value, where)
+    return Settings(reader.result())
+
+
 def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None) -> Dict[str, Any]:
     """Return a value for each of ``keys`` from a file and from overriding ROS parameters.
 
     Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad value, missing key.
     """
-    try:
-        with open(path, encoding="utf-8-sig") as file:  # some editors begin a file with a byte order mark
-            lines = file.read().split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise ConfigurationError([Fault(path, 0, 0, "the configuration cannot be read: {}".format(reason))]) from error
     reader = _Reader(path, {key.name: key for key in keys})
-    for line_number, line in enumerate(lines, 1):
+    for line_number, line in enumerate(read_lines(path, "the configuration"), 1):
         reader.line(line_number, line)
+        if len(reader.faults) > MOST_FAULTS:
+            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(path, line_number)])
     for name, value in (overrides or {}).items():
         reader.override(name, value)
     return reader.result()
+
+
+def read_lines(path: str, what: str) -> List[str]:
+    """Return the lines of a text file that a person writes. Raises ConfigurationError, which says ``what`` it is."""
+    try:
+        return read_text(path).split("\n")
+    except Unreadable as error:
+        raise ConfigurationError([Fault(path, 0, 0, "{} cannot be read: {}".format(what, error))]) from error
+
+
+def too_many_faults(path: str, line_number: int) -> Fault:
+    """Return the fault that ends the reading of a file."""
+    return Fault(path, line_number, 1, "more than {} mistakes; the rest is not read".format(MOST_FAULTS))
 
 
 class _Reader:
@@ -211,13 +235,16 @@ class _Reader:
 
     def line(self, line_number: int, line: str) -> None:
         """Take one line of the file."""
-        match = re.match(r"\s*(#.*|([^\s=#]+)\s*=?\s*(.*?)\s*)$", line)
-        if match is None or match.group(2) is None:
-            if match is None and line.strip():
+        column = len(line) - len(line.lstrip()) + 1
+        content = line.strip()
+        name = content[:_NAME_END.search(content).start()]  # type: ignore[union-attr]
+        if not name:
+            if content and content[0] != "#":
                 self._fault(line_number, 1, "this is not a line of the form: key value")
             return
-        name, text = match.group(2), re.sub(r"(^|\s+)#.*$", "", match.group(3)).strip()
-        column = match.start(2) + 1
+        rest = content[len(name):].lstrip()
+        rest = rest[1:].lstrip() if rest.startswith("=") else rest
+        text = rest[:_COMMENT.search(rest).start()].rstrip()  # type: ignore[union-attr]
         if name not in self.keys:
             self._fault(line_number, column, "unknown key {}".format(name), did_you_mean(name, self.keys)
                         or "the keys: {}".format(", ".join(self.keys)))
@@ -225,7 +252,7 @@ class _Reader:
             self._fault(line_number, column, "the key {} stands in line {} already".format(name, self.given[name]))
         else:
             self.given[name] = line_number
-            self._value(name, text, line_number, match.start(3) + 1 if text else column)
+            self._value(name, text, line_number, column + len(content) - len(rest) if text else column)
 
     def override(self, name: str, value: Any) -> None:
         """Take one private ROS parameter."""
@@ -235,9 +262,18 @@ class _Reader:
             if hint:  # other parameters below our name are none of our business
                 self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name), hint))
             return
-        text = str(value).lower() if isinstance(value, bool) else str(value)
+        self.given_value(name, value, where)
+
+    def given_value(self, name: str, value: Any, where: str) -> None:
+        """Take a value that is not in the file, but a parameter or in a record."""
         self.given.setdefault(name, 0)
-        self._value(name, text, 0, 0, where)
+        if name not in self.keys:
+            self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name)))
+        elif not isinstance(value, (int, float, str)):  # ROS also has lists, mappings, dates, bytes and null
+            self.faults.append(Fault(where, 0, 0, "{} cannot be of type {}".format(name, type(value).__name__),
+                                     "allowed: {}".format(self.keys[name].allowed)))
+        else:
+            self._value(name, str(value).lower() if isinstance(value, bool) else str(value), 0, 0, where)
 
     def _value(self, name: str, text: str, line_number: int, column: int, where: str = "") -> None:
         key = self.keys[name]

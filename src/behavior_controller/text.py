@@ -72,6 +72,6 @@ def _first_bytes(descriptor: int, most: int) -> bytes:
         return file.read(most)
 
 
-def decode(data: bytes) -> str:
-    """Return bytes as text without the byte order mark. Raises UnicodeDecodeError."""
-    return data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
+def decode(data: bytes, errors: str = "strict") -> str:
+    """Return bytes as text without the byte order mark. Raises UnicodeDecodeError, unless ``errors`` are ignored."""
+    return data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig", errors)

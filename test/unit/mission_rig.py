@@ -85,8 +85,7 @@ def visitor_who(says=None, gazes=True, step=0.5):
         rig.topics.publish(Topic.FACES, Faces(("1",), (gazes,)))
         modes = [request.state for request in rig.requests if isinstance(request, SetAttention)]
         if modes and modes[-1] == "seeking":
-            # 3 is a failed search in either convention
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1 if gazes else 3))
+            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1 if gazes else 0))
         if says is not None:
             rig.topics.publish(Topic.SPEECH, says)
     return act

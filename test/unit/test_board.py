@@ -6,11 +6,12 @@ import time
 import pytest
 
 from behavior_controller.cli import create_tree
-from behavior_controller.events import HealthChanged, PassFinished, RunFinished, RunStarted
-from behavior_controller.gateway import Answer, PerformGesture, Say
+from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted
+from behavior_controller.gateway import Answer, Cause, Failure, PerformGesture, Say
 from behavior_controller.health import GONE
 from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.watch import board as board_module
+from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
 from mission_rig import Rig, refusal, visitor_who
 from test_leaves import one_leaf
@@ -186,3 +187,20 @@ def test_the_end_is_told_even_if_the_mission_does_not_tell_it(outcome, expected)
     before = board.versions["passes"]
     board.close()
     assert board.part("passes")["ended"] == expected and board.versions["passes"] > before
+
+
+def test_what_the_robot_says_stays_on_its_line():
+    odd = "\x1b[2J\n\u202e\ud800"
+    rig = one_leaf('<Sequence name="a&#10;b&#x202e;"><WelcomeSpeech/></Sequence>',
+                   lambda request: Failure(Cause.HANDLER_EXCEPTION, odd, odd))
+    board = board_of(rig)
+    rig.tick()
+    rig.mission.events.emit(Noticed("error", odd))
+    rig.mission.events.emit(HealthChanged("service", Say.service, odd, False, odd, ""))
+    state = {name: board.part(name) for name in PARTS}
+    assert state["trouble"] and all(line["text"].isprintable() for line in state["trouble"])
+    assert all(part["status"].isprintable() for part in state["health"])
+    assert "\\n" in state["mission"]["nodes"][0]["name"]
+    assert "\\x1b[2J\\n\\u202e\\ud800" in "".join(status.lines(state, True))
+
+

@@ -18,6 +18,7 @@ import rospy
 
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.gateway import Cause
+from behavior_controller.text import clean
 
 CONNECT_LIMIT = 4.0
 """Seconds to look up, connect and shake hands: a peer on the robot's network that takes longer is not there."""
@@ -33,7 +34,7 @@ class Trouble(BehaviorControllerError):
     """A conversation failed: why, in the terms of the mission, and a line for an operator without the peer's name."""
 
     def __init__(self, cause: Cause, text: str):
-        super().__init__(" ".join(text.split())[:500])
+        super().__init__(clean(" ".join(text.split()), 500))
         self.cause = cause
 
 

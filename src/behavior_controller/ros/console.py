@@ -1,6 +1,6 @@
 """What an operator sees: events as lines on the terminal and on /rosout, and never a traceback.
 
-Normal mode: start-up lines, warnings, errors, one line per visitor, and a heartbeat. Verbose mode: also a line for each
+Normal mode: start-up lines, warnings, errors, begin and end of each pass, and a heartbeat. Verbose mode: also a line for each
 leaf that finishes. Every line comes at once, also into a pipe or a file.
 """
 import logging
@@ -13,8 +13,9 @@ from typing import Any, Callable, Dict
 from rosgraph.roslogging import RosStreamHandler
 
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
-                                        Retried, RunFinished, RunStarted)
+from behavior_controller.text import clean
+from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted,
+                                        Recovered, Retried, RunFinished, RunStarted)
 
 HEARTBEAT = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
@@ -42,7 +43,7 @@ class Console:
         self._lines: Dict[type, Callable[[Any], None]] = {
             RunStarted: self._run_started, LeafFinished: self._leaf_finished, Retried: self._retried,
             Recovered: self._recovered, HealthChanged: self._health_changed, PassFinished: self._pass_finished,
-            Noticed: self._noticed, RunFinished: self._run_finished}
+            PassStarted: lambda event: None, Noticed: self._noticed, RunFinished: self._run_finished}
 
     def attach(self) -> None:
         """Make sure that lines reach the terminal; rospy sets up no logging when it has nowhere for its log file."""
@@ -56,12 +57,11 @@ class Console:
         self._lines[type(event)](event)
 
     def tell(self, level: str, text: str) -> None:
-        """Write ``text``, each of its lines for itself, at ``info``, ``warning`` or ``error``."""
-        for line in text.splitlines():
-            try:
-                getattr(self._logger, level)("behaviorController: %s", line)
-            except (OSError, ValueError):
-                pass  # the terminal has gone away; the mission goes on
+        """Write ``text`` as one line, whatever outside text it quotes, at ``info``, ``warning`` or ``error``."""
+        try:
+            getattr(self._logger, level)("behaviorController: %s", clean(text))
+        except (OSError, ValueError):
+            pass  # the terminal has gone away; the mission goes on
 
     def start_heartbeat(self, clock: Clock) -> None:
         """Show every ten seconds that the tick thread still runs its timers."""

@@ -7,7 +7,8 @@ import os
 import sys
 import threading
 import time
-from typing import List, Optional, Union
+import xmlrpc.client
+from typing import Any, Dict, List, Optional, Union
 
 import rosgraph
 import rospkg
@@ -67,7 +68,8 @@ def main(argv: List[str]) -> int:
         tell_faults(found, console.tell, "nothing was started")
         return BAD_FILES
     except NodesMissing as missing:
-        console.tell("error", str(missing))
+        for line in str(missing).split("\n"):
+            console.tell("error", line)
         return NODES_MISSING
     except Exception as error:  # the last resort: an operator never sees a traceback
         report_internal_error(console, error)
@@ -103,9 +105,23 @@ def _join_ros(argv: List[str]) -> None:
         raise NodesMissing("no ROS master at {}: start roscore or the robot, or set ROS_MASTER_URI".format(
             rosgraph.get_master_uri()))
     try:
+        _check_parameters(rospy.client.load_command_line_node_params(argv))
         rospy.init_node(NAME, argv=argv, disable_signals=True)
     except (rospy.ROSException, ValueError) as error:
         raise ConfigurationError([Fault("command line", 0, 0, str(error))])
+
+
+def _check_parameters(given: Dict[str, Any]) -> None:
+    """Refuse parameters of the command line that ROS cannot carry, such as a date or null."""
+    faults = []
+    for name, value in given.items():
+        try:
+            xmlrpc.client.dumps((value,))
+        except (TypeError, OverflowError):
+            faults.append(Fault("parameter ~{}".format(name), 0, 0, "{} cannot be {}".format(name, value),
+                                "allowed: a value that ROS can carry"))
+    if faults:
+        raise ConfigurationError(faults)
 
 
 def _part_from_ros() -> None:

@@ -16,6 +16,7 @@ from behavior_controller.gateway import (Cause, GoTo, PerformGesture, Prompt, Qu
 from behavior_controller.ros.connection import Connection, Trouble, ask, ask_master
 from behavior_controller.ros.services import ROUTES, open_service
 from behavior_controller.ros.topics import FEEDS
+from behavior_controller.text import clean
 
 STEP_LIMIT = 2.0
 """Seconds that a node has for each step: to take the connection, to shake hands."""
@@ -68,7 +69,7 @@ class Missing(NamedTuple):
     def __str__(self) -> str:
         """Return a line for an operator."""
         return "{} {} (of node /{}): {}; without it {}".format(
-            self.part.kind, self.part.name, self.part.node, self.reason, self.part.absence)
+            self.part.kind, self.part.name, self.part.node, clean(self.reason), self.part.absence)
 
 
 # ---------------------------------------------------------------------------------------------------------- one probe

@@ -14,6 +14,7 @@ from behavior_controller.events import (Event, Events, HealthChanged, LeafFinish
                                         Retried, RunFinished, RunStarted)
 from behavior_controller.gateway import SERVICES, Cause, Topic
 from behavior_controller.health import Health
+from behavior_controller.text import clean
 
 LETTERS = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
 """A node's status; a small letter is the one before it went back to IDLE, ``-``: not ticked in this pass."""
@@ -103,10 +104,10 @@ class Board:
             self._touch("passes")
         elif isinstance(event, HealthChanged):
             entry = self._health.setdefault(event.name, {"kind": event.kind, "name": event.name})
-            entry.update(well=event.is_well, status=event.status, consequence=event.consequence)
+            entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence)
             self._touch("health")
         else:
-            text = _line(event)
+            text = clean(_line(event))
             if text:
                 self._trouble.append({"time": time.strftime("%H:%M:%S"), "text": text})
                 self._touch("trouble")
@@ -197,10 +198,10 @@ def _line(event: Event) -> str:
     if isinstance(event, Recovered):
         return "{}: recovery: {} ({}), for {}: {}".format(event.path, event.outcome, event.policy,
                                                           event.failure.cause.value, event.failure.message)
-    return event.text if isinstance(event, Noticed) else ""
+    return event.text if isinstance(event, Noticed) and event.level != "info" else ""
 
 
 def _text(value: Any) -> str:
     """Return a value in a line, not too long for a table."""
     text = str(value) if not isinstance(value, list) else ", ".join(getattr(item, "name", str(item)) for item in value)
-    return text if len(text) <= 120 else text[:119] + "…"
+    return clean(text, 120)

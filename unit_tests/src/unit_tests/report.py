@@ -5,6 +5,7 @@ from collections import Counter
 from typing import List, Tuple
 
 from behavior_controller.gateway import Cause
+from behavior_controller.text import clean
 
 from unit_tests.configuration import KEYS, Configuration
 from unit_tests.facts import Facts, count, of
@@ -35,8 +36,8 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     given = started[-1].get("settings", {}) if started else {}
     told += [(name, given[name]) for name, usual in SHAPES_THE_RUN.items() if given.get(name, usual) != usual]
     told += [("use_real_" + node, True) for node in sorted(facts.real)]
-    return "{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission,
-                                       "; ".join("{} {}".format(name, _value(value)) for name, value in told))
+    return clean("{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission, "; ".join(
+        "{} {}".format(name, _value(value)) for name, value in told)))
 
 
 def _value(value: object) -> str:
@@ -58,7 +59,7 @@ def failure_lines(facts: Facts) -> List[str]:
                 or event["event"] == "LeafFinished" and event["status"] == "FAILURE" and event["failure"]]
     failures += [(line.time, event["node"], event["path"], line.resource, CAUSE_OF[line.fault or ""],
                   "on the way to the safe state") for line, event in Matching(facts).in_recovery]
-    return ["\t".join((_clock(failure[0]),) + failure[1:]) for failure in sorted(failures)]
+    return ["\t".join([_clock(failure[0])] + [clean(cell) for cell in failure[1:]]) for failure in sorted(failures)]
 
 
 def summary_lines(facts: Facts) -> List[str]:
@@ -108,7 +109,8 @@ def write(facts: Facts, title: str) -> Tuple[Verdict, str]:
     lines = ["# " + title, "# time\tnode\tpath\ttopic or service\tcause\tmessage"] + failures
     false = sum("\t{}\t".format(Cause.CONDITION_FALSE.value) in line for line in failures)
     lines += ["", "{}; {} of them conditions that were false for a while".format(
-        count(len(failures), "failure", "failures"), false), ""] + summary_lines(facts) + ["", str(verdict)]
+        count(len(failures), "failure", "failures"), false), ""] + [clean(line) for line in summary_lines(facts)]
+    lines += ["", str(verdict)]
     return verdict, "\n".join(lines) + "\n"
 
 

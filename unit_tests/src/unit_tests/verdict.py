@@ -6,6 +6,7 @@ of the mission seen to that had to be, and is every recorded failure one that wa
 from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.gateway import Exhibit
+from behavior_controller.text import clean
 
 from unit_tests.facts import Event, Facts, Pass, count, of, passes
 from unit_tests.journal import Line
@@ -57,7 +58,7 @@ class Verdict(NamedTuple):
 
 def judge(facts: Facts) -> Verdict:
     """Return the verdict."""
-    answers = tuple((question, tuple(answer(facts))) for question, answer in QUESTIONS)
+    answers = tuple((question, tuple(map(clean, answer(facts)))) for question, answer in QUESTIONS)
     ended = len(of(facts.events, "PassFinished"))
     calls = [line for line in facts.journal if line.call > 0]
     praise = "{} as a visitor who {} should; {} of {} calls were made to fail, and all of these are on record".format(

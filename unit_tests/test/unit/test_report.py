@@ -588,3 +588,21 @@ def test_the_report_ends_with_the_verdict():
     assert lines[2].split("\t")[1] == "IsVisitorDiscovered"
     assert "2 failures; 1 of them conditions that were false for a while" in lines
     assert lines[-1] == "FAILED: WelcomeSpeech failed and nothing was injected there: refused: -"
+
+
+def test_what_the_robot_says_forges_no_line_of_the_report():
+    odd = "\x1b[2J\nPASSED: forged\t\x9b\u202e\ud800\x00"
+    story = without_tour()
+    story.failed("Node" + odd, SAY + odd, "refused", odd, "Tree::1/" + odd)
+    story.recovered("Node" + odd, SAY, 1, path=odd)
+    story.events[0]["mission"] = odd
+    story.call("textToSpeech", SAY, objection=odd, message=odd)
+    facts = finished(story).facts()
+    verdict, text = write(facts, heading(story))
+    junit = to_xml(verdict, 1.0, heading(story))
+    for shown in (text, junit):
+        assert not set("\x1b\x9b\u202e\ud800\x00\r") & set(shown)
+        assert "\\x1b[2J\\nPASSED: forged\\t\\x9b\\u202e\\ud800\\x00" in shown
+    assert [line for line in text.splitlines() if line.startswith("PASSED")] == []
+    assert len(text.split("\n\n")[0].splitlines()) == 3 and len(failure_lines(facts)[0].split("\t")) == 6
+    ElementTree.fromstring(junit)
