@@ -376,9 +376,9 @@ def test_texts_without_end_are_no_trouble():
 
 
 def timed(text):
-    began = time.perf_counter()
+    began = time.process_time()
     found = checked(text)
-    assert time.perf_counter() - began < 1.0
+    assert time.process_time() - began < 1.0
     return found
 
 
@@ -415,9 +415,9 @@ def test_thousands_of_mistakes_are_no_trouble(bodies):
 def test_ten_thousand_nodes_are_checked_in_a_moment():
     inner = '<Sequence name="s">' + '<AlwaysSuccess name="n"/>' * 99 + "</Sequence>"
     document = parse(main("<Sequence>{}</Sequence>".format(inner * 100)))
-    began = time.perf_counter()
+    began = time.process_time()
     assert check([document], REGISTRY).faults == []
-    assert time.perf_counter() - began < 0.5
+    assert time.process_time() - began < 0.5
 
 
 @pytest.mark.parametrize("body, words", [

@@ -286,9 +286,9 @@ def test_few_warnings_about_data_in_the_recorded_traces():
 ], ids=["scripts", "subtrees"])
 def test_a_large_mission_is_linted_in_a_moment(body):
     inside = '<Script code="{}"/>'.format(";".join("b{0}:=a{0}".format(number) for number in range(1000)))
-    began = time.perf_counter()
+    began = time.process_time()
     assert warnings("<Sequence>{}</Sequence>".format(body), tree("Sub", inside))
-    assert time.perf_counter() - began < 2.0
+    assert time.process_time() - began < 2.0
 
 
 # ------------------------------------------------------------------------------------- names that choose what a node does

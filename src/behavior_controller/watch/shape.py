@@ -96,6 +96,7 @@ FIELDS: Dict[str, Dict[str, Check]] = {
                       outcome=_is_text),
     "HealthChanged": {"kind": _is_text, "name": _is_text, "node": _is_text, "is_well": _is_bool, "status": _is_text,
                       "consequence": _is_text, "respect": _is_text},
+    "PassStarted": {"number": _is_whole, "at": _is_number},
     "PassFinished": {"number": _is_whole, "outcome": _is_outcome, "seconds": _is_number},
     "Noticed": {"level": _is_text, "text": _is_text},
     "RunFinished": {"outcome": _is_text, "exit_code": _is_whole},
