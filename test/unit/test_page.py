@@ -1,7 +1,10 @@
 """The live page in a real browser, and what a server must put up with."""
+import asyncio
 import http.client
 import json
 import os
+import re
+import signal
 import socket
 import subprocess
 import sys
@@ -11,7 +14,7 @@ import urllib.request
 
 import pytest
 
-from behavior_controller.events import HealthChanged
+from behavior_controller.events import HealthChanged, RunFinished
 from behavior_controller.gateway import Answer, PerformGesture, Say
 from behavior_controller.health import GONE
 from behavior_controller.leaves.vocabulary import registry
@@ -183,6 +186,119 @@ def test_another_mission_takes_the_place_of_the_first(show, browser):
     assert text(browser, "#tree .row:last-child .name, [aria-level='2'] .name") == "<img src=x onerror=alert(1)>"
 
 
+PHONE = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}  # a window cannot be made so narrow
+NAME_IN_VIEW = """
+const name = document.querySelector(".tip > .row > .name").getBoundingClientRect();
+const row = document.querySelector(".tip > .row").getBoundingClientRect(), box = byId("tree").getBoundingClientRect();
+return name.left >= box.left && name.right <= box.right && row.top >= box.top && row.bottom <= box.bottom
+  && row.bottom <= innerHeight && row.right >= name.right;"""
+
+
+@pytest.fixture
+def phone(browser):
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
+    yield browser
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_a_phone_shows_the_running_leaf_and_what_is_wrong(show, phone):
+    rig = Rig()
+    shown = show(rig)
+    rig.mission.health.report(GONE, HealthChanged("service", "/tabletEvent/x", "", False, "gone", "no choice is shown"))
+    open_page(phone, shown)
+    assert phone.execute_script("return innerWidth") == 400
+    shown.run_until(lambda request: isinstance(request, Say) and request.text == "second text 1")
+    wait_until(lambda: "2 (DescribeExhibitSpeech) #128" in text(phone, "#now"))
+    wait_until(lambda: phone.execute_script(NAME_IN_VIEW))
+    assert phone.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+    assert text(phone, "#alarms") == "✘ /tabletEvent/x: gone; no choice is shown"
+    phone.execute_script("scrollTo(0, document.body.scrollHeight)")  # the alarm stays in view
+    bottom = phone.execute_script("return byId('alarms').getBoundingClientRect().bottom")
+    assert 0 < bottom < 400
+
+
+def test_a_tree_of_many_levels_is_shown(show, browser):
+    shown = show(one_leaf("<Inverter>" * 1900 + "<WelcomeSpeech/>" + "</Inverter>" * 1900, lambda request: None))
+    open_page(browser, shown)
+    shown.rig.tick()
+    wait_until(lambda: "WelcomeSpeech #1901" in text(browser, "#now"))
+    wait_until(lambda: browser.execute_script(NAME_IN_VIEW))
+
+
+# ------------------------------------------------------------------------------------------------------ is it still so?
+
+
+def doubt(browser):
+    return text(browser, "#doubt").strip()
+
+
+def is_stale(browser):
+    return browser.execute_script("return document.body.classList.contains('stale')")
+
+
+SERVED = """
+import sys, threading, time
+from test_leaves import one_leaf
+from test_page import Show
+from behavior_controller.gateway import Topic
+rig = one_leaf("<Sleep msec='900000'/>")
+shown = Show(rig)
+print(shown.port, flush=True)
+while True:
+    rig.tick()
+    rig.mission.health.heard[Topic.FACES.value] = time.monotonic()
+    time.sleep(0.1)
+    rig.clock.advance(0.1)
+"""
+
+
+def test_a_controller_that_is_frozen_does_not_look_live(browser):
+    here = os.path.dirname(os.path.abspath(__file__))
+    with subprocess.Popen([sys.executable, "-c", SERVED], stdout=subprocess.PIPE, universal_newlines=True,
+                          env=dict(os.environ, PYTHONPATH=os.pathsep.join([SOURCE, here]))) as served:
+        try:
+            browser.get("http://127.0.0.1:{}/".format(served.stdout.readline().strip()))
+            wait_until(lambda: "last message 0." in text(browser, "#health"))
+            assert doubt(browser) == "" and not is_stale(browser)
+            os.kill(served.pid, signal.SIGSTOP)
+            wait_until(lambda: is_stale(browser), 5.0)
+            assert doubt(browser).startswith("No message from the mission. What is shown may be old. Since ")
+            wait_until(lambda: "Since 4 s" in doubt(browser))
+            # the age that the server told last goes on growing
+            assert float(re.search(r"last message ([\d.]+) s ago", text(browser, "#health"))[1]) >= 3.0
+            os.kill(served.pid, signal.SIGCONT)
+            wait_until(lambda: doubt(browser) == "" and not is_stale(browser))
+        finally:
+            served.kill()
+    wait_until(lambda: doubt(browser).startswith("No connection to the mission; trying again."))
+    assert is_stale(browser)
+
+
+def test_a_tick_thread_that_hangs_does_not_look_live_though_the_page_is_served(show, browser):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    open_page(browser, shown)
+    wait_until(lambda: is_stale(browser))
+    assert doubt(browser).startswith("The controller hangs: its tick thread gives no sign of life. Since ")
+    shown.rig.clock.advance(1.0)  # it runs its timers again
+    wait_until(lambda: doubt(browser) == "" and not is_stale(browser))
+
+
+def test_the_end_of_the_mission_is_told_and_the_next_one_is_shown(show, browser):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    open_page(browser, shown)
+    shown.rig.mission.events.emit(RunFinished("all passes are done; last pass: SUCCESS", 0))
+    shown.page.close()  # at once, as the node does
+    wait_until(lambda: browser.execute_script("return !hasConnection"))
+    assert doubt(browser) == "The mission has ended: all passes are done; last pass: SUCCESS."
+    rig = one_leaf("<Sequence><Sleep msec='9000'/><WelcomeSpeech/></Sequence>")
+    following = Page("127.0.0.1", shown.port, Board(rig.mission.events, rig.mission.health, registry()), pytest.fail)
+    try:
+        following.show(rig.tree)
+        wait_until(lambda: browser.execute_script("return items.length") == 3 and "ended" not in doubt(browser), 15.0)
+    finally:
+        following.close()
+
+
 def test_health_is_told_when_it_changes(show, browser):
     rig = one_leaf("<Sleep msec='9000'/>")
     shown = show(rig)
@@ -277,6 +393,38 @@ def test_changes_are_pushed_together(show):
             rig.clock.advance(0.001)
         parts = json.loads(stream.readline()[6:])
         assert "statuses" in parts and "mission" not in parts
+
+
+def test_there_is_a_message_every_second_though_nothing_happens(show):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
+        came = []
+        while len(came) < 4:
+            if stream.readline().startswith(b"data: "):
+                came.append(time.monotonic())
+    assert came[3] - came[1] < 4.0
+
+
+def test_the_end_reaches_a_browser_before_the_server_closes(show):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
+        stream.readline()
+        shown.rig.mission.events.emit(RunFinished("stopped; last pass: none", 0))
+        shown.page.close()
+        messages = [json.loads(line[6:]) for line in stream if line.startswith(b"data: ")]
+    assert messages[-1]["passes"]["ended"] == "stopped; last pass: none"
+
+
+def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
+    shown = show(Rig())
+    with socket.create_connection(("127.0.0.1", shown.port)) as idle:
+        idle.sendall(b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n")
+        wait_until(lambda: shown.page.streams)
+        for stream in list(shown.page.streams):
+            stream.flush = asyncio.Future  # what it is sent is never taken
+        began = time.monotonic()
+        shown.page.close()
+        assert time.monotonic() - began < 1.0
 
 
 def test_a_port_that_is_taken_is_one_line(show):

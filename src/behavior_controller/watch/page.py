@@ -9,6 +9,7 @@ import json
 import os
 import re
 import socket
+import time
 from typing import Any, Callable, Dict, Optional, Set
 
 from tornado.httpserver import HTTPServer
@@ -25,8 +26,8 @@ FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.1
 """Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake nobody."""
 
-KEEP_ALIVE = 15.0
-"""Seconds after which a browser is sent a sign of life; one that has vanished is noticed by it."""
+FAREWELL = 0.3
+"""Seconds that browsers have at the end to take what came last."""
 
 MOST_BROWSERS = 20
 MOST_CONNECTIONS = 64
@@ -44,6 +45,7 @@ class Page:
         self.hosts = _Hosts(address)
         self.connections = Connections(MOST_CONNECTIONS)
         self._thread: Optional[LoopThread] = None
+        self.is_closing = False
         try:
             self._sockets = bind_sockets(port, address)
         except OSError as error:
@@ -62,18 +64,27 @@ class Page:
         self.board.show(tree)
 
     def close(self) -> None:
-        """Stop serving."""
+        """Tell every browser how the mission ended, and stop serving."""
+        self.board.close()
         if self._thread is not None:
-            self._thread.close()
+            self._thread.close(self._part)
+
+    async def _part(self) -> None:
+        self.is_closing = True
+        ends = time.monotonic() + FAREWELL
+        while self.streams and time.monotonic() < ends:
+            await asyncio.sleep(0.01)
+        # a browser must not ask again on a connection that is served no more
+        await asyncio.wait([asyncio.ensure_future(self._server.close_all_connections())], timeout=0.1)
 
     def _begin(self) -> None:
         application = Application([
             (r"/events", _Stream), (r"/state", _State), (r"/(.*)", _File, {
                 "path": FILES, "default_filename": "index.html"})], log_function=lambda handler: None, page=self)
-        server = _Server(application, max_body_size=1024, max_buffer_size=64 * 1024, max_header_size=16 * 1024,
-                         idle_connection_timeout=LONGEST_IDLE, body_timeout=LONGEST_IDLE)
-        server.connections = self.connections
-        server.add_sockets(self._sockets)
+        self._server = _Server(application, max_body_size=1024, max_buffer_size=64 * 1024, max_header_size=16 * 1024,
+                               idle_connection_timeout=LONGEST_IDLE, body_timeout=LONGEST_IDLE)
+        self._server.connections = self.connections
+        self._server.add_sockets(self._sockets)
 
     def _end(self) -> None:
         for sock in self._sockets:
@@ -182,22 +193,21 @@ class _Stream(_Quiet):
     _is_gone = False
 
     async def get(self) -> None:
-        """Send until the browser goes."""
+        """Send until the browser goes, or all has been told at the end."""
         if len(self.page.streams) >= MOST_BROWSERS:
             self.set_status(503)
             return
         self.set_header("Content-Type", "text/event-stream; charset=utf-8")
         self.page.streams.add(self)
         known: Dict[str, int] = {}
-        quiet = 0.0
         try:
             while not self._is_gone:
-                message = self._message(known)
-                quiet = 0.0 if message else quiet + PUSH_INTERVAL
-                if message or quiet > KEEP_ALIVE:
-                    quiet = 0.0
-                    self.write(message or ": still here\n\n")
+                is_last, message = self.page.is_closing, self._message(known)
+                if message:
+                    self.write(message)
                     await asyncio.wait_for(self.flush(), LONGEST_IDLE)
+                if is_last:
+                    return
                 self.note_use()
                 await asyncio.sleep(PUSH_INTERVAL)
         except StreamClosedError:

@@ -6,7 +6,7 @@ import asyncio
 import socket
 import threading
 import time
-from typing import Any, Callable, Dict
+from typing import Any, Callable, Coroutine, Dict, Optional
 
 from tornado.iostream import IOStream
 
@@ -64,10 +64,16 @@ class LoopThread:
         except RuntimeError:
             pass  # the loop has ended
 
-    def close(self) -> None:
-        """End the loop, and wait for a second at the most until it has ended."""
-        self.call(self._loop.stop)
+    def close(self, farewell: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
+        """End the loop, after ``farewell``, and wait for a second at the most until it has ended."""
+        self.call(self._loop.stop if farewell is None else lambda: self._loop.create_task(self._end_after(farewell)))
         self._thread.join(1.0)
+
+    async def _end_after(self, farewell: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        try:
+            await farewell()
+        finally:
+            self._loop.stop()
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
