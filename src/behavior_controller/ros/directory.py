@@ -65,17 +65,17 @@ class Directory:
 
     # -------------------------------------------------------------------------------------------------------- services
 
-    def service(self, name: str, seconds: float) -> Place:
-        """Return where the service ``name`` is. ``seconds`` bounds each step of asking.
+    def service(self, name: str, seconds: float, seconds_if_known: float = LOOK_LIMIT) -> Place:
+        """Return where the service ``name`` is, or was last if the master does not answer.
 
-        Raises ``Trouble`` if no node offers it, or if the master does not answer and the service was never found.
+        ``seconds`` bounds each step of asking; ``seconds_if_known`` does so for a service that was found before. Raises ``Trouble`` if no node offers it, or if the master does not answer and the service was never found.
         """
         with self._lock:
             known = self._services.get(name, _Entry(0, ())).uris
         if known and self.is_away:
             return Place(known[0], False)
         try:
-            uri = ask_master("lookupService", name, seconds=min(seconds, LOOK_LIMIT) if known else seconds)
+            uri = ask_master("lookupService", name, seconds=min(seconds, seconds_if_known) if known else seconds)
             if uri is None and known and self._is_unknown_to_master():
                 return Place(known[0], False)
         except Trouble:
