@@ -1,11 +1,11 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
-from typing import Any, Callable, Dict, NamedTuple, Optional
+from typing import Any, Callable, Dict, Iterable, Iterator, NamedTuple, Optional
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
-from behavior_controller.gateway import SAFE_STATE
+from behavior_controller.gateway import SAFE_STATE, Call, Failure
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
 FAILED = 3
@@ -161,8 +161,16 @@ class Runner:
             self.tree.wake.test_and_clear()
             if any(call.result is None for call in calls):
                 self.wait(end - self.clock.now())
-        for call in calls:
-            if call.result is None:
-                call.drop()
-                self.mission.events.emit(Noticed("warning", "{} did not answer while stopping".format(
-                    call.request.service)))
+        for line in not_calm(calls):
+            self.mission.events.emit(Noticed("warning", line))
+
+
+def not_calm(calls: Iterable[Call]) -> Iterator[str]:
+    """Drop what is not answered of ``SAFE_STATE``, and yield a line for each part that the robot is not known to be in."""
+    for call in calls:
+        if call.result is None:
+            call.drop()
+            yield "{} did not answer while stopping".format(call.request.service)
+        elif isinstance(call.result, Failure):
+            yield "{} failed while stopping: {}: {}".format(
+                call.request.service, call.result.cause.value, call.result.message)

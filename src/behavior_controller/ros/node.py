@@ -33,7 +33,7 @@ from behavior_controller.ros.probe import StartUpCheck
 from behavior_controller.ros.services import RosGateway
 from behavior_controller.ros.signals import BROKEN, Signals, block_signals
 from behavior_controller.ros.topics import RosTopics
-from behavior_controller.runner import Runner, Running
+from behavior_controller.runner import Runner, Running, not_calm
 from behavior_controller.settings import split_arguments
 from behavior_controller.watch.board import Board
 from behavior_controller.watch.groot2 import Groot2Publisher
@@ -351,6 +351,8 @@ class _Run:
         while any(call.result is None for call in calls) and time.monotonic() < ends:
             self._wake.wait(max(0.0, ends - time.monotonic()))
             self._wake.test_and_clear()
+        for line in not_calm(calls):
+            self._console.tell("warning", line)
 
 
 def _url(address: str, port: int) -> str:
