@@ -68,7 +68,8 @@ class Directory:
     def service(self, name: str, seconds: float, seconds_if_known: float = LOOK_LIMIT) -> Place:
         """Return where the service ``name`` is, or was last if the master does not answer.
 
-        ``seconds`` bounds each step of asking; ``seconds_if_known`` does so for a service that was found before. Raises ``Trouble`` if no node offers it, or if the master does not answer and the service was never found.
+        ``seconds`` bounds each step of asking; ``seconds_if_known`` does so for a service that was found before.
+        Raises ``Trouble`` if no node offers it, or if the master does not answer and the service was never found.
         """
         with self._lock:
             known = self._services.get(name, _Entry(0, ())).uris
