@@ -26,13 +26,14 @@ bench:
 	@tools/in_workspace.sh python3 bench/bench_engine.py
 	@tools/in_workspace.sh python3 bench/bench_runtime.py $(ARGS)
 
-# the lab tour on the real node with every fault at every call: about 40 minutes. ARGS=sweep, pairs, rates or stops
+# the lab tour on the real node with every fault at every call, and an adversary around it: about 55 minutes.
+# ARGS=sweep, pairs, rates, stops or adversary
 soak:
 	@tools/in_workspace.sh python3 test/soak/soak.py $(ARGS)
 
-# break a rule at a time: does a test notice?
+# break one place of the code at a time: does a test notice? ARGS='rules', or 'sample --count 50 --seed 2'
 mutations:
-	@tools/in_workspace.sh python3 test/mutation/run_mutations.py
+	@tools/in_workspace.sh python3 test/mutation/run_mutations.py $(ARGS)
 
 clean:
 	rm -rf build

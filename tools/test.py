@@ -21,6 +21,7 @@ LOGS = os.path.join(BUILD, "log", "tests")
 OWN = "{}.{}".format(*sys.version_info[:2])
 CORE = ["test/unit", "test/conformance"]
 TEST_PACKAGE = ["unit_tests/test/unit"]
+NETWORK = ["test/soak"]
 PYTEST_LIMIT = 1200.0  # seconds
 ROSTEST_LIMIT = 600.0
 NAMED_AT_MOST = 20
@@ -64,6 +65,7 @@ def suites() -> Iterator[Suite]:
         yield pytest_suite(name, folders, OWN, sys.executable, dict(os.environ))
         for version in others:
             yield other_python(name, folders, version)
+    yield pytest_suite("network", NETWORK, OWN, sys.executable, dict(os.environ))
     for test in sorted(glob.glob("test/rostest/*.test")) + sorted(glob.glob("unit_tests/test/rostest/*.test")):
         yield rostest_suite(test)
 

@@ -5,12 +5,16 @@ import os
 import sys
 from typing import Any, List, Optional, Tuple
 
+try:
+    import behavior_controller.bt
+except ImportError as error:  # py-trees-render would show a traceback
+    sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
 from behavior_controller import folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
-from behavior_controller.bt.language.document import one_line
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.leaves import vocabulary
+from behavior_controller.text import clean
 
 GOOD, BAD = 0, 2
 
@@ -18,7 +22,8 @@ GOOD, BAD = 0, 2
 def validate(argv: Optional[List[str]] = None) -> int:
     """``validateMission FILE…``: print every fault of each file. Return 0 if all can be run, else 2."""
     parser = argparse.ArgumentParser(prog="validateMission", description="Check robot missions without running them.",
-                                     epilog="exit code: 0 if every file can be run, else 2")
+                                     epilog="exit code: 0 if every file can be run, 2 if not, 1 if a Python "
+                                            "package is missing or too old")
     parser.add_argument("files", nargs="+", metavar="FILE", help="a mission, as Groot2 saves it")
     parser.add_argument("--json", action="store_true", help="print the faults as a JSON array, for editors")
     options = parser.parse_args(_without_ros_arguments(argv))
@@ -29,14 +34,8 @@ def validate(argv: Optional[List[str]] = None) -> int:
         if not options.json:
             _print_judgement(path, faults, nodes)
     if options.json:
-        _print(json.dumps([fault._asdict() for fault in found], indent=1))
+        print(json.dumps([fault._asdict() for fault in found], indent=1))
     return BAD if any(not fault.is_warning for fault in found) else GOOD
-
-
-def _print(text: str) -> None:
-    # a terminal that does not know a letter gets its code, not a traceback
-    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    print(text.encode(encoding, "backslashreplace").decode(encoding))
 
 
 def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
@@ -55,13 +54,13 @@ def _judged(path: str) -> Tuple[List[Fault], int]:
 
 def _print_judgement(path: str, faults: List[Fault], nodes: int) -> None:
     for fault in faults:
-        _print(str(fault))
+        print(str(fault))
     warnings = sum(fault.is_warning for fault in faults)
     counts = [] if nodes else [_count(len(faults) - warnings, "fault")]
     if warnings or nodes:
         counts.append(_count(warnings, "warning"))
     good = "can be run, {}, ".format(_count(nodes, "node")) if nodes else ""
-    _print("{}: {}{}".format(one_line(path), good, ", ".join(counts)))
+    print("{}: {}{}".format(clean(path), good, ", ".join(counts)))
 
 
 def _count(number: int, what: str) -> str:
@@ -73,7 +72,7 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
     parser = argparse.ArgumentParser(
         prog="exportNodeModel", description="Print the palette of mission nodes for Groot2 (Import models from file).")
     parser.parse_args(_without_ros_arguments(argv))
-    _print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n{}\n</root>'.format(
+    print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n{}\n</root>'.format(
         tree_nodes_model(leaves.SPECS, indent="  ")))
     return GOOD
 

@@ -9,6 +9,8 @@
 """
 from typing import NamedTuple, Sequence
 
+from behavior_controller.text import clean
+
 
 class Fault(NamedTuple):
     """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not known."""
@@ -21,10 +23,10 @@ class Fault(NamedTuple):
     is_warning: bool = False
 
     def __str__(self) -> str:
-        """Return ``file:line:column: text (hint)``, leaving out what is not known."""
-        place = ":".join([self.file] + [str(number) for number in (self.line, self.column) if number])
+        """Return ``file:line:column: text (hint)`` on one line, leaving out what is not known."""
+        place = ":".join([clean(self.file)] + [str(number) for number in (self.line, self.column) if number])
         kind = "warning: " if self.is_warning else ""
-        return "{}: {}{}{}".format(place, kind, self.text, " ({})".format(self.hint) if self.hint else "")
+        return "{}: {}{}{}".format(place, kind, clean(self.text), " ({})".format(clean(self.hint)) if self.hint else "")
 
 
 class BehaviorControllerError(Exception):

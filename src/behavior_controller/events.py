@@ -69,6 +69,13 @@ class HealthChanged(NamedTuple):
     respect: str = ""  # what changed about it: see ``health``
 
 
+class PassStarted(NamedTuple):
+    """One visitor's pass through the mission begins; ``at`` is the time of the mission's clock."""
+
+    number: int
+    at: float
+
+
 class PassFinished(NamedTuple):
     """One visitor's pass through the mission ended."""
 
@@ -91,7 +98,8 @@ class RunFinished(NamedTuple):
     exit_code: int
 
 
-Event = Union[RunStarted, LeafFinished, Retried, Recovered, HealthChanged, PassFinished, Noticed, RunFinished]
+Event = Union[RunStarted, PassStarted, LeafFinished, Retried, Recovered, HealthChanged, PassFinished, Noticed,
+              RunFinished]
 
 
 class Events:

@@ -30,3 +30,14 @@ def data(name: str) -> str:
 def mission(name: str) -> str:
     """Return the path of the mission called ``name``, with or without ``.xml``."""
     return data(name if name.endswith(".xml") else name + ".xml")
+
+
+RECORDS = "behaviorController_records"
+"""Folder among ROS' logs that has a folder for each recorded run; their names sort by time."""
+
+
+def records() -> str:
+    """Return the folder of the recorded runs, which is where ``rospkg.get_log_dir()`` would have it."""
+    home = os.environ["ROS_HOME"] if "ROS_HOME" in os.environ else os.path.join(os.path.expanduser("~"), ".ros")
+    logs = os.environ["ROS_LOG_DIR"] if "ROS_LOG_DIR" in os.environ else os.path.join(home, "log")
+    return os.path.join(logs, RECORDS)

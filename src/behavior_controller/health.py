@@ -4,11 +4,12 @@ The ROS edge reports, on any thread; the tick thread hands the changes on as eve
 recovery sees what the operator sees (D5.4.3 section 2, continuous monitoring).
 """
 import queue
+import threading
 from typing import Callable, Dict, NamedTuple, Set, Tuple
 
 from behavior_controller.events import Events, HealthChanged
 
-GONE, SLOW, FAILING, SILENT = "gone", "slow", "failing", "silent"
+GONE, SLOW, FAILING, SILENT, NEW = "gone", "slow", "failing", "silent", "new"
 
 SLOW_SHARE = 0.5
 """A service is slow when a call has taken this share of its deadline."""
@@ -28,11 +29,15 @@ class CallCount(NamedTuple):
 
 
 class Health:
-    """The state of each service and topic, by resolved name, in each respect that is watched (``GONE`` …)."""
+    """The state of each service and topic, by resolved name, in each respect that is watched (``GONE`` …).
+
+    Any thread may report; ``publish`` and ``is_gone`` belong to the tick thread.
+    """
 
     def __init__(self, wake: Callable[[], None] = lambda: None):
         """``wake`` is called after each change, so that the tick thread comes and tells it."""
         self._wake = wake
+        self._lock = threading.Lock()  # of what is reported
         self._troubles: Set[Tuple[str, str]] = set()
         self._gone: Set[str] = set()
         self._changes: "queue.SimpleQueue[HealthChanged]" = queue.SimpleQueue()
@@ -43,13 +48,14 @@ class Health:
     def report(self, respect: str, change: HealthChanged) -> None:
         """Note how something is in one respect, from any thread; only a change is handed on."""
         key = (change.name, respect)
-        if (key in self._troubles) is not change.is_well:
-            return
-        if change.is_well:
-            self._troubles.discard(key)
-        else:
-            self._troubles.add(key)
-        self._changes.put(change._replace(respect=respect))
+        with self._lock:
+            if (key in self._troubles) is not change.is_well:
+                return
+            if change.is_well:
+                self._troubles.discard(key)
+            else:
+                self._troubles.add(key)
+            self._changes.put(change._replace(respect=respect))
         self._wake()
 
     def slow(self, service: str, deadline: float) -> None:
@@ -59,10 +65,11 @@ class Health:
 
     def ended(self, service: str, seconds: float, deadline: float, has_failed: bool) -> None:
         """Count a call that ended after ``seconds``; its ``deadline`` tells whether that was slow."""
-        before = self.calls.get(service, CallCount())
-        row = before.in_a_row + 1 if has_failed else 0
-        self.calls[service] = CallCount(before.calls + 1, before.failures + has_failed, row, seconds,
-                                        max(seconds, before.slowest_seconds))
+        with self._lock:
+            before = self.calls.get(service, CallCount())
+            row = before.in_a_row + 1 if has_failed else 0
+            self.calls[service] = CallCount(before.calls + 1, before.failures + has_failed, row, seconds,
+                                            max(seconds, before.slowest_seconds))
         if row >= FAILURES_IN_A_ROW:
             self.report(FAILING, HealthChanged("service", service, "", False, "failing: {} calls in a row".format(row),
                                                "the recovery policy says what is left out"))

@@ -79,8 +79,10 @@ class Phrases:
         self._values = values
         self.tablet_options = (values["tabletYes"], values["tabletNo"])
         meanings = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES) for phrase in values[meaning]]
+        self._meanings: Dict[str, List[Tuple[Tuple[str, ...], str]]] = {}  # by the first word: utterances may be long
         # the longest phrase first, so that "why not" is not taken for its "not"
-        self._meanings = sorted(meanings, key=lambda pair: -len(pair[0]))
+        for phrase, meaning in sorted(meanings, key=lambda pair: -len(pair[0])):
+            self._meanings.setdefault(phrase[0], []).append((phrase, meaning))
 
     def speech(self, node: str) -> str:
         """Return the text that a mission node says."""
@@ -96,7 +98,7 @@ class Phrases:
     def _heard(self, sentence: Tuple[str, ...]) -> List[str]:
         heard, at = [], 0
         while at < len(sentence):
-            for phrase, meaning in self._meanings:
+            for phrase, meaning in self._meanings.get(sentence[at], ()):
                 if sentence[at:at + len(phrase)] == phrase:
                     heard.append(meaning)
                     at += len(phrase)
@@ -132,7 +134,7 @@ def load(language: str) -> Phrases:
     faults = [Fault(path, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other),
                     "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
-              for phrase in values[one] if phrase in values[other]]
+              for phrase in sorted(set(values[one]) & set(values[other]))]
     if faults:
         raise ConfigurationError(faults)
     return Phrases(values)

@@ -6,6 +6,7 @@ from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
 from behavior_controller.bt.registry import NodeSpec, did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.gateway import Cause
+from behavior_controller.settings import MOST_FAULTS, read_lines, too_many_faults
 
 CAUSES = {
     "refused": Cause.REFUSED, "exception": Cause.HANDLER_EXCEPTION, "no-answer": Cause.NO_ANSWER,
@@ -57,18 +58,13 @@ class Policy(NamedTuple):
 
 def load(path: str, specs: Iterable[NodeSpec]) -> Policy:
     """Read a policy file; ``specs`` are the nodes that it may name. Raises ConfigurationError with every fault."""
-    try:
-        with open(path, encoding="utf-8") as file:
-            lines = file.read().split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        text = "the recovery policy cannot be read: {}".format(reason)
-        raise ConfigurationError([Fault(path, 0, 0, text)]) from error
     reader = _Reader(path, {spec.id: spec for spec in specs})
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(read_lines(path, "the recovery policy"), 1):
         words = line.split("#")[0].split()
         if words:
             reader.line(number, words)
+        if len(reader.faults) > MOST_FAULTS:
+            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(path, number)])
     if reader.budget is None:
         reader.fault(0, "the line \"budget <recoveries> <seconds>\" is missing")
     if reader.faults:

@@ -4,7 +4,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.events import Noticed, PassFinished, RunFinished, RunStarted
+from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
 from behavior_controller.gateway import SAFE_STATE
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
@@ -35,29 +35,37 @@ class Runner:
     """Runs passes of a mission until ``is_stopped()``, or as many passes as it is to run."""
 
     def __init__(self, running: Running, is_stopped: Callable[[], bool],
-                 successor: Callable[[], Optional[Running]] = lambda: None):
-        """``successor`` gives what is to run from the next pass on (with the same clock and wake-up), or None."""
+                 successor: Callable[[], Optional[Running]] = lambda: None,
+                 stop_code: Callable[[], Optional[int]] = lambda: None):
+        """``successor`` gives what is to run from the next pass on (with the same clock and wake-up), or None.
+
+        ``stop_code`` gives the exit code of a run that was stopped; None: the last pass decides.
+        """
         self.tree, self.mission, self.mission_file, self.runs = running
         self.clock = self.tree.clock
         self.is_stopped = is_stopped
         self._successor = successor
+        self._stop_code = stop_code
         self._number = 0
         self._outcome: Optional[str] = None  # of the last pass
         self._warned = False
         self._rounds = 0  # ticks since the last wait
 
     def run(self) -> int:
-        """Run and return the exit code: 0 if the last pass that ended was a SUCCESS (or none had ended), else 3."""
+        """Run and return the exit code: ``stop_code``, or 0 if the last pass was a SUCCESS (or none ended), else 3."""
         self._begin()
         while not self.is_stopped() and (self.runs == 0 or self._number < self.runs):
             self._pass()
-            following = self._successor()
+            # what was running when the stop came must be halted, so nothing may take its place
+            following = None if self.is_stopped() else self._successor()
             if following is not None:
                 self.tree, self.mission, self.mission_file, self.runs = following
                 self._begin()
         if self.is_stopped():
             self._stop()
-        code = EXIT_CODES.get(self._outcome or "SUCCESS", FAILED)
+        code = self._stop_code()
+        if code is None:
+            code = EXIT_CODES.get(self._outcome or "SUCCESS", FAILED)
         ended = "stopped" if self.is_stopped() else "all passes are done"
         self.mission.events.emit(RunFinished("{}; last pass: {}".format(ended, self._outcome or "none"), code))
         return code
@@ -69,8 +77,10 @@ class Runner:
             self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values)))
 
     def _pass(self) -> None:
-        """Run the mission once."""
+        """Run the mission once, for a visitor of whom nothing is known."""
         began = self.clock.now()
+        self.mission.begin_visit(self.tree.blackboard, began)
+        self.mission.events.emit(PassStarted(self._number + 1, began))
         result: Any = RUNNING
         while result is RUNNING and not self.is_stopped():
             self.tree.wake.test_and_clear()

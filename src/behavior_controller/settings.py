@@ -1,7 +1,8 @@
-"""The configuration: a file of ``key value`` lines, overridden by ROS parameters, checked as a whole at the start.
+"""The configuration: a file of ``key value`` lines, overridden by ROS parameters and arguments, checked as a whole.
 
 ``read_configuration`` works on any list of keys; the test package reads its own file with it.
 """
+import ipaddress
 import math
 import re
 from types import MappingProxyType
@@ -10,6 +11,10 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Seq
 from behavior_controller import gateway
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.text import Unreadable, read_text
+
+MOST_FAULTS = 100
+"""A file with more mistakes is no configuration; the rest of it is not read."""
 
 REQUIRED = object()
 """The default of a key that must be given."""
@@ -17,6 +22,9 @@ REQUIRED = object()
 # float() and \d alone would also take "1_0" and the digits of other scripts
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?inf", re.IGNORECASE)
 _INTEGER = re.compile(r"-?[0-9]{1,18}")
+# each takes linear time
+_NAME_END = re.compile(r"[\s=#]|$")
+_COMMENT = re.compile(r"(?<!\S)#|$")
 
 
 class Key(NamedTuple):
@@ -79,12 +87,26 @@ def mission_name(text: str) -> str:
     return name[:-4] if name.endswith(".xml") else name
 
 
+def address(text: str) -> str:
+    """Return an IP address or the name of a host.
+
+    What merely looks like an address is refused: the system's resolver takes nothing, 0 and 0x0 for all addresses.
+    """
+    labels = text.lower().split(".")
+    if ":" in text or re.fullmatch("[0-9]*|0x[0-9a-f]*", labels[-1]):
+        return str(ipaddress.ip_address(text))
+    if len(text) > 253 or not all(re.fullmatch("[0-9a-z_][0-9a-z_-]{0,62}", label) for label in labels):
+        raise ValueError(text)
+    return text
+
+
 def words(text: str) -> str:
     """Return any text."""
     return text
 
 
 _SECONDS = "a number of seconds, 0 or more"
+_ADDRESS = "an address or a host name of this computer, 127.0.0.1 for itself alone, 0.0.0.0 for all networks"
 _POSITIVE = "a number of seconds, more than 0 and at most 86400"
 
 
@@ -121,11 +143,11 @@ KEYS: Tuple[Key, ...] = (
     _deadline("textToSpeechDeadline", 60.0, "/textToSpeech/say_text"),
     Key("groot2Port", integer(0, 65534), "a port from 1 to 65534, or 0", 1667,
         "where Groot2 connects, with the port after it; 0: nobody can"),
-    Key("groot2Address", words, "an address of this computer", "127.0.0.1",
+    Key("groot2Address", address, _ADDRESS, "127.0.0.1",
         "who may connect: 127.0.0.1 this computer alone, 0.0.0.0 everybody on the network"),
     Key("monitorPort", integer(0, 65535), "a port from 1 to 65535, or 0", 8080,
         "where a browser sees the mission; 0: nobody does"),
-    Key("monitorAddress", words, "an address of this computer", "127.0.0.1", "who may look, as groot2Address"),
+    Key("monitorAddress", address, _ADDRESS, "127.0.0.1", "who may look, as groot2Address"),
     Key("recordDirectory", words, "a folder, nothing, or none", "",
         "where to write the record mission.jsonl; empty: a new folder among ROS' logs; none: nowhere"),
 )
@@ -175,28 +197,65 @@ def defaults(**given: Any) -> Settings:
     return Settings(values)
 
 
-def load(path: str, overrides: Optional[Mapping[str, Any]] = None) -> Settings:
+def split_arguments(argv: Sequence[str]) -> Tuple[List[str], Dict[str, str]]:
+    """Return the arguments that rospy is to see, and key -> value of each ``_key:=value``.
+
+    rospy would put the latter on the parameter server, where they outlive the process and a later one finds them.
+    """
+    others: List[str] = []
+    given: Dict[str, str] = {}
+    for argument in argv:
+        name, is_assignment, value = argument.partition(":=")
+        if is_assignment and name.startswith("_") and not name.startswith("__"):
+            given[name[1:]] = value
+        else:
+            others.append(argument)
+    return others, given
+
+
+def load(path: str, overrides: Optional[Mapping[str, Any]] = None,
+         arguments: Optional[Mapping[str, str]] = None) -> Settings:
     """Read the controller's configuration. Raises ConfigurationError with every fault."""
-    return Settings(read_configuration(path, KEYS, overrides))
+    return Settings(read_configuration(path, KEYS, overrides, arguments))
 
 
-def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None) -> Dict[str, Any]:
-    """Return a value for each of ``keys`` from a file and from overriding ROS parameters.
+def recorded(values: Mapping[str, Any], where: str) -> Settings:
+    """Return settings from their values as a record has them. Raises ConfigurationError with every fault."""
+    reader = _Reader(where, {key.name: key for key in KEYS})
+    for name, value in values.items():
+        reader.given_value(name, value, where)
+    return Settings(reader.result())
+
+
+def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None,
+                       arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
+    """Return a value for each of ``keys`` from a file, overriding ROS parameters, and ``arguments``, which override both.
 
     Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad value, missing key.
     """
-    try:
-        with open(path, encoding="utf-8-sig") as file:  # some editors begin a file with a byte order mark
-            lines = file.read().split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise ConfigurationError([Fault(path, 0, 0, "the configuration cannot be read: {}".format(reason))]) from error
     reader = _Reader(path, {key.name: key for key in keys})
-    for line_number, line in enumerate(lines, 1):
+    for line_number, line in enumerate(read_lines(path, "the configuration"), 1):
         reader.line(line_number, line)
+        if len(reader.faults) > MOST_FAULTS:
+            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(path, line_number)])
     for name, value in (overrides or {}).items():
         reader.override(name, value)
+    for name, text in (arguments or {}).items():
+        reader.argument(name, text)
     return reader.result()
+
+
+def read_lines(path: str, what: str) -> List[str]:
+    """Return the lines of a text file that a person writes. Raises ConfigurationError, which says ``what`` it is."""
+    try:
+        return read_text(path).split("\n")
+    except Unreadable as error:
+        raise ConfigurationError([Fault(path, 0, 0, "{} cannot be read: {}".format(what, error))]) from error
+
+
+def too_many_faults(path: str, line_number: int) -> Fault:
+    """Return the fault that ends the reading of a file."""
+    return Fault(path, line_number, 1, "more than {} mistakes; the rest is not read".format(MOST_FAULTS))
 
 
 class _Reader:
@@ -211,21 +270,23 @@ class _Reader:
 
     def line(self, line_number: int, line: str) -> None:
         """Take one line of the file."""
-        match = re.match(r"\s*(#.*|([^\s=#]+)\s*=?\s*(.*?)\s*)$", line)
-        if match is None or match.group(2) is None:
-            if match is None and line.strip():
+        column = len(line) - len(line.lstrip()) + 1
+        content = line.strip()
+        name = content[:_NAME_END.search(content).start()]  # type: ignore[union-attr]
+        if not name:
+            if content and content[0] != "#":
                 self._fault(line_number, 1, "this is not a line of the form: key value")
             return
-        name, text = match.group(2), re.sub(r"(^|\s+)#.*$", "", match.group(3)).strip()
-        column = match.start(2) + 1
+        rest = content[len(name):].lstrip()
+        rest = rest[1:].lstrip() if rest.startswith("=") else rest
+        text = rest[:_COMMENT.search(rest).start()].rstrip()  # type: ignore[union-attr]
         if name not in self.keys:
-            self._fault(line_number, column, "unknown key {}".format(name), did_you_mean(name, self.keys)
-                        or "the keys: {}".format(", ".join(self.keys)))
+            self._fault(line_number, column, "unknown key {}".format(name), self._nearest(name))
         elif name in self.given:
             self._fault(line_number, column, "the key {} stands in line {} already".format(name, self.given[name]))
         else:
             self.given[name] = line_number
-            self._value(name, text, line_number, match.start(3) + 1 if text else column)
+            self._value(name, text, line_number, column + len(content) - len(rest) if text else column)
 
     def override(self, name: str, value: Any) -> None:
         """Take one private ROS parameter."""
@@ -235,9 +296,30 @@ class _Reader:
             if hint:  # other parameters below our name are none of our business
                 self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name), hint))
             return
-        text = str(value).lower() if isinstance(value, bool) else str(value)
+        self.given_value(name, value, where)
+
+    def given_value(self, name: str, value: Any, where: str) -> None:
+        """Take a value that is not in the file, but a parameter or in a record."""
         self.given.setdefault(name, 0)
-        self._value(name, text, 0, 0, where)
+        if name not in self.keys:
+            self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name)))
+        elif not isinstance(value, (int, float, str)):  # ROS also has lists, mappings, dates, bytes and null
+            self.faults.append(Fault(where, 0, 0, "{} cannot be of type {}".format(name, type(value).__name__),
+                                     "allowed: {}".format(self.keys[name].allowed)))
+        else:
+            self._value(name, str(value).lower() if isinstance(value, bool) else str(value), 0, 0, where)
+
+    def argument(self, name: str, text: str) -> None:
+        """Take one argument of the command line."""
+        where = "argument {}".format(name)
+        if name in self.keys:
+            self.given.setdefault(name, 0)
+            self._value(name, text, 0, 0, where)
+        else:
+            self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name), self._nearest(name)))
+
+    def _nearest(self, name: str) -> str:
+        return did_you_mean(name, self.keys) or "the keys: {}".format(", ".join(self.keys))
 
     def _value(self, name: str, text: str, line_number: int, column: int, where: str = "") -> None:
         key = self.keys[name]

@@ -1,333 +1,258 @@
-"""Break one rule of the engine at a time and see that the recorded traces, or the tests of exact time, notice.
+"""Break the code in one place at a time and see that a test notices.
 
-``python3 test/mutation/run_mutations.py`` works on a copy of the sources; exit code 0 only if every mutation is noticed.
+``python3 test/mutation/run_mutations.py [rules] [sample] [--count N] [--seed S]``: ``rules`` breaks each named rule of
+the engine, which the recorded traces or the tests of exact time must notice; ``sample`` draws mutations from all other
+modules that know no ROS, of which at least 95 % must be noticed by the tests that run the broken line. Those that change
+nothing are listed with the reason in ``changes_nothing.json``. Exit code 0 only if all this holds. Needs Python 3.9.
 """
+import argparse
+import ast
+import concurrent.futures
+import json
 import os
+import queue
 import shutil
 import subprocess
 import sys
 import tempfile
+from typing import Dict, List, NamedTuple, Set, Tuple
+
+from mutate import Mutation, Stale, broken, sample
+from rules import RULES
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 VECTORS = os.path.join(ROOT, "test", "conformance")
-
-# the rule that is broken, file below bt/, a text of it, what the text becomes
-MUTATIONS = (
-    ("Sequence and Fallback reset their children when they end early",
-     "engine/controls.py",
-     "        self.halt_children()\n"
-     "        self.index = 0\n"
-     "        return self.ends_at",
-     "        self.index = 0\n"
-     "        return self.ends_at"),
-    ("Sequence and Fallback start anew after they ended early",
-     "engine/controls.py",
-     "        self.halt_children()\n"
-     "        self.index = 0\n"
-     "        return self.ends_at",
-     "        self.halt_children()\n"
-     "        return self.ends_at"),
-    ("Sequence starts anew after its last child",
-     "engine/controls.py",
-     "        self.index = self.skipped = 0\n"
-     "        return SKIPPED if all_skipped else self.goes_on_at",
-     "        return SKIPPED if all_skipped else self.goes_on_at"),
-    ("a Sequence of skipped children is SKIPPED",
-     "engine/controls.py",
-     "return SKIPPED if all_skipped else self.goes_on_at",
-     "return self.goes_on_at"),
-    ("the count of skipped children lasts over ticks",
-     "engine/controls.py",
-     "            if self.status is IDLE:\n"
-     "                self.skipped = 0\n"
-     "            self.store(RUNNING)",
-     "            self.skipped = 0\n"
-     "            self.store(RUNNING)\n"
-     "        self.skipped = 0"),
-    ("a halted Sequence starts anew",
-     "engine/controls.py",
-     "        self.index = self.skipped = 0\n"
-     "        super().halt()",
-     "        super().halt()"),
-    ("AsyncSequence gives way only after a child that was idle",
-     "engine/controls.py",
-     "if was_idle and self.index < count and self.yields():",
-     "if self.index < count and self.yields():"),
-    ("giving way signals a wake-up",
-     "engine/controls.py",
-     "        self.wake()\n"
-     "        return True",
-     "        return True"),
-    ("SequenceWithMemory gives way",
-     "engine/controls.py",
-     "class SequenceWithMemory(AsyncSequence):",
-     "class SequenceWithMemory(Sequence):"),
-    ("SequenceWithMemory keeps the status of earlier children on failure",
-     "engine/controls.py",
-     "        for child in self.children[self.index:]:",
-     "        for child in self.children:"),
-    ("SequenceWithMemory keeps its place when halted",
-     "engine/controls.py",
-     "    def halt(self) -> None:\n"
-     "        \"\"\"Halt the children; keep the place.\"\"\"\n"
-     "        Control.halt(self)",
-     "    pass"),
-    ("Fallback ends at SUCCESS",
-     "engine/controls.py",
-     "class Fallback(_InOrder, composites.Selector):\n"
-     "    \"\"\"Children in order until one succeeds.\"\"\"\n"
-     "\n"
-     "    ends_at = SUCCESS",
-     "class Fallback(_InOrder, composites.Selector):\n"
-     "    \"\"\"Children.\"\"\"\n"
-     "\n"
-     "    ends_at = RUNNING"),
-    ("a reactive node halts its other children while one is RUNNING",
-     "engine/controls.py",
-     "                self.others_halted(index)\n"
-     "                return RUNNING",
-     "                return RUNNING"),
-    ("a reactive node resets a skipped child",
-     "engine/controls.py",
-     "                skipped += 1\n"
-     "                halt_child(child)",
-     "                skipped += 1"),
-    ("a reactive node resets its children at the end",
-     "engine/controls.py",
-     "            if result is self.ends_at:\n"
-     "                self.halt_children()\n"
-     "                return result",
-     "            if result is self.ends_at:\n"
-     "                return result"),
-    ("Parallel fails when it can no longer succeed",
-     "engine/controls.py",
-     "if count - self.failures < needed or self.failures == allowed:",
-     "if self.failures == allowed:"),
-    ("Parallel fails at failure_count",
-     "engine/controls.py",
-     "self.failures == allowed:",
-     "self.failures > allowed:"),
-    ("skipped children count as successes if success_count is negative",
-     "engine/controls.py",
-     "(skips_count and self.successes + skipped >= needed)",
-     "False"),
-    ("Parallel does not tick a completed child again",
-     "engine/controls.py",
-     "            if index not in self.completed and self.execute_child(index) is SKIPPED:",
-     "            if self.execute_child(index) is SKIPPED:"),
-    ("ParallelAll fails at max_failures",
-     "engine/controls.py",
-     "FAILURE if self.failures >= allowed else SUCCESS",
-     "FAILURE if self.failures > allowed else SUCCESS"),
-    ("Parallel resets its children at the end",
-     "engine/controls.py",
-     "        self.clear()\n"
-     "        self.halt_children()\n"
-     "        return result",
-     "        self.clear()\n"
-     "        return result"),
-    ("IfThenElse takes the second child on SUCCESS",
-     "engine/controls.py",
-     "            self.branch = 1 if result is SUCCESS else 2",
-     "            self.branch = 2 if result is SUCCESS else 1"),
-    ("IfThenElse asks its condition again after a branch",
-     "engine/controls.py",
-     "        self.branch = 0\n"
-     "        return self.finished(result)",
-     "        return self.finished(result)"),
-    ("WhileDoElse halts the other branch",
-     "engine/controls.py",
-     "            halt_child(self.children[2 if condition is SUCCESS else 1])",
-     "            pass"),
-    ("Switch halts a child that is no longer chosen",
-     "engine/controls.py",
-     "        if self.running is not None and self.running != chosen:\n"
-     "            halt_child(self.children[self.running])",
-     "        pass"),
-    ("TryCatch stays in its catch child",
-     "engine/controls.py",
-     "                self.catching = True\n"
-     "                return self._catch()",
-     "                return self._catch()"),
-    ("TryCatch fails after its catch child",
-     "engine/controls.py",
-     "        self._end()\n"
-     "        return FAILURE",
-     "        self._end()\n"
-     "        return SUCCESS"),
-    ("TryCatch catches a halt only in its try block",
-     "engine/controls.py",
-     "not self.catching and self._catches_on_halt()",
-     "self._catches_on_halt()"),
-    ("Inverter turns FAILURE round",
-     "engine/decorators.py",
-     "        return SUCCESS if result is FAILURE else result",
-     "        return result"),
-    ("ForceFailure fails",
-     "engine/decorators.py",
-     "    forced = FAILURE",
-     "    forced = SUCCESS"),
-    ("KeepRunningUntilFailure is RUNNING after a success",
-     "engine/decorators.py",
-     "return FAILURE if self.tick_child() is FAILURE else RUNNING",
-     "return self.tick_child()"),
-    ("Repeat gives way after a round done at once",
-     "engine/decorators.py",
-     "                if was_idle and go:\n"
-     "                    self.wake()\n"
-     "                    return RUNNING",
-     "                if False:\n"
-     "                    return RUNNING"),
-    ("Repeat counts from the start after a failure",
-     "engine/decorators.py",
-     "                self.count = 0\n"
-     "                halt_child(self.decorated)\n"
-     "                return result",
-     "                halt_child(self.decorated)\n"
-     "                return result"),
-    ("Retry reads its port again after a failure",
-     "engine/decorators.py",
-     "        return self._limit()",
-     "        return limit"),
-    ("RunOnce remembers completions only",
-     "engine/decorators.py",
-     "        if result is SUCCESS or result is FAILURE:\n"
-     "            self.result = result",
-     "        self.result = result"),
-    ("Precondition does not ask again while its child runs",
-     "engine/decorators.py",
-     "        if not self.latched:\n"
-     "            self.latched = to_bool",
-     "        if True:\n"
-     "            self.latched = to_bool"),
-    ("Precondition asks again after its child completed",
-     "engine/decorators.py",
-     "            self.latched = False",
-     "            pass"),
-    ("Timeout fails at expiry",
-     "engine/decorators.py",
-     "        if self.expired:\n"
-     "            self.active = False\n"
-     "            return FAILURE",
-     "        pass"),
-    ("Timeout halts its child at expiry",
-     "engine/decorators.py",
-     "            halt_child(self.decorated)\n"
-     "            self.wake()",
-     "            self.wake()"),
-    ("Delay waits",
-     "engine/decorators.py",
-     "        if not self.over:\n"
-     "            return RUNNING",
-     "        pass"),
-    ("a Loop is RUNNING after each item",
-     "engine/decorators.py",
-     "return FAILURE if result is FAILURE else RUNNING",
-     "return result"),
-    ("SkipUnlessUpdated remembers what it has seen",
-     "engine/decorators.py",
-     "            self.seen = sequence",
-     "            pass"),
-    ("a decorator resets its completed child before it changes itself",
-     "engine/decorators.py",
-     "            self.decorated.reset()\n"
-     "        return result",
-     "            pass\n"
-     "        return result"),
-    ("WasEntryUpdated remembers",
-     "engine/builtins.py",
-     "        self.seen = entry.sequence\n"
-     "        self.services.changes += 1\n"
-     "        return SUCCESS",
-     "        return SUCCESS"),
-    ("_while halts a running node",
-     "engine/node.py",
-     "                    self.halt_node()\n"
-     "                    return SKIPPED",
-     "                    return SKIPPED"),
-    ("_onHalted runs on a halt",
-     "engine/node.py",
-     "        self.halt()\n"
-     "        self._run_after(\"_onHalted\")",
-     "        self.halt()"),
-    ("_post runs after SUCCESS",
-     "engine/node.py",
-     "            self._run_after(\"_onSuccess\", \"_post\")",
-     "            self._run_after(\"_onSuccess\")"),
-    ("pre-conditions are asked of an IDLE node only",
-     "engine/node.py",
-     "        if status is IDLE:\n"
-     "            for attribute, script in self.before:",
-     "        if status is not RUNNING:\n"
-     "            for attribute, script in self.before:"),
-    ("a completed action that was not reset returns its result again",
-     "engine/leaf.py",
-     "        else:\n"
-     "            return status",
-     "        else:\n"
-     "            result, callback = self.on_start(), \"onStart\""),
-    ("haltTree runs every _onHalted",
-     "engine/tree.py",
-     "        for node in self.nodes:\n"
-     "            node.halt_node()",
-     "        pass"),
-    ("a completed root is reset",
-     "engine/tree.py",
-     "            self.root.reset()\n"
-     "        return result",
-     "            pass\n"
-     "        return result"),
-)
+ENGINE = os.path.join("src", "behavior_controller", "bt", "engine")
+COPIED = ("src", "unit_tests", "test", "data", "config", "docs", "srv", "msg", "launch", "conftest.py", "pytest.ini",
+          "README.md", "setup.py", "package.xml", "CMakeLists.txt", "Makefile")
+ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rospkg", "rospy", "std_msgs"}
+WANTED_SHARE = 0.95
+SIDE_BY_SIDE = 2
+TEST_LIMIT = 900.0  # seconds
+CHANGES_NOTHING = os.path.join(HERE, "changes_nothing.json")
 
 
-def notices(root):
+def main(arguments: List[str]) -> int:
+    """Return the exit code."""
+    parser = argparse.ArgumentParser(prog="run_mutations", description=__doc__.split("\n")[0])
+    parser.add_argument("parts", nargs="*", metavar="rules|sample", help="both, if none is given")
+    parser.add_argument("--count", type=int, default=200, help="size of the sample (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="which sample (default %(default)s)")
+    chosen = parser.parse_args(arguments)
+    parts = chosen.parts or ["rules", "sample"]
+    codes = []
+    if "rules" in parts:
+        codes.append(break_rules())
+    if "sample" in parts:
+        codes.append(break_sample(chosen.count, chosen.seed))
+    return max(codes)
+
+
+# ------------------------------------------------------------------------------------------------------------ the rules
+
+
+def break_rules() -> int:
+    """Break each rule in turn. Return the exit code."""
+    missed = 0
+    with tempfile.TemporaryDirectory() as scratch:
+        shutil.copytree(os.path.join(ROOT, "src"), os.path.join(scratch, "src"))
+        if _traces_notice(scratch):
+            print("the engine differs from the traces before any mutation")
+            return 1
+        for rule in RULES:
+            path = os.path.join(scratch, "src", "behavior_controller", "bt", rule.file)
+            source = _read(path)
+            try:
+                _write(path, broken(source, rule))
+                noticed = _traces_notice(scratch)
+            except Stale as stale:
+                noticed = ""
+                print("STALE    {}: {}".format(rule.text, stale))
+            _write(path, source)
+            print("{} {}: {}".format("noticed " if noticed else "MISSED  ", rule.text, noticed), flush=True)
+            missed += not noticed
+    print("{} passed, {} failed".format(len(RULES) - missed, missed))
+    return 1 if missed else 0
+
+
+def _traces_notice(root: str) -> str:
     """Return the first difference that the traces show on the engine below ``root``, or an empty text."""
     environment = dict(os.environ, PYTHONPATH=os.path.join(root, "src"), PYTHONDONTWRITEBYTECODE="1")
     for vectors in ("hand", "random.jsonl.xz"):
+        command = [sys.executable, os.path.join(VECTORS, "harness.py"), os.path.join(VECTORS, vectors),
+                   "--may-differ", os.path.join(VECTORS, "may_differ.json")]
         try:
-            done = subprocess.run(
-                [sys.executable, os.path.join(VECTORS, "harness.py"), os.path.join(VECTORS, vectors),
-                 "--may-differ", os.path.join(VECTORS, "may_differ.json")],
-                env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120, check=False)
+            done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                  timeout=120, check=False)
         except subprocess.TimeoutExpired:
             return "no end"
         if done.returncode != 0:
             lines = done.stdout.decode(errors="replace").splitlines() or ["no output"]
             return "{} ({})".format(lines[0][:90], lines[-1])
     # the traces of real time only tell the results; what happens when is tested under a clock of the test's own
-    timing = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, "-k", "time",
-                             os.path.join(ROOT, "test", "unit", "test_tree.py")],
-                            env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120, check=False)
+    timing = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull,
+                             "-k", "time", os.path.join(ROOT, "test", "unit", "test_tree.py")], env=environment,
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120, check=False)
     return timing.stdout.decode(errors="replace").splitlines()[-1] if timing.returncode != 0 else ""
 
 
-def main():
-    """Apply each mutation in turn. Return the exit code."""
-    missed = 0
+# ----------------------------------------------------------------------------------------------------------- the sample
+
+
+class Judged(NamedTuple):
+    """A mutation, and the test that noticed it; empty: none did."""
+
+    mutation: Mutation
+    noticed: str
+
+
+def break_sample(count: int, seed: int) -> int:
+    """Break a sample of the other pure modules. Return the exit code."""
+    excused = {tuple(entry["key"]): entry["reason"] for entry in json.loads(_read(CHANGES_NOTHING))}
+    mutations = sample([(path, _read(os.path.join(ROOT, path))) for path in pure_modules()], count, seed)
     with tempfile.TemporaryDirectory() as scratch:
-        shutil.copytree(os.path.join(ROOT, "src"), os.path.join(scratch, "src"))
-        if notices(scratch):
-            print("the engine differs from the traces before any mutation")
-            return 1
-        for rule, name, old, new in MUTATIONS:
-            path = os.path.join(scratch, "src", "behavior_controller", "bt", name)
-            with open(path, encoding="utf-8") as file:
-                text = file.read()
-            if old not in text:
-                print("STALE    {}: the text of this mutation is not in {}".format(rule, name))
-                missed += 1
-                continue
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text.replace(old, new, 1))
-            noticed = notices(scratch)
-            print("{} {}: {}".format("noticed " if noticed else "MISSED  ", rule, noticed), flush=True)
-            missed += not noticed
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text)
-    print("{} passed, {} failed".format(len(MUTATIONS) - missed, missed))
-    return 1 if missed else 0
+        places: "queue.Queue[str]" = queue.Queue()
+        for number in range(SIDE_BY_SIDE):
+            place = os.path.join(scratch, str(number))
+            _copy(place)
+            places.put(place)
+        reached = Reached(os.path.join(scratch, "0"))
+        with concurrent.futures.ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+            judged = []
+            for result in pool.map(lambda mutation: _judge(mutation, reached, places), mutations):
+                judged.append(result)
+                _show(result, excused)
+    return _sum(judged, excused)
+
+
+def _judge(mutation: Mutation, reached: "Reached", places: "queue.Queue[str]") -> Judged:
+    place = places.get()
+    path = os.path.join(place, mutation.file)
+    source = _read(path)
+    try:
+        _write(path, mutation.source)
+        return Judged(mutation, _tests_notice(place, reached.tests(mutation.file, mutation.line)))
+    finally:
+        _write(path, source)
+        places.put(place)
+
+
+def _show(result: Judged, excused: Dict[Tuple[str, ...], str]) -> None:
+    mutation, noticed = result
+    word = "noticed" if noticed else "excused" if mutation.key in excused else "MISSED "
+    print("{} {}:{} {}: {}  ->  {}  {}".format(
+        word, mutation.file, mutation.line, mutation.scope, " ".join(mutation.old.split())[:100],
+        " ".join(mutation.new.split())[:100], noticed), flush=True)
+
+
+def _sum(judged: List[Judged], excused: Dict[Tuple[str, ...], str]) -> int:
+    noticed = sum(bool(result.noticed) for result in judged)
+    changes = sum(bool(result.noticed) or result.mutation.key not in excused for result in judged)
+    share = noticed / changes if changes else 1.0
+    print("{} of {} noticed ({:.1%}; wanted: {:.0%}), {} change nothing".format(
+        noticed, changes, share, WANTED_SHARE, len(judged) - changes))
+    return 0 if share >= WANTED_SHARE else 1
+
+
+def pure_modules() -> List[str]:
+    """Return the modules of both packages that import no ROS and do not belong to the engine's rules."""
+    found = []
+    for start in ("src", os.path.join("unit_tests", "src")):
+        for place, _, names in os.walk(os.path.join(ROOT, start)):
+            paths = [os.path.relpath(os.path.join(place, name), ROOT) for name in names if name.endswith(".py")]
+            found += [path for path in paths if not path.startswith(ENGINE) and not _imports(path) & ROS]
+    return sorted(found)
+
+
+def _imports(path: str) -> Set[str]:
+    found: Set[str] = set()
+    for node in ast.walk(ast.parse(_read(os.path.join(ROOT, path)))):
+        if isinstance(node, ast.Import):
+            found.update(alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            found.add((node.module or "").split(".")[0])
+    return found
+
+
+def _copy(place: str) -> None:
+    for name in COPIED:
+        source, target = os.path.join(ROOT, name), os.path.join(place, name)
+        if os.path.isdir(source):
+            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
+        elif os.path.exists(source):
+            os.makedirs(place, exist_ok=True)
+            shutil.copy(source, target)
+
+
+def _pytest(place: str, *arguments: str, **more: str) -> "subprocess.CompletedProcess[str]":
+    environment = dict(os.environ, PYTHONDONTWRITEBYTECODE="1", MISSION_MUTANTS="30", **more)
+    environment["PYTHONPATH"] = os.pathsep.join([os.path.join(place, "src"), os.path.join(place, "unit_tests", "src"),
+                                                 environment.get("PYTHONPATH", "")])
+    return subprocess.run([sys.executable, "-m"] + list(arguments), cwd=place, env=environment, check=False, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=TEST_LIMIT)
+
+
+def _tests_notice(place: str, tests: List[str]) -> str:
+    """Return the first test that fails, or an empty text."""
+    if not tests:
+        return ""
+    try:
+        done = _pytest(place, "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests)
+    except subprocess.TimeoutExpired:
+        return "no end"
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return "" if done.returncode == 0 else failed[0][:100] if failed else "exit code {}".format(done.returncode)
+
+
+class Reached:
+    """Which tests run which line, as coverage saw it once on the unbroken code."""
+
+    def __init__(self, place: str):
+        settings = os.path.join(place, "coverage.ini")
+        data = os.path.join(place, "coverage.data")
+        _write(settings, "[run]\ndynamic_context = test_function\ndata_file = {}\nsource =\n  src\n  unit_tests/src\n"
+               .format(data))
+        done = _pytest(place, "coverage", "run", "--rcfile", settings, "-m", "pytest", "-q", "-p", "no:cacheprovider")
+        if done.returncode != 0:
+            sys.exit("the tests fail before any mutation:\n" + done.stdout[-3000:])
+        self._place = place
+        self._files = {os.path.splitext(name)[0]: os.path.relpath(os.path.join(folder, name), place)
+                       for folder, _, names in os.walk(place) for name in names
+                       if name.startswith("test_") and name.endswith(".py")}
+        self._by_line = self._load(data)
+
+    def _load(self, data: str) -> Dict[Tuple[str, int], Set[str]]:
+        from coverage import CoverageData  # the tests themselves do without it
+        measured = CoverageData(data)
+        measured.read()
+        found: Dict[Tuple[str, int], Set[str]] = {}
+        for file in measured.measured_files():
+            name = os.path.relpath(file, self._place)
+            for line, contexts in measured.contexts_by_lineno(file).items():
+                found[name, line] = {context for context in contexts if context}
+        return found
+
+    def tests(self, file: str, line: int) -> List[str]:
+        """Return the tests that run the line, those of few lines first; of the whole module, if none does."""
+        contexts = self._by_line.get((file, line)) or {
+            context for (name, _), tests in self._by_line.items() if name == file for context in tests}
+        return sorted(filter(None, map(self._node_id, contexts)))
+
+    def _node_id(self, context: str) -> str:
+        module, _, name = context.partition(".")
+        return "{}::{}".format(self._files[module], name.replace(".", "::")) if module in self._files else ""
+
+
+def _read(path: str) -> str:
+    with open(path, encoding="utf-8") as file:
+        return file.read()
+
+
+def _write(path: str, text: str) -> None:
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(text)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import unittest
 
 import rosgraph
 
@@ -58,9 +59,11 @@ class Lines:
 class Robot:
     """The stub robot; ``modes`` as in ``stub_robot.py``, by name of the service or topic."""
 
-    def __init__(self, modes=None, **environment):
+    def __init__(self, modes=None, prefix=(), **environment):
+        """``prefix`` is a command that runs the robot somewhere else, as ``Network.prefix`` does."""
         arguments = ["{}={}".format(name, mode) for name, mode in (modes or {}).items()]
-        self.process = subprocess.Popen([sys.executable, os.path.join(HERE, "stub_robot.py")] + arguments,
+        command = list(prefix) + [sys.executable, os.path.join(HERE, "stub_robot.py")] + arguments
+        self.process = subprocess.Popen(command,
                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                                         universal_newlines=True, bufsize=1, env=dict(os.environ, **environment))
         self.lines = Lines(self.process.stdout)
@@ -112,21 +115,54 @@ class Robot:
             stream.close()
 
 
-def start_master():
+def start_master(prefix=()):
     """Start a ROS master on a free port, let the environment name it, and return its process."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     os.environ["ROS_MASTER_URI"] = "http://localhost:{}".format(port)
-    master = subprocess.Popen(["rosmaster", "--core", "-p", str(port)], stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL)
+    master = run_master(port, prefix)
     ends = time.monotonic() + 20.0
     while time.monotonic() < ends:
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return master
+        if subprocess.call(list(prefix) + [sys.executable, "-c", KNOCK, str(port)], stderr=subprocess.DEVNULL) == 0:
+            return master
         time.sleep(0.05)
     raise AssertionError("the ROS master did not start")
+
+
+KNOCK = "import socket, sys; socket.create_connection(('127.0.0.1', int(sys.argv[1])))"
+
+
+def run_master(port, prefix=()):
+    """Run a ROS master on ``port`` and return its process."""
+    return subprocess.Popen(list(prefix) + ["rosmaster", "--core", "-p", str(port)], stdout=subprocess.DEVNULL,
+                            stderr=subprocess.DEVNULL)
+
+
+class Network:
+    """A network of its own, for whatever is run with ``prefix``, that can be cut and mended."""
+
+    def __init__(self):
+        """Raises ``unittest.SkipTest`` where network namespaces cannot be made."""
+        self._name = "behavior_controller_{}".format(os.getpid())
+        self.prefix = ["ip", "netns", "exec", self._name]
+        try:
+            subprocess.check_output(["ip", "netns", "add", self._name], stderr=subprocess.STDOUT)
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise unittest.SkipTest("no network namespace can be made here ({})".format(error))
+        self.mend()
+
+    def cut(self):
+        """Let nothing get through; no connection is told."""
+        subprocess.check_call(self.prefix + ["ip", "link", "set", "lo", "down"])
+
+    def mend(self):
+        """Let everything get through again."""
+        subprocess.check_call(self.prefix + ["ip", "link", "set", "lo", "up"])
+
+    def close(self):
+        """Remove it, when all that runs in it has ended."""
+        subprocess.call(["ip", "netns", "del", self._name])
 
 
 def forget_dead_entries():
@@ -140,6 +176,20 @@ def forget_dead_entries():
         for node in STUBS.intersection(nodes):
             master = rosgraph.Master(node)
             master.unregisterPublisher(topic, master.lookupNode(node))
+
+
+def free_ports():
+    """Return a port for Groot2, which takes the next one too, and one for the page."""
+    while True:
+        with socket.socket() as first, socket.socket() as second, socket.socket() as third:
+            first.bind(("127.0.0.1", 0))
+            third.bind(("127.0.0.1", 0))
+            port = first.getsockname()[1]
+            try:
+                second.bind(("127.0.0.1", port + 1))
+                return port, third.getsockname()[1]
+            except (OSError, OverflowError):
+                continue
 
 
 class Package:
@@ -173,12 +223,13 @@ class Package:
 class Controller:
     """The node, run from a ``Package``, and the lines that it writes."""
 
-    def __init__(self, package, *arguments, **environment):
+    def __init__(self, package, *arguments, prefix=(), **environment):
         paths = [package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **environment)
         self.started = time.monotonic()
         self.process = subprocess.Popen(
-            [sys.executable, package.path("src/behavior_controller/behaviorController")] + list(arguments),
+            list(prefix) + [sys.executable, package.path("src/behavior_controller/behaviorController")] +
+            list(arguments),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
             env=environment)
         self.lines = Lines(self.process.stdout)

@@ -84,9 +84,10 @@ class TestMission(unittest.TestCase):
                                        {"/gestureExecution/perform_gesture": "refuse"}, missionRuns="1")
         self.assertEqual(controller.wait(60), 0, controller.lines.text())
         lines = self.lines(controller)
-        self.assertEqual([line.split()[0] for line in lines], ["INFO", "INFO", "WARN", "INFO", "INFO"])
+        self.assertEqual([line.split()[0] for line in lines], ["INFO", "INFO", "INFO", "WARN", "INFO", "INFO"])
+        self.assertEqual(lines[2], "INFO a pass begins")  # START_OF_TREE
         for word in ("recovery", "refused", "gesture_success = 0", "/gestureExecution/perform_gesture", "skip"):
-            self.assertIn(word, lines[2])
+            self.assertIn(word, lines[3])
         self.assertNotIn("WelcomeSpeech", "\n".join(lines))
 
     def test_verbose_mode_has_a_line_for_each_leaf_that_finishes(self):

@@ -9,15 +9,17 @@ import tempfile
 import time
 import unittest
 
+import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import Controller, Network, Package, Robot, forget_dead_entries, run_master, start_master  # noqa: E402
 
 SAY, DRIVE, KNOWLEDGE = "/textToSpeech/say_text", "/robotNavigation/set_goal", "/knowledgeBase/query"
-FACES, ATTENTION = "/faceDetection/data", "/overtAttention/mode"
+FACES, ATTENTION, SPEECH = "/faceDetection/data", "/overtAttention/mode", "/speechEvent/text"
 A_FACE = (["1"], [[0.0, 0.0, 1.0]], [True])
 LIMIT = 2.0
+LEAVE_ROSOUT_OUT = "import rosgraph; rosgraph.Master('/test').setParam('/rosout_disable_topics_generation', True)"
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
   <BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree>
 </root>
@@ -35,8 +37,8 @@ class TestMonitor(unittest.TestCase):
         self.addCleanup(forget_dead_entries)
         self.package = Package(os.path.join(self.folder, "package"))
 
-    def robot(self, modes=None, **environment):
-        robot = Robot(modes or {}, **environment)
+    def robot(self, modes=None, **more):
+        robot = Robot(modes or {}, **more)
         self.addCleanup(robot.stop)
         return robot
 
@@ -89,7 +91,7 @@ class TestMonitor(unittest.TestCase):
         print("silence told after {:.2f} s".format(self.wait_for(controller, silent, FACES, "silent")))
         self.assert_told_once(controller, FACES, "silent", "visitors are not noticed")
         robot.publish(FACES, [], [], [], hertz=20)
-        self.wait_for(controller, time.monotonic(), FACES, "heard again")
+        self.wait_for(controller, time.monotonic(), FACES, ": heard again")
 
     def test_a_slow_service(self):
         robot = self.robot({SAY: "hang"})
@@ -143,6 +145,58 @@ class TestMonitor(unittest.TestCase):
         self.assertEqual(controller.stop()[0], 0)
         self.assertNotIn("Traceback", controller.lines.text())
 
+    def own_master(self, prefix=()):
+        """Start a master for this case alone, and return its process."""
+        master_before = os.environ["ROS_MASTER_URI"]
+        self.addCleanup(os.environ.update, ROS_MASTER_URI=master_before)
+        master = start_master(prefix)
+        self.addCleanup(end, master)
+        return master
+
+    def test_a_cut_network_is_told_and_its_end_brings_everything_back(self):
+        network = Network()
+        self.addCleanup(network.close)
+        self.own_master(network.prefix)
+        subprocess.check_call(network.prefix + [sys.executable, "-c", LEAVE_ROSOUT_OUT])
+        robot = self.robot(prefix=network.prefix)
+        robot.publish(FACES, [], [], [], hertz=20)
+        controller = self.start(WAITING, dict(prefix=network.prefix))
+        time.sleep(1.0)  # the connections that are watched stand, and the rate of the topic is known
+        network.cut()
+        cut = time.monotonic()
+        for name in (SAY, DRIVE, KNOWLEDGE, ATTENTION, SPEECH):
+            print("{} told after {:.2f} s".format(name, self.wait_for(controller, cut, name, "gone", limit=5.0)))
+        self.wait_for(controller, cut, FACES, "silent", limit=5.0)
+        self.wait_for(controller, cut, "master", "does not answer", limit=5.0)
+        time.sleep(max(0.0, cut + 10.0 - time.monotonic()))
+        network.mend()
+        mended = time.monotonic()
+        for name in (SAY, DRIVE, KNOWLEDGE, FACES, ATTENTION, SPEECH):
+            self.wait_for(controller, mended, name, "there again", limit=5.0)
+        print("heard after {:.2f} s".format(self.wait_for(controller, mended, FACES, ": heard again", limit=5.0)))
+        self.wait_for(controller, mended, "master", "answers again", limit=5.0)
+        start = len(controller.lines.all)
+        robot.kill()
+        controller.lines.wait_for(lambda line: SAY in line and "gone" in line, 5, start)  # it is watched still
+        self.assertNotIn("internal error", controller.lines.text())
+
+    def test_a_new_master_is_told_and_the_robots_nodes_are_used_where_they_are(self):
+        master = self.own_master()
+        robot = self.robot()
+        controller = self.start(WAITING + TALKING + "<LookUpHome/><Navigate/>", missionRuns="1")
+        time.sleep(0.7)  # the connections that are watched stand
+        end(master)
+        replaced = time.monotonic()
+        self.addCleanup(end, run_master(os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]))
+        self.wait_for(controller, replaced, "master", "a new one", "textToSpeech", "start them again", limit=10.0)
+        self.assertNotIn("answers again", controller.lines.text())
+        subscribers = dict(rosgraph.Master("/test").getSystemState()[1])
+        self.assertIn("/behaviorController", subscribers.get(FACES, []))
+        robot.publish(FACES, *A_FACE, hertz=20)  # the mission calls its services only now, which this master never knew
+        self.assertEqual(controller.wait(10), 0, controller.lines.text())
+        robot.wait_for_request(DRIVE, 0)
+        self.assertNotIn("FAILURE", controller.lines.text())
+
     # ---------------------------------------------------------------------------------------------------------- SIGHUP
 
     def test_a_mission_is_changed_between_two_visitors(self):
@@ -172,6 +226,12 @@ class TestMonitor(unittest.TestCase):
         controller.lines.wait_for(lambda line: "behaviorControllerConfiguration.ini:3" in line, 5)
         self.assertEqual(controller.stop()[0], 0)
         self.assertNotIn("Traceback", controller.lines.text())
+
+
+def end(process):
+    """End a process and wait for it."""
+    process.kill()
+    process.wait(10)
 
 
 if __name__ == "__main__":

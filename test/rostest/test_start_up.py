@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Does the node find everything that is wrong before anything moves, say so in full, and exit with the right code?"""
+import datetime
 import os
 import re
 import shutil
@@ -9,6 +10,7 @@ import sys
 import tempfile
 import time
 import unittest
+import xmlrpc.client
 
 import rosgraph
 import rostest
@@ -198,13 +200,32 @@ class TestStartUp(unittest.TestCase):
         self.package.write("data/broken.xml", MISSION.format("<Sequence>"))
         self.assert_refused(("broken.xml:",))
 
-    def test_a_parameter_overrides_the_file(self):
+    def test_an_argument_overrides_the_file_and_leaves_nothing_on_the_master(self):
         self.robot()
         code, text = self.run_node("_scenarioSpecification:=other")
-        self.addCleanup(rosgraph.Master("/test").deleteParam, "/behaviorController")
         self.assertEqual(code, 2)
+        self.assertFalse(rosgraph.Master("/test").hasParam("/behaviorController"), "a later run would find it")
         self.assert_line(text, "INFO", "override", "scenarioSpecification other")
         self.assert_line(text, "ERROR", "other.xml", "lab_tour")
+
+    def test_a_parameter_that_is_no_text_and_no_number_is_one_line(self):
+        master = rosgraph.Master("/test")
+        self.addCleanup(master.deleteParam, "/behaviorController")
+        for value, kind in (([1], "list"), ({"a": 1}, "dict"), (xmlrpc.client.Binary(b"x"), "Binary"),
+                            (datetime.datetime(2026, 1, 1), "DateTime")):
+            master.setParam("/behaviorController", {"language": value, "topicMaxAge": 1})
+            code, text = self.run_node()
+            self.assertEqual(code, 2)
+            self.assert_line(text, "ERROR", "parameter ~language: language cannot be of type " + kind)
+            self.assertEqual(text.count("ERROR"), 2)  # the fault, and the sum
+
+    def test_an_argument_of_an_odd_value_is_one_line(self):
+        code, text = self.run_node("_topicMaxAge:=2026-01-01", "_conditionWait:=null", "_missionRuns:=99999999999")
+        self.assertEqual(code, 2)
+        self.assert_line(text, 'argument topicMaxAge: topicMaxAge cannot be "2026-01-01"')
+        self.assert_line(text, 'argument conditionWait: conditionWait cannot be "null"')
+        self.assert_line(text, 'argument missionRuns: missionRuns cannot be "99999999999"')
+        self.assertNotIn("Traceback", text)
 
     # ------------------------------------------------------------------------------------------------ command line
 

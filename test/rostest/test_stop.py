@@ -51,7 +51,7 @@ class TestStop(unittest.TestCase):
         self.assertEqual(sorted(request["service"] for request in robot.requests()[-2:]), sorted(off))
 
     def test_while_a_service_call_hangs(self):
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
             robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
             robot.wait_for_request(SAY, 20)
             code, seconds = controller.stop(number)

@@ -2,11 +2,13 @@
 """Do the topics give the newest message, ring their alarms at once, and cost next to nothing in a flood?"""
 import os
 import resource
+import signal
 import socket
 import sys
 import time
 import unittest
 
+import rosgraph
 import rospy
 import rostest
 from std_msgs.msg import String
@@ -15,9 +17,11 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Robot, forget_dead_entries  # noqa: E402
 
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
+from behavior_controller.events import Events  # noqa: E402
 from behavior_controller.gateway import AttentionStatus, Faces, Topic  # noqa: E402
 from behavior_controller.health import Health  # noqa: E402
 from behavior_controller.ros.monitor import Monitor  # noqa: E402
+from behavior_controller.ros.probe import PARTS  # noqa: E402
 from behavior_controller.ros.topics import RosTopics  # noqa: E402
 
 
@@ -31,6 +35,7 @@ class TestTopics(unittest.TestCase):
         cls.topics = RosTopics(cls.wake.emit, cls.warnings.append)
 
     def setUp(self):
+        del self.warnings[:]
         self.robot = Robot()
         for topic, values in ((Topic.FACES, ([], [], [])), (Topic.ATTENTION, ("none", 0)), (Topic.SPEECH, ("-",))):
             self.wait_until_heard(topic, values)
@@ -87,11 +92,85 @@ class TestTopics(unittest.TestCase):
         monitor = Monitor(self.topics, Health(), lambda: True)
         monitor.start()
         self.addCleanup(monitor.close)
-        for connection in list(latch._subscriber.impl.connections):
-            connection.socket.shutdown(socket.SHUT_RDWR)  # as a lost link does; the publisher stays registered
+        for link in latch._links.values():
+            link._connection._socket.shutdown(socket.SHUT_RDWR)  # as a lost link does; the publisher stays registered
         self.wait_until(lambda: not latch.is_connected)
         self.wait_until(lambda: latch.is_connected)
         self.assertEqual(self.publish(Topic.SPEECH, "heard")[0].value, "heard")
+
+    def watch(self):
+        """Run a monitor, and return the changes of health that it has told so far as a list that grows."""
+        health, events, told = Health(), Events(), []
+        events.subscribe(told.append)
+        monitor = Monitor(self.topics, health, lambda: True)
+        monitor.start()
+        self.addCleanup(monitor.close)
+        return lambda: health.publish(events) or told
+
+    def test_a_publisher_of_another_type_does_not_stand_in_for_one_that_died(self):
+        other = rospy.Publisher("/faceDetection/data", String, queue_size=10)
+        self.wait_until(lambda: other.get_num_connections() == 1)
+        told = self.watch()
+        died = time.monotonic()
+        self.robot.kill()
+        for _ in range(3):
+            other.publish("a face")
+        self.wait_until(lambda: any(change.name == "/faceDetection/data" and not change.is_well for change in told()))
+        self.assertLess(time.monotonic() - died, 5.0)
+        self.assertTrue(any("std_msgs/String" in change.status for change in told()))
+        other.unregister()
+
+    def test_what_dies_while_the_master_is_frozen_is_told(self):
+        told = self.watch()
+        time.sleep(0.7)  # the connections that are watched stand
+        master = rosgraph.Master("/test").getPid()
+        os.kill(master, signal.SIGSTOP)
+        try:
+            died = time.monotonic()
+            self.robot.kill()
+            names = {part.name for part in PARTS} | {rosgraph.get_master_uri()}
+            self.wait_until(lambda: names == {change.name for change in told() if not change.is_well})
+            print("death told after {:.2f} s".format(time.monotonic() - died))
+            self.assertLess(time.monotonic() - died, 5.0)
+        finally:
+            os.kill(master, signal.SIGCONT)
+        forget_dead_entries()
+        self.robot = Robot()
+        self.wait_until(lambda: names == {change.name for change in told() if change.is_well})
+
+    def test_a_silent_connection_is_replaced(self):
+        """As after a lost link whose other end does not know of it: the publisher answers, the connection is dead."""
+        latch = self.topics.latches[Topic.FACES]
+        self.robot.publish("/faceDetection/data", [], [], [], hertz=20)
+        self.wait_until(lambda: latch.count > 20)
+        self.watch()
+        link, = latch._links.values()
+        replaced, link._take = link._take, lambda data: None  # deaf, as far as the monitor can see
+        dead = link._connection
+        self.wait_until(lambda: link._connection is not dead)
+        link._take = replaced
+        heard = latch.last_arrival
+        self.wait_until(lambda: latch.last_arrival > heard)
+
+    def test_what_a_latching_publisher_sends_first_is_no_news(self):
+        latch = self.topics.latches[Topic.SPEECH]
+        publisher = rospy.Publisher("/speechEvent/text", String, queue_size=10, latch=True)
+        publisher.publish("yes")  # long before anybody asks
+        before = self.topics.newest(Topic.SPEECH)
+        self.topics.wake_when("answer", Topic.SPEECH, lambda text: True)
+        for _ in range(2):
+            self.wait_until(lambda: publisher.get_num_connections() == 1 and rospy.get_name() in latch.connected_nodes)
+            self.wake.wait(0.5)
+            self.assertFalse(self.wake.test_and_clear(), "an answer before the question")
+            self.assertIs(self.topics.newest(Topic.SPEECH), before)
+            latch.connect_anew()
+            self.wait_until(lambda: rospy.get_name() not in latch.connected_nodes)
+        self.wait_until(lambda: rospy.get_name() in latch.connected_nodes)
+        time.sleep(0.2)
+        publisher.publish("yes")
+        self.wake.wait(5.0)
+        publisher.unregister()
+        self.assertEqual(self.topics.newest(Topic.SPEECH).value, "yes")
 
     def test_the_same_message_again_counts_as_newer(self):
         first, _ = self.publish(Topic.SPEECH, "yes")

@@ -2,6 +2,7 @@
 """Can one look at the running node with Groot2, a browser and the terminal, and replay what it did?"""
 import json
 import os
+import resource
 import shutil
 import socket
 import struct
@@ -15,25 +16,17 @@ import rostest
 import zmq
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import Controller, Package, Robot, forget_dead_entries, free_ports  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>
   <START_OF_TREE/><LookUpHome/><Navigate/><WelcomeSpeech/></Sequence></BehaviorTree></root>"""
 
-
-def free_ports():
-    """Return a port for Groot2, which takes the next one too, and one for the page."""
-    while True:
-        with socket.socket() as first, socket.socket() as second, socket.socket() as third:
-            first.bind(("127.0.0.1", 0))
-            third.bind(("127.0.0.1", 0))
-            port = first.getsockname()[1]
-            try:
-                second.bind(("127.0.0.1", port + 1))
-                return port, third.getsockname()[1]
-            except (OSError, OverflowError):
-                continue
+CALLED = 20
+CALLS = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>
+  <START_OF_TREE/><WelcomeSpeech/>
+  <Repeat num_cycles="{}"><Sequence><WelcomeSpeech/><Delay delay_msec="100"><AlwaysSuccess/></Delay></Sequence></Repeat>
+  </Sequence></BehaviorTree></root>""".format(CALLED)
 
 
 class TestWatch(unittest.TestCase):
@@ -55,6 +48,17 @@ class TestWatch(unittest.TestCase):
         self.node = Controller(self.package)
         self.addCleanup(self.node.close)
         self.robot.wait_for_request(SAY, 20)
+
+    def test_where_to_find_page_and_record_is_told(self):
+        self.start()
+        record = os.path.join(self.folder, "record", "mission.jsonl")
+        lines = [line for _, line in self.node.lines.all]
+        self.assertTrue(any(line.endswith("page: http://127.0.0.1:{}/".format(self.page)) for line in lines), lines)
+        self.assertTrue(any(line.endswith(" record: " + record) for line in lines), lines)
+        self.node.stop()
+        self.assertTrue(self.node.lines.text().endswith("record of this run: " + record), self.node.lines.text())
+        with open(record) as file:
+            self.assertEqual(json.loads(file.read().splitlines()[-1])["event"], "RunFinished")
 
     def command(self, name, *arguments):
         """Run one of the package's commands and return its exit code and what it printed."""
@@ -87,6 +91,54 @@ class TestWatch(unittest.TestCase):
         code, printed = self.command("replayMission", os.path.join(self.folder, "record", "mission.jsonl"))
         self.assertEqual(code, 0, printed)
         self.assertIn("the same path: 1 passes", printed)
+
+    def connect_idly(self, number):
+        """Open ``number`` connections to each port of the node, and to no avail."""
+        for _ in range(number):
+            for port in (self.page, self.groot2, self.groot2 + 1):
+                self.idle.append(socket.create_connection(("127.0.0.1", port), timeout=10))
+
+    def test_idle_connections_leave_the_robot_its_descriptors(self):
+        self.package.write("data/m.xml", CALLS)
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))  # for our own ends of the connections
+        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+        self.idle = []
+        self.addCleanup(lambda: [each.close() for each in self.idle])
+        self.start()
+        folder = "/proc/{}/fd".format(self.node.process.pid)
+        before = len(os.listdir(folder))
+        resource.prlimit(self.node.process.pid, resource.RLIMIT_NOFILE, (1024, hard))
+        self.connect_idly(1100)
+        most = len(os.listdir(folder))
+        self.robot.set_mode(SAY, "done")
+        try:
+            while self.node.process.poll() is None:
+                self.connect_idly(1)
+                most = max(most, len(os.listdir(folder)))
+                while len(self.idle) > 5000:
+                    self.idle.pop(0).close()
+        except (ConnectionError, FileNotFoundError):
+            pass  # the node has ended
+        self.assertEqual(self.node.wait(30), 0, self.node.lines.text())
+        self.assertEqual(len(self.robot.requests(SAY)), 1 + CALLED)
+        self.assertLess(most - before, 64 + 2 * 16 + 30)  # the page's, Groot2's, and the robot's own
+        self.assertEqual([line for _, line in self.node.lines.all if "[WARN]" in line or "[ERROR]" in line], [])
+
+    def test_the_operator_reads_what_groot2_does(self):
+        self.start()
+        context = zmq.Context()
+        self.addCleanup(context.destroy, 0)
+        client = context.socket(zmq.REQ)
+        client.setsockopt(zmq.RCVTIMEO, 5000)
+        client.connect("tcp://127.0.0.1:{}".format(self.groot2))
+        hook = {"enabled": True, "uid": 5, "mode": 1, "once": False, "desired_status": "FAILURE", "position": 1}
+        client.send_multipart([struct.pack("<BBI", 2, ord("I"), 1), json.dumps(hook).encode()])
+        client.recv_multipart()
+        self.node.lines.wait_for(lambda line: "Groot2: replacement after WelcomeSpeech::5 is set to FAILURE" in line, 10)
+        self.robot.set_mode(SAY, "done")
+        self.node.lines.wait_for(lambda line: "WelcomeSpeech::5 decides FAILURE instead of the node's SUCCESS" in line, 10)
+        self.assertEqual(self.node.wait(20), 3)
 
     def test_ports_that_are_taken_do_not_keep_the_mission_from_running(self):
         with socket.socket() as first, socket.socket() as second:

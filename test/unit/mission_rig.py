@@ -66,15 +66,16 @@ class Rig:
             self._is_set_up = True
         return self.tree.tick_once()
 
-    def run(self, visitor, runs=1, is_stopped=lambda: False, successor=lambda: None):
-        """Run passes; ``visitor(rig)`` acts whenever the mission waits. Return the exit code."""
+    def run(self, visitor, runs=1, **options):
+        """Run passes; ``visitor(rig)`` acts whenever the mission waits; ``options`` are the runner's. Return the code."""
         rig = self
 
         class Waiting(runner.Runner):
             def wait(self, seconds):
                 visitor(rig)
 
-        self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs), is_stopped, successor)
+        options.setdefault("is_stopped", lambda: False)
+        self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs), **options)
         return self.runner.run()
 
 
@@ -85,8 +86,7 @@ def visitor_who(says=None, gazes=True, step=0.5):
         rig.topics.publish(Topic.FACES, Faces(("1",), (gazes,)))
         modes = [request.state for request in rig.requests if isinstance(request, SetAttention)]
         if modes and modes[-1] == "seeking":
-            # 3 is a failed search in either convention
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1 if gazes else 3))
+            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1 if gazes else 0))
         if says is not None:
             rig.topics.publish(Topic.SPEECH, says)
     return act

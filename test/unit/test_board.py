@@ -1,11 +1,16 @@
-"""What there is to see of a mission, as data, and as missionStatus prints it."""
+"""What there is to see of a mission, as data."""
+import json
+import sys
 import time
 
+import pytest
+
 from behavior_controller.cli import create_tree
-from behavior_controller.events import HealthChanged, RunStarted
-from behavior_controller.gateway import Answer, PerformGesture, Say
+from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted
+from behavior_controller.gateway import Answer, Cause, Failure, PerformGesture, Say
 from behavior_controller.health import GONE
 from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.watch import board as board_module
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
 from mission_rig import Rig, refusal, visitor_who
@@ -26,15 +31,24 @@ def letters(board):
 
 def test_the_tree_has_the_nodes_of_the_mission_with_their_names_and_types():
     rig = Rig()
-    outline = board_of(rig).part("mission")["tree"]
-
-    def flat(node):
-        return [node] + [one for child in node["children"] for one in flat(child)]
-
-    assert [(node["uid"], node["name"], node["path"]) for node in flat(outline)] == [
+    nodes = board_of(rig).part("mission")["nodes"]
+    assert [(node["uid"], node["name"], node["path"]) for node in nodes] == [
         (node.uid, node.name, node.full_path) for node in rig.tree.nodes]
-    assert len([node for node in flat(outline) if node["subtree"]]) == len(
+    assert [[child.uid for child in node.children] for node in rig.tree.nodes] == [
+        [node["uid"] for node in nodes if node["parent"] == uid] for uid in range(1, len(nodes) + 1)]
+    assert len([node for node in nodes if node["subtree"]]) == len(
         [node for node in rig.tree.nodes if node.registration_id == "SubTree"])
+
+
+def test_a_tree_of_many_levels_is_data_that_json_carries():
+    rig = one_leaf("<Inverter>" * 1900 + "<WelcomeSpeech/>" + "</Inverter>" * 1900)
+    before = sys.getrecursionlimit()
+    sys.setrecursionlimit(300)
+    try:
+        sent = json.loads(json.dumps(board_of(rig).part("mission")))
+    finally:
+        sys.setrecursionlimit(before)
+    assert [node["parent"] for node in sent["nodes"]] == list(range(1901))
 
 
 def test_nodes_are_called_what_py_trees_render_calls_them():
@@ -42,11 +56,8 @@ def test_nodes_are_called_what_py_trees_render_calls_them():
     board = board_of(rig)
     rig.mission.events.emit(RunStarted("some/where/lab_tour.xml", [], {}))
 
-    def labels(node):
-        return [" ".join(filter(None, (node["name"], node["kind"])))] + [
-            label for child in node["children"] for label in labels(child)]
-
-    assert sorted(labels(board.part("mission")["tree"])) == sorted(node.name for node in create_tree("lab_tour").iterate())
+    labels = [" ".join(filter(None, (node["name"], node["kind"]))) for node in board.part("mission")["nodes"]]
+    assert sorted(labels) == sorted(node.name for node in create_tree("lab_tour").iterate())
 
 
 def test_the_letter_of_each_node_and_the_leaf_that_runs():
@@ -61,7 +72,7 @@ def test_the_letter_of_each_node_and_the_leaf_that_runs():
     assert board.part("statuses") == {"letters": "fsf-", "tip": 0}
 
 
-def test_each_part_has_a_version_that_grows_with_it():
+def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
     rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
     board = board_of(rig)
     before = dict(board.versions)
@@ -69,6 +80,7 @@ def test_each_part_has_a_version_that_grows_with_it():
     rig.run(visitor_who(says="yes"))
     board.look()
     assert [name for name in PARTS if board.versions[name] == before[name]] == []
+    monkeypatch.setattr(board_module, "PULSE", 1000.0)
     before = dict(board.versions)
     board.look()
     assert board.versions == before
@@ -86,7 +98,7 @@ def test_passes_health_trouble_and_blackboard():
     assert len(board.part("health")) == 10
     texts = [line["text"] for line in board.part("trouble")]
     assert texts[0].endswith("WelcomeGesture::22 failed: refused: the server refused")
-    assert texts[2].endswith("recovery: skipped (retry 1x, then skip)")
+    assert texts[2].endswith("recovery: skipped (retry 1x, then skip), for refused: the server refused")
     assert not any("condition false" in text for text in texts)
     assert ["currentExhibit", "exhibit 2"] in board.part("blackboard")
     assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")
@@ -106,19 +118,89 @@ def test_calls_and_the_age_of_topics_are_part_of_the_health():
     assert 3.0 <= seen["age"] < 5.0
 
 
-def test_what_the_terminal_shows():
-    rig = one_leaf('<Sequence name="all"><WelcomeSpeech name="hello"/><FollowMeSpeech/><SayGoodByeSpeech/></Sequence>',
-                   lambda request: None if "ollow" in request.text else Answer())
+def test_there_is_a_sign_of_life_every_second_though_nothing_happens():
+    board = board_of(one_leaf("<Sleep msec='9000'/>"))
+    board.look()
+    before, ends = dict(board.versions), time.monotonic() + 5.0
+    while board.versions["alive"] == before["alive"] and time.monotonic() < ends:
+        time.sleep(0.01)
+        board.look()
+    grown = {name: version - before[name] for name, version in board.versions.items() if version != before[name]}
+    assert grown == {"alive": 1, "health": 1}
+
+
+def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatch):
+    monkeypatch.setattr(board_module, "HANGS", 0.2)
+    rig = one_leaf("<Sleep msec='9000'/>")
+    board = Board(rig.mission.events, rig.mission.health, registry())
+    assert board.part("alive") == {"age": None, "hangs": False}
+    board.show(rig.tree)
+    rig.tick()
+    time.sleep(0.3)
+    alive = board.part("alive")
+    assert alive["hangs"] and alive["age"] >= 0.3
+    rig.clock.advance(board_module.PULSE)  # the tick thread runs its timers again
+    assert board.part("alive")["age"] < 0.2 and not board.part("alive")["hangs"]
+    rig.mission.events.emit(RunFinished("stopped", 0))
+    time.sleep(0.3)
+    assert not board.part("alive")["hangs"]
+
+
+def test_statuses_of_a_visitor_end_with_the_pass():
+    seen = {}
+    rig = Rig()
+    board = board_of(rig)
+    welcome, declined = (next(node.uid for node in rig.tree.nodes if node.name == name)
+                         for name in ("QueryVisitorResponse", "Declined"))
+
+    def visitor(rig):
+        passes = len(rig.of(PassFinished))
+        greeted = sum(isinstance(request, Say) and request.text.startswith("Hello") for request in rig.requests)
+        if greeted > passes and passes not in seen:
+            seen[passes] = letters(board), board.part("passes")
+        visitor_who(says="no")(rig)
+
+    assert rig.run(visitor, runs=2) == 0
+    for shown, _ in seen.values():  # nothing beyond the welcome has run
+        assert "R" in shown[:welcome - 1] and set(shown[welcome - 1:]) == {"-"}
+    assert letters(board)[declined - 1] == "s"  # the last visitor's, when no pass follows
+    assert seen[0][1]["text"] == "pass 1 is under way"
+    assert seen[1][1]["text"].startswith("pass 2 is under way; pass 1: SUCCESS after ")
+    assert board.part("passes")["text"].startswith("pass 2: SUCCESS after ")
+    assert board.part("passes")["ended"] == "all passes are done; last pass: SUCCESS"
+
+
+def test_a_pass_that_was_stopped_is_not_under_way():
+    rig = Rig()
+    board = board_of(rig)
+    assert board.part("passes")["text"] == "no pass yet"
+    rig.run(lambda rig: rig.clock.advance(0.5), is_stopped=lambda: rig.clock.now() > 1003.0)
+    assert board.part("passes")["text"] == "no pass yet" and "stopped" in board.part("passes")["ended"]
+
+
+@pytest.mark.parametrize("outcome, expected", [(None, "the controller has stopped"), ("stopped", "stopped")])
+def test_the_end_is_told_even_if_the_mission_does_not_tell_it(outcome, expected):
+    rig = Rig()
+    board = board_of(rig)
+    if outcome is not None:
+        rig.mission.events.emit(RunFinished(outcome, 0))
+    before = board.versions["passes"]
+    board.close()
+    assert board.part("passes")["ended"] == expected and board.versions["passes"] > before
+
+
+def test_what_the_robot_says_stays_on_its_line():
+    odd = "\x1b[2J\n\u202e\ud800"
+    rig = one_leaf('<Sequence name="a&#10;b&#x202e;"><WelcomeSpeech/></Sequence>',
+                   lambda request: Failure(Cause.HANDLER_EXCEPTION, odd, odd))
     board = board_of(rig)
     rig.tick()
+    rig.mission.events.emit(Noticed("error", odd))
+    rig.mission.events.emit(HealthChanged("service", Say.service, odd, False, odd, ""))
     state = {name: board.part(name) for name in PARTS}
-    assert status.lines(state, False)[1:] == [
-        "▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success", "  ▶ FollowMeSpeech #3: running"]
-    assert status.lines(state, True)[-1] == "  · SayGoodByeSpeech #4"
-    assert isinstance(rig.requests[0], Say)
+    assert state["trouble"] and all(line["text"].isprintable() for line in state["trouble"])
+    assert all(part["status"].isprintable() for part in state["health"])
+    assert "\\n" in state["mission"]["nodes"][0]["name"]
+    assert "\\x1b[2J\\n\\u202e\\ud800" in "".join(status.lines(state, True))
 
 
-def test_nobody_there_is_one_line(capsys):
-    assert status.main(["--port", "9"]) == 1
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1 and "http://127.0.0.1:9" in error and "monitorPort" in error

@@ -209,7 +209,8 @@ def test_version_3_remapping_without_braces_is_a_warning_in_files_that_do_not_sa
 
 
 @pytest.mark.parametrize("body", [
-    '<Typed number="2.9abc" flag="True" list="1;2;" out="{x}" text=""/>',
+    '<Typed number="2 " flag="True" list="1;2;" out="{x}" text="3 rooms"/>',
+    '<Typed list="json:[1, 2]" out="-1.5e3" number="007"/>',
     '<Typed number="{k}" flag="{=}" text=" = "/>',
     '<Typed xmlns:a="b" c.d="e" ü="f" _uid="7" _fullpath="x" _description="y" name="tab	and {braces}"/>',
     '<Control ID="Navigate"/>',
@@ -318,13 +319,66 @@ def test_trees_calls_and_use():
     assert found.used == {"A", "B"}
 
 
+# ---------------------------------------------------------------------------------------- what is read in part, or not
+
+
+def warned(text):
+    """Return line, column and text of each warning about a mission without a fault."""
+    found = checked(text).faults
+    assert all(fault.is_warning for fault in found)
+    return [(fault.line, fault.column, fault.text) for fault in found]
+
+
+# BehaviorTree.CPP takes the longest beginning that is a number
+@pytest.mark.parametrize("body, column, words", [
+    ('<Sleep msec="2 min"/>', 12, 'msec="2 min" is read only up to "min": as 2'),
+    ('<Sleep msec="120,000"/>', 12, 'msec="120,000" is read only up to ",000": as 120'),
+    ('<Typed number="1.5"/>', 12, 'number="1.5" is read only up to ".5": as 1'),
+    ('<Typed number="12e4"/>', 12, 'number="12e4" is read only up to "e4": as 12'),
+    ('<Typed number="-3 {k}"/>', 12, 'number="-3 {k}" is read only up to "{k}": as -3'),
+    ('<Typed out="2,5"/>', 12, 'out="2,5" is read only up to ",5": as 2.0'),
+    ('<Typed out="1e"/>', 12, 'out="1e" is read only up to "e": as 1.0'),
+    ('<Typed list="1;2.5;3"/>', 12, 'list="1;2.5;3" is read only up to ".5": as 1;2;3'),
+    ('<LoopInt queue="1;2 x" value="{v}"><Navigate/></LoopInt>', 14, 'queue="1;2 x" is read only up to "x": as 1;2'),
+    ('<LoopDouble queue="1,5;2" value="{v}"><Navigate/></LoopDouble>', 17,
+     'queue="1,5;2" is read only up to ",5": as 1.0;2.0'),
+])
+def test_a_number_that_is_not_read_to_its_end_is_told_with_what_is_read(body, column, words):
+    assert warned(main(body)) == [(3, column, words)]
+    load_text(main(body), REGISTRY)
+
+
+@pytest.mark.parametrize("queue", ["a;b", "{items}", "=", "1 a;2"])
+def test_a_list_that_is_no_list_of_numbers_is_not_judged_as_one(queue):
+    assert warned(main('<LoopString queue="{}" value="{{v}}"><Navigate/></LoopString>'.format(queue))) == []
+
+
+def test_a_text_where_an_element_is_due_is_told_at_its_place():
+    text = root("""first
+  <!-- a remark -> none --><BehaviorTree ID="Main"> second &amp; <Sequence>
+    <!-- not > this -->  third
+    <Script code="a := 1 > 2"> fourth </Script><![CDATA[ fifth ]]><![CDATA[ ]]>
+  </Sequence></BehaviorTree>&amp;
+  <TreeNodesModel> of the palette <Action ID="Navigate"><input_port name="x"> description </input_port></Action>
+  </TreeNodesModel>""", 'BTCPP_format="4"')
+    dropped = [(line, column, words[len("this text is dropped: "):]) for line, column, words in warned(text)
+               if words.startswith("this text is dropped: ")]
+    assert dropped == [(2, 1, "first"), (3, 53, "second &amp;"), (4, 26, "third"), (5, 32, "fourth"), (5, 58, "fifth"),
+                       (6, 29, "&amp;")]
+
+
+def test_texts_without_end_are_no_trouble():
+    found = timed(main("<Sequence>{}</Sequence>".format("a <Navigate/>" * 20000)))
+    assert 0 < len(found.faults) <= MOST_FAULTS
+
+
 # --------------------------------------------------------------------------------------------------------------- limits
 
 
 def timed(text):
-    began = time.perf_counter()
+    began = time.process_time()
     found = checked(text)
-    assert time.perf_counter() - began < 1.0
+    assert time.process_time() - began < 1.0
     return found
 
 
@@ -361,6 +415,19 @@ def test_thousands_of_mistakes_are_no_trouble(bodies):
 def test_ten_thousand_nodes_are_checked_in_a_moment():
     inner = '<Sequence name="s">' + '<AlwaysSuccess name="n"/>' * 99 + "</Sequence>"
     document = parse(main("<Sequence>{}</Sequence>".format(inner * 100)))
-    began = time.perf_counter()
+    began = time.process_time()
     assert check([document], REGISTRY).faults == []
-    assert time.perf_counter() - began < 0.5
+    assert time.process_time() - began < 0.5
+
+
+@pytest.mark.parametrize("body, words", [
+    ('<Action ID="Sleep" msec="soon"/>', 'port msec of type uint cannot be "soon"'),
+    ('<Action ID="Typed" nummber="1"/>', "Typed has no port nummber"),
+    ('<Action ID="Navigate"><AlwaysSuccess/></Action>', "Navigate is a leaf and cannot have children"),
+    ('<Condition ID="ScriptCondition" code="1 +"/>', "the script of code cannot be read"),
+    ('<Decorator ID="Inverter"/>', "Inverter has 0 children; a decorator must have exactly 1"),
+    ('<Control ID="ReactiveSequence"/>', "ReactiveSequence has no child; it must have 1 or more"),
+    ('<Action ID="Navigate" _skipIf="1 +"/>', "the script of _skipIf cannot be read"),
+])
+def test_the_explicit_form_is_checked_as_the_compact_one(body, words):
+    assert [fault.text[:len(words)] for fault in checked(main(body)).errors] == [words]

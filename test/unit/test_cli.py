@@ -1,4 +1,5 @@
 """The commands for mission authors: what they print, and their exit codes."""
+import importlib.util
 import json
 import os
 import subprocess
@@ -186,3 +187,93 @@ def test_the_palette_executable():
     done = run("exportNodeModel")
     assert (done.returncode, done.stderr) == (0, b"") and b'<Action ID="Navigate">' in done.stdout
     assert os.access(os.path.join(EXECUTABLES, "exportNodeModel"), os.X_OK)
+
+
+# ---------------------------------------------------------------------------------------------------- standard streams
+
+TOOLS = {"validateMission": ([LAB_TOUR], 0), "exportNodeModel": ([], 0), "replayMission": (["no such record"], 2),
+         "missionStatus": (["--port", "1"], 1)}
+"""Tool -> arguments, and the exit code in an ordinary terminal."""
+
+
+def in_shell(tool, redirection, *arguments):
+    """Return exit code, standard output and standard error of a tool under a redirection of the shell's."""
+    script = 'executable=$1; shift; "$0" "$executable" "$@" {}'.format(redirection)
+    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
+    done = subprocess.run(["sh", "-c", script, sys.executable, os.path.join(EXECUTABLES, tool)] + list(arguments),
+                          env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
+    return done.returncode, done.stdout.decode(), done.stderr.decode()
+
+
+@pytest.mark.parametrize("tool, redirection", [
+    ("validateMission", "<&-"), ("validateMission", ">&-"), ("replayMission", "2>&-"), ("missionStatus", ">&-"),
+] + [(tool, "<&- >&- 2>&-") for tool in TOOLS])
+def test_a_closed_stream_changes_nothing_but_what_is_seen(tool, redirection):
+    arguments, code = TOOLS[tool]
+    found, out, err = in_shell(tool, redirection, *arguments)
+    assert found == code
+    assert bool(out) == (code == 0 and ">&-" not in redirection.replace("2>&-", ""))
+    assert err.count("\n") == (code != 0 and "2>&-" not in redirection)
+
+
+@pytest.mark.parametrize("tool", ["validateMission", "exportNodeModel"])
+def test_a_full_disk_is_one_line_and_exit_code_1(tool):
+    code, _, err = in_shell(tool, "> /dev/full", *TOOLS[tool][0])
+    assert (code, err) == (1, "{}: the output cannot be written: No space left on device\n".format(tool))
+    assert in_shell(tool, "> /dev/full 2>&1", "--help")[0] == 1
+
+
+def test_a_reader_that_goes_away_ends_a_tool_in_silence(file):
+    bad = file(BAD)
+    code, out, err = in_shell("validateMission", "| head -n 1", *[bad] * 2000)
+    assert (code, out.count("\n"), err) == (0, 1, "")
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_wrong_call_is_exit_code_2_with_every_stream(tool):
+    assert in_shell(tool, "2>&-", "--nonsense") == (2, "", "")
+
+
+# ------------------------------------------------------------------------------------------------- an older py_trees
+
+DRAW = "import sys; sys.argv = ['py-trees-render']; import behavior_controller.cli"
+
+
+def run_with_py_trees(folder, version, arguments):
+    """Run Python while a py_trees of that version, which cannot be imported, comes first."""
+    package = folder / "py_trees"
+    package.mkdir()
+    (package / "version.py").write_text("# License: BSD\n__version__ = '{}'\n".format(version))
+    (package / "__init__.py").write_text("raise ImportError('this py_trees was taken')\n")
+    path = os.pathsep.join([str(folder)] + [path for path in sys.path if path])
+    return subprocess.run([sys.executable] + arguments, env=dict(os.environ, PYTHONPATH=path), timeout=60,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
+
+
+@pytest.mark.parametrize("command, arguments", [
+    ("validateMission", [os.path.join(EXECUTABLES, "validateMission"), LAB_TOUR]),
+    ("exportNodeModel", [os.path.join(EXECUTABLES, "exportNodeModel")]),
+    ("replayMission", [os.path.join(EXECUTABLES, "replayMission"), "mission.jsonl"]),
+    ("behaviorController", [os.path.join(EXECUTABLES, "behaviorController")]),
+    ("py-trees-render", ["-c", DRAW]),
+])
+def test_an_older_py_trees_is_told_in_one_line(tmp_path, command, arguments):
+    if command == "behaviorController" and importlib.util.find_spec("rospy") is None:
+        pytest.skip("needs ROS")
+    done = run_with_py_trees(tmp_path, "0.7.6", arguments)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert done.stderr.startswith("{}: py_trees 0.7.6 in {} is found first and too old, 2.2 or newer is needed (".format(
+        command, tmp_path / "py_trees"))
+
+
+def test_the_status_in_the_terminal_needs_no_py_trees(tmp_path):
+    done = run_with_py_trees(tmp_path, "0.7.6", [os.path.join(EXECUTABLES, "missionStatus"), "--help"])
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("version, is_refused", [
+    ("1.4.0", True), ("2.1.6", True), ("2.2.0", False), ("2.10.0", False), ("10.0.0", False)])
+def test_which_py_trees_is_too_old(tmp_path, version, is_refused):
+    done = run_with_py_trees(tmp_path, version, [os.path.join(EXECUTABLES, "exportNodeModel")])
+    assert done.returncode == 1
+    assert ("too old" in done.stderr, "this py_trees was taken" in done.stderr) == (is_refused, not is_refused)

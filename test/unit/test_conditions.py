@@ -2,6 +2,7 @@
 import pytest
 
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.events import Noticed
 from behavior_controller.gateway import Answer, AttentionStatus, Faces, Topic
 from mission_rig import refusal
 from test_leaves import one_leaf
@@ -78,7 +79,7 @@ def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
 
 
 @pytest.mark.parametrize("convention, state, value, result", [
-    (1, "seeking", 1, SUCCESS), (1, "seeking", 2, SUCCESS), (1, "seeking", 3, FAILURE), (1, "seeking", 0, FAILURE),
+    (1, "seeking", 1, SUCCESS), (1, "seeking", 2, FAILURE), (1, "seeking", 3, FAILURE), (1, "seeking", 0, FAILURE),
     (2, "seeking", 1, FAILURE), (2, "seeking", 2, SUCCESS), (2, "seeking", 3, FAILURE),
     (1, "social", 1, FAILURE), (2, "social", 2, FAILURE), (1, "", 1, FAILURE),
 ])
@@ -86,6 +87,49 @@ def test_what_mutual_gaze_is(convention, state, value, result):
     rig = one_leaf("<IsMutualGazeDiscovered/>", mutualGazeValue=convention)
     rig.topics.publish(Topic.ATTENTION, AttentionStatus(state, value))
     assert rig.tick() is result
+
+
+SEEK_AND_LOOK = "<Sequence><SeekOvertAttentionMode/><IsMutualGazeDiscovered/><IsMutualGazeDiscovered/></Sequence>"
+
+
+def searches(convention, *values):
+    """Return the warnings after searches, each of which brings these values one after the other."""
+    rig = one_leaf(SEEK_AND_LOOK, mutualGazeValue=convention)
+    for of_one_search in values:
+        rig.tick()
+        for value in of_one_search:
+            rig.clock.advance(0.25)
+            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", value))
+            rig.tree.nodes[2].execute()
+        rig.tree.halt()
+        rig.clock.advance(1.0)
+    return rig.of(Noticed)
+
+
+THE_ROBOTS = ("warning", "/overtAttention/mode has said seeking with 2 or 3, as the robot's own node does, where 1 is still "
+              "seeking and 2 mutual gaze; if this is such a node, set mutualGazeValue 2")
+THE_DOCUMENTS = ("warning", "/overtAttention/mode has said seeking with 1 in 3 searches and never 2 or 3, as a node of D5.4.3 "
+                 "does, where 1 is mutual gaze; if this is such a node, set mutualGazeValue 1")
+
+
+@pytest.mark.parametrize("convention, values, warnings", [
+    (1, [(2,), (2,), (3,)], [THE_ROBOTS]), (1, [(1,), (0,), (3, 3)], [THE_ROBOTS]), (1, [(0, 1)] * 5, []),
+    (1, [(0, 7, -1)] * 5, []),
+    (2, [(1, 1, 1, 1), (1,)], []), (2, [(1,)] * 5, [THE_DOCUMENTS]), (2, [(0, 1)] * 3, [THE_DOCUMENTS]),
+    (2, [(0,)] * 5, []), (2, [(1, 2)] + [(1,)] * 5, []), (2, [(1,), (1, 3), (1,), (1,)], []),
+])
+def test_a_sign_of_the_other_convention_is_told_once(convention, values, warnings):
+    assert searches(convention, *values) == warnings
+
+
+def test_a_sign_that_comes_after_the_success_is_told_at_the_next_look():
+    rig = one_leaf(SEEK_AND_LOOK)
+    rig.tick()
+    for value in (1, 2):  # the robot's node: still seeking, which was taken for the gaze, then the gaze
+        rig.clock.advance(0.25)
+        rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", value))
+        assert rig.tree.nodes[2 if value == 1 else 3].execute() is (SUCCESS if value == 1 else FAILURE)
+    assert rig.of(Noticed) == [THE_ROBOTS]
 
 
 def test_a_gaze_from_before_the_mode_was_set_is_none_and_the_next_one_wakes_the_tree():

@@ -215,9 +215,9 @@ def test_a_lone_surrogate_in_a_text():
      "DOCTYPE"),
 ])
 def test_what_is_too_large_is_refused_within_a_second(name, text, words):
-    began = time.perf_counter()
+    began = time.thread_time()
     fault = faults_of(text)[0]
-    assert time.perf_counter() - began < 1.0
+    assert time.thread_time() - began < 1.0
     assert words in fault.text and fault.line == 1
 
 
@@ -250,7 +250,7 @@ def library(name, *includes):
 @pytest.mark.parametrize("name, words", [
     ("missing.xml", "No such file"),
     (".", "it is a folder"),
-    (os.devnull, "it is not a file"),
+    (os.devnull, "it is not a regular file"),
     ("nul\x00.xml", "cannot be read"),
 ])
 def test_unreadable_files(tmp_path, name, words):
@@ -261,7 +261,7 @@ def test_unreadable_files(tmp_path, name, words):
 
 def test_a_pipe_is_not_waited_for(tmp_path):
     os.mkfifo(str(tmp_path / "pipe.xml"))
-    with pytest.raises(MissionError, match="it is not a file"):
+    with pytest.raises(MissionError, match="it is not a regular file"):
         read(str(tmp_path / "pipe.xml"))
 
 

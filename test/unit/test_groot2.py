@@ -4,6 +4,8 @@ import os
 import random
 import socket
 import struct
+import subprocess
+import sys
 import time
 import xml.etree.ElementTree as ElementTree
 
@@ -16,7 +18,9 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.watch import groot2, zmtp
 from behavior_controller.watch.groot2 import Groot2Publisher
+from behavior_controller.watch.hooks import Hook
 from mission_rig import Rig, visitor_who
 
 FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures", "groot2")
@@ -98,18 +102,25 @@ class Client:
 
 
 @pytest.fixture
-def served():
-    """A publisher on free ports, and a way to make clients."""
+def served(request):
+    """A publisher on free ports, and a way to make clients; the parameter is its heartbeat in seconds."""
     warnings, clients = [], []
     port = free_ports()
-    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, heartbeat=0.4)
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, heartbeat=getattr(request, "param", 60.0))
     publisher.port, publisher.warnings = port, warnings
 
     def client():
         clients.append(Client(port))
         return clients[-1]
 
-    publisher.client = client
+    def told(text, number):
+        """Whether the operator has been told ``number`` lines with this text, soon."""
+        ends = time.monotonic() + 5.0
+        while sum(text in line for line in warnings) < number and time.monotonic() < ends:
+            time.sleep(0.01)
+        return sum(text in line for line in warnings) == number
+
+    publisher.client, publisher.told = client, told
     yield publisher
     for each in clients:
         each.close()
@@ -276,19 +287,129 @@ def test_removing_or_disabling_lets_a_breakpoint_go_on(served, release):
     assert tree.tick_exactly_once() is SUCCESS
 
 
-def test_the_breakpoints_of_a_client_that_is_gone_let_go_and_come_back_with_it(served):
+@pytest.mark.parametrize("served", [1.5], indirect=True)
+def test_the_hooks_of_a_client_that_is_gone_are_removed_and_so_are_the_next_clients(served):
     tree = tree_of('<Act name="a"/>', a="S")
     served.show(tree)
-    served.client().ask("I", hook(1, mode=0))
+    for _ in range(2):
+        began = time.monotonic()
+        served.client().ask("I", hook(1, mode=0))
+        assert tree.tick_exactly_once() is RUNNING
+        tree.wake.test_and_clear()
+        tree.wake.wait(10.0)
+        assert 1.5 <= time.monotonic() - began < 10.0
+        assert tree.tick_exactly_once() is SUCCESS
+        assert served.client().ask("D") == b"[]"
+        assert tree.tick_exactly_once() is SUCCESS
+    assert served.told("removed: its client is gone", 2)
+
+
+def test_disabling_a_breakpoint_that_was_reached_lets_its_node_go_on(served):
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    client = served.client()
+    client.ask("I", hook(1, mode=0))
     assert tree.tick_exactly_once() is RUNNING
-    tree.wake.test_and_clear()
-    began = time.monotonic()
-    tree.wake.wait(5.0)  # the heartbeat of this publisher is 0.4 s
-    assert 0.3 < time.monotonic() - began < 2.0
+    client.ask("I", hook(1, mode=0, enabled=False))
     assert tree.tick_exactly_once() is SUCCESS
-    assert served.client().ask("D") == json.dumps([json.loads(hook(1, mode=0))], sort_keys=True,
-                                                  separators=(",", ":")).encode()
+    assert json.loads(client.ask("D"))[0]["enabled"] is False
+
+
+def without(fields, name):
+    return {key: value for key, value in fields.items() if key != name}
+
+
+GOOD = {"I": json.loads(hook(1, mode=0)), "R": {"uid": 1, "position": 0},
+        "U": {"uid": 1, "position": 0, "desired_status": "SUCCESS", "remove_when_done": True}}
+BAD = {"uid": [[1], {}, None, "1", 1.0, True, -1, 65536, 10 ** 30], "position": [[0], None, "0", 0.0, False, 2, -1],
+       "mode": [[0], None, "0", 0.0, True, 2, -1], "once": [[], None, 0, "true"], "enabled": [[], None, 1, "true"],
+       "desired_status": [["SUCCESS"], {}, None, 2, True, "", "success", "SUCCESS "], "remove_when_done": [[], None, 1, "x"]}
+
+
+@pytest.mark.parametrize("kind", sorted(GOOD))
+def test_a_malformed_field_is_an_error_and_changes_nothing(served, kind):
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    client = served.client()
+    client.ask("I", hook(1, mode=0))
     assert tree.tick_exactly_once() is RUNNING
+    before = client.ask("D")
+    for name, values in BAD.items():
+        if name not in GOOD[kind]:
+            continue
+        for value in values:
+            answer = client.ask(kind, json.dumps(dict(GOOD[kind], **{name: value})))
+            assert answer.startswith("{} cannot be {}; allowed: ".format(name, json.dumps(value))), answer
+        assert client.ask(kind, json.dumps(without(GOOD[kind], name))) == "the field {} is missing".format(name)
+    for value in ([1], "x", None, 3):
+        assert "a hook is a JSON object" in client.ask(kind, json.dumps(value))
+    assert client.ask("D") == before and tree.tick_exactly_once() is RUNNING
+    client.ask("A")
+    assert tree.tick_exactly_once() is SUCCESS
+
+
+def test_of_an_array_with_a_malformed_hook_none_is_taken(served):
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    client = served.client()
+    assert client.ask("I", "[{}, {}]".format(hook(1), hook(1, position=5))).startswith("position cannot be 5")
+    assert client.ask("D") == b"[]"
+
+
+def test_the_operator_is_told_of_all_that_hooks_do(served):
+    tree = tree_of('<Sequence name="main"><Act name="a"/><Act name="b"/><Act name="c"/></Sequence>', a="S", b="S", c="S")
+    served.show(tree)
+    client = served.client()
+    client.ask("I", "[{},{},{}]".format(hook(2, mode=0), hook(3, once=True), hook(4, position=1, status="FAILURE")))
+    assert tree.tick_exactly_once() is RUNNING and tree.tick_exactly_once() is RUNNING
+    client.ask("U", json.dumps({"uid": 2, "position": 0, "desired_status": "SKIPPED", "remove_when_done": False}))
+    assert tree.tick_exactly_once() is FAILURE
+    client.ask("X")
+    client.ask("A")
+    paths = {node.uid: node.full_path for node in tree.nodes}
+    expected = ["breakpoint before {2} is set", "replacement before {3} is set to SUCCESS",
+                "replacement after {4} is set to FAILURE", "breakpoint before {2} holds the node",
+                "breakpoint before {2} lets the node go on", "replacement before {3} decides SUCCESS and the node is not run",
+                "replacement before {3} is removed", "replacement after {4} decides FAILURE instead of the node's SUCCESS",
+                "breakpoint before {2} is disabled", "replacement after {4} is disabled",
+                "breakpoint before {2} is removed", "replacement after {4} is removed"]
+    assert served.told("after {} is removed".format(paths[4]), 1)
+    assert served.warnings == ["Groot2: " + line.format(*[paths.get(uid) for uid in range(5)]) for line in expected]
+
+
+def test_a_replacement_at_every_tick_and_hooks_that_change_all_the_time_do_not_flood_the_terminal(served):
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    client = served.client()
+    client.ask("I", hook(1))
+    for _ in range(300):
+        tree.tick_exactly_once()
+    assert served.told("decides SUCCESS", 1)
+    for number in range(100):
+        client.ask("I", "[{}]".format(",".join([hook(1, once=number % 2 == 0)] * 50)))
+    assert served.told("more changes of breakpoints and replacements", 1)
+    assert sum("decides" in line for line in served.warnings) == 1 and len(served.warnings) < 300
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
+    lines = []
+
+    def die(text):
+        lines.append(text)
+        if len(lines) == 1:
+            raise SystemExit
+
+    publisher = Groot2Publisher("127.0.0.1", free_ports(), SPECS, die)
+    tree = tree_of('<Act name="a"/>', a="S")
+    publisher.show(tree)
+    publisher._shown.hooks.insert([Hook(1, 0, 0, False, True, "SKIPPED")])
+    ends = time.monotonic() + 10.0
+    while tree.tick_exactly_once() is RUNNING:
+        assert time.monotonic() < ends
+        tree.wake.wait(0.1)
+    publisher.close()
+    assert lines[:2] == ["Groot2: breakpoint before {} is set".format(tree.root.full_path),
+                         "Groot2 is cut off by an internal error; its breakpoints and replacements are removed"]
 
 
 def test_nodes_without_hooks_are_left_alone(served):
@@ -377,3 +498,92 @@ def test_clients_that_come_and_go_leave_nothing_behind(served):
     while len(os.listdir("/proc/self/fd")) > before + 20 and time.monotonic() < ends:
         time.sleep(0.05)  # the library closes its ends on a thread of its own
     assert len(os.listdir("/proc/self/fd")) <= before + 20
+
+
+def resident():
+    """Return the MB of memory that this process holds."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+CLIENT_THAT_NEVER_READS = """
+import sys, zmq
+context = zmq.Context()
+sockets = [context.socket(zmq.DEALER) for _ in range(2)]
+for sock in sockets:
+    sock.setsockopt(zmq.RCVHWM, 1)
+    sock.setsockopt(zmq.RCVBUF, 4096)
+    sock.connect("tcp://127.0.0.1:" + sys.argv[1])
+print("asking", flush=True)
+while True:
+    for sock in sockets:
+        try:
+            sock.send_multipart([b"", b"\\x02T1234"], zmq.NOBLOCK)
+        except zmq.Again:
+            pass
+"""
+
+
+def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypatch):
+    monkeypatch.setattr(groot2, "PACE", 0.0)
+    tree, client = Rig().tree, served.client()
+    served.show(tree)
+    assert len(client.ask("T")) > 20_000
+    before = resident()
+    flood = subprocess.Popen([sys.executable, "-c", CLIENT_THAT_NEVER_READS, str(served.port)], stdout=subprocess.PIPE)
+    try:
+        flood.stdout.readline()
+        ends = time.monotonic() + (20.0 if ALL else 2.0)
+        while time.monotonic() < ends:
+            assert len(client.statuses()) == len(tree.nodes)  # other clients are answered meanwhile
+            time.sleep(0.03)  # as Groot2 asks
+    finally:
+        flood.kill()
+        flood.communicate()
+    assert resident() - before < 5.0  # each may have one reply under way
+
+
+def test_a_message_without_an_end_closes_its_connection(served):
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    for endless in (b"\x01\x00", b"\x03" + (2 ** 62).to_bytes(8, "big"), b"\x01\xff" + bytes(255)):
+        with socket.create_connection(("127.0.0.1", served.port), timeout=5) as stranger:
+            stranger.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) + b"\x04\x06\x05READY")
+            ends = time.monotonic() + 10.0
+            with pytest.raises((BrokenPipeError, ConnectionResetError)):
+                while time.monotonic() < ends:
+                    stranger.sendall(endless)
+    assert served.client().statuses() == {1: 0}
+
+
+def test_a_client_that_pings_is_answered(served):
+    """With a heartbeat, ZeroMQ closes a connection whose pings are not answered."""
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    context = zmq.Context()
+    sock = context.socket(zmq.DEALER)
+    sock.setsockopt(zmq.HEARTBEAT_IVL, 50)
+    sock.setsockopt(zmq.HEARTBEAT_TIMEOUT, 200)
+    events = sock.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+    sock.connect("tcp://127.0.0.1:{}".format(served.port))
+    assert events.poll(1000) == 0
+    sock.disable_monitor()
+    context.destroy(0)
+
+
+@pytest.mark.parametrize("offset", [0, 1])
+def test_idle_connections_are_capped_and_make_room(served, offset, monkeypatch):
+    monkeypatch.setattr(zmtp, "HANDSHAKE", 60.0)  # no place becomes free by itself
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    active = served.client()
+    active.ask("S")
+    before = len(os.listdir("/proc/self/fd"))
+    idle = [socket.create_connection(("127.0.0.1", served.port + offset)) for _ in range(100)]
+    ends = time.monotonic() + 8.0
+    while len(os.listdir("/proc/self/fd")) > before + 100 + 16 and time.monotonic() < ends:
+        time.sleep(0.02)
+    assert len(os.listdir("/proc/self/fd")) <= before + 100 + 16  # 100 are our own ends
+    newcomer = served.client()
+    newcomer.requests.send(struct.pack("<BBI", 2, ord("S"), 1))
+    while newcomer.requests.poll(20) == 0:  # it gets the place of a connection that is idle, not of one in use
+        assert active.statuses() == {1: 0} and time.monotonic() < ends
+    for each in idle:
+        each.close()

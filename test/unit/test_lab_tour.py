@@ -313,7 +313,7 @@ def leaves_at(stop):
         else:
             rig.clock.advance(0.5)
             rig.topics.publish(Topic.FACES, Faces((), ()))
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 3))
+            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 0))
     return act
 
 

@@ -219,7 +219,8 @@ def test_the_start_forgets_the_last_visitor():
     write(rig, visitorResponse="yes", exhibits=list(EXHIBITS), nextExhibit=1, targetLocation=Location(1.0, 1.0, 1.0),
           gestureTarget=Point(1.0, 1.0, 1.0), currentExhibit="robot", description1="one", description2="two")
     assert rig.tick() is SUCCESS
-    assert {key: entry.value for key, entry in rig.tree.blackboard.local.items()} == {"questionAskedAt": 1000.0}
+    assert {key: entry.value for key, entry in rig.tree.blackboard.local.items()} == {
+        "questionAskedAt": 1000.0, "attentionSetAt": 1000.0}
 
 
 CALLERS = [spec.id for spec in leaves.SPECS if spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits"))
@@ -313,3 +314,14 @@ def test_every_leaf_can_be_made_without_anything_running():
 
 def test_exhibits_are_plain_records():
     assert Exhibit("a", "b", "c", Location(1.0, 2.0, 3.0), Point(1.0, 2.0, 3.0)).location.theta_deg == 3.0
+
+
+@pytest.mark.parametrize("leaf, answer, expected", [
+    ("WelcomeSpeech", Answer(), "/textToSpeech/say_text"),
+    ("WelcomeSpeech", Failure(Cause.REFUSED, "no", ""), "/textToSpeech/say_text"),
+    ("WelcomeSpeech", Failure(Cause.REFUSED, "no", "/other/say_text"), "/other/say_text"),
+    ("IsVisitorDiscovered", None, "/faceDetection/data"), ("IsASREnabled", None, "")])
+def test_a_finished_leaf_tells_its_service_or_topic(leaf, answer, expected):
+    rig = one_leaf("<{}/>".format(leaf), lambda request: answer)
+    rig.tick()
+    assert [event.resource for event in rig.of(LeafFinished)] == [expected]

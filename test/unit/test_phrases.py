@@ -1,4 +1,6 @@
 """What the robot says, and what it takes for a yes or a no."""
+import time
+
 import pytest
 
 from behavior_controller import folders, phrases
@@ -93,3 +95,11 @@ def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):
     assert [(fault.text, fault.hint) for fault in found] == [
         ("\"of course\" stands in yes and in no", "keep one of them"),
         ("\"nope\" stands in no and in unclear", "keep one of them")]
+
+
+def test_a_long_utterance_takes_linear_time():
+    many = [("word{}".format(number),) for number in range(3000)]
+    language = phrases.Phrases({"tabletYes": "Yes", "tabletNo": "No", "yes": many, "no": [("no",)], "unclear": []})
+    began = time.thread_time()
+    assert language.spoken_answer("hello " * 100_000 + "no") == "no"
+    assert time.thread_time() - began < 5.0  # each word against each phrase takes minutes

@@ -6,8 +6,8 @@ import os
 import pytest
 
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.events import LeafFinished, PassFinished, RunStarted
-from behavior_controller.gateway import Cause, Failure
+from behavior_controller.events import LeafFinished, Noticed, PassFinished, RunStarted
+from behavior_controller.gateway import Answer, Cause, Failure, FakeGateway, Say
 from behavior_controller.watch import record as module
 from behavior_controller.watch.record import Record, new_folder
 
@@ -60,6 +60,59 @@ def test_a_record_does_not_grow_for_ever(tmp_path, monkeypatch):
         record(PassFinished(number, "SUCCESS", 1.0))
     assert 5 < len(lines(record)) < 20
     assert len(complaints) == 1 and "1000 bytes" in complaints[0]
+
+
+def test_what_does_not_fit_into_the_queue_is_counted_where_it_is_missing(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "REST", 60.0)  # until it is closed, as if the disk were that slow
+    monkeypatch.setattr(module, "MOST_WAITING", 10)
+    complaints = []
+    record = Record(str(tmp_path), ManualClock(), complaints.append)
+    for number in range(12):
+        record(PassFinished(number, "SUCCESS", 1.0))
+    monkeypatch.setattr(module, "MOST_WAITING", 14)
+    for number in range(12, 20):
+        record(PassFinished(number, "SUCCESS", 1.0))
+    found = [line.get("number", line) for line in lines(record)]
+    lost = [line for line in found if isinstance(line, dict)]
+    assert [(line["event"], line["lines"]) for line in lost] == [("Lost", 2), ("Lost", 5)]
+    assert found == list(range(10)) + [lost[0], 12, 13, 14, lost[1]]
+    assert complaints == ["the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
+        record.path, number) for number in (2, 5)]
+
+
+def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):
+    record = Record(str(tmp_path), ManualClock(), complain=None)
+    answers = {}
+    gateway = record.gateway(FakeGateway(lambda: None, answers.get))
+    early, late = gateway.start(Say("now")), gateway.start(Say("later"))
+    assert early.result is None and late.result is None
+    late._inner.finish(Failure(Cause.REFUSED, "no", "/x"))
+    assert late.result == late.result == Failure(Cause.REFUSED, "no", "/x") and early.result is None
+    early._inner.finish(Answer("1"))
+    assert early.result == early.result == Answer("1")
+    assert [(line["event"], line["call"]) for line in lines(record)] == [
+        ("Asked", 1), ("Asked", 2), ("Answered", 2), ("Answered", 1)]
+
+
+def test_a_record_that_is_no_regular_file_and_odd_texts_stop_nothing(tmp_path):
+    os.mkfifo(str(tmp_path / "mission.jsonl"))
+    complaints = []
+    Record(str(tmp_path), ManualClock(), complaints.append).close()
+    Record(str(tmp_path / "a\0b"), ManualClock(), complaints.append).close()
+    assert len(complaints) == 2 and all("the mission goes on" in text for text in complaints)
+    record = Record(str(tmp_path / "odd"), ManualClock(), complain=None)
+    record(Noticed("error", "\ud800 \x1b \U0001f916"))
+    assert lines(record)[0]["text"] == "\ud800 \x1b \U0001f916"
+
+
+def test_a_record_is_never_larger_than_is_read_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "MOST_BYTES", 2000)
+    complaints = []
+    record = Record(str(tmp_path), ManualClock(), complaints.append)
+    for number in range(10):
+        record(Noticed("info", "\u20ac" * 100))
+    record.close()
+    assert 1500 < os.path.getsize(record.path) <= 2000 and len(complaints) == 1
 
 
 @pytest.mark.parametrize("there, kept", [(0, 0), (19, 19), (20, 19), (30, 19)])

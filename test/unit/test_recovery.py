@@ -445,3 +445,13 @@ def test_the_first_rule_that_fits_decides(tmp_path):
     assert rules.rule("WelcomeSpeech", Cause.REFUSED).retries == 3
     assert rules.rule("WelcomeSpeech", Cause.NO_ANSWER).retries == 1
     assert rules.rule("FollowMeSpeech", Cause.REFUSED).then == policy.GIVE_UP
+
+
+def test_the_first_failure_of_a_run_is_found_by_a_recovery_that_was_there_before_it():
+    rig = one_leaf("<Fallback><Sequence><ScriptCondition code='speaks'/><WelcomeSpeech/></Sequence><HandleFallBack/>"
+                   "</Fallback>", refusal)
+    write(rig, speaks=0)
+    rig.tick()  # no mission node has failed: there is nothing to recover from
+    write(rig, speaks=1)
+    rig.tick()
+    assert [event.node for event in rig.of(Recovered)] == ["HandleFallBack", "WelcomeSpeech"]

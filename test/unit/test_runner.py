@@ -2,11 +2,12 @@
 import pytest
 
 from behavior_controller.bt.status import IDLE
-from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted
-from behavior_controller.gateway import Answer, GoTo, Location, Say, SetAnimation, SetAttention
+from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
+                                        RunStarted)
+from behavior_controller.gateway import Answer, AttentionStatus, GoTo, Say, SetAnimation, SetAttention, Topic
 from behavior_controller.runner import Runner, Running
 from mission_rig import refusal
-from test_leaves import one_leaf, write
+from test_leaves import one_leaf
 
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
@@ -55,24 +56,23 @@ def test_stopping_halts_the_mission_and_leaves_the_robot_calm_once():
 
 
 @pytest.mark.parametrize("mission", [
-    "<Parallel><Sleep msec='9000' _onHalted=\"x := 'a' * 2\"/><Delay delay_msec='9000'><AlwaysSuccess/></Delay>"
-    "<Navigate/></Parallel>",
-    "<Sequence _onHalted=\"x := 'a' * 2\"><Timeout msec='9000'><Navigate _onHalted=\"x := 'a' * 2\"/></Timeout>"
+    "<Sequence><LookUpHome/><Parallel><Sleep msec='9000' _onHalted=\"x := 'a' * 2\"/><Delay delay_msec='9000'>"
+    "<AlwaysSuccess/></Delay><Navigate/></Parallel></Sequence>",
+    "<Sequence _onHalted=\"x := 'a' * 2\"><LookUpHome/><Timeout msec='9000'><Navigate _onHalted=\"x := 'a' * 2\"/></Timeout>"
     "</Sequence>"])
 def test_a_script_that_fails_while_halting_leaves_nothing_running(mission):
     dropped, stopped = [], []
-    rig = one_leaf(mission, lambda request: None if isinstance(request, GoTo) else Answer())
-    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    rig = one_leaf(mission, lambda request: None if isinstance(request, GoTo) else NotImplemented)
 
     def stop(rig):
-        rig.gateway.calls[0]._abandon = lambda: dropped.append(True)
+        rig.gateway.calls[1]._abandon = lambda: dropped.append(True)
         stopped.append(True)
 
     rig.run(stop, runs=0, is_stopped=lambda: bool(stopped))
     assert dropped == [True]
     assert {node.status for node in rig.tree.nodes} == {IDLE}
     assert rig.clock.next_due() is None
-    assert rig.requests[1:] == SAFE
+    assert rig.requests[2:] == SAFE
     assert [event.text.split(":")[0] for event in rig.of(Noticed)] == ["while halting"]
 
 
@@ -206,6 +206,37 @@ def test_what_was_read_anew_runs_from_the_next_pass_on():
     assert [request.text for request in rig.requests][1:] == 2 * [rig.requests[1].text] != 2 * [rig.requests[0].text]
 
 
+def test_a_stop_while_another_mission_waits_halts_the_one_that_runs():
+    dropped, stopped = [], []
+    rig = one_leaf("<Sequence><LookUpHome/><Navigate/></Sequence>",
+                   lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    other = one_leaf("<FollowMeSpeech/>")
+    other.mission.gateway = rig.gateway
+    waiting = [Running(other.tree, other.mission, "other.xml", 0)]
+
+    def stop(rig):
+        rig.gateway.calls[1]._abandon = lambda: dropped.append(True)
+        stopped.append(True)
+
+    rig.run(stop, runs=0, is_stopped=lambda: bool(stopped), successor=lambda: waiting.pop() if waiting else None)
+    assert dropped == [True] and rig.tree.is_idle
+    assert rig.requests[2:] == SAFE
+    assert other.of(RunStarted) == []
+    assert len(rig.of(RunFinished)) == 1
+
+
+def test_a_stop_may_have_an_exit_code_of_its_own():
+    stopped = []
+    rig = one_leaf("<AlwaysFailure/>")
+
+    def stop(rig):
+        stopped.extend(rig.of(PassFinished))
+        rig.clock.advance(0.5)
+
+    assert rig.run(stop, runs=0, is_stopped=lambda: bool(stopped), stop_code=lambda: 0 if stopped else None) == 0
+    assert [event.exit_code for event in rig.of(RunFinished)] == [0]
+
+
 def test_what_changed_about_the_robot_is_told_at_a_tick():
     rig = one_leaf("<Sequence><WelcomeSpeech/><Sleep msec='700'/></Sequence>")
     change = HealthChanged("service", "/say", "", False, "gone", "", "gone")
@@ -216,3 +247,53 @@ def test_what_changed_about_the_robot_is_told_at_a_tick():
 
     rig.run(act)
     assert rig.of(HealthChanged) == [change]
+
+
+ASKS_WITHOUT_START_OF_TREE = """<Sequence><QueryTourSpeech/><ForceSuccess><ReactiveFallback>
+<IsYesNoUttered/><ForceFailure><Sleep msec='2000'/></ForceFailure></ReactiveFallback></ForceSuccess>
+<IsVisitorResponseYes/><LookUpEntrance/><Navigate/></Sequence>"""
+
+
+def test_what_a_visitor_said_ends_with_the_pass_without_start_of_tree_too():
+    def says_yes_in_the_first_pass(rig):
+        rig.clock.advance(0.5)
+        if not rig.of(PassFinished):
+            rig.topics.publish(Topic.SPEECH, "yes")
+
+    rig = one_leaf(ASKS_WITHOUT_START_OF_TREE)
+    assert rig.run(says_yes_in_the_first_pass, runs=2) == 3
+    assert [event.outcome for event in rig.of(PassFinished)] == ["SUCCESS", "FAILURE"]
+    assert len([request for request in rig.requests if isinstance(request, GoTo)]) == 1
+
+
+def test_a_target_ends_with_the_pass():
+    rig = one_leaf("<Fallback><Navigate/><LookUpHome/></Fallback>")
+    rig.run(advance, runs=2)
+    assert [(event.node, event.status) for event in rig.of(LeafFinished)] == 2 * [
+        ("Navigate", "FAILURE"), ("LookUpHome", "SUCCESS")]
+
+
+@pytest.mark.parametrize("condition, topic, value", [
+    ("IsYesNoUttered", Topic.SPEECH, "yes"), ("IsMutualGazeDiscovered", Topic.ATTENTION, AttentionStatus("seeking", 1))])
+@pytest.mark.parametrize("wait, outcome", [("0", "FAILURE"), ("600", "SUCCESS")])
+def test_evidence_from_before_the_pass_never_counts(condition, topic, value, wait, outcome):
+    # the message comes at 1000.5, the pass begins at 1000.75; another one comes at 1001.0
+    rig = one_leaf("<Sequence><Sleep msec='{}'/><{}/></Sequence>".format(wait, condition))
+    rig.clock.advance(0.5)
+    rig.topics.publish(topic, value)
+    rig.clock.advance(0.25)
+
+    def says_it_again(rig):
+        advance(rig)
+        if rig.clock.now() == 1001.0:
+            rig.topics.publish(topic, value)
+
+    rig.run(says_it_again)
+    assert [event.outcome for event in rig.of(PassFinished)] == [outcome]
+
+
+def test_the_begin_of_each_pass_is_told():
+    rig = one_leaf("<Sequence><START_OF_TREE/><Sleep msec='3000'/></Sequence>")
+    rig.run(advance, runs=2)
+    assert rig.of(PassStarted) == [(1, 1000.0), (2, 1003.0)]
+    assert rig.of(Noticed) == 2 * [("info", "a pass begins")]

@@ -1,21 +1,24 @@
 """The configuration: every fault in one pass, each with its line, what is allowed, and a suggestion."""
+import os
+import time
+
 import pytest
 
-from behavior_controller import folders, settings
+from behavior_controller import folders, leaves, policy, settings
 from behavior_controller.errors import ConfigurationError
 
 GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"
 
 
-def load(tmp_path, text, overrides=None):
+def load(tmp_path, text, *overrides):
     path = tmp_path / "test.ini"
     path.write_text(text, encoding="utf-8")
-    return settings.load(str(path), overrides)
+    return settings.load(str(path), *overrides)
 
 
-def faults(tmp_path, text, overrides=None):
+def faults(tmp_path, text, *overrides):
     with pytest.raises(ConfigurationError) as raised:
-        load(tmp_path, text, overrides)
+        load(tmp_path, text, *overrides)
     return [str(fault).replace(str(tmp_path) + "/", "") for fault in raised.value.faults]
 
 
@@ -75,6 +78,20 @@ def test_one_fault_each(tmp_path, line, expected):
     assert faults(tmp_path, GOOD + line + "\n") == [expected]
 
 
+@pytest.mark.parametrize("key", ["groot2Address", "monitorAddress"])
+@pytest.mark.parametrize("value", ["", "*", "a b", "0", "0x0", "0x7f.1", "127.0.0", "1.2.3.256", "-a", "a..b", "a/b", "a:80",
+                                   "http://a", "[::1]", "::1::", "a" * 64, "b." * 127 + "b", "\u0661", "."])
+def test_what_is_no_address_is_a_fault(tmp_path, key, value):
+    found = faults(tmp_path, GOOD + "{} {}\n".format(key, value))
+    assert len(found) == 1 and "{} cannot be {}".format(key, "\"{}\"".format(value) if value else "empty") in found[0]
+    assert "allowed: an address or a host name of this computer" in found[0]
+
+
+@pytest.mark.parametrize("value", ["127.0.0.1", "0.0.0.0", "192.168.1.7", "::1", "::", "localhost", "pepper.local", "robot_2", "3com.com"])
+def test_addresses_and_host_names(tmp_path, value):
+    assert load(tmp_path, GOOD + "monitorAddress {}\n".format(value)).monitor_address == value
+
+
 @pytest.mark.parametrize("value", ["yes", "1", "0", "on", "tru"])
 def test_nothing_else_is_a_boolean(tmp_path, value):
     assert faults(tmp_path, GOOD.replace("true", value)) == [
@@ -130,6 +147,51 @@ def test_all_faults_come_at_once(tmp_path):
         "test.ini: the required key asrEnabled is missing (add a line: asrEnabled <true or false>)"]
 
 
+@pytest.mark.parametrize("line", ["{0}{0}x{0}x", "language{0}x{0}x", "language{0}={0}x{0}x#", "language x{0}#{0}#{0}",
+                                  "{0}="])
+def test_a_line_of_blanks_takes_no_time(tmp_path, line):
+    path = tmp_path / "test.ini"
+    path.write_text(GOOD + line.format(" " * 200_000) + "\n")
+    began = time.thread_time()
+    try:
+        settings.load(str(path))
+    except ConfigurationError:
+        pass
+    assert time.thread_time() - began < 2.0  # a quadratic pattern takes minutes
+
+
+def test_a_file_of_mistakes_is_told_as_far_as_a_person_reads_it(tmp_path):
+    found = faults(tmp_path, "no" * 20 + "nsense 1\n" * 30_000)
+    assert len(found) == 101 and found[100] == "test.ini:101:1: more than 100 mistakes; the rest is not read"
+    assert found[99].startswith("test.ini:100:1: unknown key nsense (")
+
+
+@pytest.mark.parametrize("reads", [settings.load, lambda path: policy.load(path, leaves.SPECS)])
+def test_only_a_file_of_text_is_read_and_not_for_ever(tmp_path, reads):
+    os.mkfifo(str(tmp_path / "fifo.ini"))
+    (tmp_path / "large.ini").write_text("#" * 1_000_001)
+    (tmp_path / "largest.ini").write_text("#" * 1_000_000)
+    for path, reason in (("fifo.ini", "it is not a regular file"), ("/dev/zero", "it is not a regular file"),
+                         ("large.ini", "it has 1000001 bytes; at most 1000000 are read"), ("largest.ini", "missing")):
+        with pytest.raises(ConfigurationError, match=reason):
+            reads(str(tmp_path / path))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_policy_is_read_as_the_configuration_is(tmp_path, encoding):
+    with open(folders.config("recoveryPolicy.ini"), encoding="utf-8") as file:
+        text = file.read()
+    (tmp_path / "policy.ini").write_bytes(text.replace("\n", "\r\n").encode(encoding))
+    expected = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
+    assert policy.load(str(tmp_path / "policy.ini"), leaves.SPECS) == expected
+
+
+def test_a_fault_is_one_line_whatever_the_file_says(tmp_path):
+    fault, = faults(tmp_path, GOOD + "language \x1b[31m/\u202e{}\n".format("x" * 5000))
+    assert fault.startswith('test.ini:4:10: language cannot be "\\x1b[31m/\\u202exxx') and len(fault) < 1200
+    assert fault.endswith("(allowed: the name of a language, such as English)")
+
+
 def test_a_file_that_is_not_there_and_one_that_is_not_text(tmp_path):
     with pytest.raises(ConfigurationError, match="cannot be read: No such file"):
         settings.load(str(tmp_path / "none.ini"))
@@ -151,6 +213,40 @@ def test_faults_of_parameters_name_the_parameter(tmp_path):
     assert faults(tmp_path, GOOD, {"asrEnabled": "perhaps", "misionRuns": 1}) == [
         "parameter ~asrEnabled: asrEnabled cannot be \"perhaps\" (allowed: true or false)",
         "parameter ~misionRuns: unknown key misionRuns (did you mean missionRuns?)"]
+
+
+@pytest.mark.parametrize("value", [None, [1], {"a": 1}, b"x", object()])
+def test_a_parameter_of_an_odd_type_is_one_fault(tmp_path, value):
+    found = faults(tmp_path, GOOD, {"language": value, "recordDirectory": value})
+    assert found == ["parameter ~{}: {} cannot be of type {} (allowed: {})".format(
+        name, name, type(value).__name__, allowed) for name, allowed in (
+            ("language", "the name of a language, such as English"), ("recordDirectory", "a folder, nothing, or none"))]
+
+
+def test_the_settings_of_a_record_are_checked():
+    assert settings.recorded(dict(settings.defaults().values), "r").values == settings.defaults().values
+    with pytest.raises(ConfigurationError) as raised:
+        settings.recorded(dict(settings.defaults().values, topicMaxAge="x", asrEnabled=None, oldKey=1), "r")
+    assert sorted(str(fault).split(" (")[0] for fault in raised.value.faults) == [
+        "r: asrEnabled cannot be of type NoneType", "r: topicMaxAge cannot be \"x\"", "r: unknown key oldKey"]
+
+
+def test_arguments_override_parameters_and_the_file(tmp_path):
+    found = load(tmp_path, GOOD, {"missionRuns": 2, "startupTimeout": 4}, {"missionRuns": "3", "asrEnabled": "false"})
+    assert (found.mission_runs, found.startup_timeout, found.asr_enabled) == (3, 4.0, False)
+
+
+def test_no_argument_is_ignored(tmp_path):
+    assert faults(tmp_path, GOOD, {}, {"asrEnabled": "", "misionRuns": "1", "colour": "red"}) == [
+        "argument asrEnabled: asrEnabled cannot be empty (allowed: true or false)",
+        "argument misionRuns: unknown key misionRuns (did you mean missionRuns?)",
+        "argument colour: unknown key colour (the keys: {})".format(", ".join(key.name for key in settings.KEYS))]
+
+
+def test_arguments_are_kept_from_rospy():
+    given = ["node", "_asrEnabled:=false", "__name:=n", "/a:=/b", "_recordDirectory:=/tmp/a:=b", "_language:=", "--help"]
+    assert settings.split_arguments(given) == (["node", "__name:=n", "/a:=/b", "--help"], {
+        "asrEnabled": "false", "recordDirectory": "/tmp/a:=b", "language": ""})
 
 
 def test_each_service_has_its_deadline(tmp_path):

@@ -86,16 +86,16 @@ class _Compiler:
                    for child in self.checked.trees[self.checked.main].children[:1]]
         while waiting:
             place = waiting.pop()
-            if id(place.element) in self.checked.faulty:
-                # it cannot be made, but what is inside may have mistakes of its own
-                waiting.extend(place._replace(element=child, parent=None, depth=place.depth + 1)
-                               for child in reversed(place.element.children))
-                continue
             if place.depth > DEEPEST:
                 self.faults.append(place.element.fault("the mission unfolds to more than {} levels".format(DEEPEST)))
                 break
             self._deepest = max(self._deepest, place.depth)
-            node = self._node(place)
+            node = None if id(place.element) in self.checked.faulty else self._node(place)
+            if node is None:
+                # it cannot be made, but what is inside may have mistakes of its own
+                waiting.extend(place._replace(element=child, parent=None, depth=place.depth + 1)
+                               for child in reversed(place.element.children))
+                continue
             children = place.element.children
             if isinstance(node, TestNode):
                 continue
@@ -107,14 +107,17 @@ class _Compiler:
         if sys.getrecursionlimit() < needed:
             sys.setrecursionlimit(needed)
 
-    def _node(self, place: _Place) -> Node:
+    def _node(self, place: _Place) -> Optional[Node]:
+        """Make the node of an element; None, with a fault, if it cannot be made."""
         element, uid = place.element, len(self.nodes) + 1
         type_id = "SubTree" if element.tag == "SubTree" else element.type_id
         own_id = element.attributes.get("ID", "") if type_id == "SubTree" else type_id
         name = element.attributes.get("name", own_id)
         path = place.prefix + name + ("::{}".format(uid) if name == own_id else "")
         spec, node = self._made(type_id, name, path, element)
-        node.uid, node.registration_id, node.full_path = uid, type_id, path
+        if node is None:
+            return None
+        node.element, node.uid, node.registration_id, node.full_path = element, uid, type_id, path
         node.blackboard, node.services = place.blackboard, self.services
         node.ports, node.attributes = spec.ports, element.attributes
         self.nodes.append(node)
@@ -123,7 +126,7 @@ class _Compiler:
         self._bind(element, spec, node)
         return node
 
-    def _made(self, type_id: str, name: str, path: str, element: Element) -> Tuple[NodeSpec, Node]:
+    def _made(self, type_id: str, name: str, path: str, element: Element) -> Tuple[NodeSpec, Optional[Node]]:
         spec = self.registry.find(type_id)
         assert spec is not None  # the checks have seen to it
         if self.rules.rules:
@@ -136,7 +139,19 @@ class _Compiler:
                     self.faults.append(element.fault("the substitute {} is not a node type".format(target)))
                 else:
                     spec = replacement
-        return spec, spec.factory(name)  # type: ignore[return-value]
+        try:
+            node = spec.factory(name)
+            if not isinstance(node, Node):
+                raise TypeError("its factory returned {!r}, which is no node".format(node))
+        except Exception as error:  # whatever a leaf's author got wrong
+            self._broken(element, spec, error)
+            return spec, None
+        return spec, node
+
+    def _broken(self, element: Element, spec: NodeSpec, error: Exception) -> None:
+        """Record that the code of a node type failed where it makes a node."""
+        self.faults.append(element.fault("{} cannot be made: {}: {}".format(spec.id, type(error).__name__, error),
+                                         "a mistake in the code of the node type, not in this file"))
 
     def _bind(self, element: Element, spec: NodeSpec, node: Node) -> None:
         attribute: Optional[str] = None
@@ -156,6 +171,8 @@ class _Compiler:
             self.faults.append(element.fault(str(error), attribute=error.attribute))
         except (ValueFault, ScriptSyntaxError) as error:
             self.faults.append(element.fault(str(error), attribute=attribute))
+        except Exception as error:  # in ``configure``, whatever a leaf's author got wrong
+            self._broken(element, spec, error)
 
     def _declare(self, attribute: str, spec: NodeSpec, node: Node) -> None:
         """Create the entry that a port refers to."""

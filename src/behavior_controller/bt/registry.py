@@ -38,7 +38,10 @@ class Port(NamedTuple):
 
 
 class NodeSpec(NamedTuple):
-    """One node type. ``factory(name)`` makes a node and needs nothing running; ``warning`` is told to who uses it."""
+    """One node type. ``factory(name)`` makes a node and needs nothing running; ``warning`` is told to who uses it.
+
+    ``names`` are names of an instance that choose what it does; all others mean the same as none.
+    """
 
     id: str
     kind: Kind
@@ -46,6 +49,7 @@ class NodeSpec(NamedTuple):
     ports: Tuple[Port, ...] = ()
     description: str = ""
     warning: str = ""
+    names: Tuple[str, ...] = ()
 
 
 class Registry:

@@ -1,13 +1,21 @@
 """Leaves of the robot's attention and lifelike movement, and what its cameras see of a visitor."""
 from functools import partial
-from typing import Any, Optional, Union
+from typing import Any, Optional, Set, Union
 
 from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.gateway import Answer, Cause, Failure, Request, SetAnimation, SetAttention, Topic
+from behavior_controller.events import Noticed
+from behavior_controller.gateway import Answer, Cause, Failure, Request, Sample, SetAnimation, SetAttention, Topic
 from behavior_controller.leaves.base import ATTENTION_SET_AT, GESTURE_TARGET, ServiceLeaf, TopicCondition
 
-STILL_SEEKING_OR_FOUND, FOUND = 1, 2
-"""Values of /overtAttention/mode; 1 means mutual gaze in D5.4.3 and "still seeking" on the robot; 3 is failed."""
+SEEKING = "seeking"
+OF_THE_ROBOT = (2, 3)
+"""Values of /overtAttention/mode that only the robot's own node has: mutual gaze and failed; 1 is still seeking there.
+
+In D5.4.3 value 1 means mutual gaze, and others are not known.
+"""
+
+SEARCHES = 3
+"""So many searches that went no further than value 1 are a sign of the document's convention."""
 
 
 class AnimateBehavior(ServiceLeaf):
@@ -62,25 +70,68 @@ class IsVisitorDiscovered(TopicCondition):
         return bool(value.labels)
 
 
+class GazeValues:
+    """What the values seen so far say about the convention of this robot; the gaze leaves of a mission share it."""
+
+    def __init__(self) -> None:
+        self.has_robots_value = False
+        self.searches: Set[float] = set()  # when those began in which value 1 was seen
+        self.is_told = False
+
+    def sign(self, configured: int) -> str:
+        """Return what speaks against the ``configured`` value; empty if nothing does, or it has been told."""
+        sign = ""
+        if configured == 1 and self.has_robots_value:
+            sign = "2 or 3, as the robot's own node does, where 1 is still seeking and 2 mutual gaze"
+        elif configured == 2 and not self.has_robots_value and len(self.searches) >= SEARCHES:
+            sign = "1 in {} searches and never 2 or 3, as a node of D5.4.3 does, where 1 is mutual gaze".format(
+                SEARCHES)
+        if not sign or self.is_told:
+            return ""
+        self.is_told = True
+        return "{} has said seeking with {}; if this is such a node, set mutualGazeValue {}".format(
+            Topic.ATTENTION.value, sign, 3 - configured)
+
+
 class IsMutualGazeDiscovered(TopicCondition):
     """``<IsMutualGazeDiscovered/>``: SUCCESS if /overtAttention/mode reports mutual gaze since the mode was set.
 
-    Reads ``attentionSetAt``; ``mutualGazeValue`` tells what value 1 means.
+    Reads ``attentionSetAt``; mutual gaze is the value ``mutualGazeValue`` and no other. A sign that the robot has the
+    other convention is told once.
     """
 
     topic = Topic.ATTENTION
     otherwise = "no mutual gaze"
+    values: GazeValues
+
+    def setup(self, **kwargs: Any) -> None:
+        """Find what the mission's gaze leaves share."""
+        super().setup(**kwargs)
+        if "mission" in kwargs:
+            self.values = self.mission.shared(GazeValues)
 
     def is_evidence(self, value: Any) -> bool:
         """Return whether the attention is seeking and has found a gaze."""
-        return value.state == "seeking" and (
-            value.value == FOUND
-            or value.value == STILL_SEEKING_OR_FOUND and self.mission.settings.mutual_gaze_value == 1)
+        if value.state != SEEKING:
+            return False
+        if value.value in OF_THE_ROBOT:
+            self.values.has_robots_value = True
+        return value.value == self.mission.settings.mutual_gaze_value
 
     def not_before(self) -> float:
         """Return when the mode was set."""
         set_at = self.recall(ATTENTION_SET_AT)
         return float("-inf") if set_at is None else set_at
+
+    def judged(self, sample: Optional[Sample]) -> None:
+        """Tell of a sign that the robot has the other convention."""
+        values = self.values
+        if (len(values.searches) < SEARCHES and sample is not None and sample.value == (SEEKING, 1)
+                and self._counts(sample)):
+            values.searches.add(self.not_before())
+        sign = values.sign(self.mission.settings.mutual_gaze_value)
+        if sign:
+            self.mission.events.emit(Noticed("warning", sign))
 
 
 # name, mode, what it does

@@ -3,16 +3,17 @@
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
 """
 import itertools
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
-from behavior_controller.gateway import Answer, Call, Cause, Failure, Gateway, Request, Sample, Topic, Topics
+from behavior_controller.gateway import Answer, Cause, Failure, Gateway, Request, Sample, Topic, Topics
 from behavior_controller.health import Health
 
 # ------------------------------------------------------------------------------- keys on the root blackboard (README)
@@ -29,7 +30,9 @@ GESTURE_TARGET = "gestureTarget"  # Point that PerformDeicticGesture points at
 QUESTION_ASKED_AT = "questionAskedAt"  # monotonic seconds: only a later utterance is an answer
 ATTENTION_SET_AT = "attentionSetAt"  # monotonic seconds: only a later gaze status counts
 OF_ONE_VISITOR = (VISITOR_RESPONSE, EXHIBITS, NEXT_EXHIBIT, CURRENT_EXHIBIT, LEFT_OUT, DESCRIPTION_1, DESCRIPTION_2,
-                  TARGET_LOCATION, GESTURE_TARGET)
+                  TARGET_LOCATION, GESTURE_TARGET, QUESTION_ASKED_AT, ATTENTION_SET_AT)
+
+Shared = TypeVar("Shared")
 
 
 class Failed(NamedTuple):
@@ -76,6 +79,19 @@ class MissionContext:
         self.health = health or Health()
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget
+        self._shared: Dict[Any, Any] = {}
+
+    def shared(self, kind: Callable[[], Shared]) -> Shared:
+        """Return the one ``kind()`` of this mission, which its leaves share."""
+        return self._shared.setdefault(kind, kind())
+
+    @staticmethod
+    def begin_visit(blackboard: Blackboard, at: float) -> None:
+        """Forget the last visitor on the root's ``blackboard``; no answer and no gaze from before ``at`` counts."""
+        for key in OF_ONE_VISITOR:
+            blackboard.unset(key)
+        blackboard.set(QUESTION_ASKED_AT, at)
+        blackboard.set(ATTENTION_SET_AT, at)
 
     def leaves_of(self, tree: Tree) -> List[List[str]]:
         """Return path and type of each mission leaf, in document order."""
@@ -157,10 +173,40 @@ class InstantCondition(MissionLeaf, ConditionLeaf):
         return self.failed(Failure(Cause.CONDITION_FALSE, self.otherwise))
 
 
+class Ended(NamedTuple):
+    """The end of an attempt; ``failure`` None: it was done."""
+
+    failure: Optional[Failure]
+
+
+class Attempt:
+    """One request of a service leaf, from its sending to its end. The leaf makes one, and each retry another."""
+
+    def __init__(self, leaf: "ServiceLeaf"):
+        self._leaf = leaf
+        wanted = leaf.request()
+        self._failure = wanted if isinstance(wanted, Failure) else None
+        self._call = None if wanted is None or isinstance(wanted, Failure) else leaf.mission.gateway.start(wanted)
+
+    def poll(self) -> Optional[Ended]:
+        """Return how the attempt ended, or None while it is under way."""
+        if self._call is None:
+            return Ended(self._failure)
+        result = self._call.result
+        if result is None:
+            return None
+        return Ended(result if isinstance(result, Failure) else self._leaf.accept(result))
+
+    def drop(self) -> None:
+        """Give the attempt up; its answer is not used."""
+        if self._call is not None:
+            self._call.drop()
+
+
 class ServiceLeaf(MissionLeaf, ActionLeaf):
     """An action that calls a service: RUNNING until the answer or the deadline, which the gateway keeps."""
 
-    call: Optional[Call] = None
+    attempt: Optional[Attempt] = None
 
     def request(self) -> Union[Request, Failure, None]:
         """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
@@ -170,31 +216,29 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         """Take what a positive answer brought; return what is wrong with it, if anything."""
         return None
 
+    def try_once(self) -> Attempt:
+        """Begin an attempt; a recovery does so to retry the step."""
+        return Attempt(self)
+
     def on_start(self) -> Result:
-        """Send the request."""
+        """Begin the first attempt."""
         self.started_at = self.mission.clock.now()
-        wanted = self.request()
-        if wanted is None:
-            return self.succeeded()
-        if isinstance(wanted, Failure):
-            return self.failed(wanted)
-        self.call = self.mission.gateway.start(wanted)
+        self.attempt = self.try_once()
         return self.on_running()
 
     def on_running(self) -> Result:
-        """Look for the result."""
-        result = self.call.result if self.call is not None else None
-        if result is None:
+        """Look for the end of the attempt."""
+        ended = self.attempt.poll() if self.attempt is not None else None
+        if ended is None:
             return RUNNING
-        self.call = None
-        failure = result if isinstance(result, Failure) else self.accept(result)
-        return self.succeeded() if failure is None else self.failed(failure)
+        self.attempt = None
+        return self.succeeded() if ended.failure is None else self.failed(ended.failure)
 
     def on_halted(self) -> None:
-        """Drop the answer."""
-        if self.call is not None:
-            self.call.drop()
-            self.call = None
+        """Drop the attempt."""
+        if self.attempt is not None:
+            self.attempt.drop()
+            self.attempt = None
         self.report(IDLE)
 
 
@@ -242,12 +286,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def use(self, sample: Sample) -> None:
         """Take what the message brought."""
 
+    def judged(self, sample: Optional[Sample]) -> None:
+        """Note what the newest message says beside the answer to the question."""
+
     def update(self) -> Result:
         """Judge the newest message."""
         if self.status is not RUNNING:
             self.started_at = self.mission.clock.now()
         sample = self.mission.topics.newest(self.topic)
-        if sample is not None and self._counts(sample) and self.is_evidence(sample.value):
+        is_true = sample is not None and self._counts(sample) and self.is_evidence(sample.value)
+        self.judged(sample)
+        if sample is not None and is_true:
             return self._true(sample)
         self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
         return RUNNING if self._waits() else self._false(sample)

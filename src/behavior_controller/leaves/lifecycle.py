@@ -2,17 +2,18 @@
 from typing import Optional
 
 from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure
-from behavior_controller.leaves.base import OF_ONE_VISITOR, QUESTION_ASKED_AT, InstantAction, InstantCondition
+from behavior_controller.leaves.base import InstantAction, InstantCondition
 
 
 class StartOfTree(InstantAction):
-    """``<START_OF_TREE/>``: forgets what belongs to the last visitor; shows in verbose mode that a pass begins."""
+    """``<START_OF_TREE/>``: shows that a pass begins, and forgets the last visitor, as the beginning of a pass does."""
 
     def act(self) -> Optional[Failure]:
-        """Forget."""
-        self.forget(*OF_ONE_VISITOR)
-        self.remember(QUESTION_ASKED_AT, self.mission.clock.now())
+        """Tell, and forget."""
+        self.mission.events.emit(Noticed("info", "a pass begins"))
+        self.mission.begin_visit(self.blackboard.root(), self.mission.clock.now())
         return None
 
 
@@ -27,6 +28,6 @@ class IsASREnabled(InstantCondition):
 
 
 SPECS = (
-    NodeSpec("START_OF_TREE", Kind.ACTION, StartOfTree, description="Begins a visitor's pass."),
+    NodeSpec("START_OF_TREE", Kind.ACTION, StartOfTree, description="Shows that a visitor's pass begins."),
     NodeSpec("IsASREnabled", Kind.CONDITION, IsASREnabled, description="Is speech recognised?"),
 )

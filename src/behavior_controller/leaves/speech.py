@@ -49,6 +49,8 @@ class DescribeExhibitSpeech(ServiceLeaf):
     """
 
     resource = Say.service
+    PARTS = {"1": (DESCRIPTION_1,), "2": (DESCRIPTION_2,)}
+    """The names that choose what is said."""
 
     def __init__(self, name: str, part: str = ""):
         super().__init__(name)
@@ -58,7 +60,7 @@ class DescribeExhibitSpeech(ServiceLeaf):
         """Say what there is to say; an exhibit without that description is passed over."""
         if self.recall(CURRENT_EXHIBIT) is None:
             return Failure(Cause.MISSING_DATA, "no exhibit has been selected", self.resource)
-        keys = {"1": (DESCRIPTION_1,), "2": (DESCRIPTION_2,)}.get(self.part, (DESCRIPTION_1, DESCRIPTION_2))
+        keys = self.PARTS.get(self.part, (DESCRIPTION_1, DESCRIPTION_2))
         text = " ".join(filter(None, (self.recall(key) for key in keys)))
         return Say(text) if text else None
 
@@ -70,7 +72,8 @@ SPECS = tuple(
     NodeSpec("SayGoodBye", Kind.ACTION, partial(FixedSpeech, phrase="SayGoodByeSpeech"),
              description="Another name of SayGoodByeSpeech."),
     NodeSpec("DescribeExhibitSpeech", Kind.ACTION, DescribeExhibitSpeech,
-             description="Describes the current exhibit: name 1 or 2 chooses the part, any other says both."),
+             description="Describes the current exhibit: name 1 or 2 chooses the part, any other says both.",
+             names=tuple(DescribeExhibitSpeech.PARTS)),
     NodeSpec("DescribeExhibitSpeech_1", Kind.ACTION, partial(DescribeExhibitSpeech, part="1"),
              description="Says the first description of the current exhibit."),
     NodeSpec("DescribeExhibitSpeech_2", Kind.ACTION, partial(DescribeExhibitSpeech, part="2"),

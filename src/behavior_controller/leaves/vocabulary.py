@@ -11,13 +11,13 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.document import read, with_includes
 from behavior_controller.bt.registry import Registry
-from behavior_controller.leaves.base import ATTENTION_SET_AT, OF_ONE_VISITOR, QUESTION_ASKED_AT
+from behavior_controller.leaves.base import OF_ONE_VISITOR
 
 _TARGET = ("SelectExhibit", "LookUpEntrance", "LookUpHome")
 _SEEKING = ("SeekOvertAttentionMode", "SeekingOvertAttentionMode")
 
 VOCABULARY = Vocabulary(
-    keys=OF_ONE_VISITOR + (QUESTION_ASKED_AT, ATTENTION_SET_AT),
+    keys=OF_ONE_VISITOR,
     ends={"START_OF_TREE": SUCCEEDS},
     needs={
         "IsMutualGazeDiscovered": (_SEEKING, "overtAttention looks for mutual gaze only in the mode seeking"),

@@ -10,7 +10,7 @@ import socket
 import struct
 import xml.parsers.expat
 import xmlrpc.client
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, NoReturn, Optional, Tuple
 
 import rosgraph
 import rosgraph.network
@@ -18,6 +18,7 @@ import rospy
 
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.gateway import Cause
+from behavior_controller.text import clean
 
 CONNECT_LIMIT = 4.0
 """Seconds to look up, connect and shake hands: a peer on the robot's network that takes longer is not there."""
@@ -33,7 +34,7 @@ class Trouble(BehaviorControllerError):
     """A conversation failed: why, in the terms of the mission, and a line for an operator without the peer's name."""
 
     def __init__(self, cause: Cause, text: str):
-        super().__init__(" ".join(text.split())[:500])
+        super().__init__(clean(" ".join(text.split()), 500))
         self.cause = cause
 
 
@@ -108,11 +109,10 @@ class Connection:
             self._connect(host, port, seconds)
             self.send(rosgraph.network.encode_ros_handshake_header(header))
             return self._read_header()
-        except socket.timeout:
-            self.hang_up()
-            raise Trouble(Cause.NO_ANSWER, "{}:{} takes the connection but does not answer; nothing was asked of it"
-                          .format(host, port))
         except Trouble as trouble:
+            if trouble.cause is Cause.NO_ANSWER:
+                raise Trouble(trouble.cause, "{}:{} takes the connection but does not answer; nothing was asked of it"
+                              .format(host, port))
             # what is lost before the handshake is over never stood
             raise Trouble(Cause.NOT_REACHABLE, "{}:{}: {}".format(host, port, trouble))
 
@@ -153,10 +153,13 @@ class Connection:
             raise Trouble(Cause.NOT_REACHABLE, "no ROS node ({})".format(error))
 
     def notice_a_dead_host(self) -> None:
-        """Have the system ask an idle peer for a sign of life: a host that was switched off says no goodbye."""
+        """Have an idle connection end after about three seconds without a sign of life from the peer's host.
+
+        A host that is switched off or out of reach says no goodbye.
+        """
         if self._socket is not None:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            for option, value in ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1), (socket.TCP_KEEPCNT, 3)):
+            for option, value in ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1), (socket.TCP_KEEPCNT, 2)):
                 self._socket.setsockopt(socket.IPPROTO_TCP, option, value)
 
     def wait_without_limit(self) -> None:
@@ -168,8 +171,6 @@ class Connection:
         """Send ``data``. After ``Trouble`` it is not known whether the peer has got it."""
         try:
             self._socket.sendall(data)
-        except socket.timeout:
-            raise
         except OSError as error:
             self._lose(error)
 
@@ -178,22 +179,26 @@ class Connection:
         if length > MOST_BYTES:
             self._lose("{} bytes announced".format(length))
         data = bytearray()
-        try:
-            while len(data) < length:
-                chunk = self._socket.recv(min(length - len(data), 65536))
-                if not chunk:
-                    self._lose("closed by the peer")
-                data += chunk
-        except socket.timeout:
-            raise
-        except OSError as error:
-            self._lose(error)
+        while len(data) < length:
+            data += self.receive_some(min(length - len(data), 65536))
         return bytes(data)
 
-    def _lose(self, reason: Any) -> None:
+    def receive_some(self, most: int) -> bytes:
+        """Read what is there, at least one byte and ``most`` at the most."""
+        try:
+            chunk = self._socket.recv(most)
+        except OSError as error:
+            self._lose(error)
+        if not chunk:
+            self._lose("closed by the peer")
+        return chunk
+
+    def _lose(self, reason: Any) -> NoReturn:
         """Give the socket back and raise."""
         self.hang_up()
-        raise Trouble(Cause.CONNECTION_LOST, "the connection broke ({})".format(reason))
+        # a limit of ours has no error number; from Python 3.10 on, an ETIMEDOUT of the system is of the same class
+        is_late = isinstance(reason, socket.timeout) and reason.errno is None
+        raise Trouble(Cause.NO_ANSWER if is_late else Cause.CONNECTION_LOST, "the connection broke ({})".format(reason))
 
     def hang_up(self) -> None:
         """Give the socket back; from the thread that uses the connection only."""

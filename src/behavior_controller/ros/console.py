@@ -1,8 +1,9 @@
 """What an operator sees: events as lines on the terminal and on /rosout, and never a traceback.
 
-Normal mode: start-up lines, warnings, errors, one line per visitor, and a heartbeat. Verbose mode: also a line for each
-leaf that finishes. Every line comes at once, also into a pipe or a file.
+Normal mode: start-up lines, warnings, errors, beginning and end of each pass, and a heartbeat. Verbose mode: also a line
+for each leaf that finishes. Each line is handed to the threads of its sinks (terminal, log file, /rosout).
 """
+import errno
 import logging
 import os
 import sys
@@ -13,8 +14,10 @@ from typing import Any, Callable, Dict
 from rosgraph.roslogging import RosStreamHandler
 
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
-                                        Retried, RunFinished, RunStarted)
+from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted,
+                                        Recovered, Retried, RunFinished, RunStarted)
+from behavior_controller.sinks import Detached, drain, take_over_streams
+from behavior_controller.text import clean
 
 HEARTBEAT = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
@@ -25,43 +28,70 @@ ROSOUT = "rosout.behavior_controller"
 FILE_ONLY = "behavior_controller"
 """The logger that reaches the log file alone."""
 
-
-def flush_every_line() -> None:
-    """Let nothing wait in a buffer, and no character of a message fail on a terminal that does not have it."""
-    for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(line_buffering=True, errors="backslashreplace")
+SHORTAGES = (errno.ENOMEM, errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOSPC)
+"""What the system says when it gives no more memory, threads, files or room on the disk."""
 
 
 class Console:
-    """Writes events as lines. A sink of ``Events``."""
+    """Writes events as lines. A sink of ``Events``. No thread that tells something waits for it to be written."""
 
-    def __init__(self, is_verbose: bool = False):
-        """``is_verbose`` may be set later, when the configuration is known."""
-        self.is_verbose = is_verbose
+    def __init__(self) -> None:
+        """Take over the standard streams. Raises RuntimeError if no thread can be started."""
+        self.is_verbose = False  # until the configuration is known
+        self._sinks = take_over_streams()
         self._logger = logging.getLogger(ROSOUT)
         self._lines: Dict[type, Callable[[Any], None]] = {
             RunStarted: self._run_started, LeafFinished: self._leaf_finished, Retried: self._retried,
             Recovered: self._recovered, HealthChanged: self._health_changed, PassFinished: self._pass_finished,
-            Noticed: self._noticed, RunFinished: self._run_finished}
+            PassStarted: lambda event: None, Noticed: self._noticed, RunFinished: self._run_finished}
+        logging.raiseExceptions = False  # a log that cannot be written is no reason for a traceback on the terminal
+        self.attach()
 
     def attach(self) -> None:
-        """Make sure that lines reach the terminal; rospy sets up no logging when it has nowhere for its log file."""
-        logger = logging.getLogger("rosout")
-        if not any(isinstance(handler, RosStreamHandler) for handler in logger.handlers):
-            logger.addHandler(RosStreamHandler())
-            logger.setLevel(logging.INFO)
+        """Have lines written by threads of ours. To be called again when rospy has set up its logging.
+
+        rospy sets up none when it has nowhere for its log file.
+        """
+        rosout = logging.getLogger("rosout")
+        if not any(isinstance(handler, RosStreamHandler) for handler in rosout.handlers):
+            rosout.addHandler(RosStreamHandler())
+            rosout.setLevel(logging.INFO)
+        for handler in rosout.handlers:
+            if isinstance(handler, RosStreamHandler):
+                handler.addFilter(_cut_traceback)
+        for logger in (rosout, logging.getLogger()):
+            for handler in list(logger.handlers):
+                # a RosStreamHandler writes into our streams, which do not block
+                if not isinstance(handler, (RosStreamHandler, Detached)):
+                    logger.removeHandler(handler)
+                    logger.addHandler(self._detach(handler))
+
+    def _detach(self, handler: logging.Handler) -> Detached:
+        detached = Detached(handler)
+        self._sinks.append(detached.sink)
+        return detached
+
+    def keep_details(self, text: str) -> str:
+        """Have ``text`` written to the log file alone, or to a file of its own while there is none; return the path."""
+        root = logging.getLogger()
+        paths = [handler.path for handler in root.handlers if isinstance(handler, Detached) and handler.path]
+        if not paths:
+            paths.append(os.path.join(tempfile.gettempdir(), "behaviorController_{}.log".format(os.getpid())))
+            root.addHandler(self._detach(logging.FileHandler(paths[0], delay=True)))
+        logging.getLogger(FILE_ONLY).error(text)
+        return paths[0]
+
+    def drain(self, seconds: float) -> None:
+        """Return when all lines are written, after ``seconds`` at the latest."""
+        drain(self._sinks, seconds)
 
     def __call__(self, event: Event) -> None:
         """Write the line of ``event``, if it has one."""
         self._lines[type(event)](event)
 
     def tell(self, level: str, text: str) -> None:
-        """Write ``text``, each of its lines for itself, at ``info``, ``warning`` or ``error``."""
-        for line in text.splitlines():
-            try:
-                getattr(self._logger, level)("behaviorController: %s", line)
-            except (OSError, ValueError):
-                pass  # the terminal has gone away; the mission goes on
+        """Write ``text`` as one line, whatever it quotes, at ``info``, ``warning`` or ``error``; from any thread."""
+        getattr(self._logger, level)("behaviorController: %s", clean(text))
 
     def start_heartbeat(self, clock: Clock) -> None:
         """Show every ten seconds that the tick thread still runs its timers."""
@@ -108,20 +138,36 @@ class Console:
         self.tell("info", "ends: {} (exit code {})".format(event.outcome, event.exit_code))
 
 
+def _cut_traceback(record: logging.LogRecord) -> bool:
+    """Keep a traceback of rospy's off the terminal; the log file has it. A filter of the terminal's handler."""
+    head, found, _ = record.getMessage().partition("\nTraceback (most recent call last)")
+    if found:
+        sys.stderr.write("[{}] [{:f}]: {} (details in the log file)\n".format(record.levelname, record.created, head))
+    return not found
+
+
 def reason(failure: Any) -> str:
     """Return cause and message of a ``Failure`` on one line; empty for None."""
     return "{}: {}".format(failure.cause.value, " ".join(failure.message.split())) if failure is not None else ""
 
 
 def report_internal_error(console: Console, error: BaseException) -> None:
-    """Tell of a mistake of ours in one line, and where its traceback is."""
+    """Tell in one line of a mistake of ours, and where its traceback is; or that the machine gives no more."""
+    if is_shortage(error):
+        console.tell("error", shortage(error))
+        return
     text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
-    path = os.environ.get("ROS_LOG_FILENAME")  # rospy's log file, once it has one
-    if path:
-        logging.getLogger(FILE_ONLY).error("internal error\n%s", text)
-    else:
-        path = os.path.join(tempfile.gettempdir(), "behaviorController_internal_error_{}.log".format(os.getpid()))
-        with open(path, "w") as file:
-            file.write(text)
+    place = console.keep_details("internal error\n" + text)
     console.tell("error", "internal error ({}: {}); please report it with the details in {}".format(
-        type(error).__name__, error, path))
+        type(error).__name__, error, place))
+
+
+def shortage(error: BaseException) -> str:
+    """Return the line for an error that ``is_shortage``."""
+    return "the machine gives no more memory, threads or files: {}".format(str(error) or type(error).__name__)
+
+
+def is_shortage(error: BaseException) -> bool:
+    """Whether ``error`` says that the machine, or a limit set on it, is the cause."""
+    return (isinstance(error, MemoryError) or isinstance(error, OSError) and error.errno in SHORTAGES
+            or isinstance(error, RuntimeError) and "start new thread" in str(error))

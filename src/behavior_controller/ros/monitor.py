@@ -1,20 +1,23 @@
 """Watches the robot while the mission runs: which node is gone or back, which topic silent, whether there is a master.
 
 Each service has a thread that holds an idle connection to its server: its end tells at once that the server is gone,
-and costs nothing while it is there. Topics and master are looked at twice a second. What changes goes to ``Health``.
+and costs nothing while it is there. Topics and master are judged twice a second by what ``RosTopics`` and ``Directory``
+have found, so that no judgement waits for a master. What changes goes to ``Health``.
 """
 import threading
 import time
-from typing import Callable, Dict, List, Optional, Tuple
+from typing import Callable, Dict, List, Tuple
 
 import rosgraph
 
 from behavior_controller.events import HealthChanged
 from behavior_controller.gateway import Topic
-from behavior_controller.health import GONE, SILENT, Health
-from behavior_controller.ros.connection import Connection, Trouble, ask_master
-from behavior_controller.ros.probe import PARTS, STEP_LIMIT, Part
-from behavior_controller.ros.services import open_service
+from behavior_controller.health import GONE, NEW, SILENT, Health
+from behavior_controller.ros.connection import Connection, Trouble
+from behavior_controller.ros.directory import DIRECTORY
+from behavior_controller.ros.probe import PARTS, Part
+from behavior_controller.ros.services import open_service_at
+from behavior_controller.ros.subscription import STEP_LIMIT
 from behavior_controller.ros.topics import Latch, RosTopics
 
 ROUND = 0.5
@@ -34,8 +37,26 @@ FIRST_SILENCE = 10.0
 
 ENOUGH = 5
 
-NO_MASTER = ("the mission goes on with the nodes that run, but finds none that is started now; a new master knows no "
-             "node: then start the robot's nodes and this one again")
+LONELY = 0.5
+"""Seconds without a connection after which a topic is gone: a connection that broke is first made again."""
+
+CONNECT_ANEW = 3.0
+"""Seconds between two new connections to a continuous topic that is silent although its publisher is connected."""
+
+RETURN_LIMIT = 1.3
+"""Seconds for each step of a connection to a server whose last one broke; then it is gone.
+
+Long enough for one lost packet; and with the three seconds and a half after which the connection to a host out of
+reach breaks, that is told within five.
+"""
+
+RETRY = 0.05
+"""Seconds between a connection that broke and the next one: a server may end each."""
+
+NO_MASTER = ("the mission goes on with the nodes where they were last, but finds none that is started now")
+
+NEW_MASTER = ("the mission goes on with them where they were last, as long as they run; start them again as soon as "
+              "the robot is free, or no node that starts from now on finds them")
 
 
 class Monitor:
@@ -50,7 +71,9 @@ class Monitor:
         self._services = [part for part in PARTS if not isinstance(part.offer, Topic)]
         self._connections: Dict[Part, Connection] = {}
         self._closed = threading.Event()
-        self._lonely: Dict[Part, int] = {}  # rounds in a row that a topic had no connection
+        self._lonely: Dict[Part, float] = {}  # since when a topic has had no connection
+        # when a topic that is silent was heard last, and after how much silence it is connected to anew
+        self._silent: Dict[Part, Tuple[float, float]] = {}
 
     def start(self) -> None:
         """Begin to watch."""
@@ -67,21 +90,27 @@ class Monitor:
     # -------------------------------------------------------------------------------------------------------- services
 
     def _watch(self, part: Part) -> None:
-        """Hold a connection to a server and report when it ends, and when there is one again."""
+        """Hold a connection to a server and report when there is none, and when there is one again."""
         while not self._closed.is_set():
-            reason = self._hold(part)
-            if reason is not None:
-                self._tell_gone(part, reason)
+            try:
+                self._hold(part)
+            except Trouble as trouble:
+                self._tell_gone(part, "{}: {}".format(trouble.cause.value, trouble))
                 self._closed.wait(ROUND)
 
-    def _hold(self, part: Part) -> Optional[str]:
-        """Connect and wait for the end of the connection. Return why there was no connection, or None if there was."""
-        connection = self._connections[part] = Connection()
-        try:
-            open_service(connection, part.name, "*", STEP_LIMIT, persistent="1")
-        except Trouble as trouble:
-            return "{}: {}".format(trouble.cause.value, trouble)
-        self._tell_back(part)
+    def _hold(self, part: Part) -> None:
+        """Stay connected to a server. Raises ``Trouble`` if it cannot be connected to, at first or after a break."""
+        place, limit = DIRECTORY.service(part.name, STEP_LIMIT), STEP_LIMIT
+        while not self._closed.is_set():
+            connection = self._connections[part] = Connection()
+            open_service_at(place, connection, part.name, "*", limit, persistent="1")
+            self._tell_back(part)
+            self._wait_for_end(connection)
+            self._closed.wait(RETRY)
+            limit = RETURN_LIMIT
+
+    def _wait_for_end(self, connection: Connection) -> None:
+        """Return when the connection has ended."""
         connection.notice_a_dead_host()
         connection.wait_without_limit()
         try:
@@ -90,7 +119,6 @@ class Monitor:
         except Trouble:
             pass
         connection.hang_up()
-        return None
 
     def _tell_gone(self, part: Part, reason: str) -> None:
         self._health.report(GONE, HealthChanged(
@@ -109,42 +137,57 @@ class Monitor:
                     self._look_at(part, latch)
 
     def _look_at_master(self) -> None:
-        name = rosgraph.get_master_uri()
-        try:
-            ask_master("getPid", seconds=STEP_LIMIT)
-            change = HealthChanged("master", name, "", True, "answers again", "")
-        except Trouble:
-            change = HealthChanged("master", name, "", False, "does not answer", NO_MASTER)
-        self._health.report(GONE, change)
+        """Tell whether the master answers, and whether it is one that does not know the robot's nodes."""
+        name, forgotten = rosgraph.get_master_uri(), DIRECTORY.forgotten
+        if DIRECTORY.is_away:
+            self._health.report(GONE, HealthChanged("master", name, "", False, "does not answer", NO_MASTER))
+            return
+        nodes = sorted({part.node for part in PARTS if part.name in forgotten})
+        back = "another one answers" if nodes else "answers again"
+        self._health.report(GONE, HealthChanged("master", name, "", True, back, ""))
+        self._health.report(NEW, HealthChanged(
+            "master", name, "", not nodes, "a new one, or its memory was cleared: it does not know {}".format(
+                ", ".join(nodes)) if nodes else "knows the robot's nodes again", NEW_MASTER if nodes else ""))
 
     def _look_at(self, part: Part, latch: Latch) -> None:
         """Tell whether a topic is published at all, and whether it has been silent for too long."""
         if latch.count:
             self._health.heard[part.name] = latch.last_arrival
-        if latch.is_connected:
-            self._lonely[part] = 0
-            self._tell_back(part)
-        else:
-            self._look_for_publisher(part, latch)
-        if part.offer not in CONTINUOUS or not latch.is_connected:
+        now = time.monotonic()
+        if not latch.is_connected:
+            if now - self._lonely.setdefault(part, now) > LONELY:
+                self._tell_gone(part, _absence(latch))
             return
-        silence, limit = time.monotonic() - latch.last_arrival, patience(latch.count, latch.usual_gap)
-        is_well = silence <= limit
+        self._lonely.pop(part, None)
+        self._tell_back(part)
+        if part.offer in CONTINUOUS:
+            self._look_at_silence(part, latch, now - latch.last_arrival)
+
+    def _look_at_silence(self, part: Part, latch: Latch, silence: float) -> None:
+        """Tell when a continuous topic falls silent, and connect to its publisher anew while it stays so."""
+        heard, anew_at = self._silent.get(part, (0.0, 0.0))
+        if heard == latch.last_arrival:  # still: a new connection alone is no sign of life
+            if silence >= anew_at:
+                self._silent[part] = heard, silence + CONNECT_ANEW
+                latch.connect_anew()
+            return
+        is_well = silence <= patience(latch.count, latch.usual_gap)
+        if is_well:
+            self._silent.pop(part, None)
+        else:
+            self._silent[part] = latch.last_arrival, silence + CONNECT_ANEW
         self._health.report(SILENT, HealthChanged(
             part.kind, part.name, part.node, is_well, "heard again" if is_well else
             "silent for {:.1f} s".format(silence), "" if is_well else "until it is heard again, " + part.absence))
 
-    def _look_for_publisher(self, part: Part, latch: Latch) -> None:
-        """Tell that a topic has lost its publisher, or connect anew to one that is still there.
 
-        rospy does not come back by itself when a connection breaks whose publisher stays registered.
-        """
-        self._lonely[part] = self._lonely.get(part, 0) + 1
-        if self._lonely[part] < 2:
-            return  # rospy may be about to connect
-        self._tell_gone(part, "nobody publishes it")
-        if self._lonely[part] % 4 == 2:
-            latch.subscribe_anew()
+def _absence(latch: Latch) -> str:
+    """Return why a topic is not connected, as far as that is known."""
+    if latch.wrong_publishers:
+        return "published by {}; expected is {}".format(", ".join(latch.wrong_publishers), latch.type_name)
+    if latch.unreachable:
+        return "its publisher at {} cannot be reached".format(", ".join(latch.unreachable))
+    return "no node publishes it"
 
 
 def patience(count: int, usual_gap: float) -> float:

@@ -3,16 +3,20 @@
 Nothing moves before the configuration, the mission and the robot's nodes have been found right. Whatever is wrong is
 told in full, in lines for an operator, and the exit code says of which kind it was.
 """
+import collections
 import os
 import sys
 import threading
 import time
-from typing import List, Optional, Union
+from typing import Any, Callable, Deque, List, Optional, Union
 
 import rosgraph
+import rosgraph.network
 import rospkg
 import rospy
+from rospy.impl.paramserver import get_param_server_cache
 
+from behavior_controller.apart import Late, Stopped, run_apart, run_together
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, NodesMissing
@@ -22,21 +26,24 @@ from behavior_controller.health import Health
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.ros.connection import Trouble, ask_master
-from behavior_controller.ros.console import Console, flush_every_line, report_internal_error
+from behavior_controller.ros.console import Console, report_internal_error
 from behavior_controller.ros.monitor import Monitor
 from behavior_controller.ros.plan import Plan, read_plan, tell_faults
 from behavior_controller.ros.probe import StartUpCheck
 from behavior_controller.ros.services import RosGateway
-from behavior_controller.ros.signals import Signals
+from behavior_controller.ros.signals import BROKEN, Signals, block_signals
 from behavior_controller.ros.topics import RosTopics
 from behavior_controller.runner import Runner, Running
+from behavior_controller.settings import split_arguments
 from behavior_controller.watch.board import Board
 from behavior_controller.watch.groot2 import Groot2Publisher
 from behavior_controller.watch.page import Page
 from behavior_controller.watch.record import Record, new_folder
 
 NAME = "behaviorController"
-SUCCESS, NODES_MISSING, BAD_FILES, FAILED = 0, 1, 2, 3
+SUCCESS, NODES_MISSING, BAD_FILES = 0, 1, 2
+
+NO_TOPICS_IN_ROSOUT = "/rosout_disable_topics_generation"
 
 NO_RECORD = "none"
 """The value of ``recordDirectory`` that has nothing recorded."""
@@ -47,40 +54,50 @@ Runs the robot mission that config/behaviorControllerConfiguration.ini names, vi
 (Ctrl-C). A key of that file given as _key:=value overrides the file. ROS names are remapped with name:=other_name.
 A SIGHUP (kill -HUP) has it read configuration and mission again, for the next visitor.
 
-exit codes: 0 the last pass was a SUCCESS; 3 it was a FAILURE; 1 nodes of the robot are missing;
-            2 the configuration or the mission is wrong"""
+exit codes: 0 the last pass was a SUCCESS, or another node was started under the same name; 3 it was a FAILURE;
+            1 nodes of the robot are missing; 2 the configuration or the mission is wrong;
+            4 the node could not go on: no memory, threads or files left, or an error of its own"""
+
+START_LIMIT = 15.0
+"""Seconds that each step of the start may take which asks the master or a disk."""
+
+LAST_LINES = 0.2
+"""Seconds for lines that are not written yet. Twice this, the safe state and ``CLOSING`` fit into STOP_LIMIT."""
+
+CLOSING = 0.4
+"""Seconds at the end to part from the master and to close what monitors the mission."""
+
+CLOSING_UNHURRIED = 2.0
+"""The same if no stop was requested."""
+
+PARTING = "the node ends"
+REQUESTED = "external shutdown request"
+"""How rospy's reason begins when another node or the master asked us to end."""
+
+NAME_IS_TAKEN = "same name"
+"""Part of the reason for which the master ends a node when another one registers under its name."""
 
 
 def main(argv: List[str]) -> int:
-    """Run the node and return its exit code. Raises nothing."""
-    flush_every_line()
-    arguments = rospy.myargv(argv)[1:]
-    if arguments:
-        return _explain(arguments)
+    """Run the node and return its exit code."""
+    block_signals()
     console = Console()
-    threading.excepthook = lambda failed: report_internal_error(console, failed.exc_value)
     signals = Signals(console)
     signals.listen()
-    try:
-        return _run(argv, console, signals)
-    except FaultsFound as found:
-        tell_faults(found, console.tell, "nothing was started")
-        return BAD_FILES
-    except NodesMissing as missing:
-        console.tell("error", str(missing))
-        return NODES_MISSING
-    except Exception as error:  # the last resort: an operator never sees a traceback
-        report_internal_error(console, error)
-        return FAILED
-    finally:
-        _part_from_ros()
-        signals.is_over = True
+    arguments = rospy.myargv(argv)[1:]
+    if arguments:
+        code = _explain(arguments)
+    else:
+        node = _Node(argv, console, signals)
+        code = node.run()
+        node.close()
+    signals.is_over = True
+    console.drain(LAST_LINES)
+    return code
 
 
 def leave(code: int) -> None:
     """End the process now: threads that still wait for a hung peer must not hold it."""
-    sys.stdout.flush()
-    sys.stderr.flush()
     os._exit(code)
 
 
@@ -98,42 +115,120 @@ def _explain(arguments: List[str]) -> int:
 def _join_ros(argv: List[str]) -> None:
     """Become a ROS node, or say in one line why that is not possible; rospy alone would wait for ever for a master."""
     try:
-        ask_master("getPid")
+        is_silent = ask_master("getParam", NO_TOPICS_IN_ROSOUT)
     except Trouble:
         raise NodesMissing("no ROS master at {}: start roscore or the robot, or set ROS_MASTER_URI".format(
             rosgraph.get_master_uri()))
+    # rospy would ask the master at each line for /rosout. A master that hangs would hold the lines back, and that
+    # question registers the node: asked by a node whose name was taken, it would shut down the one that took it.
+    get_param_server_cache().set(NO_TOPICS_IN_ROSOUT, bool(is_silent))
     try:
-        rospy.init_node(NAME, argv=argv, disable_signals=True)
+        rospy.init_node(NAME, argv=split_arguments(argv)[0], disable_signals=True)
     except (rospy.ROSException, ValueError) as error:
+        if rospy.is_shutdown():
+            raise Stopped("rospy has ended meanwhile")  # and the reason was told
         raise ConfigurationError([Fault("command line", 0, 0, str(error))])
 
 
 def _part_from_ros() -> None:
-    """Have the master forget us, unless it hangs. rospy then waits for threads of its own, which we need not do."""
+    """Have the master forget us. rospy then waits for threads of its own, which we need not do."""
     is_forgotten = threading.Event()
     rospy.core.add_shutdown_hook(lambda reason: is_forgotten.set())
-    threading.Thread(target=rospy.signal_shutdown, args=("the node ends",), daemon=True).start()
-    is_forgotten.wait(0.4)
+    threading.Thread(target=rospy.signal_shutdown, args=(PARTING,), daemon=True).start()
+    is_forgotten.wait()
+
+
+# ------------------------------------------------------------------------------------------------------------ the node
+
+
+class _Node:
+    """The node from its start to its end."""
+
+    def __init__(self, argv: List[str], console: Console, signals: Signals):
+        self._argv = argv
+        self._console = console
+        self._signals = signals
+        self._wake = WakeUp()
+        self._stop_code: Optional[int] = None  # of a stop that has one of its own
+        self._run: Optional[_Run] = None
+
+    def run(self) -> int:
+        """Do everything, and return the exit code. Raises nothing."""
+        console = self._console
+        threading.excepthook = lambda failed: report_internal_error(console, failed.exc_value)
+        self._signals.wake(self._wake.emit)
+        try:
+            return self._carry_out()
+        except Stopped:
+            console.tell("info", "stopped before the mission began")
+            return NODES_MISSING if self._stop_code is None else self._stop_code
+        except FaultsFound as found:
+            tell_faults(found, console.tell, "nothing was started")
+            return BAD_FILES
+        except NodesMissing as missing:
+            for line in str(missing).split("\n"):
+                console.tell("error", line)
+            return NODES_MISSING
+        except Exception as error:  # the last resort: an operator never sees a traceback
+            report_internal_error(console, error)
+            return BROKEN
+
+    def _carry_out(self) -> int:
+        """Take the steps of the start in order, which raise what is wrong; run the mission and return the exit code."""
+        console, wake, clock = self._console, self._wake, Clock()
+        silent_master = NodesMissing("the ROS master at {} does not answer any more: start it again".format(
+            rosgraph.get_master_uri()))
+        rospy.core.add_preshutdown_hook(self._ros_ends)
+        self._apart(lambda: _join_ros(self._argv), silent_master)
+        console.attach()
+        plan = self._apart(lambda: read_plan(clock, wake, console.tell), _no_answer("configuration and mission"))
+        console.is_verbose = plan.settings.verbose_mode
+        topics = self._apart(lambda: RosTopics(wake.emit, lambda text: console.tell("warning", text)), silent_master)
+        check = StartUpCheck(plan.settings.asr_enabled, plan.settings.startup_timeout, console.tell)
+        if not check.run(wake, self._is_stopped):
+            raise Stopped("stopped")
+        self._run = _Run(plan, topics, console, self._signals)
+        self._apart(self._run.open_watchers, _no_answer("groot2Address, monitorAddress or recordDirectory"))
+        return self._run.carry_out(lambda: self._stop_code)
+
+    def _apart(self, step: Callable[[], Any], late: Exception) -> Any:
+        """Take a step of the start, which may hang; raises ``late`` if it does, and ``Stopped``."""
+        try:
+            return run_apart(step, self._wake, self._is_stopped, START_LIMIT)
+        except Late:
+            raise late
+
+    def _is_stopped(self) -> bool:
+        return self._signals.stop_requested
+
+    def _ros_ends(self, reason: str) -> None:
+        """Stop too: ``rosnode kill``, a node that took our name, or an error in rospy. On a thread of rospy's."""
+        if reason == PARTING:
+            return
+        if NAME_IS_TAKEN in reason:
+            self._stop_code = SUCCESS  # no supervisor shall start this one again: it would end the other
+            self._console.tell("warning", "another node was started under the name {}: that one stays, this one ends"
+                               .format(rospy.get_name()))
+        elif not reason.startswith(REQUESTED):
+            self._stop_code = BROKEN
+            report_internal_error(self._console, RuntimeError(reason))
+        self._signals.request_stop()
+
+    def close(self) -> None:
+        """End what runs beside the mission, as far as that does not hang."""
+        self._console.drain(LAST_LINES)
+        closers = self._run.closers() if self._run is not None else []
+        try:
+            run_together(closers + [_part_from_ros], CLOSING if self._is_stopped() else CLOSING_UNHURRIED)
+        except RuntimeError:
+            pass  # no threads left: the process ends anyway
+
+
+def _no_answer(what: str) -> ConfigurationError:
+    return ConfigurationError([Fault(what, 0, 0, "no answer within {:g} s".format(START_LIMIT))])
 
 
 # ------------------------------------------------------------------------------------------------------------- the run
-
-
-def _run(argv: List[str], console: Console, signals: Signals) -> int:
-    """Do everything in order, and return the exit code. Raises FaultsFound or NodesMissing, before anything moves."""
-    _join_ros(argv)
-    console.attach()
-    rospy.on_shutdown(signals.request_stop)  # ``rosnode kill``, or another node took our name
-    clock, wake = Clock(), WakeUp()
-    plan = read_plan(clock, wake, console.tell)
-    console.is_verbose = plan.settings.verbose_mode
-    signals.wake(wake.emit)
-    topics = RosTopics(wake.emit, lambda text: console.tell("warning", text))
-    check = StartUpCheck(plan.settings.asr_enabled, plan.settings.startup_timeout, console.tell)
-    if check.run(wake, lambda: signals.stop_requested):
-        return _Run(plan, topics, console, signals).carry_out()
-    console.tell("info", "stopped before the mission began")
-    return NODES_MISSING
 
 
 class _Run:
@@ -141,7 +236,8 @@ class _Run:
 
     def __init__(self, plan: Plan, topics: RosTopics, console: Console, signals: Signals):
         self._plan = plan
-        self._following: Optional[Plan] = None
+        self._following: Deque[Plan] = collections.deque(maxlen=1)  # filled by the thread that reads
+        self._reading: Optional[threading.Thread] = None
         self._clock, self._wake = plan.tree.clock, plan.tree.wake
         self._topics: Topics = topics
         self._console = console
@@ -152,43 +248,50 @@ class _Run:
         self._robot = RosGateway(plan.settings.deadline, self._clock, self._wake.emit, self._health)
         self._gateway: Gateway = self._robot  # or what records it
         self._watchers: List[Union[Groot2Publisher, Page, Record]] = []
+        self._record: Optional[Record] = None
         self._monitor = Monitor(topics, self._health, lambda: self._plan.settings.asr_enabled)
 
-    def carry_out(self) -> int:
+    def carry_out(self, stop_code: Callable[[], Optional[int]]) -> int:
         """Run the mission and return the exit code."""
         console = self._console
-        self._open_watchers()
-        runner = Runner(self._running(), lambda: self._signals.stop_requested, self._successor)
+        runner = Runner(self._running(), lambda: self._signals.stop_requested, self._successor, stop_code)
         console.start_heartbeat(self._clock)
-        self._monitor.start()
-        self._signals.reload = self._reload
         try:
+            self._monitor.start()
+            self._signals.reload = self._reload
             return runner.run()
         except Exception as error:  # a mistake of ours must not leave the robot as it happens to be
             report_internal_error(console, error)
             self._calm()
-            return FAILED
+            return BROKEN
         finally:
-            self._monitor.close()
-            for watcher in self._watchers:
-                watcher.close()
+            if self._record is not None and self._record.is_kept:
+                console.tell("info", "record of this run: {}".format(self._record.path))
 
-    def _open_watchers(self) -> None:
-        """Let those look on who may; what they need is opened at the start only."""
-        chosen = self._plan.settings
+    def closers(self) -> List[Callable[[], None]]:
+        """Return what ends the monitoring of the robot and of the mission; each may take its time."""
+        return [self._monitor.close] + [watcher.close for watcher in self._watchers]
+
+    def open_watchers(self) -> None:
+        """Open what shows and records the mission, once for the whole run."""
+        chosen, tell = self._plan.settings, self._console.tell
 
         def warn(text: str) -> None:
-            self._console.tell("warning", text)
+            tell("warning", text)
 
         if chosen.groot2_port:
             self._watchers.append(Groot2Publisher(
                 chosen.groot2_address, chosen.groot2_port, registry().all(), warn))
         if chosen.monitor_port:
             board = Board(self._events, self._health, registry())
-            self._watchers.append(Page(chosen.monitor_address, chosen.monitor_port, board, warn))
+            page = Page(chosen.monitor_address, chosen.monitor_port, board, warn)
+            self._watchers.append(page)
+            if page.is_served:
+                tell("info", "page: {}".format(_url(chosen.monitor_address, chosen.monitor_port)))
         if chosen.record_directory != NO_RECORD:
             folder = chosen.record_directory or new_folder(rospkg.get_log_dir())
-            record = Record(folder, self._clock, warn)
+            record = self._record = Record(folder, self._clock, warn)
+            tell("info", "record: {}".format(record.path))
             self._events.subscribe(record)
             self._watchers.append(record)
             self._gateway, self._topics = record.gateway(self._gateway), record.topics(self._topics)
@@ -203,20 +306,34 @@ class _Run:
         return Running(plan.tree, context, plan.mission, plan.settings.mission_runs)
 
     def _reload(self) -> None:
-        """Read the files again; what is right follows the running mission after its pass. On the signals' thread."""
+        """Have the files read again, on a thread of its own: a disk or the master may hang. On the signals' thread."""
+        if self._reading is not None and self._reading.is_alive():
+            self._console.tell("warning", "SIGHUP ignored: the files are still being read since the one before; "
+                               "if that does not end, a disk or the master hangs")
+            return
+        self._reading = threading.Thread(target=self._read_again, name="read again", daemon=True)
         try:
-            self._following = read_plan(self._clock, self._wake, self._console.tell)
+            self._reading.start()
+        except RuntimeError as error:
+            report_internal_error(self._console, error)
+
+    def _read_again(self) -> None:
+        """Read the files; what is right follows the running mission after its pass."""
+        try:
+            self._following.append(read_plan(self._clock, self._wake, self._console.tell))
             self._console.tell("info", "read again: this follows when the visitor's pass is over")
         except FaultsFound as found:
             tell_faults(found, self._console.tell, "refused, the running mission stays")
+        except NodesMissing as missing:
+            self._console.tell("error", "refused, the running mission stays: {}".format(missing))
         except Exception as error:  # a mistake of ours in reading a file is no reason to lose the running mission
             report_internal_error(self._console, error)
 
     def _successor(self) -> Optional[Running]:
         """Return what was read anew since the last pass."""
-        following, self._following = self._following, None
-        if following is None:
+        if not self._following:
             return None
+        following = self._following.pop()
         self._plan = following
         self._robot.deadline = following.settings.deadline
         self._console.is_verbose = following.settings.verbose_mode
@@ -230,3 +347,9 @@ class _Run:
         while any(call.result is None for call in calls) and time.monotonic() < ends:
             self._wake.wait(max(0.0, ends - time.monotonic()))
             self._wake.test_and_clear()
+
+
+def _url(address: str, port: int) -> str:
+    """Return where the page is to be found: by the host's name if it is served at all of its addresses."""
+    host = rosgraph.network.get_host_name() if address in ("0.0.0.0", "::") else address
+    return "http://{}:{}/".format("[{}]".format(host) if ":" in host else host, port)

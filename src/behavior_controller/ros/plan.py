@@ -1,5 +1,6 @@
 """Reads all that decides about a run (configuration, phrases, policy, mission) and finds all that is wrong."""
 import os
+import sys
 from typing import Any, Callable, Dict, List, NamedTuple
 
 import rospy
@@ -9,14 +10,16 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.registry import did_you_mean
-from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
+from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, NodesMissing
 from behavior_controller.leaves.vocabulary import load as load_mission
 from behavior_controller.phrases import Phrases
 from behavior_controller.phrases import load as load_phrases
 from behavior_controller.policy import Policy
 from behavior_controller.policy import load as load_policy
+from behavior_controller.ros.connection import Trouble, ask_master
 from behavior_controller.settings import Settings
 from behavior_controller.settings import load as load_settings
+from behavior_controller.settings import split_arguments
 
 CONFIGURATION = "behaviorControllerConfiguration.ini"
 POLICY = "recoveryPolicy.ini"
@@ -35,9 +38,10 @@ class Plan(NamedTuple):
 
 
 def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Plan:
-    """Read everything and tell what is going to run. Raises FaultsFound with all that is wrong."""
-    overrides = _private_parameters()
-    settings = load_settings(folders.config(CONFIGURATION), overrides)
+    """Read everything and tell what is going to run. Raises FaultsFound with all that is wrong, or NodesMissing."""
+    parameters, given = _private_parameters(), split_arguments(sys.argv)[1]
+    settings = load_settings(folders.config(CONFIGURATION), parameters, given)
+    overrides = {**parameters, **given}
     overriding = ["{} {}".format(key, overrides[key]) for key in settings.values if key in overrides]
     if overriding:
         tell("info", "parameters of the node override the configuration: {}".format(", ".join(overriding)))
@@ -69,11 +73,14 @@ def tell_faults(found: FaultsFound, tell: Tell, consequence: str) -> None:
 
 
 def _private_parameters() -> Dict[str, Any]:
-    """Return the parameters below our own name; they override the configuration file. Without a master: none."""
+    """Return the parameters below our own name; they override the configuration file.
+
+    Raises NodesMissing if the master does not answer: the file alone may say something else than they do.
+    """
     try:
-        values = rospy.get_param(rospy.get_name(), {})
-    except OSError:
-        return {}
+        values = ask_master("getParam", rospy.get_name())
+    except Trouble as trouble:
+        raise NodesMissing("the parameters of {} cannot be read: {}".format(rospy.get_name(), trouble))
     return values if isinstance(values, dict) else {}
 
 

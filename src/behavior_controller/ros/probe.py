@@ -13,12 +13,11 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
 from behavior_controller.gateway import (Cause, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation,
                                          SetAttention, Topic)
-from behavior_controller.ros.connection import Connection, Trouble, ask, ask_master
+from behavior_controller.ros.connection import Connection, Trouble, ask_master
 from behavior_controller.ros.services import ROUTES, open_service
+from behavior_controller.ros.subscription import STEP_LIMIT, open_publisher
 from behavior_controller.ros.topics import FEEDS
-
-STEP_LIMIT = 2.0
-"""Seconds that a node has for each step: to take the connection, to shake hands."""
+from behavior_controller.text import clean
 
 PROBE_LIMIT = 3.0
 """Seconds after which whatever has not answered is counted as missing."""
@@ -68,7 +67,7 @@ class Missing(NamedTuple):
     def __str__(self) -> str:
         """Return a line for an operator."""
         return "{} {} (of node /{}): {}; without it {}".format(
-            self.part.kind, self.part.name, self.part.node, self.reason, self.part.absence)
+            self.part.kind, self.part.name, self.part.node, clean(self.reason), self.part.absence)
 
 
 # ---------------------------------------------------------------------------------------------------------- one probe
@@ -109,12 +108,11 @@ def _examine_publisher(part: Part, node: str) -> Optional[str]:
     connection = Connection()
     try:
         uri = ask_master("lookupNode", node, seconds=STEP_LIMIT)
-        offer = ask(uri, "requestTopic", part.name, [["TCPROS"]], seconds=STEP_LIMIT) if uri else None
-        if not offer:
+        if not uri:
             return "node {} does not publish it any more".format(node)
         # under a name of its own: a publisher drops the older of two connections from the same node, our subscription
-        header = {"topic": part.name, "md5sum": "*", "type": "*", "callerid": rospy.get_name() + "_start_up_check"}
-        answer = connection.open(offer[1], int(offer[2]), header, STEP_LIMIT)
+        answer = open_publisher(connection, uri, part.name, {
+            "type": "*", "callerid": rospy.get_name() + "_start_up_check"})
     except Trouble as trouble:
         return "{}: node {} is listed as its publisher, but {}".format(trouble.cause.value, node, trouble)
     finally:

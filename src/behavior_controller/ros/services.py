@@ -22,7 +22,8 @@ from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.gateway import (Answer, Call, Cause, Exhibit, Failure, Gateway, GoTo, Location, PerformGesture,
                                          Point, Prompt, QueryKnowledge, Request, Say, SetAnimation, SetAttention)
 from behavior_controller.health import SLOW_SHARE, Health
-from behavior_controller.ros.connection import CONNECT_LIMIT, Connection, Trouble, ask_master
+from behavior_controller.ros.connection import CONNECT_LIMIT, Connection, Trouble
+from behavior_controller.ros.directory import DIRECTORY, Place
 
 
 class Route(NamedTuple):
@@ -51,40 +52,30 @@ ROUTES: Dict[type, Route] = {
 # ------------------------------------------------------------------------------------------------- finding the server
 
 
-_last_known: Dict[str, str] = {}
-"""Where each service was when the master was asked last: without a master, calls go on to the same place."""
-
-
 def open_service(connection: Connection, name: str, md5sum: str, seconds: float, **more: str) -> Dict[str, str]:
     """Connect to the server of the service ``name`` (resolved) and return its handshake: ``type`` and ``md5sum``.
 
     ``md5sum`` is the one of the wanted type, ``*`` for any. ``more`` goes into our half of the handshake. Raises
     ``Trouble``: not advertised, not reachable, type mismatch, or no answer.
     """
-    host, port = _address(_look_up(name, seconds))
+    return open_service_at(DIRECTORY.service(name, seconds), connection, name, md5sum, seconds, **more)
+
+
+def open_service_at(place: Place, connection: Connection, name: str, md5sum: str, seconds: float,
+                    **more: str) -> Dict[str, str]:
+    """Do the same with a server whose address is known."""
+    host, port = _address(place.uri)
     header = {"service": name, "md5sum": md5sum, "callerid": rospy.get_name()}
     header.update(more)
     try:
         answer = connection.open(host, port, header, seconds)
     except Trouble as trouble:
-        listed = "the master lists it, but " if trouble.cause is Cause.NOT_REACHABLE else ""
-        raise Trouble(trouble.cause, listed + str(trouble))
+        if trouble.cause is not Cause.NOT_REACHABLE:
+            raise
+        raise Trouble(trouble.cause, "{}, but {}".format(
+            "the master lists it" if place.is_listed else "it was there when the master listed it", trouble))
     _check_handshake(connection, answer, md5sum)
     return answer
-
-
-def _look_up(name: str, seconds: float) -> str:
-    """Return the address of a service; raises ``Trouble`` if it has none, or none is known and the master is away."""
-    try:
-        uri = ask_master("lookupService", name, seconds=seconds)
-    except Trouble:
-        if name not in _last_known:
-            raise
-        return _last_known[name]
-    if uri is None:
-        raise Trouble(Cause.NOT_ADVERTISED, "no node offers this service")
-    _last_known[name] = uri
-    return uri
 
 
 def _address(uri: str) -> Tuple[str, int]:

@@ -1,13 +1,14 @@
 """Takes the signals: somebody wants the node to stop, or to read its files again.
 
 The signals are blocked and taken by a thread that does nothing else. A Python signal handler would not do: it runs on
-the main thread, and not before that thread wakes if the signal comes in the moment before it falls asleep.
+the main thread, and not before that thread wakes if the signal comes in the moment before it falls asleep. Nothing on
+this thread may hang: no file is read here, and lines are only handed to the console.
 """
 import os
 import signal
 import threading
 import time
-from typing import Callable, List, Set
+from typing import Callable, List
 
 from behavior_controller.ros.console import Console
 
@@ -15,17 +16,24 @@ STOP_LIMIT = 1.8
 """Seconds after the first signal at which the process ends, whatever it is doing (the limit is 2 s)."""
 
 NOT_STOPPED = "did not stop in time: ending now; make sure that the robot has stopped too"
-FAILED = 3
+BROKEN = 4
+
+TAKEN = {signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP}
+
+
+def block_signals() -> None:
+    """Let no thread be interrupted. To be called before any thread is started: threads inherit it."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, TAKEN)
 
 
 class Signals:
-    """SIGINT and SIGTERM ask for a stop; SIGHUP asks to read the files again, unless the terminal has gone away."""
+    """SIGINT, SIGTERM and SIGQUIT ask for a stop; SIGHUP to read the files again, unless the terminal has gone."""
 
     def __init__(self, console: Console):
         self.stop_requested = False
         self.is_over = False
-        self.reload: Callable[[], None] = lambda: None
-        """Called on a thread of ours at each SIGHUP that is no hang-up."""
+        self.reload: Callable[[], None] = lambda: console.tell("warning", "SIGHUP ignored: the mission has not begun")
+        """Called at each SIGHUP that is no hang-up. Must not wait for anything."""
         self._console = console
         self._wakes: List[Callable[[], None]] = []
         self._lock = threading.Lock()
@@ -33,12 +41,11 @@ class Signals:
         self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
 
     def listen(self) -> None:
-        """Take the signals from now on. To be called before any thread is started."""
-        signals = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-        signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+        """Take the signals from now on. Raises RuntimeError if no thread can be started."""
         # an ignored signal would never reach sigwait
-        signal.signal(signal.SIGHUP, signal.SIG_DFL)
-        threading.Thread(target=self._take, args=(signals,), name="signals", daemon=True).start()
+        for number in TAKEN:
+            signal.signal(number, signal.SIG_DFL)
+        threading.Thread(target=self._take, name="signals", daemon=True).start()
 
     def wake(self, callback: Callable[[], None]) -> None:
         """Have ``callback`` called, on another thread, when somebody wants us to stop; at once if he does already."""
@@ -53,9 +60,9 @@ class Signals:
         """Ask to stop, as a signal from outside does."""
         os.kill(os.getpid(), signal.SIGTERM)
 
-    def _take(self, signals: Set[signal.Signals]) -> None:
+    def _take(self) -> None:
         """Act on each signal until one of them means stop."""
-        while signal.sigwait(signals) == signal.SIGHUP and not self._is_hang_up():
+        while signal.sigwait(TAKEN) == signal.SIGHUP and not self._is_hang_up():
             self.reload()
         self._stop()
 
@@ -72,16 +79,15 @@ class Signals:
             wake()
         time.sleep(STOP_LIMIT)
         if not self.is_over:
-            # the terminal may be what hangs: the line is tried on a thread of its own
-            threading.Thread(target=self._console.tell, args=("error", NOT_STOPPED), daemon=True).start()
-            time.sleep(0.1)
-            os._exit(FAILED)
+            self._console.tell("error", NOT_STOPPED)
+            self._console.drain(0.1)
+            os._exit(BROKEN)
 
 
 def _terminal_answers() -> bool:
     """Return whether this process has a controlling terminal that is still there."""
     try:
-        os.close(os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY))
+        os.close(os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
     except OSError:
         return False
     return True

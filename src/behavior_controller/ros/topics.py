@@ -6,7 +6,7 @@ each message: what piles up meanwhile is read in one go, and all of it but the n
 """
 import threading
 import time
-from typing import Any, Callable, Dict, NamedTuple, Optional
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Set
 
 import genpy
 import rospy
@@ -14,9 +14,12 @@ from cssr_system.msg import faceDetectionMessage, overtAttentionMessage
 from std_msgs.msg import String
 
 from behavior_controller.gateway import AttentionStatus, Faces, Sample, Topic, Topics
+from behavior_controller.ros.connection import Trouble
+from behavior_controller.ros.directory import DIRECTORY
+from behavior_controller.ros.subscription import Link
 
-BUFFER_BYTES = 65536
-"""What is read in one go; far more than a pause lets pile up."""
+ROUND = 0.5
+"""Seconds between two looks at what the master knows."""
 
 FLOOD_GAP = 0.006
 """Seconds: the same message again within so short a time is a flood."""
@@ -42,27 +45,18 @@ FEEDS: Dict[Topic, Feed] = {
 }
 
 
-def undecoded(message_type: Any) -> type:
-    """Return a message class that keeps the bytes of a ``message_type``.
-
-    Its md5 is the one that any publisher accepts, so that ``Latch`` sees who publishes another type and can say so:
-    rospy would only write it to its log file, over and over.
-    """
-    return type("Undecoded", (rospy.AnyMsg,),
-                {"__slots__": (), "_type": message_type._type, "_full_text": message_type._full_text})
-
-
 class Latch:
-    """The newest message of one topic, and the alarms that wait for one. Messages come on rospy's threads."""
+    """The newest message of one topic, and the alarms that wait for one. Messages come on the threads of its links."""
 
     def __init__(self, topic: Topic, wake: Callable[[], None], warn: Callable[[str], None]):
-        """Subscribe. ``wake`` is called when an alarm rings; ``warn`` once for each publisher of unusable messages."""
+        """``wake`` is called when an alarm rings; ``warn`` once for each publisher of unusable messages."""
         self._feed = FEEDS[topic]
         self._wake = wake
         self._warn = warn
-        self._warned = set()
-        self._trusted: Any = None  # the connection header whose type was last found right
-        self.count = 0  # messages of any type since the subscription
+        self._warned: Set[str] = set()
+        self.name = rospy.resolve_name(topic.value)
+        self._links: Dict[str, Link] = {}  # by the publisher's address; replaced as a whole
+        self.count = 0  # messages since there is a connection
         self.last_arrival = self._since = time.monotonic()  # of the last of them, and of the first
         self._lock = threading.Lock()
         self._bytes: Optional[bytes] = None
@@ -70,36 +64,82 @@ class Latch:
         self._is_alarm_new = False
         self._sample: Optional[Sample] = None
         self._seen: Optional[Sample] = None
-        self.name = rospy.resolve_name(topic.value)
-        self._subscriber = self._subscribe()
 
-    def _subscribe(self) -> rospy.Subscriber:
-        return rospy.Subscriber(self.name, undecoded(self._feed.type), self._receive, queue_size=1,
-                                buff_size=BUFFER_BYTES, tcp_nodelay=True)
+    # ------------------------------------------------------------------------------------------------------ publishers
 
-    def subscribe_anew(self) -> None:
-        """Drop the subscription and subscribe again: what the master knows of publishers is then asked anew."""
-        self._subscriber.unregister()
-        self._subscriber = self._subscribe()
+    @property
+    def type_name(self) -> str:
+        """The ROS type that is expected here."""
+        return self._feed.type._type
 
     @property
     def is_connected(self) -> bool:
-        """Whether any node publishes the topic to us."""
-        return self._subscriber.get_num_connections() > 0
+        """Whether any node publishes the expected type to us."""
+        return any(link.is_right for link in self._links.values())
+
+    @property
+    def wrong_publishers(self) -> List[str]:
+        """The nodes that are connected and publish another type, each with that type."""
+        headers = [link.header for link in self._links.values() if not link.is_right]
+        return ["{} as {}".format(_sender(header), header.get("type")) for header in headers if header]
+
+    @property
+    def unreachable(self) -> List[str]:
+        """The addresses of the publishers that are known and not connected."""
+        return [uri for uri, link in self._links.items() if link.header is None]
+
+    @property
+    def connected_nodes(self) -> Dict[str, str]:
+        """The addresses of the nodes that are connected, by their names."""
+        headers = [(uri, link.header) for uri, link in self._links.items()]
+        return {_sender(header): uri for uri, header in headers if header}
+
+    def meet(self, uris: Sequence[str]) -> None:
+        """Connect to the publishers at ``uris``, and try no longer to reach any other. One thread calls this."""
+        links = {uri: link for uri, link in self._links.items() if uri in uris or link.header is not None}
+        for uri in set(self._links).difference(links):
+            self._links[uri].end()
+        for uri in set(uris).difference(links):
+            links[uri] = Link(uri, self.name, self._feed.type, self._has_met, self._receive)
+        self._links = links
+
+    def connect_anew(self) -> None:
+        """Replace the connections: one that looks alive may have been given up by the other side."""
+        for link in self._links.values():
+            link.connect_anew()
+
+    def _has_met(self, header: Dict[str, str]) -> bool:
+        """Return whether the publisher behind ``header`` sends the expected type."""
+        wanted = self._feed.type
+        if header.get("md5sum") == wanted._md5sum:
+            if not self.is_connected:
+                self.count = 0  # how often the topic speaks is learned anew: the silence before was none of its gaps
+            return True
+        sender = _sender(header)
+        self._warn_once(sender, "ignoring what {} publishes on {}: it is {} (md5 {}), expected is {} (md5 {})".format(
+            sender, self.name, header.get("type"), header.get("md5sum"), wanted._type, wanted._md5sum))
+        return False
+
+    def _warn_once(self, subject: str, text: str) -> None:
+        if subject not in self._warned:
+            self._warned.add(subject)
+            self._warn(text)
+
+    # -------------------------------------------------------------------------------------------------------- messages
 
     @property
     def usual_gap(self) -> float:
-        """Mean seconds between two messages so far."""
+        """Mean seconds between two messages since there is a connection."""
         return (self.last_arrival - self._since) / max(1, self.count - 1)
 
-    def _receive(self, message: Any) -> None:
+    def _receive(self, data: bytes) -> None:
         """Take in one message, and slow down if it is one of a flood."""
         arrived = time.monotonic()
         if not self.count:
             self._since = arrived
         self.count += 1
         gap, self.last_arrival = arrived - self.last_arrival, arrived
-        is_news = self._is_right_type(message._connection_header) and self._store(message._buff, arrived)
+        is_news = self._store(data, arrived)
         if gap < FLOOD_GAP and not is_news:
             time.sleep(PAUSE_WHEN_AWAITED if self._alarms else PAUSE)
 
@@ -135,22 +175,6 @@ class Latch:
                 del self._alarms[key]
                 self._wake()
 
-    def _is_right_type(self, header: Dict[str, str]) -> bool:
-        """Whether the publisher behind ``header`` sends the type that is expected here."""
-        if header is self._trusted or header.get("md5sum") == self._feed.type._md5sum:
-            self._trusted = header
-            return True
-        sender = header.get("callerid", "an unknown node")
-        wanted = self._feed.type
-        self._warn_once(sender, "ignoring what {} publishes on {}: it is {} (md5 {}), expected is {} (md5 {})".format(
-            sender, self.name, header.get("type"), header.get("md5sum"), wanted._type, wanted._md5sum))
-        return False
-
-    def _warn_once(self, subject: str, text: str) -> None:
-        if subject not in self._warned:
-            self._warned.add(subject)
-            self._warn(text)
-
     def newest(self) -> Optional[Sample]:
         """Return the newest message, or None; whoever sets an alarm next has seen it."""
         self._seen = self._sample
@@ -170,12 +194,31 @@ class Latch:
             self._alarms.pop(key, None)
 
 
+def _sender(header: Dict[str, str]) -> str:
+    return header.get("callerid", "an unknown node")
+
+
 class RosTopics(Topics):
-    """Subscribes to the robot's topics when it is made."""
+    """Subscribes to the robot's topics when it is made, and keeps them subscribed on a thread of its own."""
 
     def __init__(self, wake: Callable[[], None], warn: Callable[[str], None]):
         """See ``Latch``."""
         self.latches = {topic: Latch(topic, wake, warn) for topic in Topic}
+        for latch in self.latches.values():
+            DIRECTORY.subscribe(latch.name, latch.type_name)
+        rospy.on_shutdown(DIRECTORY.sign_off)
+        threading.Thread(target=self._keep_up, daemon=True, name="publishers of topics").start()
+
+    def _keep_up(self) -> None:
+        """Follow what the master says of the publishers; without a master, the links look after themselves."""
+        while not rospy.is_shutdown():
+            try:
+                DIRECTORY.look()
+                for latch in self.latches.values():
+                    latch.meet(DIRECTORY.publishers(latch.name, latch.connected_nodes))
+            except (Trouble, RuntimeError):
+                pass  # the directory has noted it; or there was no thread for a link, and there may be one next time
+            time.sleep(ROUND)
 
     def newest(self, topic: Topic) -> Optional[Sample]:
         """Return the newest message, or None before the first."""

@@ -4,6 +4,7 @@ import os
 import time
 from typing import Any, Deque, Dict, List, Optional
 
+from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Entry
@@ -13,15 +14,22 @@ from behavior_controller.events import (Event, Events, HealthChanged, LeafFinish
                                         Retried, RunFinished, RunStarted)
 from behavior_controller.gateway import SERVICES, Cause, Topic
 from behavior_controller.health import Health
+from behavior_controller.text import clean
 
 LETTERS = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
-"""How a node is; a small letter is what it was before it went back to IDLE, ``-`` that it was never ticked."""
+"""A node's status; a small letter is the one before it went back to IDLE, ``-``: not ticked in this pass."""
 
 KEPT = 40
 """How many of the newest lines of each list are kept."""
 
-PARTS = ("mission", "statuses", "passes", "blackboard", "trouble", "health")
-"""The parts of the board; each is sent anew when it has changed."""
+PULSE = 1.0
+"""Seconds between two signs of life: of the tick thread to the board, and of the board to those that show it."""
+
+HANGS = 3.0
+"""Seconds without a sign of the tick thread after which it hangs."""
+
+PARTS = ("mission", "statuses", "passes", "blackboard", "trouble", "health", "alive")
+"""The parts of the board; each is sent anew when it has changed, the last one with every ``PULSE``."""
 
 
 class Board:
@@ -39,10 +47,12 @@ class Board:
         self._writes = 0
         self._passes: Deque[Dict[str, Any]] = collections.deque(maxlen=KEPT)
         self._count = 0
+        self._is_under_way = False  # a pass has begun and not ended
         self._ended = ""
+        self._beaten = 0.0
         self._trouble: Deque[Dict[str, Any]] = collections.deque(maxlen=KEPT)
         self._state = health
-        self._called, self._aged = 0, 0.0
+        self._called, self._pulsed = 0, 0.0
         self._health: Dict[str, Dict[str, Any]] = {}
         for kind, names in (("service", SERVICES), ("topic", [topic.value for topic in Topic])):
             for name in names:
@@ -50,17 +60,33 @@ class Board:
         events.subscribe(self._take)
 
     def show(self, tree: Tree) -> None:
-        """Show ``tree`` from now on."""
+        """Show ``tree`` from now on. On the tick thread, which gives a sign of life through the tree's clock."""
+        if self._tree is None:
+            self._beat(tree.clock)
+        self._is_under_way = False
         self._statuses = ["-"] * (len(tree.nodes) + 1)
         self._tree = tree
         tree.subscribe(self._observe)
-        self._touch("mission", "statuses", "blackboard")
+        self._touch("mission", "statuses", "passes", "blackboard")
+
+    def close(self) -> None:
+        """Note that the controller ends, if it has not told how."""
+        self._ended, self._is_under_way = self._ended or "the controller has stopped", False
+        self._touch("passes")
+
+    def _beat(self, clock: Clock) -> None:
+        self._beaten = time.monotonic()
+        clock.call_after(PULSE, lambda: self._beat(clock))
 
     def _touch(self, *parts: str) -> None:
         for part in parts:
             self.versions[part] += 1
 
     def _observe(self, node: Any, old: Any, new: Any) -> None:
+        if not self._is_under_way:  # what is left of the visitor before is shown until the next pass begins
+            self._is_under_way = True
+            self._statuses[1:] = "-" * (len(self._statuses) - 1)
+            self._touch("passes")
         self._statuses[node.uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
         self.versions["statuses"] += 1
 
@@ -70,18 +96,18 @@ class Board:
             self._mission = event.mission
             self._touch("mission")
         elif isinstance(event, PassFinished):
-            self._count = event.number
+            self._count, self._is_under_way = event.number, False
             self._passes.append(dict(event._asdict()))
             self._touch("passes")
         elif isinstance(event, RunFinished):
-            self._ended = event.outcome
+            self._ended, self._is_under_way = event.outcome, False
             self._touch("passes")
         elif isinstance(event, HealthChanged):
             entry = self._health.setdefault(event.name, {"kind": event.kind, "name": event.name})
-            entry.update(well=event.is_well, status=event.status, consequence=event.consequence)
+            entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence)
             self._touch("health")
         else:
-            text = _line(event)
+            text = clean(_line(event))
             if text:
                 self._trouble.append({"time": time.strftime("%H:%M:%S"), "text": text})
                 self._touch("trouble")
@@ -98,25 +124,27 @@ class Board:
             self._writes = Entry.writes
             self.versions["blackboard"] += 1
         called = sum(count.calls for count in list(self._state.calls.values()))
-        now = time.monotonic()
-        if called != self._called or self._state.heard and now - self._aged >= 1.0:
-            self._called, self._aged = called, now
+        if called != self._called:
+            self._called = called
             self.versions["health"] += 1
+        now = time.monotonic()
+        if now - self._pulsed >= PULSE:
+            self._pulsed = now
+            self._touch("alive", "health")
 
     def _part_mission(self) -> Dict[str, Any]:
-        tree = self._tree
-        outline = None if tree is None else self._outline(tree.root)
-        if outline is not None and self._mission:
+        """Return the nodes in document order, each with its parent's uid: a list, since a tree may be very deep."""
+        nodes = [] if self._tree is None else [self._outline(node) for node in self._tree.nodes]
+        if nodes and self._mission:
             # as py-trees-render has it
-            outline.update(name=os.path.splitext(os.path.basename(self._mission))[0], kind="")
-        return {"file": self._mission, "tree": outline}
+            nodes[0].update(name=os.path.splitext(os.path.basename(self._mission))[0], kind="")
+        return {"file": self._mission, "nodes": nodes}
 
     def _outline(self, node: Node) -> Dict[str, Any]:
         spec = self._registry.find(node.registration_id)
         name, kind = label(node)
-        return {"uid": node.uid, "name": name, "kind": kind, "path": node.full_path,
-                "subtree": spec is not None and spec.kind is Kind.SUBTREE,
-                "children": [self._outline(child) for child in node.children]}
+        return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
+                "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE}
 
     def _part_statuses(self) -> Dict[str, Any]:
         letters = "".join(self._statuses[1:])
@@ -124,7 +152,18 @@ class Board:
         return {"letters": letters, "tip": tip}
 
     def _part_passes(self) -> Dict[str, Any]:
-        return {"count": self._count, "last": list(self._passes)[-5:], "ended": self._ended}
+        last = list(self._passes)[-5:]
+        told = ["pass {} is under way".format(self._count + 1)] if self._is_under_way else []
+        told += ["pass {}: {} after {:.1f} s".format(each["number"], each["outcome"], each["seconds"])
+                 for each in last[-1:]]
+        return {"count": self._count, "last": last, "ended": self._ended, "text": "; ".join(told) or "no pass yet"}
+
+    def _part_alive(self) -> Dict[str, Any]:
+        """Return how long ago, in seconds, the tick thread gave its last sign of life, and whether that is too long."""
+        if self._tree is None or self._ended:
+            return {"age": None, "hangs": False}
+        age = round(time.monotonic() - self._beaten, 1)
+        return {"age": age, "hangs": age >= HANGS}
 
     def _part_blackboard(self) -> List[List[str]]:
         tree = self._tree
@@ -157,11 +196,12 @@ def _line(event: Event) -> str:
     if isinstance(event, Retried):
         return "{}: retry {} failed: {}".format(event.path, event.attempt, event.failure.cause.value)
     if isinstance(event, Recovered):
-        return "{}: recovery: {} ({})".format(event.path, event.outcome, event.policy)
-    return event.text if isinstance(event, Noticed) else ""
+        return "{}: recovery: {} ({}), for {}: {}".format(event.path, event.outcome, event.policy,
+                                                          event.failure.cause.value, event.failure.message)
+    return event.text if isinstance(event, Noticed) and event.level != "info" else ""
 
 
 def _text(value: Any) -> str:
     """Return a value in a line, not too long for a table."""
     text = str(value) if not isinstance(value, list) else ", ".join(getattr(item, "name", str(item)) for item in value)
-    return text if len(text) <= 120 else text[:119] + "…"
+    return clean(text, 120)

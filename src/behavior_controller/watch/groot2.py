@@ -1,21 +1,22 @@
 """Groot2's publisher: lets Groot2 see the running tree, its blackboards and transitions, and stop at breakpoints.
 
-Speaks the protocol of BehaviorTree.CPP's ``Groot2Publisher`` (the project's notes: groot2_protocol) over two ZeroMQ
-sockets, which one thread owns. The tick thread only notes each change of a status, at next to no cost.
+Speaks the protocol of BehaviorTree.CPP's ``Groot2Publisher`` (the project's notes: groot2_protocol) on a thread of its
+own. The tick thread only notes each change of a status, at next to no cost.
 """
+import asyncio
 import collections
+import itertools
 import json
 import os
 import socket
 import struct
-import threading
 import time
 import uuid
 from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
 import msgpack
-import zmq
+from tornado.netutil import bind_sockets
 
 from behavior_controller.bt.checking.checks import CONDITIONS
 from behavior_controller.bt.checking.palette import tree_nodes_model
@@ -24,7 +25,9 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.registry import NodeSpec
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
-from behavior_controller.watch.hooks import Hook, Hooks
+from behavior_controller.watch.hooks import Hook, Hooks, read_fields
+from behavior_controller.watch.server import LoopThread
+from behavior_controller.watch.zmtp import PublishServer, ReplyServer
 
 PROTOCOL = 2
 CODES = {IDLE: 0, RUNNING: 1, SUCCESS: 2, FAILURE: 3}
@@ -35,11 +38,14 @@ MOST_TRANSITIONS = 1000
 HEARTBEAT = 5.0
 """Seconds without a request after which the client counts as gone: its breakpoints must not hold the robot."""
 
-MOST_BYTES = 1024 * 1024
-"""A longer message is no request."""
+LOOK_INTERVAL = 0.25
+"""Seconds between two looks for a client that is gone."""
 
-PACE = 0.001
+PACE = 0.002
 """Seconds between requests that follow each other at once: a client that floods must not slow the mission."""
+
+MOST_LINES = 20
+"""Lines about hooks that the operator is told in a second."""
 
 
 class Refused(Exception):
@@ -51,104 +57,98 @@ class Groot2Publisher:
 
     def __init__(self, address: str, port: int, specs: Sequence[NodeSpec], warn: Callable[[str], None],
                  heartbeat: float = HEARTBEAT):
-        """Open the sockets; a port that is taken is told to ``warn`` in one line, and nobody is served.
+        """Open the sockets; a port that is taken is told to ``warn`` in one line, and nothing is served.
 
-        ``specs`` are all registered node types.
+        ``specs`` are all registered node types. What hooks do is told to ``warn`` on the publisher's thread.
         """
         self._specs = specs
+        self._lines = _Lines(warn)
         self._shown: Optional[_Shown] = None
         self._heartbeat = heartbeat
-        self._lock = threading.Lock()
-        self._reached: Deque[int] = collections.deque()
-        self._bell, self._rung = socket.socketpair()
-        self._bell.setblocking(False)
-        self._closed = False
-        self._context = zmq.Context()
-        self._server, self._publisher = self._context.socket(zmq.REP), self._context.socket(zmq.PUB)
-        self._thread: Optional[threading.Thread] = None
-        try:
-            for sock, number in ((self._server, port), (self._publisher, port + 1)):
-                sock.setsockopt(zmq.LINGER, 0)
-                sock.setsockopt(zmq.MAXMSGSIZE, MOST_BYTES)
-                sock.bind("tcp://{}:{}".format(address, number))
-        except zmq.ZMQError as error:
-            self._context.destroy(0)
-            warn("Groot2 cannot connect: {}:{} cannot be opened ({}); set groot2Port to another port, or to 0".format(
-                address, number, error.strerror))
-            return
-        self._thread = threading.Thread(target=self._serve, name="groot2", daemon=True)
-        self._thread.start()
+        self._last_request = 0.0
+        self._is_closed = False
+        self._thread: Optional[LoopThread] = None
+        self._sockets: List[List[socket.socket]] = []  # of the requests, and of the breakpoints reached
+        for number in (port, port + 1):
+            try:
+                self._sockets.append(bind_sockets(number, address))
+            except OSError as error:
+                self._close_sockets()
+                warn("Groot2 cannot connect: {}:{} cannot be opened ({}); set groot2Port to another port, or to 0".format(
+                    address, number, error.strerror or error))
+                return
+        self._thread = LoopThread("groot2", self._begin, self._end)
 
     def show(self, tree: Tree) -> None:
         """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
-        shown = _Shown(tree, self._specs, self._tell_reached)
-        with self._lock:
-            before, self._shown = self._shown, shown
+        before = self._shown
+        self._shown = _Shown(tree, self._specs, self._announce, self._tell)
         if before is not None:
-            before.hooks.remove_all()
+            before.hooks.remove_all(": another mission follows")
 
     def close(self) -> None:
         """Close the sockets and let every breakpoint go on."""
-        self._closed = True
-        self._ring()
+        self._is_closed = True
         if self._thread is not None:
-            self._thread.join(1.0)
+            self._thread.close()
 
-    def _tell_reached(self, uid: int) -> None:
-        """Have the sockets' thread announce a breakpoint. Called on the tick thread."""
-        self._reached.append(uid)
-        self._ring()
+    def _announce(self, uid: int) -> None:
+        """Have a breakpoint announced that was reached. Any thread may call it."""
+        if self._thread is not None:
+            self._thread.call(self._publish, uid)
 
-    def _ring(self) -> None:
-        try:
-            self._bell.send(b"!")
-        except OSError:
-            pass  # it rings already
+    def _tell(self, text: str) -> None:
+        """Have the operator told. Any thread may call it."""
+        if self._thread is not None:
+            self._thread.call(self._lines.tell, text)
 
-    # ----------------------------------------------------------------------------------------------- the sockets' thread
+    # ------------------------------------------------------------------------------------------ on the publisher's thread
 
-    def _serve(self) -> None:
-        poller = zmq.Poller()
-        poller.register(self._server, zmq.POLLIN)
-        poller.register(self._rung, zmq.POLLIN)
-        last = time.monotonic()
-        while not self._closed:
-            shown = self._shown
-            has_hooks = shown is not None and bool(shown.hooks) and not shown.is_deserted
-            events = dict(poller.poll(1000 * self._heartbeat if has_hooks else None))
-            if self._rung.fileno() in events:
-                self._rung.recv(4096)
-                self._announce()
-            if self._server in events:
-                now = time.monotonic()
-                if now - last < PACE:
-                    time.sleep(PACE)
-                last = time.monotonic()
-                self._answer()
-            elif has_hooks and time.monotonic() - last >= self._heartbeat:
-                shown.desert()
+    def _begin(self) -> None:
+        self._turn = asyncio.Lock()
+        self._publisher = PublishServer()
+        for server, sockets in zip((ReplyServer(self._answer), self._publisher), self._sockets):
+            server.add_sockets(sockets)
+        self._guard = asyncio.ensure_future(self._look_for_client())
+        # nothing may hold the robot once nothing looks for a client that is gone
+        loop = asyncio.get_event_loop()
+        self._guard.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
+
+    def _end(self) -> None:
+        self._close_sockets()
         if self._shown is not None:
             self._shown.hooks.remove_all()
-        self._context.destroy(0)
+        if not self._is_closed:
+            self._lines.warn("Groot2 is cut off by an internal error; its breakpoints and replacements are removed")
 
-    def _announce(self) -> None:
-        """Publish the breakpoints that were reached."""
-        while self._reached:
-            header = struct.pack("<BBI", PROTOCOL, ord("N"), int.from_bytes(os.urandom(4), "little"))
-            self._publisher.send_multipart([header, str(self._reached.popleft()).encode()])
+    def _close_sockets(self) -> None:
+        for sock in itertools.chain(*self._sockets):
+            sock.close()
 
-    def _answer(self) -> None:
-        """Receive one request and reply to it, whatever it is."""
-        frames = self._server.recv_multipart()
-        with self._lock:
+    async def _look_for_client(self) -> None:
+        """Remove the hooks of a client that is gone: they must not hold the robot."""
+        while True:
+            await asyncio.sleep(LOOK_INTERVAL)
+            self._lines.flush()
             shown = self._shown
-        try:
-            reply = self._reply(frames, shown)
-        except Refused as refused:
-            reply = [b"error", str(refused).encode("utf-8", "replace")]
-        except Exception as error:  # what a client sends, or a value of the mission, must not end this thread
-            reply = [b"error", "{}: {}".format(type(error).__name__, error).encode("utf-8", "replace")]
-        self._server.send_multipart(reply)
+            if shown is not None and shown.hooks and time.monotonic() - self._last_request >= self._heartbeat:
+                shown.hooks.remove_all(": its client is gone")
+
+    def _publish(self, uid: int) -> None:
+        header = struct.pack("<BBI", PROTOCOL, ord("N"), int.from_bytes(os.urandom(4), "little"))
+        self._publisher.publish([header, str(uid).encode()])
+
+    async def _answer(self, frames: List[bytes]) -> List[bytes]:
+        """Return the reply to one request, whatever it is; requests are carried out one by one, and not too fast."""
+        async with self._turn:
+            await asyncio.sleep(max(0.0, self._last_request + PACE - time.monotonic()))
+            self._last_request = time.monotonic()
+            try:
+                return self._reply(frames, self._shown)
+            except Refused as refused:
+                return [b"error", str(refused).encode("utf-8", "replace")]
+            except Exception as error:  # what a client sends, or a value of the mission, must not end the service
+                return [b"error", "{}: {}".format(type(error).__name__, error).encode("utf-8", "replace")]
 
     def _reply(self, frames: List[bytes], shown: "Optional[_Shown]") -> List[bytes]:
         if len(frames[0]) != 6:
@@ -159,26 +159,50 @@ class Groot2Publisher:
         command = _COMMANDS.get(chr(kind))
         if command is None:
             raise Refused("Request not recognized")
-        shown.welcome()
         payload = command(shown, frames)
         header = struct.pack("<BBI", PROTOCOL, kind, number) + shown.uuid
         return [header] if payload is None else [header, payload]
 
 
+class _Lines:
+    """Tells the operator so many lines a second at most: a client may change hooks a thousand times as often."""
+
+    def __init__(self, warn: Callable[[str], None]):
+        self.warn = warn
+        self._began, self._told, self._left_out = 0.0, 0, 0
+
+    def tell(self, text: str) -> None:
+        """Tell a line, or count it."""
+        self.flush()
+        if self._told < MOST_LINES:
+            self._told += 1
+            self.warn(text)
+        else:
+            self._left_out += 1
+
+    def flush(self) -> None:
+        """Begin another second if one has passed, with what was left out in the last."""
+        now = time.monotonic()
+        if now - self._began >= 1.0:
+            left_out, self._began, self._told, self._left_out = self._left_out, now, 0, 0
+            if left_out:
+                self.warn("Groot2: {} more changes of breakpoints and replacements in one second".format(left_out))
+
+
 class _Shown:
     """One tree as Groot2 sees it: the status of each node, transitions, blackboards, hooks."""
 
-    def __init__(self, tree: Tree, specs: Sequence[NodeSpec], reached: Callable[[int], None]):
+    def __init__(self, tree: Tree, specs: Sequence[NodeSpec], reached: Callable[[int], None],
+                 tell: Callable[[str], None]):
         self.tree = tree
         self.uuid = uuid.uuid4().bytes
-        self.hooks = Hooks(tree, reached)
+        self.hooks = Hooks(tree, reached, tell)
         self._order = _by_instance(tree)
         self._statuses = bytearray(len(tree.nodes) + 1)
         self._specs = specs
         self._xml = b""
         self._transitions: Deque[Tuple[int, int, int]] = collections.deque(maxlen=MOST_TRANSITIONS)
         self._recording_since: Optional[float] = None
-        self.is_deserted = False
         tree.subscribe(self._observe)
 
     def _observe(self, node: Any, old: Any, new: Any) -> None:
@@ -187,17 +211,6 @@ class _Shown:
         self._statuses[node.uid] = code or WAS + CODES[old]
         if self._recording_since is not None:
             self._transitions.append((int(1e6 * (time.monotonic() - self._recording_since)), node.uid, code))
-
-    def desert(self) -> None:
-        """Let the hooks rest: the client seems to be gone."""
-        self.is_deserted = True
-        self.hooks.enable(False)
-
-    def welcome(self) -> None:
-        """Enable the hooks again if the client seemed to be gone."""
-        if self.is_deserted:
-            self.is_deserted = False
-            self.hooks.enable(True)
 
     # ----------------------------------------------------------------------------------------------------- requests
 
@@ -222,23 +235,19 @@ class _Shown:
         return pack({name: _entries(board) or None for name, board in wanted.items()} or None)
 
     def insert_hooks(self, frames: List[bytes]) -> None:
-        """``I``: one hook or an array of them."""
+        """``I``: one hook or an array of them; if one is wrong, none is taken."""
         given = _json(frames)
-        for fields in given if isinstance(given, list) else [given]:
-            self.hooks.insert(Hook(fields["uid"], fields["position"], fields["mode"], fields["once"],
-                                   fields["enabled"], fields["desired_status"]))
+        self.hooks.insert([Hook(*_fields(each, "uid", "position", "mode", "once", "enabled", "desired_status"))
+                           for each in (given if isinstance(given, list) else [given])])
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""
-        fields = _json(frames)
-        if not self.hooks.remove(fields["position"], fields["uid"]):
+        if not self.hooks.remove(*_fields(_json(frames), "position", "uid")):
             raise Refused("Node ID not found")
 
     def unlock(self, frames: List[bytes]) -> None:
         """``U``: a breakpoint may go on."""
-        fields = _json(frames)
-        if not self.hooks.unlock(fields["position"], fields["uid"], fields["desired_status"],
-                                 fields["remove_when_done"]):
+        if not self.hooks.unlock(*_fields(_json(frames), "position", "uid", "desired_status", "remove_when_done")):
             raise Refused("Node ID not found")
 
     def dump_hooks(self, frames: List[bytes]) -> bytes:
@@ -251,7 +260,7 @@ class _Shown:
 
     def disable_hooks(self, frames: List[bytes]) -> None:
         """``X``: every hook stays, but does nothing."""
-        self.hooks.enable(False)
+        self.hooks.disable_all()
 
     def record(self, frames: List[bytes]) -> Optional[bytes]:
         """``r``: start or stop recording transitions; a start is answered with the time in microseconds."""
@@ -288,6 +297,13 @@ def _json(frames: List[bytes]) -> Any:
         return json.loads(_second(frames).decode())
     except ValueError as error:
         raise Refused("not JSON: {}".format(error))
+
+
+def _fields(given: Any, *names: str) -> List[Any]:
+    try:
+        return read_fields(given, *names)
+    except ValueError as error:
+        raise Refused(str(error))
 
 
 # ------------------------------------------------------------------------------------------------------------- the tree

@@ -1,29 +1,60 @@
 """Groot2's hooks: what is done in place of a node's tick, or with its result; a breakpoint keeps its node RUNNING.
 
 The rules are BehaviorTree.CPP's (``Monitor::Hook`` of its Groot2 publisher), with one difference: a breakpoint of the
-library stops the ticking thread, ours stops the node, and everything else (stop, deadlines, topics) goes on.
+library stops the ticking thread, ours stops the node, and everything else (stop, deadlines, topics) goes on. An operator
+is told of every hook that is set, acts, or goes: a robot that stands still for a hook must not look like a broken one.
 """
 import functools
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+import json
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.engine.leaf import SyncActionLeaf
 from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SKIPPED, SUCCESS
 
 BEFORE, AFTER = 0, 1
 BREAKPOINT, REPLACE = 0, 1
 _RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
+_STATUSES = ("SUCCESS", "FAILURE", "SKIPPED", "IDLE", "RUNNING")
+"""What ``desired_status`` may be; the last three have no influence."""
+
+HIGHEST_UID = 65535
+
+
+def read_fields(given: Any, *names: str) -> List[Any]:
+    """Return the values of these fields of a JSON object. Raises ValueError: what is wrong, what is allowed."""
+    if not isinstance(given, dict):
+        raise ValueError("a hook is a JSON object with the fields {}".format(", ".join(names)))
+    for name in names:
+        if name not in given:
+            raise ValueError("the field {} is missing".format(name))
+        type_, values, allowed = _FIELDS[name]
+        value = given[name]
+        if type(value) is not type_ or (values and value not in values):  # for isinstance, true would be a number
+            raise ValueError("{} cannot be {}; allowed: {}".format(name, json.dumps(value)[:80], allowed))
+    return [given[name] for name in names]
+
+
+_FIELDS: Dict[str, Tuple[type, Any, str]] = {
+    "uid": (int, range(HIGHEST_UID + 1), "a whole number from 0 to {}".format(HIGHEST_UID)),
+    "position": (int, (BEFORE, AFTER), "0 (before the node) or 1 (after it)"),
+    "mode": (int, (BREAKPOINT, REPLACE), "0 (breakpoint) or 1 (replace)"),
+    "once": (bool, (), "true or false"),
+    "enabled": (bool, (), "true or false"),
+    "remove_when_done": (bool, (), "true or false"),
+    "desired_status": (str, _STATUSES, ", ".join(_STATUSES))}
 
 
 class Hook:
-    """One hook of one node. ``desired_status`` is SUCCESS, FAILURE, or anything else for SKIPPED: no influence."""
+    """One hook of one node. A ``desired_status`` other than SUCCESS and FAILURE has no influence."""
 
     def __init__(self, uid: int, position: int, mode: int, once: bool, enabled: bool, desired_status: str):
         self.uid, self.position = uid, position
         self.mode, self.once, self.enabled, self.desired_status = mode, once, enabled, desired_status
         self.is_waiting = False  # a breakpoint that was reached
         self.is_unlocked = False
+        self.is_told = False  # the operator knows that it decides results
 
     def as_dict(self) -> Dict[str, Any]:
         """Return the hook as Groot2 reads it."""
@@ -45,11 +76,15 @@ class _Held(NamedTuple):
 class Hooks:
     """All hooks of one tree. Insert, remove and the like come from the publisher's thread, ticks from the tree's."""
 
-    def __init__(self, tree: Tree, reached: Callable[[int], None]):
-        """``reached`` is told the uid of a node that comes to a breakpoint, on the tree's thread."""
+    def __init__(self, tree: Tree, reached: Callable[[int], None], tell: Callable[[str], None]):
+        """``reached`` is told the uid of a node that comes to a breakpoint, ``tell`` a line for the operator.
+
+        Both are called on the tree's thread too, and must not keep it.
+        """
         self._nodes: Dict[int, Node] = {node.uid: node for node in tree.nodes}
         self._wake = tree.wake.emit
         self._reached = reached
+        self._tell_line = tell
         self._hooks: Dict[Tuple[int, int], Hook] = {}  # by position and uid
         self._held: Dict[int, _Held] = {}
         self._originals: Dict[int, Any] = {}
@@ -60,31 +95,37 @@ class Hooks:
 
     def all(self) -> List[Hook]:
         """Return every hook, those before their nodes first."""
-        return [self._hooks[key] for key in sorted(self._hooks)]
+        return [hook for _, hook in sorted(list(self._hooks.items()))]
 
-    def insert(self, hook: Hook) -> None:
-        """Add a hook, or change the one at its place; a node that is not there is passed over."""
-        node = self._nodes.get(hook.uid)
-        if node is None:
-            return
+    def insert(self, hooks: Iterable[Hook]) -> None:
+        """Add each hook, or change the one at its place; a hook of an unknown node is passed over, as the library does."""
+        for hook in hooks:
+            node = self._nodes.get(hook.uid)
+            if node is not None:
+                self._insert(hook, node)
+        self._wake()
+
+    def _insert(self, hook: Hook, node: Node) -> None:
         before = self._hooks.get((hook.position, hook.uid))
         if before is not None:
             before.mode, before.once, before.desired_status = hook.mode, hook.once, hook.desired_status
-            before.enabled = hook.enabled
+            before.enabled, before.is_told = hook.enabled, False
             if not hook.enabled:
                 before.release()
         else:
             self._hooks[hook.position, hook.uid] = hook
             self._attach(node)
-        self._wake()
+        self._tell(hook, "is set{}{}".format("" if hook.mode == BREAKPOINT else " to " + hook.desired_status,
+                                             "" if hook.enabled else ", but disabled"))
 
-    def remove(self, position: int, uid: int) -> bool:
-        """Remove a hook and let its node go on; return whether there was one."""
+    def remove(self, position: int, uid: int, reason: str = "") -> bool:
+        """Remove a hook and let its node go on; return whether there was one. The operator is told the ``reason``."""
         hook = self._hooks.pop((position, uid), None)
         if hook is not None:
             hook.enabled = False
             hook.release()
             self._wake()
+            self._tell(hook, "is removed" + reason)
         return hook is not None
 
     def unlock(self, position: int, uid: int, desired_status: str, remove: bool) -> bool:
@@ -96,20 +137,26 @@ class Hooks:
         hook.once = hook.once or remove
         hook.release()
         self._wake()
+        self._tell(hook, "lets the node go on")
         return True
 
-    def enable(self, enabled: bool) -> None:
-        """Enable or disable all; disabling lets every breakpoint go on."""
+    def disable_all(self) -> None:
+        """Keep every hook, but have none do anything; every breakpoint lets its node go on."""
         for hook in self.all():
-            hook.enabled = enabled
-            if not enabled:
-                hook.release()
+            hook.enabled = False
+            hook.release()
+            self._tell(hook, "is disabled")
         self._wake()
 
-    def remove_all(self) -> None:
+    def remove_all(self, reason: str = "") -> None:
         """Remove every hook."""
         for hook in self.all():
-            self.remove(hook.position, hook.uid)
+            self.remove(hook.position, hook.uid, reason)
+
+    def _tell(self, hook: Hook, text: str) -> None:
+        self._tell_line("Groot2: {} {} {} {}".format(
+            "breakpoint" if hook.mode == BREAKPOINT else "replacement", "before" if hook.position == BEFORE else "after",
+            self._nodes[hook.uid].full_path, text))
 
     # ------------------------------------------------------------------------------------------- on the tree's thread
 
@@ -157,12 +204,18 @@ class Hooks:
             if not hook.is_waiting:
                 hook.is_waiting = True
                 self._reached(node.uid)
+                self._tell(hook, "holds the node")
             self._held[node.uid] = _Held(node.status, result)
             return RUNNING
         hook.is_waiting = hook.is_unlocked = False
-        if hook.once:
-            self._hooks.pop((position, node.uid), None)
-        return _RESULTS.get(hook.desired_status, SKIPPED) if hook.enabled else SKIPPED
+        decided = _RESULTS.get(hook.desired_status, SKIPPED) if hook.enabled else SKIPPED
+        if decided is not SKIPPED and not hook.is_told:
+            hook.is_told = hook.mode == REPLACE  # told once: it may decide at every tick
+            self._tell(hook, "decides {} {}".format(hook.desired_status, "and the node is not run" if result is None else
+                                                    "instead of the node's {}".format(NAMES[result])))
+        if hook.once and self._hooks.pop((position, node.uid), None) is not None:
+            self._tell(hook, "is removed")
+        return decided
 
     def _halt(self, node: Node, halt: Callable[[], None]) -> None:
         """Halt ``node``; one that waits at a breakpoint before its work has none to halt."""

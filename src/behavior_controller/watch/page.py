@@ -4,28 +4,35 @@ tornado, which rosbridge uses on robots too, serves; changes travel as server-se
 again by itself. The page needs nothing from elsewhere: HTML, CSS and script lie beside this module.
 """
 import asyncio
+import ipaddress
 import json
 import os
-import threading
+import re
+import socket
+import time
 from typing import Any, Callable, Dict, Optional, Set
 
 from tornado.httpserver import HTTPServer
-from tornado.ioloop import IOLoop
-from tornado.iostream import StreamClosedError
+from tornado.httputil import HTTPServerRequest
+from tornado.iostream import IOStream, StreamClosedError
 from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.watch.board import PARTS, Board
+from behavior_controller.watch.server import Connections, LoopThread
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.1
 """Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake nobody."""
 
-KEEP_ALIVE = 15.0
-"""Seconds after which a browser is sent a sign of life; one that has vanished is noticed by it."""
+FAREWELL = 0.3
+"""Seconds that browsers have at the end to take what came last."""
 
 MOST_BROWSERS = 20
+MOST_CONNECTIONS = 64
+LONGEST_IDLE = 30.0
+"""Seconds after which a connection is closed that asks nothing, or a browser's that takes nothing."""
 
 
 class Page:
@@ -35,47 +42,132 @@ class Page:
         """Start to serve; a port that is taken is told to ``warn`` in one line, and nobody is served."""
         self.board = board
         self.streams: Set[_Stream] = set()
-        self._loop: Optional[IOLoop] = None
+        self.hosts = _Hosts(address)
+        self.connections = Connections(MOST_CONNECTIONS)
+        self._thread: Optional[LoopThread] = None
+        self.is_closing = False
         try:
-            sockets = bind_sockets(port, address)
+            self._sockets = bind_sockets(port, address)
         except OSError as error:
             warn("no page in the browser: {}:{} cannot be opened ({}); set monitorPort to another port, or to 0".format(
                 address, port, error.strerror or error))
             return
-        ready = threading.Event()
-        self._thread = threading.Thread(target=self._serve, args=(sockets, ready), name="page", daemon=True)
-        self._thread.start()
-        ready.wait(5.0)
+        self._thread = LoopThread("page", self._begin, self._end)
+
+    @property
+    def is_served(self) -> bool:
+        """Whether the port could be opened."""
+        return self._thread is not None
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on, also to who looks already."""
         self.board.show(tree)
 
     def close(self) -> None:
-        """Stop serving."""
-        if self._loop is not None:
-            self._loop.add_callback(self._loop.stop)
-            self._thread.join(1.0)
+        """Tell every browser how the mission ended, and stop serving."""
+        self.board.close()
+        if self._thread is not None:
+            self._thread.close(self._part)
 
-    def _serve(self, sockets: Any, ready: threading.Event) -> None:
-        asyncio.set_event_loop(asyncio.new_event_loop())
-        self._loop = IOLoop.current()
+    async def _part(self) -> None:
+        self.is_closing = True
+        ends = time.monotonic() + FAREWELL
+        while self.streams and time.monotonic() < ends:
+            await asyncio.sleep(0.01)
+        # a browser must not ask again on a connection that is served no more
+        await asyncio.wait([asyncio.ensure_future(self._server.close_all_connections())], timeout=0.1)
+
+    def _begin(self) -> None:
         application = Application([
-            (r"/events", _Stream, {"page": self}), (r"/state", _State, {"page": self}),
-            (r"/(.*)", _File, {"path": FILES, "default_filename": "index.html"})], log_function=lambda handler: None)
-        server = HTTPServer(application, max_body_size=1024)
-        server.add_sockets(sockets)
-        self._loop.add_callback(ready.set)
-        self._loop.start()
-        server.stop()
+            (r"/events", _Stream), (r"/state", _State), (r"/(.*)", _File, {
+                "path": FILES, "default_filename": "index.html"})], log_function=lambda handler: None, page=self)
+        self._server = _Server(application, max_body_size=1024, max_buffer_size=64 * 1024, max_header_size=16 * 1024,
+                               idle_connection_timeout=LONGEST_IDLE, body_timeout=LONGEST_IDLE)
+        self._server.connections = self.connections
+        self._server.add_sockets(self._sockets)
+
+    def _end(self) -> None:
+        for sock in self._sockets:
+            sock.close()
+
+
+class _Server(HTTPServer):
+    """Serves the connections that have a place among the page's ``connections``."""
+
+    connections: Connections
+
+    def handle_stream(self, stream: IOStream, address: Any) -> None:
+        """Serve a connection if there is a place for it."""
+        if self.connections.admit(stream):
+            super().handle_stream(stream, address)
+
+
+class _Hosts:
+    """The names under which a browser may ask for the page.
+
+    A foreign site can point a name of its own at this computer and then read, in the operator's browser, whatever answers
+    to that name (DNS rebinding). So the page answers to no name that it does not know to be this computer's.
+    """
+
+    def __init__(self, address: str):
+        own = socket.gethostname().lower()
+        self._names = {"localhost"}
+        if _ip(address) is None:
+            self._names.add(address.lower())
+        if not _is_loopback(address):
+            self._names.update((own, own + ".local"))
+
+    def __contains__(self, request: HTTPServerRequest) -> bool:
+        """Whether the host that a request asks for is the address that it came to, or a name of this computer."""
+        match = re.fullmatch(r"\[?([0-9A-Za-z.:_-]+?)\]?(:[0-9]+)?", request.headers.get("Host", ""))
+        if match is None:
+            return False
+        host = match.group(1).lower()
+        if host in self._names or _is_loopback(host):
+            return True
+        stream = request.connection.stream
+        return _ip(host) is not None and not stream.closed() and _ip(host) == _ip(stream.socket.getsockname()[0])
+
+
+def _ip(text: str) -> Any:
+    """Return an IP address, or None for a name; an IPv4 address that came to an IPv6 socket is one of IPv4."""
+    try:
+        address = ipaddress.ip_address(text.split("%")[0])
+    except ValueError:
+        return None
+    return getattr(address, "ipv4_mapped", None) or address
+
+
+def _is_loopback(text: str) -> bool:
+    address = _ip(text)
+    return text.lower() == "localhost" if address is None else address.is_loopback
 
 
 class _Quiet(RequestHandler):
     """What all answers have in common."""
 
+    @property
+    def page(self) -> Page:
+        """The page that is served."""
+        return self.settings["page"]
+
+    def note_use(self) -> None:
+        """Keep the connection's place."""
+        self.page.connections.use(self.request.connection.stream)
+
+    def prepare(self) -> None:
+        """Refuse a request for another computer's name."""
+        self.note_use()
+        if self.request not in self.page.hosts:
+            self.set_status(403)
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+            self.finish("This page answers to the address of its computer and to localhost, and to the name that "
+                        "monitorAddress gives, but not to the name that was asked for.\n")
+
     def set_default_headers(self) -> None:
-        """Allow nothing from elsewhere, and nothing to be kept."""
-        self.set_header("Content-Security-Policy", "default-src 'self'")
+        """Allow nothing from elsewhere, nothing to be kept, and no other page around this one."""
+        self.set_header("Content-Security-Policy", "default-src 'self'; frame-ancestors 'none'")
+        self.set_header("X-Frame-Options", "DENY")
         self.set_header("X-Content-Type-Options", "nosniff")
         self.set_header("Cache-Control", "no-store")
 
@@ -87,47 +179,43 @@ class _File(_Quiet, StaticFileHandler):
 class _State(_Quiet):
     """``/state``: the whole board at once."""
 
-    def initialize(self, page: Page) -> None:
-        """Take the page."""
-        self._board = page.board
-
     def get(self) -> None:
         """Answer with all parts as JSON."""
-        self._board.look()
+        board = self.page.board
+        board.look()
         self.set_header("Content-Type", "application/json; charset=utf-8")
-        self.write(json.dumps({name: self._board.part(name) for name in PARTS}))
+        self.write(json.dumps({name: board.part(name) for name in PARTS}))
 
 
 class _Stream(_Quiet):
     """``/events``: all parts at first, then each that has changed. A slow browser gets the newest, not a backlog."""
 
-    def initialize(self, page: Page) -> None:
-        """Take the page."""
-        self._page = page
-        self._is_gone = False
+    _is_gone = False
 
     async def get(self) -> None:
-        """Send until the browser goes."""
-        if len(self._page.streams) >= MOST_BROWSERS:
+        """Send until the browser goes, or all has been told at the end."""
+        if len(self.page.streams) >= MOST_BROWSERS:
             self.set_status(503)
             return
         self.set_header("Content-Type", "text/event-stream; charset=utf-8")
-        self._page.streams.add(self)
+        self.page.streams.add(self)
         known: Dict[str, int] = {}
-        quiet = 0.0
         try:
             while not self._is_gone:
-                message = self._message(known)
-                quiet = 0.0 if message else quiet + PUSH_INTERVAL
-                if message or quiet > KEEP_ALIVE:
-                    quiet = 0.0
-                    self.write(message or ": still here\n\n")
-                    await self.flush()
+                is_last, message = self.page.is_closing, self._message(known)
+                if message:
+                    self.write(message)
+                    await asyncio.wait_for(self.flush(), LONGEST_IDLE)
+                if is_last:
+                    return
+                self.note_use()
                 await asyncio.sleep(PUSH_INTERVAL)
         except StreamClosedError:
             pass
+        except asyncio.TimeoutError:
+            self.request.connection.stream.close()
         finally:
-            self._page.streams.discard(self)
+            self.page.streams.discard(self)
 
     def on_connection_close(self) -> None:
         """End the loop above."""
@@ -135,7 +223,7 @@ class _Stream(_Quiet):
 
     def _message(self, known: Dict[str, int]) -> str:
         """Return the parts that are newer than ``known``, as one event; an empty text if there are none."""
-        board = self._page.board
+        board = self.page.board
         board.look()
         newer = {name: version for name, version in board.versions.items() if known.get(name) != version}
         if not newer:

@@ -12,18 +12,24 @@ import os
 import shutil
 import threading
 import time
-from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
+from typing import Any, BinaryIO, Callable, Deque, Dict, List, Optional, Tuple, Union
 
+from behavior_controller import folders
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.document import LARGEST
 from behavior_controller.events import Event, RunStarted
 from behavior_controller.gateway import REQUESTS, Answer, Call, Failure, Gateway, Request, Sample, Topic, Topics
+from behavior_controller.text import Unreadable, read_bytes
 from behavior_controller.watch.board import LETTERS
 
 FILE_NAME = "mission.jsonl"
 
+LOST = "Lost"
+"""The event that stands where lines did not fit into the queue."""
+
 MOST_BYTES = 50_000_000
-"""A record that has grown so large ends there."""
+"""No record is larger; a longer run is recorded up to there."""
 
 MOST_RUNS = 20
 """So many runs are kept in the default folder."""
@@ -37,7 +43,7 @@ REST = 0.05
 
 def new_folder(logs: str) -> str:
     """Return the folder of a new run below ``logs``, and remove all but the newest ``MOST_RUNS - 1`` that are there."""
-    place = os.path.join(logs, "behaviorController_records")
+    place = os.path.join(logs, folders.RECORDS)
     runs = sorted(os.listdir(place)) if os.path.isdir(place) else []
     for name in runs[:max(0, len(runs) - MOST_RUNS + 1)]:
         shutil.rmtree(os.path.join(place, name), ignore_errors=True)
@@ -45,12 +51,16 @@ def new_folder(logs: str) -> str:
 
 
 class Record:
-    """Writes ``<directory>/mission.jsonl``. A sink of events. What cannot be written is told once; the run goes on."""
+    """Writes ``<directory>/mission.jsonl``. A sink of events. What cannot be written is told once; the run goes on.
+
+    The file is opened, written and closed on a thread of its own: a disk may take its time, or for ever.
+    """
 
     def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None]):
         self.path = os.path.join(directory, FILE_NAME)
         self._clock = clock
         self._complain = complain
+        self._lost = 0  # notes that did not fit since the last one that did
         self._notes: Deque[Tuple[str, float, Dict[str, Any]]] = collections.deque()
         self._is_over = threading.Event()
         self._changes: List[Tuple[int, str]] = []  # of this traversal
@@ -58,15 +68,13 @@ class Record:
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Optional[Sample]] = {}
         self._calls = 0
-        self._thread: Optional[threading.Thread] = None
-        try:
-            os.makedirs(directory, exist_ok=True)
-            file = open(self.path, "w", encoding="utf-8")
-        except OSError as error:
-            self._tell(error.strerror)
-            return
-        self._thread = threading.Thread(target=self._write, args=(file,), name="record", daemon=True)
+        self._thread: Optional[threading.Thread] = threading.Thread(target=self._write, name="record", daemon=True)
         self._thread.start()
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether nothing has kept the record from being written so far."""
+        return self._thread is not None
 
     def _tell(self, reason: Any) -> None:
         self._complain("no record is written to {}: {}; the mission goes on".format(self.path, reason))
@@ -75,6 +83,7 @@ class Record:
         """Write what waits, for a second at the most."""
         thread = self._thread
         if thread is not None:
+            self._note_loss()
             self._is_over.set()
             thread.join(1.0)
 
@@ -82,34 +91,62 @@ class Record:
 
     def _put(self, event_name: str, **fields: Any) -> None:
         """Note what happened, and wake nobody; values that JSON does not know are made plain later."""
-        if self._thread is None or len(self._notes) >= MOST_WAITING:
+        if self._thread is None:
             return
+        if len(self._notes) >= MOST_WAITING:
+            self._lost += 1
+            return
+        self._note_loss()
         self._notes.append((event_name, time.time(), fields))
 
-    def _write(self, file: Any) -> None:
+    def _note_loss(self) -> None:
+        """Put a line where lines are missing."""
+        if self._lost:
+            self._notes.append((LOST, time.time(), {"lines": self._lost}))
+            self._lost = 0
+
+    def _write(self) -> None:
         """Make lines until the end; on a thread of its own, as a disk may take its time."""
-        is_last, written = False, 0
         try:
-            while not is_last and written < MOST_BYTES:
-                is_last = self._is_over.wait(REST)
-                while self._notes and written < MOST_BYTES:
-                    name, when, fields = self._notes.popleft()
-                    line = dict({"event": name, "time": when}, **{key: _plain(value) for key, value in fields.items()})
-                    written += file.write(json.dumps(line, ensure_ascii=False, default=str) + "\n")
-                file.flush()
-            if written >= MOST_BYTES:
-                self._tell("it has reached {} bytes and ends here".format(MOST_BYTES))
-            file.close()
+            os.makedirs(os.path.dirname(self.path), exist_ok=True)
+            # O_NONBLOCK: else a FIFO of that name would be waited for
+            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK
+            with open(os.open(self.path, flags, 0o666), "wb") as file:
+                self._fill(file)
         except (OSError, ValueError) as error:
             self._tell(getattr(error, "strerror", None) or error)
         self._thread = None
+        self._notes.clear()
+
+    def _fill(self, file: BinaryIO) -> None:
+        is_last, written = False, 0
+        while not is_last:
+            is_last = self._is_over.wait(REST)
+            while self._notes:
+                line = self._line(*self._notes.popleft())
+                written += len(line)
+                if written > MOST_BYTES:
+                    self._tell("it has reached {} bytes and ends here".format(MOST_BYTES))
+                    return
+                file.write(line)
+            file.flush()
+
+    def _line(self, name: str, when: float, fields: Dict[str, Any]) -> bytes:
+        if name == LOST:
+            self._complain("the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
+                self.path, fields["lines"]))
+        if name == RunStarted.__name__:
+            fields["sha256"] = sha256(fields["mission"])
+        line = dict({"event": name, "time": when}, **{key: _plain(value) for key, value in fields.items()})
+        # a lone surrogate is written as JSON escapes it
+        return (json.dumps(line, ensure_ascii=False, default=str) + "\n").encode("utf-8", "backslashreplace")
 
     # ----------------------------------------------------------------------------------------------------- what happens
 
     def __call__(self, event: Event) -> None:
         """Record an event."""
         if isinstance(event, RunStarted):
-            self._put("RunStarted", pid=os.getpid(), sha256=sha256(event.mission), **event._asdict())
+            self._put("RunStarted", pid=os.getpid(), **event._asdict())
         else:
             self._put(type(event).__name__, **event._asdict())
 
@@ -235,7 +272,6 @@ def _plain(value: Any) -> Any:
 def sha256(path: str) -> str:
     """Return the hash of a file; empty if it cannot be read."""
     try:
-        with open(path, "rb") as file:
-            return hashlib.sha256(file.read()).hexdigest()
-    except OSError:
+        return hashlib.sha256(read_bytes(path, LARGEST)).hexdigest()
+    except Unreadable:
         return ""

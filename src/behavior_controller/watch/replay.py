@@ -1,7 +1,8 @@
 """Runs a recorded mission again, without ROS, on the recorded answers and messages: does it take the same path?"""
 import argparse
+import glob
 import itertools
-import json
+import os
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
@@ -9,16 +10,21 @@ from behavior_controller import folders, leaves, phrases, policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.errors import BehaviorControllerError, Fault, FaultsFound, MissionError
+from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 from behavior_controller.events import Events, HealthChanged
 from behavior_controller.gateway import (Answer, AttentionStatus, Call, Cause, Exhibit, Faces, Failure, Gateway,
                                          Location, Point, Request, Sample, Topic, Topics)
 from behavior_controller.health import Health
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.leaves.vocabulary import load as load_mission
+from behavior_controller.text import Unreadable, clean, read_bytes
 from behavior_controller.watch.board import LETTERS
-from behavior_controller.watch.record import plain_request, sha256
+from behavior_controller.watch.record import FILE_NAME, LOST, MOST_BYTES, plain_request, sha256
 from behavior_controller.watch.report import to_html
+from behavior_controller.watch.shape import RecordShape
+
+LATEST = "latest"
+"""What is given for the newest record of the default folder."""
 
 Line = Dict[str, Any]
 READ = {
@@ -39,9 +45,9 @@ class Outcome(NamedTuple):
 
     def __str__(self) -> str:
         """Return the lines for a person."""
-        edited = "{} has changed since the record was made\n".format(self.mission) if self.is_edited else ""
+        edited = "{} has changed since the record was made\n".format(clean(self.mission)) if self.is_edited else ""
         if self.parting:
-            return edited + "the paths part {}".format(self.parting)
+            return edited + "the paths part {}".format(clean(self.parting))
         return edited + "the same path: {} passes, {} changes of status".format(self.passes, self.changes)
 
 
@@ -49,24 +55,33 @@ class Parted(Exception):
     """The replay went another way than the record; the text says where."""
 
 
+def find_record(name: str) -> str:
+    """Return the path of a record: ``latest`` is the newest of the default folder, a folder is that of one run."""
+    if name == LATEST and not os.path.exists(name):
+        place = os.path.join(folders.records(), "*", FILE_NAME)
+        paths = sorted(filter(os.path.isfile, glob.glob(place)))
+        if not paths:
+            raise MissionError([Fault(place, 0, 0, "there is no record yet", "name a record or its folder")])
+        return paths[-1]
+    return os.path.join(name, FILE_NAME) if os.path.isdir(name) else name
+
+
 def read_record(path: str) -> List[Line]:
-    """Return the lines of a record. Raises MissionError that names the first line that is none; a torn end is left out."""
-    found: List[Line] = []
+    """Return the lines of a record, without a torn end. Raises MissionError, which names the first line that is none."""
     try:
-        with open(path, encoding="utf-8") as file:
-            lines = file.read().split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise MissionError([Fault(path, 0, 0, "the record cannot be read: {}".format(
-            getattr(error, "strerror", None) or "it is not UTF-8 text"))])
-    for number, line in enumerate(lines[:-1], 1):  # what follows the last line's end was torn when the node was killed
+        lines = read_bytes(path, MOST_BYTES).split(b"\n")
+    except Unreadable as error:
+        raise MissionError([Fault(path, 0, 0, "the record cannot be read: {}".format(error))]) from error
+    found: List[Line] = []
+    shape = RecordShape()
+    del lines[-1]  # what follows the last line's end was torn when the node was killed
+    for number, line in enumerate(lines, 1):
         try:
-            found.append(json.loads(line))
-            if not isinstance(found[-1], dict) or "event" not in found[-1]:
-                raise ValueError
-        except ValueError:
-            raise MissionError([Fault(path, number, 1, "this is no line of a record",
-                                      "a record is written by the node")])
-    if not {"RunStarted", "Tree"} <= {line["event"] for line in found}:
+            found.append(shape.line(line))
+        except ValueError as error:
+            raise MissionError([Fault(path, number, 1, "this is no line of a record: {}".format(error),
+                                      "a record is written by the node")]) from error
+    if not shape.has_mission:
         raise MissionError([Fault(path, 0, 0, "the record has no mission in it",
                                   "was the node stopped before it began?")])
     return found
@@ -76,11 +91,13 @@ def replay(lines: List[Line]) -> Outcome:
     """Run the record again. Raises BehaviorControllerError if the mission cannot be read any more."""
     replaying: Optional[_Replay] = None
     is_edited, passes, changes, mission = False, 0, 0, ""
-    for place, line in enumerate(lines):
+    tree: Line = {}
+    for line in lines:
+        if line["event"] == "Tree":
+            tree = line
         if line["event"] == "RunStarted":
             mission = line["mission"]
             is_edited = is_edited or sha256(mission) != line["sha256"]
-            tree = [other for other in lines[:place] if other["event"] == "Tree"][-1]
             replaying = _Replay(line, [entry[0] for entry in tree["nodes"]])
         elif replaying is not None:
             passes += line["event"] == "PassFinished"
@@ -102,18 +119,24 @@ class _Replay:
         self._health = Health()
         self._began: Optional[float] = None
         self._now: List[Tuple[str, str]] = []
-        chosen = settings.defaults(**started["settings"])
+        chosen = settings.recorded(started["settings"], "settings of the record")
         events = Events()
         self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
-        self.tree.setup(mission=MissionContext(
+        self._mission = MissionContext(
             self._world, self._world, chosen, phrases.load(chosen.language),
-            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, events, self._health))
+            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, events, self._health)
+        self.tree.setup(mission=self._mission)
 
     def take(self, line: Line) -> int:
         """Take in one line; a traversal is made again and compared. Return how many statuses it changed."""
         kind = line["event"]
         if kind in ("Asked", "Answered", "Message"):
             self._world.take(line)
+        elif kind == LOST:
+            raise Parted("the record lacks {} lines".format(line["lines"]))
+        elif kind == "PassStarted":
+            self.clock._now = line["at"]
+            self._mission.begin_visit(self.tree.blackboard, line["at"])
         elif kind == "HealthChanged":
             change = HealthChanged(*(line[name] for name in HealthChanged._fields))
             self._health.report(change.respect, change)
@@ -248,21 +271,27 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Return the exit code of ``replayMission``: 0 the same path, 3 another one, 2 the record cannot be replayed."""
     parser = argparse.ArgumentParser(
         prog="replayMission", description="Runs a recorded mission again and says whether it takes the same path.")
-    parser.add_argument("record", help="mission.jsonl of a run")
+    parser.add_argument("record", help="mission.jsonl of a run, its folder, or {}: the newest in {}".format(
+        LATEST, folders.records()))
     parser.add_argument("--report", metavar="OUT.html", help="write a report of the recorded run as a web page instead")
     chosen = parser.parse_args(arguments)
     try:
-        lines = read_record(chosen.record)
+        lines = read_record(find_record(chosen.record))
         if chosen.report:
-            with open(chosen.report, "w", encoding="utf-8") as file:
-                file.write(to_html(lines))
+            _write(chosen.report, to_html(lines))
             return SAME
         outcome = replay(lines)
-    except FaultsFound as found:
-        print("\n".join(str(fault) for fault in found.faults), file=sys.stderr)
-        return BAD_FILE
-    except OSError as error:
-        print("{}: {}".format(error.filename, error.strerror), file=sys.stderr)
+    except BehaviorControllerError as error:
+        print(error, file=sys.stderr)
         return BAD_FILE
     print(outcome)
     return PARTED if outcome.parting else SAME
+
+
+def _write(path: str, text: str) -> None:
+    try:
+        with open(path, "w", encoding="utf-8", errors="replace") as file:
+            file.write(text)
+    except (OSError, ValueError) as error:
+        raise MissionError([Fault(path, 0, 0, "the report cannot be written: {}".format(
+            getattr(error, "strerror", None) or error))]) from error

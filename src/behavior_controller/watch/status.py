@@ -1,74 +1,223 @@
 """``missionStatus``: prints the running mission's tree in the terminal, once or again at every change."""
 import argparse
+import http.client
 import json
+import queue
 import sys
-import urllib.error
-import urllib.request
-from typing import Any, Dict, Iterator, List, Optional
+import threading
+import time
+from typing import Any, Dict, Iterator, List, Optional, Union
+
+from behavior_controller.text import clean
+from behavior_controller.watch.expected import NUMBER, mismatch
 
 SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
 WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure", "r": "was halted",
          "-": ""}
 CLEAR = "\x1b[H\x1b[2J"
-LIMIT = 5.0
-"""Seconds that the node may take to answer."""
 
-SUCCESS, NOT_THERE = 0, 1
+LATE = 2.0
+"""Seconds without a message after which what is shown may be old; the node sends one every second."""
+
+LIMIT = 5.0
+"""Seconds within which the first answer must be complete."""
+
+GIVEN_UP = 30.0
+"""Seconds without a message after which ``--watch`` ends."""
+
+MOST_BYTES = 10_000_000
+"""Bytes of a message; 2,000 nodes are about 300,000."""
+
+MOST_WAITING = 100
+"""Messages that may wait for a terminal that does not take them."""
+
+SHAPE = {
+    "mission": {"file": str, "nodes": [{"parent": int, "name": str, "kind": str}]},
+    "statuses": {"letters": str},
+    "passes": {"text": str, "ended": str},
+    "trouble": [{"time": str, "text": str}],
+    "health": [{"kind": str, "name": str, "well": bool, "status": str, "consequence": str}],
+    "alive": {"age": (NUMBER, type(None)), "hangs": bool},
+}
+"""The board, as far as it is printed."""
+
+SHOWN, NOT_THERE = 0, 1
+EXIT_CODES = """exit code: 0: the mission was shown (with --watch: until it ended); 1: no mission answers there, what
+answers is no mission, the connection is lost, or nothing can be printed; 2: wrong arguments"""
+
+State = Dict[str, Any]
+
+
+class NoMission(Exception):
+    """There is no mission to show, or none any more; the text says why."""
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """Return the exit code: 0, or 1 if no mission is running there."""
-    parser = argparse.ArgumentParser(prog="missionStatus", description="Prints the tree of the running mission.")
-    parser.add_argument("--watch", action="store_true", help="go on, at every change, until Ctrl-C")
-    parser.add_argument("--all", action="store_true", help="also the nodes that have not been ticked")
-    parser.add_argument("--address", default="127.0.0.1", help="monitorAddress of the node (default %(default)s)")
-    parser.add_argument("--port", type=int, default=8080, help="monitorPort of the node (default %(default)s)")
-    chosen = parser.parse_args(arguments)
-    base = "http://{}:{}".format(chosen.address, chosen.port)
-    state: Dict[str, Any] = {}
+    """Return the exit code, see ``EXIT_CODES``."""
+    chosen = _read_arguments(arguments)
+    place = "http://{}:{}".format(chosen.address, chosen.port)
+    messages = _Messages(chosen.address, chosen.port, "/events" if chosen.watch else "/state")
+    shown = ""
     try:
-        for news in _news(base) if chosen.watch else [_fetch(base)]:
-            state.update(news)
+        for state in _states(messages, chosen.watch):
             text = "\n".join(lines(state, chosen.all))
-            print(CLEAR + text if chosen.watch and sys.stdout.isatty() else text, flush=True)
-    except (OSError, ValueError, KeyError) as error:
-        reason = getattr(error, "reason", error)
-        print("missionStatus: no mission answers at {} ({}): does behaviorController run, with this monitorPort?".format(
-            base, reason), file=sys.stderr)
+            if text != shown:
+                shown = text
+                _print(text, chosen.watch)
+            if chosen.watch and state["passes"]["ended"]:
+                print("missionStatus: the mission has ended: " + clean(state["passes"]["ended"]))
+                return SHOWN
+    except NoMission as reason:
+        what = "missionStatus: the connection to {} is lost ({})" if shown else (
+            "missionStatus: no mission answers at {} ({}): does behaviorController run, with this monitorPort?")
+        print(what.format(place, clean(str(reason))), file=sys.stderr)
         return NOT_THERE
-    return SUCCESS
+    except OSError as error:
+        print("missionStatus: cannot print: {}".format(error.strerror), file=sys.stderr)
+        return NOT_THERE
+    return SHOWN
 
 
-def _fetch(base: str) -> Dict[str, Any]:
-    with urllib.request.urlopen(base + "/state", timeout=LIMIT) as answer:
-        return json.load(answer)
+def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="missionStatus", description="Prints the tree of the running mission.",
+                                     epilog=EXIT_CODES)
+    parser.add_argument("--watch", action="store_true", help="go on, at every change, until the mission ends or Ctrl-C")
+    parser.add_argument("--all", action="store_true", help="also the nodes that have not been ticked in this pass")
+    parser.add_argument("--address", default="127.0.0.1", help="monitorAddress of the node (default %(default)s)")
+    parser.add_argument("--port", type=_port, default=8080,
+                        help="monitorPort of the node (default %(default)s)")
+    return parser.parse_args(arguments)
 
 
-def _news(base: str) -> Iterator[Dict[str, Any]]:
-    """Yield the parts that have changed, as they come."""
-    with urllib.request.urlopen(base + "/events", timeout=60.0) as answer:
-        for line in answer:
+def _port(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 65535:
+        raise argparse.ArgumentTypeError("{!r} is no port: 1 to 65535".format(text))
+    return int(text)
+
+
+def _print(text: str, is_again: bool) -> None:
+    """Print in place of what was printed before; what the terminal's encoding does not have is escaped."""
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    text = text.encode(encoding, "backslashreplace").decode(encoding)
+    print(CLEAR + text if is_again and sys.stdout.isatty() else text, flush=True)
+
+
+# ------------------------------------------------------------------------------------------------------------ the node
+
+
+class _Messages:
+    """What the node sends, read on a thread of its own: a server may hang or drip at any moment."""
+
+    def __init__(self, address: str, port: int, path: str):
+        self._found: "queue.Queue[Union[State, NoMission]]" = queue.Queue(MOST_WAITING)
+        self._path = path
+        threading.Thread(target=self._read, args=(address, port), name="messages", daemon=True).start()
+
+    def get(self, seconds: float) -> Optional[State]:
+        """Return the next message, or None after ``seconds``. Raises NoMission if no further message comes."""
+        try:
+            found = self._found.get(timeout=seconds)
+        except queue.Empty:
+            return None
+        if isinstance(found, NoMission):
+            raise found
+        return found
+
+    def _read(self, address: str, port: int) -> None:
+        reason = "the connection was closed"
+        try:
+            connection = http.client.HTTPConnection(address, port)
+            connection.request("GET", self._path)
+            answer = connection.getresponse()
+            if answer.status != http.client.OK:
+                raise ValueError("the answer is HTTP {} {}".format(answer.status, answer.reason))
+            for message in self._texts(answer):
+                self._found.put(_parsed(message))
+        except (OSError, ValueError, http.client.HTTPException) as error:
+            reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
+        self._found.put(NoMission(reason))
+
+    def _texts(self, answer: http.client.HTTPResponse) -> Iterator[bytes]:
+        """Yield each message as JSON text."""
+        if self._path == "/state":
+            yield _bounded(answer.read(MOST_BYTES + 1))
+            return
+        for line in iter(lambda: _bounded(answer.readline(MOST_BYTES + 1)), b""):
             if line.startswith(b"data: "):
-                yield json.loads(line[6:])
+                yield line[6:]
 
 
-def lines(state: Dict[str, Any], is_all: bool) -> List[str]:
-    """Return the board as text: the mission, the tree with a sign for each node, the passes, what is wrong."""
-    mission, passes, letters = state["mission"], state["passes"], state["statuses"]["letters"]
-    found = ["mission {}; visitors: {}{}".format(mission["file"], passes["count"], "".join(
-        "; pass {}: {}".format(last["number"], last["outcome"]) for last in passes["last"][-1:]))]
-    if mission["tree"] is not None:
-        found += _tree(mission["tree"], letters, 0, is_all)
-    found += ["{} {}: {}; {}".format(part["kind"], part["name"], part["status"], part["consequence"])
+def _bounded(data: bytes) -> bytes:
+    if len(data) > MOST_BYTES:
+        raise ValueError("the answer has more than {} bytes".format(MOST_BYTES))
+    return data
+
+
+def _parsed(text: bytes) -> State:
+    """Return the parts of a message. Raises ValueError that says what is wrong with it."""
+    try:
+        found = json.loads(text.decode("utf-8"))
+    except (ValueError, RecursionError):
+        raise ValueError("the answer is not JSON")
+    wrong = mismatch(found, {}) or mismatch(found, {name: shape for name, shape in SHAPE.items() if name in found})
+    if wrong:
+        raise ValueError("the answer is not a mission's: {}".format(wrong))
+    return found
+
+
+def _states(messages: _Messages, is_watching: bool) -> Iterator[State]:
+    """Yield the whole board, after every message and while none comes, with ``silent``: seconds since the last one."""
+    state = messages.get(LIMIT)
+    if state is None:
+        raise NoMission("no complete answer within {:g} s".format(LIMIT))
+    missing = set(SHAPE) - set(state)
+    if missing:
+        raise NoMission("the answer is not a mission's: {} is missing".format(min(missing)))
+    heard = time.monotonic()
+    while True:
+        silent = time.monotonic() - heard
+        if silent >= GIVEN_UP:
+            raise NoMission("no message for {:.0f} s".format(silent))
+        yield dict(state, silent=silent)
+        if not is_watching:
+            return
+        news = messages.get(LATE if silent < LATE else 1.0)
+        if news is not None:
+            state.update(news)
+            heard = time.monotonic()
+
+
+# ------------------------------------------------------------------------------------------------------------ the text
+
+
+def lines(state: State, is_all: bool) -> List[str]:
+    """Return the board as text: the mission, the tree with a sign for each node, what is wrong."""
+    mission = state["mission"]
+    found = ["mission {}; {}".format(mission["file"], state["passes"]["text"])] + list(_doubts(state))
+    found = [clean(line) for line in found] + _tree(mission["nodes"], state["statuses"]["letters"], is_all)
+    troubles = ["{} {}: {}; {}".format(part["kind"], part["name"], part["status"], part["consequence"])
               for part in state["health"] if not part["well"]]
-    return found + ["{}  {}".format(line["time"], line["text"]) for line in state["trouble"][-5:]]
+    troubles += ["{}  {}".format(line["time"], line["text"]) for line in state["trouble"][-5:]]
+    return found + [clean(line) for line in troubles]
 
 
-def _tree(node: Dict[str, Any], letters: str, depth: int, is_all: bool) -> List[str]:
-    letter = letters[node["uid"] - 1]
-    if letter == "-" and not is_all and depth:
-        return []
-    label = " ".join(filter(None, (node["name"], node["kind"])))
-    words = ": " + WORDS[letter] if WORDS[letter] else ""
-    found = ["{}{} {}{}".format("  " * depth, SIGNS[letter], label, words)]
-    return found + [line for child in node["children"] for line in _tree(child, letters, depth + 1, is_all)]
+def _doubts(state: State) -> Iterator[str]:
+    """Yield why what is shown may be old."""
+    silent = state.get("silent", 0.0)
+    if silent >= LATE:
+        yield "no message for {:.0f} s: what is shown may be old".format(silent)
+    elif state["alive"]["hangs"]:
+        yield "the controller hangs: no sign of its tick thread for {} s".format(state["alive"]["age"])
+
+
+def _tree(nodes: List[Dict[str, Any]], letters: str, is_all: bool) -> List[str]:
+    found: List[str] = []
+    depths = [-1]
+    for number, node in enumerate(nodes, 1):
+        depths.append(depths[node["parent"]] + 1 if 0 <= node["parent"] < number else 0)
+        letter = letters[number - 1:number] or "-"
+        if letter != "-" or is_all or number == 1:
+            label = clean(" ".join(filter(None, (node["name"], node["kind"]))))
+            words = ": " + WORDS[letter] if WORDS.get(letter) else ""
+            found.append("{}{} {}{}".format("  " * depths[-1], SIGNS.get(letter, "?"), label, words))
+    return found

@@ -1,7 +1,7 @@
 """The configuration of the simulated robot: behaviorControllerTestConfiguration.ini and what overrides it."""
 import os
 import re
-from typing import Any, List, Mapping, NamedTuple, Optional, Tuple
+from typing import List, Mapping, NamedTuple, Optional, Tuple
 
 from behavior_controller.settings import REQUIRED, Key, boolean, integer, number, one_of, read_configuration
 
@@ -83,6 +83,6 @@ def share() -> str:
     return os.path.join(prefix, "share", "unit_tests")
 
 
-def load(overrides: Mapping[str, Any]) -> Configuration:
-    """Read the configuration. Raises ConfigurationError with every fault."""
-    return Configuration(*read_configuration(os.path.join(share(), "config", FILE_NAME), KEYS, overrides).values())
+def load(arguments: Mapping[str, str]) -> Configuration:
+    """Read the configuration, overridden by ``arguments``. Raises ConfigurationError with every fault."""
+    return Configuration(*read_configuration(os.path.join(share(), "config", FILE_NAME), KEYS, {}, arguments).values())

@@ -1,15 +1,18 @@
 """Starts the controller under test with what the test needs of it, and notes how it ended."""
 import os
+import shutil
 import signal
 import subprocess
 from typing import List, Optional
 
 from behavior_controller.errors import ConfigurationError
+from behavior_controller.settings import split_arguments
+from behavior_controller.watch.record import FILE_NAME as RECORD
 
-from unit_tests import parameters
+from unit_tests import arguments, configuration, parameters
 
-STARTUP_TIMEOUT = 30.0
-"""Seconds that the controller waits for the simulated nodes, which are started at the same time."""
+LAST_PASS_FAILED = 3
+"""The controller's exit code that tells of the mission alone."""
 
 EXIT_CODE = "exitCode"
 """File in the folder of the run."""
@@ -23,16 +26,38 @@ def main(command: List[str]) -> int:
         return 0  # the report tells of it and ends the launch
     folder = parameters.folder()
     os.makedirs(folder, exist_ok=True)
-    given = {"missionRuns": test.mission_runs, "recordDirectory": folder, "startupTimeout": STARTUP_TIMEOUT}
-    if test.verbose_mode:
-        given["verboseMode"] = "true"
-    process = subprocess.Popen(command + ["_{}:={}".format(key, value) for key, value in given.items()])
+    process = subprocess.Popen(command_line(command, test, folder))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)  # the controller gets it too, and we wait for how it takes it
     code = process.wait()
     with open(os.path.join(folder, EXIT_CODE), "w") as file:
         file.write("{}\n".format(code))
+    _keep_record(folder)
+    if code == LAST_PASS_FAILED:
+        return 0  # roslaunch would call it a death; whether it is right is the verdict's matter
     return code if code >= 0 else 128 - code
+
+
+def command_line(command: List[str], test: configuration.Configuration, folder: str) -> List[str]:
+    """Return the controller's command line with its own keys of what was given, and what the test needs of it."""
+    others, given = split_arguments(command)
+    keys = {"startupTimeout": "{:g}".format(arguments.STARTUP_TIMEOUT)}
+    keys.update((name, value) for name, value in given.items() if name in arguments.CONTROLLER)
+    keys.update(missionRuns=str(test.mission_runs), recordDirectory=folder)
+    if test.verbose_mode:
+        keys["verboseMode"] = "true"
+    return others + ["_{}:={}".format(*pair) for pair in keys.items()]
+
+
+def _keep_record(folder: str) -> None:
+    """Copy the record to the folder that the user named for it."""
+    wanted = parameters.given().get("recordDirectory")
+    if wanted:
+        try:
+            os.makedirs(wanted, exist_ok=True)
+            shutil.copy(os.path.join(folder, RECORD), wanted)
+        except OSError as error:
+            print("no record in {}: {}".format(wanted, error.strerror), flush=True)
 
 
 def read_exit_code(folder: str) -> Optional[int]:

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple, Tuple
 
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.gateway import Exhibit, Location, Point
+from behavior_controller.text import Unreadable, read_text
 
 
 class Knowledge(NamedTuple):
@@ -21,11 +22,12 @@ class Knowledge(NamedTuple):
 def load(path: str) -> Knowledge:
     """Read a file of places. Raises ConfigurationError if it cannot be used."""
     try:
-        with open(path, encoding="utf-8") as file:
-            places = json.load(file)
+        places = json.loads(read_text(path))
         return Knowledge(tuple(_place(place) for place in places["exhibits"]), _place(places["entrance"]),
                          _place(places["home"]))
-    except (OSError, ValueError, TypeError, KeyError) as error:
+    except Unreadable as error:
+        raise ConfigurationError([Fault(path, 0, 0, "the exhibits cannot be read: {}".format(error))]) from error
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         reason = "{}: {}".format(type(error).__name__, error)
         raise ConfigurationError([Fault(path, 0, 0, "the exhibits cannot be read: {}".format(reason),
                                         "see the file that the package brings for the form")]) from error

@@ -1,24 +1,42 @@
-"""Runs the launch file of the test and returns the verdict as an exit code, which roslaunch by itself does not do."""
+"""runTest: checks its arguments, runs the launch file of the test, and ends with the verdict as text and as exit code."""
 import os
+import signal
 import subprocess
-from typing import List
+import tempfile
+from typing import Dict, List
 
-from unit_tests.parameters import ros_home
-from unit_tests.reporter import VERDICT
+from behavior_controller.errors import ConfigurationError
 
-NOT_RUN = 2
+from unit_tests import arguments, parameters
+from unit_tests.reporter import NOT_RUN, NOTHING_TESTED, read_verdict
 
 
-def main(arguments: List[str]) -> int:
-    """Return 0 if the test passed, 1 if it failed, 2 if it could not be run. ``arguments`` go to the launch file."""
-    folder = os.path.join(ros_home(), "log", "behaviorControllerTest_{}".format(os.getpid()))
-    command = ["roslaunch", "unit_tests", "behaviorControllerTest.launch", "folder:=" + folder]
+def main(given: List[str]) -> int:
+    """Return 0 if the test passed, 1 if it failed, 2 if it could not be run."""
     try:
-        subprocess.call(command + arguments)
-    except KeyboardInterrupt:
-        pass  # roslaunch has got the signal too and the report has been written
-    try:
-        with open(os.path.join(folder, VERDICT)) as file:
-            return int(file.read())
-    except (OSError, ValueError):
+        if {"-h", "--help"} & set(given):
+            print(arguments.usage())
+            return 0
+        values = arguments.read(given)
+        arguments.check(values)
+    except ConfigurationError as error:
+        print("{}\n{}".format(error, NOTHING_TESTED))
         return NOT_RUN
+    code, verdict = read_verdict(_launch(values)) or (NOT_RUN, NOTHING_TESTED)
+    print(verdict, flush=True)
+    return code
+
+
+def _launch(values: Dict[str, str]) -> str:
+    """Run the test to its end and return the folder of the run."""
+    logs = os.path.join(parameters.ros_home(), "log")
+    os.makedirs(logs, exist_ok=True)
+    folder = tempfile.mkdtemp(prefix="behaviorControllerTest_", dir=logs)
+    command = ["roslaunch", "unit_tests", arguments.LAUNCH_FILE, "{}:={}".format(arguments.FOLDER, folder)]
+    command += ["{}:={}".format(*pair) for pair in values.items()]
+    # a session of its own: roslaunch gets a Ctrl-C once, from here, and has the time to take its nodes along
+    process = subprocess.Popen(command, start_new_session=True)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: process.send_signal(signal.SIGINT))
+    process.wait()
+    return folder

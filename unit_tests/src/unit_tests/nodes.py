@@ -45,7 +45,7 @@ def main(name: str) -> None:
     if not rosgraph.is_master_online():
         sys.exit("{}: no ROS master at {}: start roscore, or use the launch file".format(
             name, rosgraph.get_master_uri()))
-    rospy.init_node(name)
+    rospy.init_node(name, argv=parameters.for_rospy())
     try:
         Node(name).run()
     except BehaviorControllerError as error:
@@ -78,7 +78,7 @@ class Node:
 
     def __init__(self, name: str):
         self._name = name
-        self._test = parameters.read_configuration(rospy.get_name())
+        self._test = parameters.read_configuration()
         self._world = parameters.read_world(self._test)
         self._journal = Journal(parameters.folder())
         if not parameters.is_launched():

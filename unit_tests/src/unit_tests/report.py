@@ -4,11 +4,13 @@ import os
 from collections import Counter
 from typing import List, Tuple
 
+from behavior_controller import settings
 from behavior_controller.gateway import Cause
+from behavior_controller.text import clean
 
+from unit_tests.arguments import to_text
 from unit_tests.configuration import KEYS, Configuration
 from unit_tests.facts import Facts, count, of
-from unit_tests.faults import PlannedFault
 from unit_tests.matching import CAUSE_OF, Matching
 from unit_tests.robot import SERVICES
 from unit_tests.verdict import Verdict, judge, reached
@@ -20,8 +22,9 @@ ALWAYS_TOLD = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
 TOLD_IF_SET = ("missionRuns", "faultKinds", "plannedFaults")
 """Keys of the test that it shows if they are not the default. The rest does not change what happens."""
 
-SHAPES_THE_RUN = {"asrEnabled": True, "mutualGazeValue": 1}
-"""Keys of the controller that the launch file takes -> the default, which the title need not tell."""
+NOT_TOLD = {"scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port", "groot2Address",
+            "monitorPort", "monitorAddress", "recordDirectory"}
+"""Keys of the controller that the title has already, or that do not change what happens. It shows the rest if it is set."""
 
 
 def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
@@ -33,21 +36,11 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     told += [(key.name, chosen[key.name]) for key in KEYS
              if key.name in TOLD_IF_SET and chosen[key.name] != key.default]
     given = started[-1].get("settings", {}) if started else {}
-    told += [(name, given[name]) for name, usual in SHAPES_THE_RUN.items() if given.get(name, usual) != usual]
+    told += [(name, given[name]) for name, usual in settings.defaults().values.items()
+             if name not in NOT_TOLD and given.get(name, usual) != usual]
     told += [("use_real_" + node, True) for node in sorted(facts.real)]
-    return "{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission,
-                                       "; ".join("{} {}".format(name, _value(value)) for name, value in told))
-
-
-def _value(value: object) -> str:
-    """Return a value as an argument of the launch file has it."""
-    if isinstance(value, PlannedFault):
-        return ":".join(map(str, value))
-    if isinstance(value, tuple):
-        return ",".join(map(_value, value))
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "{:g}".format(value) if isinstance(value, float) else str(value)
+    return clean("{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission, "; ".join(
+        "{} {}".format(name, to_text(value)) for name, value in told)))
 
 
 def failure_lines(facts: Facts) -> List[str]:
@@ -58,7 +51,7 @@ def failure_lines(facts: Facts) -> List[str]:
                 or event["event"] == "LeafFinished" and event["status"] == "FAILURE" and event["failure"]]
     failures += [(line.time, event["node"], event["path"], line.resource, CAUSE_OF[line.fault or ""],
                   "on the way to the safe state") for line, event in Matching(facts).in_recovery]
-    return ["\t".join((_clock(failure[0]),) + failure[1:]) for failure in sorted(failures)]
+    return ["\t".join([_clock(failure[0])] + [clean(cell) for cell in failure[1:]]) for failure in sorted(failures)]
 
 
 def summary_lines(facts: Facts) -> List[str]:
@@ -108,7 +101,8 @@ def write(facts: Facts, title: str) -> Tuple[Verdict, str]:
     lines = ["# " + title, "# time\tnode\tpath\ttopic or service\tcause\tmessage"] + failures
     false = sum("\t{}\t".format(Cause.CONDITION_FALSE.value) in line for line in failures)
     lines += ["", "{}; {} of them conditions that were false for a while".format(
-        count(len(failures), "failure", "failures"), false), ""] + summary_lines(facts) + ["", str(verdict)]
+        count(len(failures), "failure", "failures"), false), ""] + [clean(line) for line in summary_lines(facts)]
+    lines += ["", str(verdict)]
     return verdict, "\n".join(lines) + "\n"
 
 

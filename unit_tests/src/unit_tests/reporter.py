@@ -1,34 +1,45 @@
 """The node that waits for the end of the mission, writes the report and gives the verdict."""
 import datetime
 import os
-import sys
+import signal
 import time
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
+import rosgraph
 import rospkg
 import rospy
 
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.watch.record import FILE_NAME as RECORD
 
-from unit_tests import configuration, parameters
-from unit_tests.controller import STARTUP_TIMEOUT, read_exit_code
+from unit_tests import arguments, configuration, parameters
+from unit_tests.controller import read_exit_code
 from unit_tests.exhibits import Knowledge
 from unit_tests.facts import Facts
 from unit_tests.journal import Journal, Tail
 from unit_tests.junit import to_xml
 from unit_tests.rehearsal import Rehearsal, rehearse
 from unit_tests.report import title, write
+from unit_tests.robot import NODES
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 JUNIT = "behaviorControllerTest.xml"
 """File with the verdict as JUnit XML, in the folder where ROS keeps test results."""
 
 VERDICT = "verdict"
-"""File in the folder of the run that holds the exit code of the test."""
+"""File in the folder of the run that holds the exit code of the test, and the verdict in words."""
 
-START_LIMIT = STARTUP_TIMEOUT + 30.0
-"""Seconds after which a controller that has not started its mission is given up."""
+PASSED, FAILED, NOT_RUN = 0, 1, 2
+"""Exit codes of a test."""
+
+NOTHING_TESTED = "nothing was tested"
+"""The last line of a test that did not begin."""
+
+START_LIMIT = 30.0
+"""Seconds after its time to wait for nodes in which a controller must have started its mission."""
+
+END_LIMIT = 30.0
+"""Seconds that roslaunch may take to end the report, once it was asked to end."""
 
 PROGRESS_INTERVAL = 5.0
 """Seconds between two lines about how far the mission is."""
@@ -39,13 +50,22 @@ LOOK_INTERVAL = 0.1
 
 def main() -> int:
     """Return the exit code: 0 passed, 1 failed, 2 the configuration cannot be used."""
-    rospy.init_node("behaviorControllerTest")
+    rospy.init_node("behaviorControllerTest", argv=parameters.for_rospy())
+    try:
+        return _test()
+    finally:
+        _end_launch()
+
+
+def _test() -> int:
+    """Wait for the end of the mission, and report."""
     try:
         test = parameters.read_configuration()
         world = parameters.read_world(test)
     except BehaviorControllerError as error:
-        print(error)
-        return _finish(2)
+        print("{}\n{}".format(error, NOTHING_TESTED), flush=True)
+        _await_nodes()
+        return _finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED))
     print("randomSeed {}".format(test.random_seed), flush=True)
     folder = parameters.folder()
     began = time.monotonic()
@@ -57,7 +77,23 @@ def main() -> int:
     print("\n" + text, flush=True)
     _save_junit(to_xml(verdict, time.monotonic() - began, heading))
     print("written to {}; the record and the journal are in {}".format(_save(text), folder), flush=True)
-    return _finish(0 if verdict.passed else 1)
+    return _finish(PASSED if verdict.passed else FAILED, str(verdict))
+
+
+def _await_nodes() -> None:
+    """Wait for the simulated nodes: one that is still starting would meet the end of the launch with a traceback."""
+    master = rosgraph.Master(rospy.get_name())
+    ends = time.monotonic() + START_LIMIT
+    for node in set(NODES) - parameters.real_nodes():
+        while not _is_registered(master, node) and time.monotonic() < ends and not rospy.is_shutdown():
+            time.sleep(LOOK_INTERVAL)
+
+
+def _is_registered(master: rosgraph.Master, node: str) -> bool:
+    try:
+        return bool(master.lookupNode("/" + node))
+    except rosgraph.MasterException:
+        return False
 
 
 class Progress:
@@ -102,14 +138,15 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
     record = Tail(os.path.join(folder, RECORD))
     events: List[Dict[str, Any]] = []
     began = time.monotonic()
+    start_limit = START_LIMIT + float(parameters.given().get("startupTimeout", arguments.STARTUP_TIMEOUT))
     cut_off = ""
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
         events += record.news()
         show(events)
         waited = time.monotonic() - began
         is_started = any(event["event"] == "RunStarted" for event in events)  # near the beginning, if at all
-        if not is_started and waited > START_LIMIT:
-            cut_off = "the controller did not start its mission within {:g} s".format(START_LIMIT)
+        if not is_started and waited > start_limit:
+            cut_off = "the controller did not start its mission within {:g} s".format(start_limit)
         elif waited > limit:
             cut_off = "the mission did not end within {:g} s (testTimeout)".format(limit)
         else:
@@ -122,7 +159,7 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
 def _save(text: str) -> str:
     """Write the report where this user may write and return the path."""
     places = [os.path.join(configuration.share(), "data", OUTPUT), os.path.join(parameters.ros_home(), OUTPUT)]
-    wanted = rospy.get_param(parameters.NAMESPACE + "/outputFile", "")
+    wanted = parameters.given().get("outputFile")
     for path in [wanted] if wanted else places:
         try:
             with open(path, "w", encoding="utf-8") as file:
@@ -144,11 +181,29 @@ def _save_junit(text: str) -> None:
         print("no JUnit file: {}: {}".format(folder, error.strerror), flush=True)
 
 
-def _finish(code: int) -> int:
-    """Leave the exit code where whoever started the launch can find it: roslaunch does not pass it on."""
+def _finish(code: int, verdict: str) -> int:
+    """Leave exit code and verdict where runTest finds them: roslaunch does not pass on an exit code."""
     if parameters.is_launched():
         os.makedirs(parameters.folder(), exist_ok=True)
-        with open(os.path.join(parameters.folder(), VERDICT), "w") as file:
-            file.write("{}\n".format(code))
-    sys.stdout.flush()
+        with open(os.path.join(parameters.folder(), VERDICT), "w", encoding="utf-8") as file:
+            file.write("{}\n{}\n".format(code, verdict))
     return code
+
+
+def read_verdict(folder: str) -> Optional[Tuple[int, str]]:
+    """Return the exit code of the test and the verdict in words; None if there is none."""
+    try:
+        with open(os.path.join(folder, VERDICT), encoding="utf-8") as file:
+            code, verdict = file.read().split("\n", 1)
+    except (OSError, ValueError):
+        return None
+    return int(code), verdict.rstrip("\n")
+
+
+def _end_launch() -> None:
+    """Have roslaunch end as by Ctrl-C, which ends this process too: it calls the end of a required node a death."""
+    if arguments.is_roslaunch(arguments.parent_command()) and not rospy.is_shutdown():
+        os.kill(os.getppid(), signal.SIGINT)
+        ends = time.monotonic() + END_LIMIT
+        while not rospy.is_shutdown() and time.monotonic() < ends:
+            time.sleep(LOOK_INTERVAL)

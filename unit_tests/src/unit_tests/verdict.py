@@ -3,9 +3,11 @@
 ``QUESTIONS`` decide, among them: did each pass end as the visitor's behaviour predicts, was every exhibit and every leaf
 of the mission seen to that had to be, and is every recorded failure one that was injected, and the other way round?
 """
+from collections import Counter
 from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.gateway import Exhibit
+from behavior_controller.text import clean
 
 from unit_tests.facts import Event, Facts, Pass, count, of, passes
 from unit_tests.journal import Line
@@ -57,7 +59,7 @@ class Verdict(NamedTuple):
 
 def judge(facts: Facts) -> Verdict:
     """Return the verdict."""
-    answers = tuple((question, tuple(answer(facts))) for question, answer in QUESTIONS)
+    answers = tuple((question, tuple(map(clean, answer(facts)))) for question, answer in QUESTIONS)
     ended = len(of(facts.events, "PassFinished"))
     calls = [line for line in facts.journal if line.call > 0]
     praise = "{} as a visitor who {} should; {} of {} calls were made to fail, and all of these are on record".format(
@@ -95,13 +97,22 @@ def _ending(exit_code: Optional[int]) -> str:
 
 
 def _outcomes(facts: Facts) -> Iterator[str]:
-    """Object to passes that did not end as the visitor's behaviour predicts."""
+    """Object to passes that did not end as the visitor's behaviour predicts; once to those of one cause."""
     expected = "FAILURE" if _is_never_met(facts) or _is_deserted(facts) else "SUCCESS"
+    alike: Dict[object, List[Pass]] = {}
     for a_pass in passes(facts):
         if a_pass.outcome != expected:
-            yield "pass {} ended with {}; a visitor who {} should bring {} ({}{})".format(
-                a_pass.number, a_pass.outcome, DOES[facts.behaviour], expected, _last_failure(a_pass.events),
-                _hint(a_pass))
+            alike.setdefault(_reasons(_given_up(a_pass.events)) or a_pass.number, []).append(a_pass)
+    for group in alike.values():
+        events = [event for a_pass in group for event in a_pass.events]
+        yield "{} ended with {}; a visitor who {} should bring {} ({}{})".format(
+            _numbers(group), group[0].outcome, DOES[facts.behaviour], expected, _last_failure(events), _hint(*group))
+
+
+def _numbers(group: Sequence[Pass]) -> str:
+    if len(group) == 1:
+        return "pass {}".format(group[0].number)
+    return "{} passes, from {} to {},".format(len(group), group[0].number, group[-1].number)
 
 
 def _is_never_met(facts: Facts) -> bool:
@@ -122,21 +133,34 @@ def _mission_nodes(facts: Facts) -> Set[str]:
 
 
 def _last_failure(events: Sequence[Event]) -> str:
-    """Return what the recovery gave up, or else what failed last."""
-    given_up = [event["node"] for event in of(events, "Recovered") if not event["success"]]
+    """Return what the recovery gave up and why, if not for the policy's rule; or else what failed last."""
+    given_up = _given_up(events)
     failed = [event for event in of(events, "LeafFinished") if event["status"] == "FAILURE"]
     if given_up:
-        return "given up: {}".format(", ".join(given_up))
+        nodes = Counter(event["node"] for event in given_up)
+        return "; ".join(_reasons(given_up) + ("given up: " + ", ".join(
+            node if number == 1 else "{} ({} times)".format(node, number) for node, number in nodes.items()),))
     if failed:
         return "failed last: {}: {}".format(failed[-1]["node"], failed[-1]["failure"]["message"])
     return "without a failure of a mission node"
 
 
-def _hint(a_pass: Pass) -> str:
+def _given_up(events: Sequence[Event]) -> List[Event]:
+    return [event for event in of(events, "Recovered") if not event["success"]]
+
+
+def _reasons(given_up: Sequence[Event]) -> Tuple[str, ...]:
+    """Return what kept recoveries from the policy's rule, each once: the record has it after the rule and a colon."""
+    found = dict.fromkeys(event["policy"].partition(": ")[2] for event in given_up)
+    return tuple(reason for reason in found if reason)
+
+
+def _hint(*group: Pass) -> str:
     """Return what may have made a good controller fail."""
-    faults = sum(line.fault is not None for line in a_pass.lines)
+    faults = sum(line.fault is not None for a_pass in group for line in a_pass.lines)
     if faults:
-        return "; {} made to fail in this pass".format(count(faults, "call was", "calls were"))
+        return "; {} made to fail in {}".format(count(faults, "call was", "calls were"),
+                                                "this pass" if len(group) == 1 else "these passes")
     return "; if the visitor's messages came too late for the mission, a higher arrivalRate helps"
 
 

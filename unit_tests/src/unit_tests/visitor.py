@@ -29,7 +29,7 @@ UNCLEAR_ANSWER = "That is a good question"
 
 STILL_SEEKING, MUTUAL_GAZE, GAZE_FAILED = "still seeking", "mutual gaze", "failed"
 GAZE_VALUES: Dict[int, Dict[str, int]] = {
-    1: {STILL_SEEKING: 0, MUTUAL_GAZE: 1, GAZE_FAILED: 3},
+    1: {STILL_SEEKING: 0, MUTUAL_GAZE: 1, GAZE_FAILED: 0},
     2: {STILL_SEEKING: 1, MUTUAL_GAZE: 2, GAZE_FAILED: 3},
 }
 """The ``value`` of /overtAttention/mode while seeking, for each ``mutualGazeValue`` of the controller."""

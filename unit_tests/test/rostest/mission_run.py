@@ -25,16 +25,16 @@ class MissionRun(unittest.TestCase):
     """Runs one mission before its cases. The launch file starts the simulated nodes and the controller."""
 
     limit = 60.0  # seconds for the mission
+    behaviour, runs = "engages", 1  # as in the launch file
 
     @classmethod
     def setUpClass(cls):
         folder = parameters.folder()
         cls.events, cls.exit_code, cut_off = reporter.wait_for_end(folder, cls.limit)
-        cls.test = parameters.read_configuration()
         cls.journal = Journal(folder).news()
         cls.requests = [line for line in cls.journal if line.call > 0]
-        cls.verdict = judge(Facts(cls.events, cls.journal, cls.exit_code, cls.test.visitor_behaviour,
-                                  cls.test.mission_runs, KNOWLEDGE, cut_off))
+        cls.verdict = judge(Facts(cls.events, cls.journal, cls.exit_code, cls.behaviour, cls.runs, KNOWLEDGE,
+                                  cut_off))
 
     def assert_ended_with_success(self):
         """Expect exit code 0 and a verdict without objections."""

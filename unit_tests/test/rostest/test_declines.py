@@ -12,6 +12,8 @@ from mission_run import MissionRun
 class TestDeclines(MissionRun):
     """Two visitors who decline, speech recognition on."""
 
+    behaviour, runs = "declines", 2
+
     def test_the_mission_succeeds(self):
         self.assert_ended_with_success()
 

@@ -2,12 +2,15 @@
 """Do the simulated nodes share the seed that is drawn where none is given?"""
 import sys
 import unittest
+from xmlrpc.client import ServerProxy
 
+import rosgraph
 import rospy
 import rostest
 from cssr_system.srv import knowledgeBaseService, textService
 
-from unit_tests import parameters
+from behavior_controller.settings import split_arguments
+from unit_tests.arguments import DRAWN
 from unit_tests.faults import Faults
 
 CALLS = 30
@@ -22,8 +25,13 @@ class TestDrawnSeed(unittest.TestCase):
         call = rospy.ServiceProxy(service, service_type, persistent=True)
         return [not call(text).success for _ in range(CALLS)]
 
+    def drawn(self, node):
+        """Return the seed that roslaunch gave to a node."""
+        with open("/proc/{}/cmdline".format(node_pid("/" + node))) as file:
+            return int(split_arguments(file.read().split("\0"))[1][DRAWN])
+
     def predicted(self, node):
-        faults = Faults(0.5, "{}/{}/faults".format(rospy.get_param(parameters.DRAWN_SEED), node))
+        faults = Faults(0.5, "{}/{}/faults".format(self.drawn(node), node))
         return [faults.next() is not None for _ in range(CALLS)]
 
     def test_calls_fail_as_the_drawn_seed_says(self):
@@ -31,8 +39,12 @@ class TestDrawnSeed(unittest.TestCase):
         self.assertEqual(self.refusals("/knowledgeBase/query", knowledgeBaseService, "home"),
                          self.predicted("knowledgeBase"))
 
-    def test_the_report_reads_the_same_seed(self):
-        self.assertEqual(parameters.read_configuration().random_seed, rospy.get_param(parameters.DRAWN_SEED))
+        self.assertEqual(self.drawn("textToSpeech"), self.drawn("knowledgeBase"))
+
+
+def node_pid(name):
+    """Return the process of a node, as it says itself."""
+    return ServerProxy(rosgraph.Master("/test").lookupNode(name)).getPid("/test")[2]
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ from mission_run import MissionRun
 class TestNoGaze(MissionRun):
     """One visitor who never looks back."""
 
+    behaviour = "noGaze"
+
     def test_the_pass_fails_and_that_is_right(self):
         self.assertEqual((str(self.verdict)[:6], self.exit_code), ("PASSED", 3), str(self.verdict))
 

@@ -79,7 +79,7 @@ class TestNodesAlone(unittest.TestCase):
     def test_a_wrong_configuration_is_one_line_and_exit_code_2(self):
         process = self.start("textToSpeech", "_failureRate:=2")
         output, _ = process.communicate(timeout=LIMIT)
-        self.assertEqual(output, "parameter ~failureRate: failureRate cannot be \"2\" "
+        self.assertEqual(output, "argument failureRate: failureRate cannot be \"2\" "
                                  "(allowed: a number from 0 to 1)\n")
         self.assertEqual(process.returncode, 2)
 

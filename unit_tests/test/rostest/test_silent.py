@@ -12,6 +12,8 @@ from mission_run import MissionRun
 class TestSilent(MissionRun):
     """One visitor who is silent, speech recognition on."""
 
+    behaviour = "silent"
+
     def test_the_mission_succeeds(self):
         self.assert_ended_with_success()
 

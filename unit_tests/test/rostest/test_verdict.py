@@ -19,7 +19,8 @@ class TestVerdict(unittest.TestCase):
         self.assertEqual(code, 0, printed)
         self.assertEqual(report[-1], "PASSED: 1 pass ended as a visitor who engages should; "
                                      "2 of 77 calls were made to fail, and all of these are on record")
-        self.assertIn(report[-1], printed)
+        self.assertEqual(report[-1], printed.splitlines()[-1])
+        self.assertNotIn("REQUIRED", printed)
         self.assertIn(": mission lab_tour.xml; visitorBehaviour engages; failureRate 0; ", report[0])
         seed = re.search(r"randomSeed \d+", report[0]).group()
         self.assertLess(printed.index(seed), printed.index(report[0]), "it is told before the mission begins")
@@ -48,7 +49,13 @@ class TestVerdict(unittest.TestCase):
     def test_a_wrong_configuration_is_told_once(self):
         code, printed, report = run_test("failureRate:=2")[:3]
         self.assertEqual((code, report), (2, []), printed)
-        self.assertEqual(printed.count("failureRate cannot be \"2\" (allowed: a number from 0 to 1)"), 1, printed)
+        self.assertEqual(printed, "argument failureRate: failureRate cannot be \"2\" (allowed: a number from 0 to 1)\n"
+                                  "nothing was tested\n")
+
+    def test_an_unknown_argument_is_refused_before_anything_starts(self):
+        code, printed, report = run_test("failurRate:=0.9")[:3]
+        self.assertEqual((code, report), (2, []), printed)
+        self.assertEqual(printed, "argument failurRate:=0.9: unknown (did you mean failureRate?)\nnothing was tested\n")
 
 
 if __name__ == "__main__":

@@ -25,10 +25,10 @@ def test_fields_have_the_names_of_the_keys():
 
 
 @pytest.mark.parametrize("given, field, value", (
-    ({"failureRate": 0}, "failure_rate", 0), ({"failureRate": "1"}, "failure_rate", 1),
-    ({"arrivalRate": "inf"}, "arrival_rate", math.inf), ({"arrivalRate": 1}, "arrival_rate", 1),
-    ({"verboseMode": True}, "verbose_mode", True),
-    ({"randomSeed": 7}, "random_seed", 7), ({"randomSeed": ""}, "random_seed", None),
+    ({"failureRate": "0"}, "failure_rate", 0), ({"failureRate": "1"}, "failure_rate", 1),
+    ({"arrivalRate": "inf"}, "arrival_rate", math.inf), ({"arrivalRate": "1"}, "arrival_rate", 1),
+    ({"verboseMode": "True"}, "verbose_mode", True),
+    ({"randomSeed": "7"}, "random_seed", 7), ({"randomSeed": ""}, "random_seed", None),
     ({"visitorBehaviour": "leaves"}, "visitor_behaviour", "leaves"),
     ({"visitorBehaviour": "complete"}, "visitor_behaviour", "engages"),
     ({"visitorBehaviour": "partial01"}, "visitor_behaviour", "noGaze"),
@@ -39,24 +39,24 @@ def test_fields_have_the_names_of_the_keys():
     ({"plannedFaults": "robotNavigation:3,textToSpeech:1:unanswered"}, "planned_faults",
      (PlannedFault("robotNavigation", 3, "refused"), PlannedFault("textToSpeech", 1, "unanswered"))),
 ))
-def test_parameters_override_the_file(given, field, value):
+def test_arguments_override_the_file(given, field, value):
     assert getattr(configuration.load(given), field) == value
 
 
 @pytest.mark.parametrize("given, message", (
-    ({"failureRate": 1.1}, "a number from 0 to 1"),
-    ({"failureRate": -0.1}, "a number from 0 to 1"),
+    ({"failureRate": "1.1"}, "a number from 0 to 1"),
+    ({"failureRate": "-0.1"}, "a number from 0 to 1"),
     ({"failureRate": "nan"}, "a number from 0 to 1"),
-    ({"arrivalRate": 0.5}, "1 or more, or inf"),
+    ({"arrivalRate": "0.5"}, "1 or more, or inf"),
     ({"verboseMode": "yes"}, "true or false"),
     ({"visitorBehaviour": "shouts"}, "one of engages, silent, unclear, declines, leaves, noGaze, random, complete, "
      "partial01"),
-    ({"missionRuns": 0}, "1 or more"),
-    ({"randomSeed": 10 ** 9}, "from 0 to 999999999, or nothing"),
+    ({"missionRuns": "0"}, "1 or more"),
+    ({"randomSeed": "1000000000"}, "from 0 to 999999999, or nothing"),
     ({"faultKinds": ""}, "some of refused, exception, unanswered"),
     ({"faultKinds": "slow"}, "some of refused, exception, unanswered"),
     ({"plannedFaults": "faceDetection:1"}, "node:call"),
-    ({"failureRat": 1}, "failureRate"),
+    ({"failureRat": "1"}, "failureRate"),
 ))
 def test_what_is_not_allowed_is_said_with_what_is(given, message):
     with pytest.raises(ConfigurationError, match=message):
@@ -65,5 +65,5 @@ def test_what_is_not_allowed_is_said_with_what_is(given, message):
 
 def test_all_faults_come_at_once():
     with pytest.raises(ConfigurationError) as caught:
-        configuration.load({"failureRate": 2, "arrivalRate": 0, "randomSeed": "x"})
+        configuration.load({"failureRate": "2", "arrivalRate": "0", "randomSeed": "x"})
     assert len(caught.value.faults) == 3

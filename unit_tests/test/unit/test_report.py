@@ -67,8 +67,8 @@ class Story:
         self.record("LeafFinished", uid=1, node=node, path=node, status="SUCCESS", resource=resource, seconds=0.1,
                     failure=None)
 
-    def recovered(self, node, resource, attempts, success=True, cause="refused", path=None):
-        self.record("Recovered", node=node, path=path or node, policy="retry", attempts=attempts, success=success,
+    def recovered(self, node, resource, attempts, success=True, cause="refused", path=None, policy="retry"):
+        self.record("Recovered", node=node, path=path or node, policy=policy, attempts=attempts, success=success,
                     outcome="done" if success else "given up",
                     failure={"cause": cause, "message": "-", "resource": resource})
 
@@ -207,6 +207,29 @@ def test_the_verdict_as_junit_names_each_question_and_what_speaks_against_it():
     assert "a title" in suite.find("system-out").text
 
 
+def with_a_leaf_that_did_not_run(story):
+    """Return the facts of a mission whose second leaf should have run."""
+    story.done("WelcomeSpeech", SAY)
+    return finished(story).facts()._replace(
+        rehearsal=Rehearsal("SUCCESS", frozenset(["WelcomeSpeech", "p/Follow"]), ()))
+
+
+@pytest.mark.parametrize("was_done, number", ((True, 1), (False, 0)))
+def test_only_a_recovery_that_gave_up_excuses_a_leaf_that_did_not_run(was_done, number):
+    story = Story(leaves=("WelcomeSpeech", "FollowMeSpeech"))
+    story.say("Hello", "refused")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.recovered("WelcomeSpeech", SAY, 1, success=was_done)
+    assert len(judge(with_a_leaf_that_did_not_run(story)).objections) == number
+
+
+def test_the_mission_that_counts_is_the_one_after_a_change():
+    story = Story("declines", leaves=("WelcomeSpeech",))
+    story.record("RunStarted", mission="lab_tour.xml", leaves=[["p", leaf] for leaf in TOUR_LEAVES])
+    story.go(1.0)
+    assert finished(story).objections() == ["pass 1: the robot was sent to 1 place without a visitor who wants a tour"]
+
+
 def test_a_mission_without_a_tour_needs_no_exhibits():
     assert finished(Story(leaves=("WelcomeSpeech",))).objections() == []
 
@@ -259,6 +282,26 @@ def test_an_exhibit_where_the_robot_was_not_let_seek_the_gaze_needs_no_descripti
     assert len(finished(story).objections()) == number
 
 
+def test_the_mode_that_overtattention_publishes_is_no_attempt_to_seek_the_gaze():
+    story = Story()
+    story.tour(described=2)
+    story.call("overtAttention", ATTEND, "refused", state="seeking")
+    story.failed("SeekOvertAttentionMode", ATTEND, "refused")
+    story.recovered("SeekOvertAttentionMode", ATTEND, 0)
+    story.journal.append(Line(story.now, "overtAttention", "/overtAttention/mode", 0, {"state": "seeking", "value": 1}))
+    assert finished(story).objections() == []
+
+
+@pytest.mark.parametrize("faults, number", (((None, None), 1), (("refused", None), 0), ((None, "refused"), 0)))
+def test_any_fault_excuses_a_pass_that_ended_before_the_gaze_was_sought(faults, number):
+    story = Story("noGaze", leaves=GAZING)
+    for fault in faults:
+        story.say("Hello", fault)
+        if fault:
+            story.failed("WelcomeSpeech", SAY, fault)
+    assert len(finished(story, "FAILURE").objections()) == number
+
+
 @pytest.mark.parametrize("behaviour", ("declines", "silent"))
 def test_a_tour_that_nobody_wanted_is_wrong(behaviour):
     story = Story(behaviour)
@@ -279,6 +322,34 @@ def test_a_pass_that_failed_is_wrong_and_what_was_given_up_is_named():
     assert finished(story, "FAILURE").objections() == [
         "pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (given up: Navigate; "
         "3 calls were made to fail in this pass)"]
+
+
+def test_the_budget_that_is_spent_is_named_once_as_the_cause():
+    story = without_tour()
+    budget = "give up: the budget of 20 recoveries in 60 s is spent"
+    for policy in ["retry 1x, then give up"] + 17 * [budget]:
+        story.call("animateBehavior", ANIMATE, "refused", state="disabled")
+        story.failed("DisableAnimateBehavior", ANIMATE, "refused")
+        story.recovered("DisableAnimateBehavior", ANIMATE, 0, success=False, policy=policy)
+    assert finished(story, "FAILURE").objections() == [
+        "pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (the budget of 20 recoveries in 60 s is "
+        "spent; given up: DisableAnimateBehavior (18 times); 18 calls were made to fail in this pass)"]
+
+
+def test_passes_that_fail_for_the_spent_budget_are_one_objection():
+    story = Story(leaves=(), runs=17)
+    for number in range(17):
+        story.say("Hello", "refused")
+        story.failed("WelcomeSpeech", SAY, "refused")
+        story.recovered("WelcomeSpeech", SAY, 0, success=False, policy=(
+            "give up: the budget of 30 recoveries in 600 s is spent" if number > 1 else "give up"))
+        story.end_pass("FAILURE")
+    story.end(3)
+    first = ("pass {} ended with FAILURE; a visitor who engages should bring SUCCESS (given up: WelcomeSpeech; 1 call was "
+             "made to fail in this pass)")
+    assert story.objections() == [first.format(1), first.format(2), (
+        "15 passes, from 3 to 17, ended with FAILURE; a visitor who engages should bring SUCCESS (the budget of 30 "
+        "recoveries in 600 s is spent; given up: WelcomeSpeech (15 times); 15 calls were made to fail in these passes)")]
 
 
 def test_a_pass_that_failed_at_a_condition_names_it_and_what_may_help():
@@ -507,7 +578,7 @@ def test_what_the_verdict_does_not_know_changes_nothing():
 
 
 def heading(story, *real, **given):
-    return title(story.facts()._replace(real=frozenset(real)), configuration.load(dict({"randomSeed": 7}, **given)),
+    return title(story.facts()._replace(real=frozenset(real)), configuration.load(dict({"randomSeed": "7"}, **given)),
                  datetime.datetime(2026, 1, 2, 3, 4, 5))
 
 
@@ -520,12 +591,13 @@ def test_the_title_names_the_mission_wherever_its_start_stands_in_the_record():
 
 def test_the_title_tells_all_that_is_needed_to_repeat_the_run():
     story = Story()
-    story.events[0]["settings"] = {"asrEnabled": False, "mutualGazeValue": 2, "language": "English"}
-    told = heading(story, "speechEvent", arrivalRate="inf", missionRuns=2, faultKinds="crash, wrong",
-                   plannedFaults="robotNavigation:3,textToSpeech:1:unanswered", testTimeout=8)
+    story.events[0]["settings"] = {"asrEnabled": False, "mutualGazeValue": 2, "language": "Kinyarwanda",
+                                   "topicMaxAge": 2.0, "monitorPort": 0, "verboseMode": True}
+    told = heading(story, "speechEvent", arrivalRate="inf", missionRuns="2", faultKinds="crash, wrong",
+                   plannedFaults="robotNavigation:3,textToSpeech:1:unanswered", testTimeout="8")
     assert told.endswith("; arrivalRate inf; randomSeed 7; missionRuns 2; faultKinds crash,wrong; "
                          "plannedFaults robotNavigation:3:refused,textToSpeech:1:unanswered; asrEnabled false; "
-                         "mutualGazeValue 2; use_real_speechEvent true")
+                         "language Kinyarwanda; mutualGazeValue 2; use_real_speechEvent true")
 
 
 def test_the_title_of_a_mission_that_did_not_start():
@@ -588,3 +660,21 @@ def test_the_report_ends_with_the_verdict():
     assert lines[2].split("\t")[1] == "IsVisitorDiscovered"
     assert "2 failures; 1 of them conditions that were false for a while" in lines
     assert lines[-1] == "FAILED: WelcomeSpeech failed and nothing was injected there: refused: -"
+
+
+def test_what_the_robot_says_forges_no_line_of_the_report():
+    odd = "\x1b[2J\nPASSED: forged\t\x9b\u202e\ud800\x00"
+    story = without_tour()
+    story.failed("Node" + odd, SAY + odd, "refused", odd, "Tree::1/" + odd)
+    story.recovered("Node" + odd, SAY, 1, path=odd)
+    story.events[0]["mission"] = odd
+    story.call("textToSpeech", SAY, objection=odd, message=odd)
+    facts = finished(story).facts()
+    verdict, text = write(facts, heading(story))
+    junit = to_xml(verdict, 1.0, heading(story))
+    for shown in (text, junit):
+        assert not set("\x1b\x9b\u202e\ud800\x00\r") & set(shown)
+        assert "\\x1b[2J\\nPASSED: forged\\t\\x9b\\u202e\\ud800\\x00" in shown
+    assert [line for line in text.splitlines() if line.startswith("PASSED")] == []
+    assert len(text.split("\n\n")[0].splitlines()) == 3 and len(failure_lines(facts)[0].split("\t")) == 6
+    ElementTree.fromstring(junit)

@@ -108,7 +108,8 @@ def test_the_gaze_status_keeps_to_the_convention(mutual_gaze_value, values):
 
 
 @pytest.mark.parametrize("text", ("", "[]", "{\"exhibits\": []}", "{\"exhibits\": [{\"name\": \"x\"}]}",
-                                  "{\"exhibits\": [{\"name\": \"x\", \"location\": [1, 2]}]}"))
+                                  "{\"exhibits\": [{\"name\": \"x\", \"location\": [1, 2]}]}", "{\"exhibits\": [[]]}",
+                                  "{\"exhibits\": [1]}", "[" * 100_000, "{\"exhibits\": [\"\u202e\"]}"))
 def test_a_file_of_places_that_cannot_be_used_is_named(tmp_path, text):
     path = tmp_path / "exhibits.json"
     path.write_text(text)
@@ -116,3 +117,11 @@ def test_a_file_of_places_that_cannot_be_used_is_named(tmp_path, text):
         exhibits.load(str(path))
     with pytest.raises(ConfigurationError, match="cannot be read"):
         exhibits.load(str(tmp_path / "none.json"))
+
+
+def test_a_file_of_places_may_begin_with_a_byte_order_mark_and_must_be_a_file(tmp_path):
+    with open(os.path.join(configuration.share(), "data", "exhibits.json"), "rb") as file:
+        (tmp_path / "marked.json").write_bytes(b"\xef\xbb\xbf" + file.read())
+    assert exhibits.load(str(tmp_path / "marked.json")) == KNOWLEDGE
+    with pytest.raises(ConfigurationError, match="/dev/zero: the exhibits cannot be read: it is not a regular file"):
+        exhibits.load("/dev/zero")

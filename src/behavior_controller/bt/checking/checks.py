@@ -19,6 +19,9 @@ CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
 PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
 SCRIPT_PORTS = {"Script": "code", "ScriptCondition": "code", "Precondition": "if"}
+_ITEMS = {("LoopInt", "queue"): "vec_int", ("LoopDouble", "queue"): "vec_double"}
+"""Ports of any type whose literal is a list of numbers."""
+
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
 MOST_FAULTS = 1_000  # that are told, and as many warnings
 LONGEST_SCRIPT = 20_000  # characters
@@ -170,6 +173,7 @@ class _Index(_Faults):
             self.fault(root, "the first element is <{}>; it must be <root>".format(root.tag))
             return
         self._format(root)
+        self.warnings.extend(document.stray_text(MOST_FAULTS - len(self.warnings)))
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
         for extra in models[1:]:
             self.fault(extra, "a file may hold only one <TreeNodesModel>")
@@ -455,8 +459,19 @@ class _Nodes:
         if wrong is not None:
             self.fault_in_use(element, "port {} of type {} cannot be \"{}\"".format(port.name, port.type, text), wrong,
                               port.name)
-        elif port.name == known.script and text and ports.reference(text, port.name) is None:
+        elif ports.reference(text, port.name) is not None:
+            return
+        elif port.name == known.script and text:
             self._script(element, port.name, text)
+        else:
+            self._unread(element, port, text, _ITEMS.get((known.spec.id, port.name), port.type))
+
+    def _unread(self, element: Element, port: Port, text: str, type_name: str) -> None:
+        """Warn of a number that is followed by more than blanks: BehaviorTree.CPP reads it no further."""
+        rest = values.unread(text, type_name)
+        if rest:
+            self.warn(element, "{}=\"{}\" is read only up to \"{}\": as {}".format(
+                port.name, text, rest, _read(text, type_name)), "the type is {}".format(type_name), port.name)
 
     def _script(self, element: Element, name: str, text: str) -> None:
         wrong = self._scripts.get(text)
@@ -505,6 +520,15 @@ class _Nodes:
             if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
                 self.warn(element, "{0}=\"{1}\" is the text {1} in version 4".format(name, text),
                           "the entry of that name is written {{{}}}".format(text), name)
+
+
+def _read(text: str, type_name: str) -> str:
+    """Return the value that a literal is read as, for a message."""
+    try:
+        value = values.TYPES[type_name].from_text(text, {})  # type: ignore[misc]
+    except ValueFault as fault:
+        return str(fault)
+    return ";".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def _script_fault(text: str) -> str:

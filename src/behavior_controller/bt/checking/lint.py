@@ -9,7 +9,7 @@ from behavior_controller.bt.checking.checks import CONDITIONS, Checked, below, i
 from behavior_controller.bt.checking.dataflow import Flow, flow
 from behavior_controller.bt.checking.outcomes import FAILS, SKIPS, SUCCEEDS, outcomes
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
-from behavior_controller.bt.registry import Direction, Kind, Registry, did_you_mean
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Registry, did_you_mean
 from behavior_controller.errors import Fault
 
 IGNORED_ON_PURPOSE = ("_uid", "_fullpath", "_description", "__shared_blackboard", "__autoremap")
@@ -105,9 +105,18 @@ class _Linter:
         if spec and element.tag in EXPLICIT and element.tag != spec.kind.value:
             self.warn(element, "<{} ID=\"{}\">: {} is no {} but of kind {}".format(
                 element.tag, spec.id, spec.id, element.tag, spec.kind.value))
+        if spec and spec.names:
+            self._name(element, spec)
         rule = self._rules.get(element.type_id)
         if rule is not None:
             rule(element)
+
+    def _name(self, element: Element, spec: NodeSpec) -> None:
+        """Warn of a name that looks as if it should choose something: one with a number, as those that do have."""
+        name = element.attributes.get("name", spec.id)
+        if name not in spec.names + (spec.id,) and any(letter.isdigit() for letter in name):
+            self.warn(element, "the name {} chooses nothing; {} knows the names {}".format(
+                name, spec.id, " and ".join(spec.names)), spec.description, "name")
 
     def _ignored_attributes(self, element: Element) -> None:
         for name in element.attributes:

@@ -18,6 +18,7 @@ from behavior_controller.bt.language.script import Script, to_bool
 from behavior_controller.bt.registry import Port
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.text import clean
 
 Result = Union[Status, Skipped]
 Observer = Callable[[Behaviour, Status, Status], None]
@@ -65,6 +66,8 @@ class Node(Behaviour):
     """
 
     status: Status
+    element: Any = None
+    """The ``document.Element`` that the node was made from, if it was made from a file."""
 
     # py_trees' constructor makes a UUID and a logger for each node, which costs more than all the rest of a load;
     # here both are made when somebody asks
@@ -174,14 +177,23 @@ class Node(Behaviour):
                 script.run(self.blackboard, self.services.enums)
 
     def store(self, status: Status) -> None:
-        """Make ``status`` the node's status and tell the observer. Raises NodeError for IDLE."""
+        """Make ``status`` the node's status and tell the observer. Raises NodeError or TickError for what is none."""
         old = self.status
-        if status is IDLE:
-            raise NodeError("Node [{}]: you are not allowed to set manually the status to IDLE. "
-                            "If you know what you are doing (?) use resetStatus() instead.".format(self.name))
+        if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
+            raise self._refusal(status)
         self.status = status
         if self.observer is not None and old is not status:
             self.observer(self, old, status)
+
+    def _refusal(self, status: Any) -> BehaviorControllerError:
+        """Return why ``status`` cannot be stored."""
+        if status is IDLE:
+            return NodeError("Node [{}]: you are not allowed to set manually the status to IDLE. "
+                             "If you know what you are doing (?) use resetStatus() instead.".format(self.name))
+        element = self.element
+        place = "{}:{}:{}: ".format(element.document.file, *element.place()) if element is not None else ""
+        return TickError(self, NodeError(
+            "{}its rule returned {!r}; it must be RUNNING, SUCCESS, FAILURE or SKIPPED".format(place, status)))
 
     def reset(self) -> None:
         """Go back to IDLE; children and scripts are not touched."""
@@ -259,8 +271,8 @@ class Node(Behaviour):
 def label(node: Any) -> Tuple[str, str]:
     """Return a node's name, and what tells it from others of that name: its type, if that is another, and its uid."""
     if node.full_path.rsplit("/", 1)[-1] == "{}::{}".format(node.name, node.uid):
-        return node.name, "#{}".format(node.uid)
-    return node.name, "({}) #{}".format(node.registration_id, node.uid)
+        return clean(node.name), "#{}".format(node.uid)
+    return clean(node.name), "({}) #{}".format(node.registration_id, node.uid)
 
 
 _DECISIONS = {"_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}

@@ -5,13 +5,13 @@ import gc
 import itertools
 import os
 import re
-import stat
 from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple, Union
 
 from lxml import etree
 
-from behavior_controller.bt.language.markup import ATTRIBUTE, STARTS, TOKEN, MarkupFault, diagnosis, mended
+from behavior_controller.bt.language.markup import ATTRIBUTE, STARTS, TOKEN, MarkupFault, diagnosis, mended, stray_text
 from behavior_controller.errors import Fault, MissionError
+from behavior_controller.text import Unreadable, clean, decode, read_bytes
 
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
 MOST_FILES = 500  # that one mission may include
@@ -44,7 +44,7 @@ class Element:
     def fault(self, text: str, hint: str = "", attribute: Optional[str] = None, is_warning: bool = False) -> Fault:
         """Return a fault at this place, on one line whatever names and values the text quotes."""
         line, column = self.place(attribute)
-        return Fault(self.document.file, line, column, one_line(text), one_line(hint), is_warning)
+        return Fault(self.document.file, line, column, clean(text, _LONGEST), clean(hint, _LONGEST), is_warning)
 
 
 class Document:
@@ -80,15 +80,12 @@ class Document:
     def fault(self, fault: MarkupFault) -> Fault:
         """Return a fault of the markup with its place."""
         line, column = self.position(fault.offset)
-        return Fault(self.file, line, column, one_line(fault.text), one_line(fault.hint))
+        return Fault(self.file, line, column, clean(fault.text, _LONGEST), clean(fault.hint, _LONGEST))
 
-
-def one_line(text: str) -> str:
-    """Return ``text`` fit for a terminal: what cannot be printed is escaped, and what is too long is cut."""
-    if len(text) > _LONGEST:
-        text = text[:_LONGEST - 40] + " … " + text[-36:]
-    return text if text.isprintable() else "".join(
-        letter if letter.isprintable() else letter.encode("unicode_escape").decode("ascii") for letter in text)
+    def stray_text(self, most: int) -> List[Fault]:
+        """Return warnings of the first ``most`` texts that stand where only elements count."""
+        found = itertools.islice(stray_text(self.text), most)
+        return [self.fault(fault)._replace(is_warning=True) for fault in found]
 
 
 # ------------------------------------------------------------------------------------------------------------- one file
@@ -97,20 +94,10 @@ def one_line(text: str) -> str:
 def read(path: str) -> Document:
     """Read and parse a file. Raises MissionError with the fault."""
     try:
-        status = os.stat(path)
-        if not stat.S_ISREG(status.st_mode):
-            raise _unreadable(path, "it is a folder" if stat.S_ISDIR(status.st_mode) else "it is not a file")
-        if status.st_size > LARGEST:
-            raise _unreadable(path, "it has {} bytes; at most {} are read".format(status.st_size, LARGEST))
-        with open(path, "rb") as file:
-            data = file.read(LARGEST)
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
+        data = read_bytes(path, LARGEST)
+    except Unreadable as error:
+        raise MissionError([Fault(path, 0, 0, "the file cannot be read: {}".format(error))]) from error
     return parse(data, path)
-
-
-def _unreadable(path: str, why: str) -> MissionError:
-    return MissionError([Fault(one_line(path), 0, 0, "the file cannot be read: {}".format(why))])
 
 
 def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
@@ -133,14 +120,13 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
 
 
 def _decoded(data: bytes, file: str) -> str:
-    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
-        return data.decode(encoding)
+        return decode(data)
     except UnicodeDecodeError as error:
         # what comes before the first wrong byte is text, and says where it is
-        before = Document(file, data[:error.start].decode(encoding, "ignore"))
-        name = encoding[:6].rstrip("-").upper()
-        wrong = MarkupFault("byte 0x{:02x} is not {}".format(data[error.start], name), len(before.text),
+        before = Document(file, decode(data[:error.start], "ignore"))
+        encoding = "UTF-16" if error.encoding.startswith("utf-16") else "UTF-8"
+        wrong = MarkupFault("byte 0x{:02x} is not {}".format(data[error.start], encoding), len(before.text),
                             "save the file as UTF-8")
         raise MissionError([before.fault(wrong)]) from error
 
@@ -191,7 +177,7 @@ def _not_well_formed(document: Document, error: Exception) -> MissionError:
     if not faults:
         message = re.sub(r",? line \d+(, column \d+)?.*", "", str(error))
         faults = [Fault(document.file, getattr(error, "lineno", None) or 0, 0,
-                        one_line("not well-formed XML: " + message))]
+                        clean("not well-formed XML: " + message, _LONGEST))]
     return MissionError(faults)
 
 

@@ -47,6 +47,7 @@ _PLAIN_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
 _TAG_NAME = re.compile(_TAG)
 _GOOD_TAG = re.compile(
     r"""<[A-Za-z_][\w.-]*(?:[ ]+[A-Za-z_][\w.-]*="[^&"\x00-\x1f\ud800-\udfff\ufffe\uffff]*")?[ ]*/?>""")
+_PERHAPS_TEXT = re.compile(r">{0}*(?:[^ \t\r\n<]|<!\[CDATA\[)".format(_BLANK))
 _NEXT_ATTRIBUTE = re.compile("{0}+({1})".format(_BLANK, ATTRIBUTE.pattern))
 _REST_OF_TAG = re.compile(r"""({0}*)({1})?({0}*=)?{0}*(["']?)""".format(_BLANK, _NAME))
 
@@ -125,6 +126,34 @@ def _check_outside(text: str, end: int) -> None:
                 what = "an element" if match.group("wrong") == "<" else "text"
                 raise MarkupFault("{} {} the first element".format(what, "after the end of" if begin > 1 else "before"),
                                   match.start("wrong"), "a file holds one <root> and nothing else")
+
+
+def stray_text(text: str) -> Iterator[MarkupFault]:
+    """Yield each text in <root> and its trees, where only elements count; a palette's texts are descriptions."""
+    if not _PERHAPS_TEXT.search(text):
+        return
+    opened: List[str] = []
+    end = 0
+    for match in TOKEN.finditer(text):
+        kind = match.lastgroup
+        if kind == "text":
+            continue
+        if opened[:1] == ["root"] and opened[1:2] in ([], ["BehaviorTree"]):
+            yield from _dropped(text, end, match.start())
+            if match.group().startswith("<![CDATA["):
+                yield from _dropped(text, match.start() + len("<![CDATA["), match.end() - len("]]>"))
+        if kind == "end":
+            del opened[-1:]
+        elif kind == "open" or (kind == "mend" and not match.group("mend")):
+            opened.append(_tag_name(match))
+        end = match.end()
+
+
+def _dropped(text: str, begin: int, end: int) -> Iterator[MarkupFault]:
+    words = text[begin:end].strip(BLANKS)
+    if words:
+        yield MarkupFault("this text is dropped: {}".format(words), text.index(words, begin),
+                          "only elements count here; a remark is written <!-- … -->")
 
 
 # ------------------------------------------------------------------------------------------------------- what is wrong

@@ -28,13 +28,17 @@ class ValueFault(BehaviorControllerError):
 
 
 class ValueType(NamedTuple):
-    """A type of ports and entries. ``from_text`` raises ValueFault; None: no conversion from text is known."""
+    """A type of ports and entries. ``from_text`` raises ValueFault; None: no conversion from text is known.
+
+    ``number`` is the pattern of a number as BT.CPP reads it: what follows it in a text is passed over.
+    """
 
     name: str
     from_text: Optional[Callable[[str, Enums], Any]]
     low: Optional[int] = None
     high: Optional[int] = None
     checked_at_load: bool = True
+    number: Optional["re.Pattern[str]"] = None
 
 
 _INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero but the last digit
@@ -161,7 +165,7 @@ _JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
 
 
 def _integer_type(name: str, low: int, high: int) -> ValueType:
-    return ValueType(name, _integer_reader(low, high), low, high)
+    return ValueType(name, _integer_reader(low, high), low, high, number=_INTEGER)
 
 
 TYPES: Dict[str, ValueType] = {value_type.name: value_type for value_type in (
@@ -172,7 +176,7 @@ TYPES: Dict[str, ValueType] = {value_type.name: value_type for value_type in (
     _integer_type("uint8", 0, 2 ** 8 - 1),
     _integer_type("int64", -2 ** 63, 2 ** 63 - 1),
     _integer_type("uint64", 0, 2 ** 64 - 1),
-    ValueType("double", real_from_text),
+    ValueType("double", real_from_text, number=_REAL),
     ValueType("bool", _boolean, 0, 1),
     ValueType("NodeStatus", _status, checked_at_load=False),
     ValueType("enum", _enumerator, checked_at_load=False),
@@ -186,6 +190,18 @@ TYPES: Dict[str, ValueType] = {value_type.name: value_type for value_type in (
 
 
 VECTORS = {"vec_int": "int", "vec_double": "double", "vec_string": TEXT, "vec_bool": "bool"}
+
+
+def unread(text: str, type_name: str) -> str:
+    """Return what a reader of numbers passes over at the end of ``text``, or of the first such item of a vector."""
+    if type_name in VECTORS:
+        items = [] if text.startswith("json:") else text.split(";")
+        return next(filter(None, (unread(item, VECTORS[type_name]) for item in items)), "")
+    number = TYPES[type_name].number
+    match = number.match(text) if number is not None else None
+    return text[match.end():].strip() if match is not None else ""
+
+
 _CLASSES = {"int": int, "double": float, TEXT: str, "bool": bool}
 _CODES = dict(enumerate(BY_NAME.values()))  # of the statuses, as BT.CPP numbers them
 _STATUSES = {status: code for code, status in _CODES.items()}

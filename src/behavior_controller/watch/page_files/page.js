@@ -11,6 +11,18 @@ let tip = 0;         // uid of the running leaf
 let follow = true;
 let opened = new Set();  // items that only the running leaf has unfolded
 
+const LATE = 2;      // seconds without a message after which what is shown may be old; the node sends one every second
+const RETRY = 10;    // seconds without a message after which the connection is made anew
+let source = null;
+let heard = seconds();    // when the last message came
+let lastTry = seconds();
+let hasConnection = true;
+let alive = {age: null, hangs: false};  // the tick thread's last sign of life, as of the last message
+let ended = "";           // how the mission ended
+let ages = [];            // elements that show the age of a topic's last message
+
+function seconds() { return performance.now() / 1000; }
+
 function element(tag, className, text) {
   const made = document.createElement(tag);
   if (className) made.className = className;
@@ -20,7 +32,11 @@ function element(tag, className, text) {
 
 // ------------------------------------------------------------------------------------------------------------ tree
 
-function item(node, level) {
+const DEEPEST = 100;  // nested lists; browsers give up far beyond, so what is deeper stands beside its parent
+
+function item(node) {
+  const parent = items[node.parent - 1];
+  const level = parent ? Number(parent.getAttribute("aria-level")) + 1 : 1;
   const made = element("li", node.subtree ? "subtree" : "");
   made.setAttribute("role", "treeitem");
   made.setAttribute("aria-level", level);
@@ -30,17 +46,22 @@ function item(node, level) {
   row.title = node.path;
   row.append(element("span", "fold"), element("span", "sign", SIGNS["-"]), element("span", "name", node.name));
   if (node.kind) row.append(element("span", "type", node.kind));
-  row.addEventListener("click", () => { focus(made); if (node.children.length) fold(made, isOpen(made)); });
+  row.addEventListener("click", () => { focus(made); fold(made, isOpen(made)); });
   made.append(row);
   items[node.uid - 1] = made;
-  if (node.children.length) {
+  if (parent) groupFor(parent, level).append(made);
+  return made;
+}
+
+function groupFor(parent, level) {
+  if (level > DEEPEST) return parent.parentElement;
+  if (parent.lastChild.getAttribute("role") !== "group") {
     const group = element("ul");
     group.setAttribute("role", "group");
-    for (const child of node.children) group.append(item(child, level + 1));
-    made.append(group);
-    made.setAttribute("aria-expanded", node.subtree ? "false" : "true");
+    parent.append(group);
+    parent.setAttribute("aria-expanded", parent.classList.contains("subtree") ? "false" : "true");
   }
-  return made;
+  return parent.lastChild;
 }
 
 function showMission(mission) {
@@ -49,8 +70,11 @@ function showMission(mission) {
   items = [];
   letters = "";
   opened = new Set();
-  byId("tree").replaceChildren(...(mission.tree ? [item(mission.tree, 1)] : []));
-  if (items.length) items[0].tabIndex = 0;
+  byId("tree").replaceChildren();
+  if (!mission.nodes.length) return;
+  mission.nodes.forEach(item);
+  items[0].tabIndex = 0;
+  byId("tree").append(items[0]);
 }
 
 const isOpen = one => one.getAttribute("aria-expanded") === "true";
@@ -99,6 +123,9 @@ function goToTip() {
   const box = byId("tree").getBoundingClientRect(), row = current.firstChild.getBoundingClientRect();
   if (row.top < box.top + 40 || row.bottom > box.bottom - 40)
     byId("tree").scrollTop += row.top - box.top - box.height / 2;
+  const name = current.querySelector(".name").getBoundingClientRect();
+  if (row.left < box.left || name.right > box.right || name.left > box.left + box.width / 2)
+    byId("tree").scrollLeft += row.left - box.left - 24;
 }
 
 function setFollow(on) {
@@ -135,20 +162,29 @@ function key(event) {
 
 // ---------------------------------------------------------------------------------------------------------- the rest
 
+const MOST_ALARMS = 3;  // at the top of the page; all stand below
+
 function showPasses(passes) {
-  const last = passes.last[passes.last.length - 1];
-  byId("passes").textContent = "visitors: " + passes.count +
-    (last ? "; the last: " + last.outcome + " after " + last.seconds.toFixed(0) + " s" : "") +
-    (passes.ended ? "; ended: " + passes.ended : "");
+  byId("passes").textContent = passes.text;
+  ended = passes.ended;
 }
 
 function showHealth(parts) {
+  ages = [];
+  const ill = parts.filter(part => !part.well);
+  byId("alarms").replaceChildren(...ill.slice(0, MOST_ALARMS).map(
+    part => element("li", "", "✘ " + part.name + ": " + part.status + (part.consequence ? "; " + part.consequence : ""))));
+  if (ill.length > MOST_ALARMS) byId("alarms").append(element("li", "", "and " + (ill.length - MOST_ALARMS) + " more"));
   byId("health").replaceChildren(...parts.map(part => {
     const made = element("li", part.well ? "well" : "ill");
     made.append(element("span", "sign", part.well ? "✔" : "✘"), element("span", "name", part.name));
     if (part.calls)
       made.append(element("span", "calls", part.calls + " calls, " + part.failures + " failed, last " + part.seconds + " s"));
-    if (part.age !== null) made.append(element("span", "calls", "last message " + part.age + " s ago"));
+    if (part.age !== null) {
+      const age = element("span", "calls");
+      ages.push({element: age, since: seconds() - part.age});
+      made.append(age);
+    }
     if (part.status && !part.well) made.append(element("span", "", part.status + "; " + part.consequence));
     return made;
   }));
@@ -172,18 +208,41 @@ function showBlackboard(entries) {
 }
 
 const SHOW = {mission: showMission, statuses: showStatuses, passes: showPasses, health: showHealth, trouble: showTrouble,
-              blackboard: showBlackboard};
+              blackboard: showBlackboard, alive: part => { alive = part; }};
+
+// -------------------------------------------------------------------------------------------------- is it still so?
+
+// what is shown is as old as the last message, whatever it says: the page counts by itself
+function showDoubt() {
+  const silent = seconds() - heard;
+  let text = "", age = null;
+  if (ended) text = "The mission has ended: " + ended + ".";
+  else if (!hasConnection) [text, age] = ["No connection to the mission; trying again. What is shown may be old.", silent];
+  else if (silent >= LATE) [text, age] = ["No message from the mission. What is shown may be old.", silent];
+  else if (alive.hangs) [text, age] = ["The controller hangs: its tick thread gives no sign of life.", alive.age + silent];
+  const [alert, since] = byId("doubt").children;
+  if (alert.textContent !== text) alert.textContent = text;  // read aloud once, not every second
+  since.textContent = age === null ? "" : "Since " + age.toFixed(0) + " s.";
+  document.body.classList.toggle("stale", age !== null);
+  document.body.classList.toggle("ended", ended !== "");
+  for (const each of ages) each.element.textContent = "last message " + (seconds() - each.since).toFixed(1) + " s ago";
+  if (silent >= RETRY && seconds() - lastTry >= RETRY) connect();
+}
 
 function connect() {
-  const source = new EventSource("events");
-  source.onopen = () => document.querySelector("header").classList.remove("lost");
+  if (source) source.close();
+  lastTry = seconds();
+  source = new EventSource("events");
   source.onmessage = event => {
     const parts = JSON.parse(event.data);
+    heard = seconds();
+    hasConnection = true;
     for (const name of Object.keys(SHOW)) if (name in parts) SHOW[name](parts[name]);
+    showDoubt();
   };
   source.onerror = () => {
-    document.querySelector("header").classList.add("lost");
-    byId("now").textContent = "no connection to the mission; trying again…";
+    hasConnection = false;
+    showDoubt();
   };
 }
 
@@ -197,3 +256,4 @@ byId("fold").addEventListener("click", () => {
   items.forEach(one => fold(one, one.classList.contains("subtree")));
 });
 connect();
+setInterval(showDoubt, 250);

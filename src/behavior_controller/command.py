@@ -1,0 +1,58 @@
+"""Runs a command-line tool to its exit code, also where a standard stream is closed, full, or knows few letters."""
+import os
+import sys
+from typing import Callable, Optional
+
+CANNOT_RUN = 1
+"""The exit code of a tool whose result cannot be written, or that has too little memory."""
+
+
+def run(name: str, main: Callable[[], int]) -> int:
+    """Return the exit code of ``main``, or ``CANNOT_RUN`` with a line on the terminal. The streams are open."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    code = CANNOT_RUN
+    reason: Optional[str] = None
+    try:
+        try:
+            code = main()
+        finally:  # argparse ends a tool by itself
+            sys.stdout.flush()
+    except OSError as error:
+        reason = "the output cannot be written: {}".format(error.strerror)
+    except (MemoryError, RecursionError):
+        reason = "there is too little memory for this"
+    if reason:
+        _discard(sys.stdout.fileno())
+        code = CANNOT_RUN
+        _complain("{}: {}\n".format(name, reason))
+    return code
+
+
+def open_closed_streams() -> None:
+    """Let standard streams that the process was started without lead to the null device.
+
+    Modules expect them to be there, and a socket that got the number of one would be written to.
+    """
+    spare = os.open(os.devnull, os.O_RDWR)
+    while spare < 3:
+        spare = os.dup(spare)
+    os.close(spare)
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode))
+
+
+def _discard(descriptor: int) -> None:
+    """Have what is left in a buffer go nowhere: Python would try to write it once more and complain in its own way."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, descriptor)
+    os.close(null)
+
+
+def _complain(text: str) -> None:
+    try:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+    except OSError:
+        _discard(sys.stderr.fileno())

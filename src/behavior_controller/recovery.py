@@ -1,0 +1,90 @@
+"""The recovery from one failure as a state machine: what the policy wants next. Knows no tree, clock or service."""
+from typing import Callable, NamedTuple, Optional, Union
+
+from behavior_controller.bt.registry import NodeSpec
+from behavior_controller.gateway import Failure
+from behavior_controller.policy import GIVE_UP, SKIP, Policy, Rule
+
+DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given up"
+"""How a recovery may end."""
+
+
+class Retry(NamedTuple):
+    """Do the failed step again after ``pause`` seconds."""
+
+    pause: float
+
+
+class Substitute(NamedTuple):
+    """Do this node in place of the failed one."""
+
+    spec: NodeSpec
+
+
+class End(NamedTuple):
+    """Nothing more is to be tried."""
+
+    outcome: str
+
+
+Step = Union[Retry, Substitute, End]
+
+
+class Recovery:
+    """Decides one step after another: ``next_step``, then ``attempted`` with what came of it."""
+
+    def __init__(self, policy: Policy, node: str, failure: Failure, can_redo: bool, is_affordable: bool,
+                 leave_out: Callable[[], bool]):
+        """``can_redo`` is false where redoing one node would not do what failed as a whole (a SubTree).
+
+        ``is_affordable`` is false once the budget is spent. ``leave_out`` notes that the mission goes on without the
+        step, and returns whether the mission may.
+        """
+        self.failure = failure
+        self.attempts = 0
+        self._policy = policy
+        self._node = node
+        self._leave_out = leave_out
+        self._reason = ""  # why the policy's rule is not followed
+        self._is_substituting = False
+        self._rule: Rule = policy.rule(node, failure.cause)
+        if not is_affordable:
+            self._give_up("the budget of {} recoveries in {:g} s is spent".format(policy.most, policy.seconds))
+        if not can_redo:
+            self._rule = self._rule._replace(retries=0, substitute=None)
+
+    def __str__(self) -> str:
+        """Return the rule that was followed, as an operator reads it, and why not the policy's."""
+        return str(self._rule) + (": " + self._reason if self._reason else "")
+
+    @property
+    def is_indispensable(self) -> bool:
+        """Whether the mission cannot go on without the step."""
+        return self._rule.then != SKIP
+
+    def _give_up(self, reason: str) -> None:
+        self._rule = self._rule._replace(retries=0, then=GIVE_UP, substitute=None)
+        self._reason = reason
+
+    def next_step(self) -> Step:
+        """Return what to do now that the last attempt has failed."""
+        if self.attempts < self._rule.retries:
+            return Retry(self._rule.back_off * 2 ** self.attempts)
+        if self._rule.substitute is not None and not self._is_substituting:
+            self._is_substituting = True
+            return Substitute(self._rule.substitute)
+        if not self._leave_out() and self._rule.then == SKIP:
+            self._rule = self._rule._replace(then=GIVE_UP)
+            self._reason = "every exhibit would be left out"
+        return End(SKIPPED if self._rule.then == SKIP else GIVEN_UP)
+
+    def attempted(self, failure: Optional[Failure]) -> Step:
+        """Take the outcome of a retry or of the substitute (None: it was done) and return what to do next."""
+        self.attempts += not self._is_substituting
+        if failure is None:
+            return End(SUBSTITUTED if self._is_substituting else DONE)
+        if not self._is_substituting:
+            self.failure = failure
+            # what was refused before may have been done this time: the rule is that of the new cause
+            self._rule = self._policy.rule(self._node, failure.cause)
+        return self.next_step()

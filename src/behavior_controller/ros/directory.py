@@ -1,0 +1,170 @@
+"""Where services and publishers are: what the ROS master says, and what it said before it went away or was replaced.
+
+A master that is started anew knows none of the nodes that run. What it has forgotten is looked for where it was last,
+and this node's registrations are made again. Every contact is bounded in time, and rospy's own registrations are not
+used for it: they wait for a master without a limit, and hold rospy's locks while they do.
+"""
+import threading
+import time
+from typing import Any, Dict, FrozenSet, Mapping, NamedTuple, Optional, Set, Tuple
+
+import rospy
+
+from behavior_controller.gateway import Cause
+from behavior_controller.ros.connection import Trouble, ask, ask_master
+
+LOOK_LIMIT = 2.0
+"""Seconds after which a master that has not answered counts as away."""
+
+FAREWELL_LIMIT = 0.2
+"""Seconds that the master has at the end of the process to forget each subscription."""
+
+
+class Place(NamedTuple):
+    """The address of a service, and whether the master lists it: else it is where the service was last."""
+
+    uri: str
+    is_listed: bool
+
+
+class _Entry(NamedTuple):
+    """Addresses, and the number of the registration under which the master told them."""
+
+    registration: int
+    uris: Tuple[str, ...]
+
+
+class Directory:
+    """Asks the master, and remembers. Any thread may ask; ``look`` belongs to one."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._services: Dict[str, _Entry] = {}
+        self._topics: Dict[str, _Entry] = {}
+        self._subscriptions: Dict[str, str] = {}  # topic: type
+        self._publishing: Mapping[str, Any] = {}  # topic: names of the nodes that publish it
+        self._offered: FrozenSet[str] = frozenset()
+        self._is_registered = False
+        self._registration = 0  # grows whenever the master turns out to have forgotten this node
+        self._asked_at: Optional[float] = None  # when the question that is not answered yet was asked
+        self._is_silent = False
+
+    @property
+    def is_away(self) -> bool:
+        """Whether the master did not answer when it was looked at last, or has not answered for too long."""
+        asked_at = self._asked_at
+        return self._is_silent or asked_at is not None and time.monotonic() - asked_at > LOOK_LIMIT
+
+    @property
+    def forgotten(self) -> Set[str]:
+        """The services and topics that a former master knew and this one does not."""
+        with self._lock:
+            known = list(self._services.items()) + list(self._topics.items())
+            return {name for name, entry in known
+                    if entry.registration != self._registration and name not in self._offered}
+
+    # -------------------------------------------------------------------------------------------------------- services
+
+    def service(self, name: str, seconds: float) -> Place:
+        """Return where the service ``name`` is. ``seconds`` bounds each step of asking.
+
+        Raises ``Trouble`` if no node offers it, or if the master does not answer and the service was never found.
+        """
+        with self._lock:
+            known = self._services.get(name, _Entry(0, ())).uris
+        if known and self.is_away:
+            return Place(known[0], False)
+        try:
+            uri = ask_master("lookupService", name, seconds=min(seconds, LOOK_LIMIT) if known else seconds)
+            if uri is None and known and self._is_unknown_to_master():
+                return Place(known[0], False)
+        except Trouble:
+            if not known:
+                raise
+            return Place(known[0], False)
+        found = self._settle(self._services, name, (uri,) if uri else ())
+        if not found:
+            raise Trouble(Cause.NOT_ADVERTISED, "no node offers this service")
+        return Place(found[0], uri is not None)
+
+    @staticmethod
+    def _is_unknown_to_master() -> bool:
+        """Return whether the master is one that ``look`` has not met yet."""
+        return ask_master("lookupNode", rospy.get_name(), seconds=LOOK_LIMIT) is None
+
+    def _settle(self, entries: Dict[str, _Entry], name: str, found: Tuple[str, ...]) -> Tuple[str, ...]:
+        """Return ``found``; if it is empty and the master has forgotten this node since, what was found before."""
+        with self._lock:
+            before = entries.get(name)
+            if found:
+                entries[name] = _Entry(self._registration, found)
+            elif before is not None and before.registration != self._registration:
+                return before.uris
+            else:
+                entries.pop(name, None)  # its node has signed off
+        return found
+
+    # ---------------------------------------------------------------------------------------------------------- topics
+
+    def subscribe(self, topic: str, message_type: str) -> None:
+        """Have ``look`` keep a subscription to ``topic`` registered."""
+        self._subscriptions[topic] = message_type
+
+    def publishers(self, topic: str, known: Mapping[str, str]) -> Tuple[str, ...]:
+        """Return the addresses of the nodes that published ``topic`` at the last ``look``.
+
+        ``known`` has addresses of nodes that need not be asked for. Raises ``Trouble`` if the master does not answer.
+        """
+        uris = [known.get(node) or self._ask("lookupNode", node) for node in self._publishing.get(topic, ())]
+        return self._settle(self._topics, topic, tuple(uri for uri in uris if uri))
+
+    def look(self) -> None:
+        """See how things stand, and register what the master does not know. Raises ``Trouble`` without an answer."""
+        publishers, subscribers, services = self._ask("getSystemState") or ([], [], [])
+        ours = {topic for topic, nodes in subscribers if rospy.get_name() in nodes}
+        if not ours.issuperset(self._subscriptions):
+            self._register()
+        with self._lock:
+            self._publishing = dict(publishers)
+            self._offered = frozenset(name for name, _ in publishers + services)
+
+    def _ask(self, method: str, *arguments: Any) -> Any:
+        """Call the master, and note whether it answers."""
+        self._asked_at = time.monotonic()
+        try:
+            value = ask_master(method, *arguments, seconds=LOOK_LIMIT)
+            self._is_silent = False
+            return value
+        except Trouble:
+            self._is_silent = True
+            raise
+        finally:
+            self._asked_at = None
+
+    def _register(self) -> None:
+        """Register the subscriptions; with a master that has forgotten this node, also what rospy had registered."""
+        me, uri = rospy.get_name(), rospy.core.get_node_uri()
+        if self._ask("lookupNode", me) not in (None, uri) or rospy.core.is_shutdown_requested():
+            return  # a newer node has taken our name: it must not lose it to us
+        if self._is_registered:
+            self._is_registered = False
+            with self._lock:
+                self._registration += 1
+        if self._registration:
+            for topic, message_type in ask(uri, "getPublications", seconds=LOOK_LIMIT) or ():
+                self._ask("registerPublisher", topic, message_type, uri)
+        for topic, message_type in self._subscriptions.items():
+            self._ask("registerSubscriber", topic, message_type, uri)
+        self._is_registered = True
+
+    def sign_off(self) -> None:
+        """Have the master forget the subscriptions, if it answers."""
+        try:
+            for topic in self._subscriptions if self._is_registered and not self.is_away else ():
+                ask_master("unregisterSubscriber", topic, rospy.core.get_node_uri(), seconds=FAREWELL_LIMIT)
+        except Trouble:
+            pass
+
+
+DIRECTORY = Directory()
+"""The one of this process, as rospy has one node for each process."""

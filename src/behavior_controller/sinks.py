@@ -1,0 +1,151 @@
+"""Bounded queues to threads that write: a terminal or log that blocks stops its own thread and nothing else."""
+import collections
+import io
+import logging
+import os
+import select
+import sys
+import threading
+import time
+from typing import Any, Callable, Deque, Iterable, List
+
+MOST_WAITING = 1000
+"""Items that may wait for a sink that takes none."""
+
+LEFT_OUT = "behaviorController: %d lines left out: %s did not take them in time"
+
+
+class Sink:
+    """A daemon thread that writes what is put into its queue. ``put`` never waits; what does not fit is counted."""
+
+    def __init__(self, name: str, write: Callable[[Any], None], left_out: Callable[[int], Any],
+                 most: int = MOST_WAITING):
+        """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread."""
+        self._write = write
+        self._left_out = left_out
+        self._most = most
+        self._waiting: Deque[Any] = collections.deque()
+        self._lost = 0
+        self._is_busy = False
+        self._news = threading.Condition()
+        threading.Thread(target=self._work, name=name, daemon=True).start()
+
+    def put(self, item: Any) -> None:
+        """Have ``item`` written soon, in order; while the queue is full it is counted instead."""
+        with self._news:
+            if self._lost or len(self._waiting) >= self._most:
+                self._lost += 1
+            else:
+                self._waiting.append(item)
+                self._news.notify_all()
+
+    def drain(self, seconds: float) -> None:
+        """Return when everything is written, after ``seconds`` at the latest."""
+        with self._news:
+            self._news.wait_for(lambda: not (self._waiting or self._is_busy), seconds)
+
+    def _work(self) -> None:
+        while True:
+            self._write(self._next())
+
+    def _next(self) -> Any:
+        """Wait for the next item and return it."""
+        with self._news:
+            self._is_busy = False
+            self._news.notify_all()
+            self._news.wait_for(lambda: self._waiting)
+            self._is_busy = True
+            item = self._waiting.popleft()
+            if self._lost and len(self._waiting) <= self._most // 2:
+                self._waiting.append(self._left_out(self._lost))
+                self._lost = 0
+            return item
+
+
+def drain(sinks: Iterable[Sink], seconds: float) -> None:
+    """Drain all of ``sinks``, within ``seconds`` together."""
+    ends = time.monotonic() + seconds
+    for sink in sinks:
+        sink.drain(max(0.0, ends - time.monotonic()))
+
+
+# ------------------------------------------------------------------------------------------------- the standard streams
+
+
+class LineStream(io.TextIOBase):
+    """A text stream whose whole lines go into a sink as bytes."""
+
+    def __init__(self, sink: Sink, original: Any):
+        """``original`` is the stream that this one stands for."""
+        self._sink = sink
+        self._original = original
+        self._is_terminal = original.isatty()
+        self._lock = threading.Lock()
+        self._part = ""  # of a line that has not ended
+
+    def write(self, text: str) -> int:
+        """Take ``text``; a character that the terminal does not have gets its code."""
+        with self._lock:
+            whole, newline, self._part = (self._part + text).rpartition("\n")
+            for line in whole.split("\n") if newline else []:
+                self._sink.put((line + newline).encode(self._original.encoding, "backslashreplace"))
+        return len(text)
+
+    def isatty(self) -> bool:
+        """Whether this is a terminal, so that lines may have colours."""
+        return self._is_terminal
+
+    def fileno(self) -> int:
+        """Return the descriptor of the original."""
+        return self._original.fileno()
+
+
+def take_over_streams() -> List[Sink]:
+    """Let ``sys.stdout`` and ``sys.stderr`` feed sinks, and return these: one if both are the same file."""
+    out, err = sys.stdout, sys.stderr
+    sinks = [_stream_sink(out.fileno())]
+    if not os.path.sameopenfile(out.fileno(), err.fileno()):
+        sinks.append(_stream_sink(err.fileno()))
+    sys.stdout, sys.stderr = LineStream(sinks[0], out), LineStream(sinks[-1], err)
+    return sinks
+
+
+def _stream_sink(descriptor: int) -> Sink:
+    def left_out(count: int) -> bytes:
+        return "[WARN] [{:f}]: {}\n".format(time.time(), LEFT_OUT % (count, "the terminal")).encode()
+
+    return Sink("stream {}".format(descriptor), lambda data: _write_all(descriptor, data), left_out)
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    """Write ``data``, however long that takes; to a terminal that has gone away nothing is written."""
+    try:
+        while data:
+            try:
+                data = data[os.write(descriptor, data):]
+            except BlockingIOError:  # another process has made the terminal non-blocking
+                select.select([], [descriptor], [])
+    except OSError:
+        pass
+
+
+# -------------------------------------------------------------------------------------------------------------- logging
+
+
+class Detached(logging.Handler):
+    """Hands records to another handler on a thread of its own."""
+
+    def __init__(self, handler: logging.Handler) -> None:
+        super().__init__(handler.level)
+        self.path: str = getattr(handler, "baseFilename", "")
+        """Of the log file, if ``handler`` writes one."""
+        name = self.path or "/rosout"
+
+        def left_out(count: int) -> logging.LogRecord:
+            return logging.LogRecord("rosout", logging.WARNING, __file__, 0, LEFT_OUT, (count, name), None)
+
+        self.sink = Sink(name, handler.handle, left_out)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Have ``record`` handled soon."""
+        self.sink.put(record)

@@ -1,0 +1,89 @@
+"""What the page's and Groot2's servers share: a thread with an event loop, and a cap on the number of connections.
+
+Descriptors belong to the robot: a server holds so many of them at most, whatever connects to its port.
+"""
+import asyncio
+import socket
+import threading
+import time
+from typing import Any, Callable, Coroutine, Dict, Optional
+
+from tornado.iostream import IOStream
+
+SHORTEST_IDLE = 2.0
+"""Seconds for which a connection keeps its place though it does nothing."""
+
+
+class Connections:
+    """The open connections of one server, ``most`` at the same time."""
+
+    def __init__(self, most: int):
+        self._most = most
+        self._last_used: Dict[IOStream, float] = {}  # the connection that was idle longest comes first
+
+    def admit(self, stream: IOStream) -> bool:
+        """Give ``stream`` a place and return whether it has one; a stream without a place is closed.
+
+        When all places are taken, it gets the place of the connection that was idle longest, if that was 2 s or more.
+        """
+        for known in [known for known in self._last_used if known.closed()]:
+            del self._last_used[known]
+        if len(self._last_used) >= self._most:
+            idle, last_used = next(iter(self._last_used.items()))
+            if time.monotonic() - last_used < SHORTEST_IDLE:
+                stream.close()
+                return False
+            del self._last_used[idle]
+            idle.close()
+        # a computer that vanished gives its place back
+        stream.socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self.use(stream)
+        return True
+
+    def use(self, stream: IOStream) -> None:
+        """Note that ``stream`` is not idle now."""
+        self._last_used.pop(stream, None)
+        self._last_used[stream] = time.monotonic()
+
+
+class LoopThread:
+    """A thread on which an event loop runs until ``close``."""
+
+    def __init__(self, name: str, begin: Callable[[], None], end: Callable[[], None]):
+        """``begin`` is called in the running loop, ``end`` when the loop is over, for whatever reason."""
+        self._loop = asyncio.new_event_loop()
+        self._loop.call_soon(begin)
+        self._end = end
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Have the loop call ``function`` soon, unless it has ended. Any thread may; it does not wait."""
+        try:
+            self._loop.call_soon_threadsafe(function, *arguments)
+        except RuntimeError:
+            pass  # the loop has ended
+
+    def close(self, farewell: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
+        """End the loop, after ``farewell``, and wait for a second at the most until it has ended."""
+        self.call(self._loop.stop if farewell is None else lambda: self._loop.create_task(self._end_after(farewell)))
+        self._thread.join(1.0)
+
+    async def _end_after(self, farewell: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        try:
+            await farewell()
+        finally:
+            self._loop.stop()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_forever()
+        finally:
+            self._end()
+            tasks = asyncio.all_tasks(self._loop)
+            for task in tasks:
+                task.cancel()
+            if tasks:
+                self._loop.run_until_complete(asyncio.wait(tasks))
+            self._loop.close()

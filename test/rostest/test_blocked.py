@@ -1,0 +1,367 @@
+#!/usr/bin/env python3
+"""Does the mission go on, and does the node stop, while a terminal, a pipe, a disk or the master takes nothing?"""
+import fcntl
+import os
+import pty
+import re
+import resource
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+import rosgraph
+import rostest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from robot import Controller, Package, Robot, forget_dead_entries, start_master  # noqa: E402
+
+ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
+SAY = "/textToSpeech/say_text"
+LIMIT = 2.0
+CTRL_S, CTRL_Q = b"\x13", b"\x11"
+SMALLEST_PIPE = 4096
+F_SETPIPE_SZ = 1031  # fcntl has the name from Python 3.10 on
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
+  <BehaviorTree ID="M"><Sequence><START_OF_TREE/><EnableAnimateBehavior/><ScanningOvertAttentionMode/>{}</Sequence>
+  </BehaviorTree>
+</root>
+"""
+TALKING = ("<Repeat num_cycles=\"-1\"><ForceSuccess><Sequence><Sleep msec=\"10\"/><WelcomeSpeech/></Sequence>"
+           "</ForceSuccess></Repeat>")
+
+
+class TestBlocked(unittest.TestCase):
+    """Each case has a copy of the package; some have a master of their own, which they may freeze."""
+
+    def setUp(self):
+        self.master = None
+        self.folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.package = Package(os.path.join(self.folder, "package"))
+        self.environment = {"ROS_HOME": os.path.join(self.folder, "ros")}
+
+    def own_master(self):
+        """Run a master that this case may freeze, and return its process."""
+        before = os.environ["ROS_MASTER_URI"]
+        self.addCleanup(os.environ.update, ROS_MASTER_URI=before)
+        self.master = start_master()
+        return self.master
+
+    def tearDown(self):
+        """Nothing else that is cleaned up may wait for a frozen master."""
+        if self.master is None:
+            forget_dead_entries()
+        else:
+            self.master.kill()
+            self.master.wait()
+
+    def prepare(self, mission, modes=None, **keys):
+        """Write the mission and start the robot."""
+        self.package.write("data/m.xml", MISSION.format(mission))
+        self.package.configure(scenarioSpecification="m", **keys)
+        self.robot = Robot(modes or {})
+        self.addCleanup(self.robot.stop)
+
+    def controller(self, *arguments):
+        """Start the node, with its output read by this test."""
+        controller = Controller(self.package, *arguments, **self.environment)
+        self.addCleanup(controller.close)
+        return controller
+
+    def start_process(self, *arguments, **options):
+        """Start the node with the output that ``options`` of Popen say."""
+        environment = dict(os.environ, **self.environment)
+        environment["PYTHONPATH"] = self.package.path("src") + os.pathsep + environment.get("PYTHONPATH", "")
+        process = subprocess.Popen([sys.executable, self.package.path("src/behavior_controller/behaviorController")]
+                                   + list(arguments), stdin=options.pop("stdin", subprocess.DEVNULL), env=environment,
+                                   **options)
+        self.addCleanup(process.wait, 10)
+        self.addCleanup(process.kill)
+        return process
+
+    def assert_says_on(self, count=20):
+        """Expect that the mission goes on."""
+        start = len(self.robot.lines.all)
+        for _ in range(count):
+            self.robot.wait_for_request(SAY, 5, start)
+            start = len(self.robot.lines.all)
+
+    def assert_stops_safely(self, process, number=signal.SIGTERM):
+        """Expect the end within the limit, the safe state, and the exit code of a run without a finished pass."""
+        sent = time.monotonic()
+        process.send_signal(number)
+        self.assertEqual(process.wait(10), 0)
+        seconds = time.monotonic() - sent
+        print("{}: stopped after {:.2f} s".format(self.id(), seconds))
+        self.assertLess(seconds, LIMIT)
+        self.assertEqual(sorted(request["service"] for request in self.robot.requests()[-2:]),
+                         sorted([ATTENTION, ANIMATION]))
+        self.assertTrue(all(request["fields"]["state"] == "disabled" for request in self.robot.requests()[-2:]))
+
+    # ----------------------------------------------------------------------------------------------- what takes no line
+
+    def small_pipe(self):
+        """Return both ends of a pipe that takes no more than a page."""
+        ends = os.pipe()
+        for end in ends:
+            self.addCleanup(os.close, end)
+        fcntl.fcntl(ends[0], F_SETPIPE_SZ, SMALLEST_PIPE)
+        return ends
+
+    def terminal(self):
+        """Return both ends of a terminal."""
+        master, slave = pty.openpty()
+        self.addCleanup(os.close, master)
+        self.addCleanup(os.close, slave)
+        return master, slave
+
+    def test_a_frozen_master(self):
+        master = self.own_master()
+        self.prepare(TALKING, textToSpeechDeadline="2", verboseMode="true")
+        controller = self.controller()
+        self.robot.wait_for_request(SAY, 20)
+        master.send_signal(signal.SIGSTOP)
+        frozen = time.monotonic()
+        controller.lines.wait_for(lambda line: "master" in line and "does not answer" in line, 8)
+        self.assert_says_on()
+        self.robot.set_mode(SAY, "hang")
+        hung = self.robot.requests(SAY)[-1]["time"]
+        start = len(controller.lines.all)
+        given_up, _ = controller.lines.wait_for(lambda line: "WelcomeSpeech" in line and "FAILURE" in line, 5, start)
+        self.assertLess(abs(given_up - hung - 2.0), 0.5)
+        beat, _ = controller.lines.wait_for(lambda line: "running." in line, 11)
+        self.assertGreater(beat, frozen)
+        self.assert_stops_safely(controller.process)
+        self.assertNotIn("Traceback", controller.lines.text())
+
+    def test_every_sink_at_once(self):
+        master = self.own_master()
+        record = os.path.join(self.folder, "record")
+        os.makedirs(record)
+        os.mkfifo(os.path.join(record, "mission.jsonl"))
+        log = os.path.join(self.folder, "log")
+        os.mkfifo(log)
+        log_end = os.open(log, os.O_RDWR)
+        self.addCleanup(os.close, log_end)
+        fcntl.fcntl(log_end, F_SETPIPE_SZ, SMALLEST_PIPE)
+        operator, terminal = self.terminal()
+        self.prepare(TALKING, verboseMode="true", recordDirectory=record)
+        process = self.start_process("__log:=" + log, stdout=terminal, stderr=self.small_pipe()[1])
+        self.robot.wait_for_request(SAY, 20)
+        os.write(operator, CTRL_S)
+        master.send_signal(signal.SIGSTOP)
+        self.assert_says_on(100)
+        self.assert_stops_safely(process)
+
+    def test_a_terminal_that_is_held_shows_its_lines_when_it_is_let_go(self):
+        operator, terminal = self.terminal()
+        self.prepare(TALKING, verboseMode="true")
+        process = self.start_process(stdin=terminal, stdout=terminal, stderr=terminal)
+        self.robot.wait_for_request(SAY, 20)
+        os.write(operator, CTRL_S)
+        held = len(self.robot.requests(SAY))
+        self.assert_says_on()
+        os.write(operator, CTRL_Q)
+        shown = b""
+        while shown.count(b"WelcomeSpeech (") < held + 20:
+            shown += os.read(operator, 65536)
+        self.assertNotIn(b"left out", shown)
+        threading.Thread(target=self.read_on, args=(operator,), daemon=True).start()
+        self.assert_stops_safely(process)
+
+    @staticmethod
+    def read_on(descriptor):
+        """Read until the other end is closed."""
+        try:
+            while os.read(descriptor, 65536):
+                pass
+        except OSError:
+            pass
+
+    def test_an_unread_pipe(self):
+        self.prepare(TALKING, verboseMode="true")
+        reader, writer = self.small_pipe()
+        process = self.start_process(stdout=writer, stderr=subprocess.STDOUT)
+        self.robot.wait_for_request(SAY, 20)
+        self.assert_says_on(100)
+        self.assertGreater(len(os.read(reader, SMALLEST_PIPE)), SMALLEST_PIPE // 2)  # it was full
+        self.assert_stops_safely(process, signal.SIGQUIT)
+
+    def test_closed_standard_streams(self):
+        self.prepare("<WelcomeSpeech/>", missionRuns=1)
+        for closed in ((1,), (2,), (0, 1, 2)):
+            said = len(self.robot.requests(SAY))
+            process = self.start_process(
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                preexec_fn=lambda closed=closed: [os.close(descriptor) for descriptor in closed])
+            self.assertEqual(process.wait(20), 0)
+            self.assertEqual(len(self.robot.requests(SAY)), said + 1)
+
+    # --------------------------------------------------------------------------------------------- what does not answer
+
+    def test_a_configuration_that_cannot_be_read_to_its_end(self):
+        self.prepare(TALKING)
+        controller = self.controller()
+        self.robot.wait_for_request(SAY, 20)
+        configuration = self.package.path("config/behaviorControllerConfiguration.ini")
+        os.remove(configuration)
+        os.mkfifo(configuration)
+        controller.process.send_signal(signal.SIGHUP)
+        self.assert_says_on()
+        self.assert_stops_safely(controller.process)
+
+    def test_a_master_that_freezes_before_the_files_are_read_again(self):
+        master = self.own_master()
+        self.prepare(TALKING)
+        controller = self.controller()
+        self.robot.wait_for_request(SAY, 20)
+        master.send_signal(signal.SIGSTOP)
+        controller.process.send_signal(signal.SIGHUP)
+        time.sleep(0.3)  # two signals that are pending together are one
+        controller.process.send_signal(signal.SIGHUP)
+        controller.lines.wait_for(lambda line: "SIGHUP ignored" in line and "still being read" in line, 3)
+        self.assert_says_on()
+        self.assert_stops_safely(controller.process)
+
+    def test_files_that_cannot_be_read_again_because_of_the_master_are_refused(self):
+        master = self.own_master()
+        self.prepare(TALKING)
+        controller = self.controller()
+        self.robot.wait_for_request(SAY, 20)
+        master.kill()
+        master.wait()
+        controller.process.send_signal(signal.SIGHUP)
+        controller.lines.wait_for(lambda line: "refused, the running mission stays" in line and "master" in line, 10)
+        self.assert_says_on()
+        self.assert_stops_safely(controller.process)
+
+    def test_a_master_that_freezes_while_the_node_registers(self):
+        real = re.match(r"http://(.*):(\d+)", os.environ["ROS_MASTER_URI"])
+        relay = Relay((real.group(1), int(real.group(2))))
+        self.addCleanup(relay.close)
+        self.environment["ROS_MASTER_URI"] = "http://localhost:{}".format(relay.port)
+        self.package.configure()
+        controller = self.controller()
+        relay.wait_for_second(10)
+        code, seconds = controller.stop(signal.SIGTERM)
+        self.assertLess(seconds, LIMIT)
+        self.assertEqual(code, 1)
+        relay.is_fresh = True
+        controller = self.controller()
+        self.assertEqual(controller.wait(25), 1)
+        self.assertEqual([line for _, line in controller.lines.all if "does not answer any more" not in line], [])
+
+    # ---------------------------------------------------------------------------------------- another node of that name
+
+    def test_the_newer_one_stays_and_the_older_one_says_why_it_goes(self):
+        self.prepare("<WelcomeSpeech/><Sleep msec=\"20\"/>")
+        older = self.controller()
+        self.robot.wait_for_request(SAY, 20)
+        for _ in range(3):
+            newer = self.controller()
+            self.assertEqual(older.wait(10), 0)
+            self.assertIn("another node was started under the name /behaviorController", older.lines.text())
+            self.assertIn("exit code 0", older.lines.text())
+            newer.lines.wait_for(lambda line: " starts, " in line, 20)
+            self.assert_says_on(2)
+            self.assertIsNone(newer.process.poll(), newer.lines.text())
+            self.assertIsNotNone(rosgraph.Master("/test").lookupNode("/behaviorController"))
+            older = newer
+        self.assert_stops_safely(older.process)
+
+    # ------------------------------------------------------------------------------------- a machine that gives no more
+
+    def allow_threads(self, count):
+        """Become a user without processes, who may have so many threads besides the first. In the new process."""
+        user = 100000 + os.getppid()
+        resource.setrlimit(resource.RLIMIT_NPROC, (1 + count, 1 + count))
+        os.setgid(user)
+        os.setuid(user)
+
+    def end_of(self, limit):
+        """Run the node to its end under a limit; return exit code and lines."""
+        process = self.start_process(stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                                     preexec_fn=limit)
+        text = process.communicate(timeout=60)[0]
+        return process.returncode, text
+
+    def assert_says_why(self, limits, limit):
+        """Run the node under each of ``limits``: it runs the mission, or ends with the documented code and a reason."""
+        codes = set()
+        for number in limits:
+            code, text = self.end_of(lambda number=number: limit(number))
+            codes.add(code)
+            self.assertNotIn("Traceback", text)
+            if code == 4:
+                self.assertRegex(text, "no more memory, threads or files|cannot be loaded")
+        self.assertLessEqual({0, 4}, codes)
+        self.assertLessEqual(codes, {0, 3, 4})  # 3: a step of the mission got no thread
+
+    @unittest.skipIf(os.getuid() != 0, "only root can become a user without processes, whose threads can be counted")
+    def test_few_threads(self):
+        os.chown(self.folder, 100000 + os.getpid(), -1)
+        self.prepare("<WelcomeSpeech/>", missionRuns=1)
+        self.assert_says_why((0, 2, 4, 8, 12, 60), self.allow_threads)
+
+    def test_little_memory(self):
+        self.prepare("<WelcomeSpeech/>", missionRuns=1)
+        self.assert_says_why((90, 140, 220, 500, 4000), lambda megabytes: resource.setrlimit(
+            resource.RLIMIT_AS, (megabytes * 1000000, megabytes * 1000000)))
+
+
+class Relay:
+    """A master that freezes after the first question: passes one connection on to the real one and holds the others."""
+
+    def __init__(self, master):
+        self._master = master
+        self.is_fresh = True
+        self._held = []
+        self._news = threading.Event()
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def wait_for_second(self, seconds):
+        """Return when a connection is held."""
+        assert self._news.wait(seconds), "no second connection came"
+
+    def close(self):
+        """Let go of everything."""
+        for sock in [self._server] + self._held:
+            sock.close()
+
+    def _serve(self):
+        try:
+            while True:
+                client, _ = self._server.accept()
+                self._held.append(client)
+                if self.is_fresh:
+                    self.is_fresh = False
+                    server = socket.create_connection(self._master)
+                    self._held.append(server)
+                    for source, target in ((client, server), (server, client)):
+                        threading.Thread(target=self._pass_on, args=(source, target), daemon=True).start()
+                else:
+                    self._news.set()
+        except OSError:
+            pass  # closed
+
+    @staticmethod
+    def _pass_on(source, target):
+        try:
+            data = source.recv(65536)
+            while data:
+                target.sendall(data)
+                data = source.recv(65536)
+        except OSError:
+            pass
+
+
+if __name__ == "__main__":
+    rostest.rosrun("cssr_system", "blocked", TestBlocked)

@@ -1,0 +1,180 @@
+"""Trials of an adversary that take long: what becomes of the mission when its surroundings do their worst."""
+import os
+import random
+import re
+import resource
+import signal
+import socket
+import time
+import urllib.request
+from functools import partial
+
+from link_trials import HEARS, PATIENCE, TOLD_LIMIT, cut, cut_while_it_starts, lab_tour
+from robot import free_ports, start_master
+from tour_model import DRIVE, SERVICES
+from trial import GONE, longest_gap, sleep_until, when
+
+DRIVE_DEADLINE = 10.0  # s
+A_TOUR = 40.0  # s, in which one ends on a loaded computer; alone it takes a few
+HEARTBEAT = 10.0  # s
+DEATH_LIMIT = 2.0  # s, until the death of a node is told
+FEW_DESCRIPTORS = 1024  # what a system gives to a process by default
+WAITING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>
+<ReactiveFallback><AlwaysFailure/><Sleep msec="600000"/></ReactiveFallback></Sequence></BehaviorTree></root>"""
+
+
+# ----------------------------------------------------------------------------------------------------------- the trials
+
+
+def frozen_master(trial, seconds):
+    """The master freezes while the robot drives: tours go on, deadlines are kept, and the node can be stopped."""
+    master, robot = surroundings(trial)
+    trial.package.write("data/waiting.xml", WAITING)
+    trial.package.configure(verboseMode="true", robotNavigationDeadline=DRIVE_DEADLINE)
+    tours, waits = trial.node(), trial.node("__name:=waits", "_scenarioSpecification:=waiting")
+    see_tours(trial, tours, 1)
+    began = hang_a_drive(trial, robot, tours, lambda: master.send_signal(signal.SIGSTOP))
+    trial.within("said after", when(waits, GONE.pattern, began, PATIENCE), TOLD_LIMIT)
+    see_tours(trial, tours, 3)
+    sleep_until(began + seconds - 5.0)
+    trial.within("between two heartbeats", longest_gap(tours, r"running\.$", began, time.monotonic()), HEARTBEAT + 1.0)
+    trial.stop(tours, robot, "while it is frozen")
+    sleep_until(began + seconds)
+    master.send_signal(signal.SIGCONT)
+    trial.within("answers again said after", when(waits, "master .* again", time.monotonic(), PATIENCE), TOLD_LIMIT)
+    trial.stop(waits, robot, "at the end")
+
+
+def new_master(trial):
+    """A new roscore knows none of the nodes that run: tours go on, and the operator reads that it is new."""
+    master, robot = surroundings(trial)
+    trial.package.configure(verboseMode="true", robotNavigationDeadline=DRIVE_DEADLINE)
+    tours = trial.node()
+    see_tours(trial, tours, 1)
+    end(master)
+    see_tours(trial, tours, 1)
+    time.sleep(TOLD_LIMIT)  # what is said of the old one is said
+    trial.process("rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rpartition(":")[2])
+    started = time.monotonic()
+    trial.within("a new master is said after", when(tours, r"master .*\bnew\b", started, PATIENCE), TOLD_LIMIT)
+    hang_a_drive(trial, robot, tours)  # the calls after it need a new connection
+    see_tours(trial, tours, 3)
+    trial.stop(tours, robot, "at the end")
+
+
+def flood(trial, count):
+    """Idle connections to the ports for Groot2 and browsers take nothing from the robot, and the page comes back."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 4 * count)), hard))
+    groot2_port, page_port = free_ports()
+    robot = surroundings(trial)[1]
+    trial.package.configure(verboseMode="true", groot2Port=groot2_port, monitorPort=page_port,
+                            robotNavigationDeadline=DRIVE_DEADLINE)
+    tours = trial.node()
+    resource.prlimit(tours.process.pid, resource.RLIMIT_NOFILE, (FEW_DESCRIPTORS, FEW_DESCRIPTORS))
+    see_tours(trial, tours, 1)
+    idle = [connection for port in (page_port, groot2_port) for connection in connections(port, count)]
+    hang_a_drive(trial, robot, tours)  # the calls after it need a new connection
+    see_tours(trial, tours, 3)
+    trial.times.append("{} connections, {} descriptors".format(
+        len(idle), len(os.listdir("/proc/{}/fd".format(tours.process.pid)))))
+    for connection in idle:
+        connection.close()
+    asked = time.monotonic()
+    with urllib.request.urlopen("http://127.0.0.1:{}/".format(page_port), timeout=PATIENCE) as page:
+        page.read()
+    trial.within("page after", time.monotonic() - asked, TOLD_LIMIT)
+    trial.stop(tours, robot, "at the end")
+
+
+def nodes_killed(trial, rounds):
+    """The robot's nodes are killed in mid-tour and started again, and so is ours: the next visitor has a tour."""
+    draw = random.Random(1)
+    robot = surroundings(trial)[1]
+    trial.package.configure()
+    tours = trial.node()
+    see_tours(trial, tours, 1)
+    for number in range(rounds):
+        time.sleep(draw.uniform(0.0, 3.0))
+        robot.kill()
+        killed = time.monotonic()
+        trial.within("{}. death".format(number + 1), max(
+            when(tours, name + ".*gone", killed, PATIENCE) for name in (*SERVICES, *HEARS.values())), DEATH_LIMIT)
+        time.sleep(draw.uniform(0.0, 6.0))
+        robot = trial.robot()
+        trial.within("visit over", when(tours, r"pass \d+: ", time.monotonic(), A_TOUR), A_TOUR)
+        see_tours(trial, tours, 1)
+    tours.process.kill()
+    tours = trial.node()
+    see_tours(trial, tours, 1)
+    trial.stop(tours, robot, "at the end")
+
+
+# -------------------------------------------------------------------------------------------------- what they consist of
+
+
+def surroundings(trial):
+    """Start a master and a robot, and return both."""
+    master = start_master()
+    trial.held.callback(end, master)
+    return master, trial.robot()
+
+
+def hang_a_drive(trial, robot, node, meanwhile=lambda: None):
+    """Let a drive hang until its deadline; return when it was asked for and ``meanwhile()`` was called."""
+    robot.set_mode(DRIVE, "hang")
+    robot.wait_for_request(DRIVE, A_TOUR, start=len(robot.lines.all))
+    meanwhile()
+    asked = time.monotonic()
+    trial.within("hung drive given up after", when(node, r"Navigate \(.*FAILURE.*no answer", asked, 2 * DRIVE_DEADLINE),
+                 DRIVE_DEADLINE + 1.0)
+    robot.set_mode(DRIVE, "done")
+    return asked
+
+
+def end(master):
+    """End a master as a crash does."""
+    master.kill()
+    master.wait()
+
+
+def see_tours(trial, node, count):
+    """Wait until so many more tours have ended, and expect all of them to have succeeded."""
+    start, since = len(node.lines.all), time.monotonic()
+    for _ in range(count):
+        _, line = node.lines.wait_for(re.compile(r"pass \d+: ").search, A_TOUR, start)
+        start = 1 + next(n for n, (_, other) in enumerate(node.lines.all) if n >= start and other == line)
+        trial.require("SUCCESS" in line, line)
+    trial.times.append("{} tours {:.1f} s".format(count, time.monotonic() - since))
+
+
+def connections(port, count):
+    """Yield as many of so many connections as the port takes."""
+    for _ in range(count):
+        try:
+            yield socket.create_connection(("127.0.0.1", port), 2.0)
+        except OSError:
+            return
+
+
+# ------------------------------------------------------------------------------------------------------------ the table
+
+CUTS = ((10, (1, 6)), (60, (3, 20, 50)), (110, (10, 40, 100)))  # seconds, and the moments at which a node is stopped
+
+TRIALS = [("lab tour at 100 ms and 5 % loss, master with the " + master, 240, partial(lab_tour, master=master))
+          for master in ("robot", "node")]
+TRIALS += [("cut of {} s, master with the {}".format(seconds, master), seconds + 120,
+            partial(cut, seconds=seconds, stops=stops, master=master))
+           for seconds, stops in CUTS for master in ("robot", "node")]
+TRIALS += [
+    ("cut of 60 s from the master alone", 180, partial(cut, seconds=60, stops=(3, 30), robot="node")),
+    ("cut of 30 s on one LAN", 150, partial(cut, seconds=30, stops=(15,), kind="tap")),
+    ("cut while the node starts", 120, partial(cut_while_it_starts, moments=(1.0, 1.5, 2.0, 3.0, 4.0, 6.0))),
+    ("master frozen for a minute", 240, partial(frozen_master, seconds=60)),
+    ("new master", 300, new_master),
+    ("1,200 idle connections to each port", 240, partial(flood, count=1200)),
+    ("nodes killed and started again", 600, partial(nodes_killed, rounds=5)),
+]
+
+SHORT = [("cut of 8 s, master with the " + master, 60, partial(cut, seconds=8, stops=(3,), master=master))
+         for master in ("robot", "node")]

@@ -1,0 +1,44 @@
+"""Work that may hang: its result, its error, its limit, and a stop that does not wait for it."""
+import threading
+import time
+
+import pytest
+
+from behavior_controller.apart import Late, Stopped, run_apart, run_together
+from behavior_controller.bt.engine.wakeup import WakeUp
+
+
+def test_the_result_and_the_error_come_through():
+    assert run_apart(lambda: 42, WakeUp(), lambda: False, 5) == 42
+    assert run_apart(lambda: None, WakeUp(), lambda: False, 5) is None
+    with pytest.raises(ZeroDivisionError):
+        run_apart(lambda: 1 / 0, WakeUp(), lambda: False, 5)
+
+
+def test_the_limit_ends_the_wait():
+    began = time.monotonic()
+    with pytest.raises(Late):
+        run_apart(threading.Event().wait, WakeUp(), lambda: False, 0.1)
+    assert time.monotonic() - began < 2.0
+
+
+def test_a_stop_ends_the_wait_at_once():
+    wake, stopped = WakeUp(), threading.Event()
+
+    def stop():
+        stopped.set()
+        wake.emit()
+
+    began = time.monotonic()
+    threading.Timer(0.1, stop).start()
+    with pytest.raises(Stopped):
+        run_apart(threading.Event().wait, wake, stopped.is_set, 30)
+    assert time.monotonic() - began < 5.0
+
+
+def test_one_that_hangs_does_not_keep_the_others_from_their_work():
+    done = []
+    began = time.monotonic()
+    run_together([threading.Event().wait, lambda: done.append(1), lambda: done.append(2)], 0.2)
+    assert sorted(done) == [1, 2]
+    assert time.monotonic() - began < 2.0

@@ -1,0 +1,42 @@
+"""What the robot says stays on the line that quotes it, and does nothing to a terminal."""
+import logging
+
+import pytest
+
+from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
+                                        RunFinished, RunStarted)
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.ros.connection import Trouble
+from behavior_controller.ros.console import ROSOUT, Console
+
+ODD = "\x1b[2J\n[INFO] behaviorController: pass 1: SUCCESS\r\t\x9b\u202e\ud800"
+FAILURE = Failure(Cause.HANDLER_EXCEPTION, ODD, ODD)
+
+
+@pytest.fixture
+def told():
+    """The lines that reach the terminal, the log file and /rosout."""
+    lines = []
+    handler = logging.Handler()
+    handler.emit = lambda record: lines.append(record.getMessage())
+    logger = logging.getLogger(ROSOUT)
+    before = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    yield lines
+    logger.removeHandler(handler)
+    logger.setLevel(before)
+
+
+@pytest.mark.parametrize("event", [
+    RunStarted(ODD, [], {}), LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
+    Recovered(ODD, ODD, FAILURE, ODD, 1, False, ODD), HealthChanged("service", ODD, ODD, False, ODD, ODD),
+    PassFinished(1, ODD, 1.0), Noticed("error", ODD), RunFinished(ODD, 3)])
+def test_each_event_is_one_line(told, event):
+    Console(is_verbose=True)(event)
+    assert len(told) == 1 and told[0].isprintable() and told[0].startswith("behaviorController: ")
+    assert "\\x1b[2J" in told[0]
+
+
+def test_what_another_node_answers_is_one_line():
+    assert str(Trouble(Cause.HANDLER_EXCEPTION, ODD)).isprintable()

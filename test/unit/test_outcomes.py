@@ -1,0 +1,57 @@
+"""How nodes can end, as far as the file tells: judged by what the library does with children of known ends."""
+import pytest
+
+from behavior_controller.bt.checking.checks import below
+from behavior_controller.bt.checking.outcomes import ANY_END, FAILS, SKIPS, SUCCEEDS, outcomes
+from behavior_controller.bt.language.document import parse
+
+LEAVES = {"Win": SUCCEEDS, "Lose": FAILS, "Skip": SKIPS, "WinOrSkip": SUCCEEDS | SKIPS, "LoseOrSkip": FAILS | SKIPS}
+
+
+def ends(body):
+    """Return how the first node of ``body`` can end."""
+    elements = below(parse("<BehaviorTree>{}</BehaviorTree>".format(body)).root)
+    return outcomes({"Main": elements}, LEAVES)[id(elements[0])]
+
+
+RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
+
+
+@pytest.mark.parametrize("body, expected", [
+    # a Sequence succeeds after its last child, fails with one that fails, and is SKIPPED only with all of them
+    ("<Sequence><Win/><Win/></Sequence>", SUCCEEDS),
+    ("<Sequence><Win/><Lose/></Sequence>", FAILS),
+    ("<Sequence><Lose/><Win/></Sequence>", FAILS),
+    ("<Sequence><Win/><Either/></Sequence>", ANY_END),
+    ("<Sequence><Skip/><Skip/></Sequence>", SKIPS),
+    ("<Sequence><WinOrSkip/><Win/></Sequence>", SUCCEEDS),
+    ("<Sequence><Win/><WinOrSkip/></Sequence>", SUCCEEDS),
+    ("<Sequence><WinOrSkip/><WinOrSkip/></Sequence>", SUCCEEDS | SKIPS),
+    ("<Sequence><Skip/><Lose/></Sequence>", FAILS),
+    # a Fallback is its mirror image
+    ("<Fallback><Lose/><Lose/></Fallback>", FAILS),
+    ("<Fallback><Lose/><Win/></Fallback>", SUCCEEDS),
+    ("<Fallback><Win/><Lose/></Fallback>", SUCCEEDS),
+    ("<Fallback><Skip/><Skip/></Fallback>", SKIPS),
+    ("<Fallback><LoseOrSkip/><Lose/></Fallback>", FAILS),
+    ("<Fallback><LoseOrSkip/><LoseOrSkip/></Fallback>", FAILS | SKIPS),
+    # no attempt is a FAILURE, whatever the child; an endless one is none
+    (RETRY.format("2", "Win"), SUCCEEDS),
+    (RETRY.format("1", "Win"), SUCCEEDS),
+    (RETRY.format("0", "Win"), SUCCEEDS | FAILS),
+    (RETRY.format("-3", "Win"), SUCCEEDS | FAILS),
+    (RETRY.format("{n}", "Win"), SUCCEEDS | FAILS),
+    (RETRY.format("1" + 9 * "0", "Win"), SUCCEEDS),
+    (RETRY.format("2", "Either"), ANY_END),
+    (RETRY.format("-1", "Either"), SUCCEEDS),
+    (RETRY.format("-1", "Win"), SUCCEEDS),
+    # a Parallel needs all of its children; those that are SKIPPED count as done
+    ("<Parallel><Win/><Win/></Parallel>", SUCCEEDS),
+    ("<Parallel><Win/><Lose/></Parallel>", FAILS),
+    ("<Parallel><Lose/><Win/></Parallel>", FAILS),
+    ("<Parallel><Win/><Either/></Parallel>", ANY_END),
+    ("<Parallel><Skip/><Win/></Parallel>", SUCCEEDS),
+    ("<Parallel><Skip/><Skip/></Parallel>", SUCCEEDS),
+])
+def test_how_a_node_can_end(body, expected):
+    assert ends(body) == expected

@@ -1,0 +1,167 @@
+"""Sinks on real pipes and terminals: nothing waits for one that is blocked, nothing is lost without a word."""
+import fcntl
+import logging
+import os
+import pty
+import sys
+import threading
+import time
+
+import pytest
+
+from behavior_controller.sinks import Detached, LineStream, Sink, drain, take_over_streams
+
+CTRL_S, CTRL_Q = b"\x13", b"\x11"
+F_SETPIPE_SZ = 1031  # fcntl has the name from Python 3.10 on
+
+
+class Gate:
+    """What is written, and a gate in front of it that a test closes."""
+
+    def __init__(self):
+        self.open = threading.Event()
+        self.reached = threading.Semaphore(0)
+        self.written = []
+
+    def write(self, item):
+        self.reached.release()
+        self.open.wait(10)
+        self.written.append(item)
+
+
+def gated(most):
+    """Return a gate, and its sink with one item that waits in ``write``."""
+    gate = Gate()
+    sink = Sink("test", gate.write, "{} left out".format, most)
+    sink.put(0)
+    assert gate.reached.acquire(timeout=5)
+    return gate, sink
+
+
+def test_what_does_not_fit_is_counted_and_told_where_it_is_missing():
+    gate, sink = gated(most=4)
+    for number in range(1, 11):
+        sink.put(number)
+    gate.open.set()
+    sink.drain(5)
+    sink.put(11)
+    sink.drain(5)
+    assert gate.written == [0, 1, 2, 3, 4, "6 left out", 11]
+
+
+def test_a_sink_that_is_blocked_keeps_nobody_waiting():
+    gate, sink = gated(most=4)
+    began = time.monotonic()
+    for number in range(1000):
+        sink.put(number)
+    sink.drain(0.2)
+    assert 0.2 <= time.monotonic() - began < 1.0
+    gate.open.set()
+
+
+def test_a_blocked_sink_takes_no_time_from_the_others():
+    blocked, other = gated(most=4)[1], gated(most=4)
+    other[0].open.set()
+    other[1].put(1)
+    drain([blocked, other[1]], 0.3)
+    assert other[0].written == [0, 1]
+
+
+@pytest.fixture
+def streams():
+    """Standard streams that a test may replace."""
+    before = sys.stdout, sys.stderr
+    yield
+    sys.stdout, sys.stderr = before
+
+
+KEPT = []  # a thread that still writes must not meet its descriptor's number again in another test
+
+
+def take_over(out, err):
+    sys.stdout, sys.stderr = (os.fdopen(os.dup(end), "w") for end in (out, err))
+    KEPT.extend((sys.stdout, sys.stderr))
+    return take_over_streams()
+
+
+def test_lines_for_one_terminal_keep_their_order(streams):
+    reader, writer = os.pipe()
+    sinks = take_over(writer, writer)
+    for number in range(50):
+        print(number, file=sys.stderr if number % 2 else sys.stdout)
+    drain(sinks, 5)
+    assert len(sinks) == 1
+    assert os.read(reader, 65536).split() == [b"%d" % number for number in range(50)]
+
+
+def test_a_pipe_that_nobody_reads_does_not_hold_the_other_stream(streams):
+    unread, out = os.pipe()
+    fcntl.fcntl(unread, F_SETPIPE_SZ, 4096)
+    reader, err = os.pipe()
+    sinks = take_over(out, err)
+    for _ in range(100):
+        print(100 * "x")
+    print("still here", file=sys.stderr)
+    drain(sinks[1:], 5)
+    assert os.read(reader, 100) == b"still here\n"
+
+
+def test_a_terminal_held_by_ctrl_s_shows_all_when_it_is_let_go(streams):
+    operator, terminal = pty.openpty()
+    sinks = take_over(terminal, terminal)
+    os.write(operator, CTRL_S)
+    for number in range(10):
+        print("line", number)
+    drain(sinks, 0.1)
+    os.write(operator, CTRL_Q)
+    shown = b""
+    while shown.count(b"\n") < 10:
+        shown += os.read(operator, 65536)
+    assert shown.split() == b" ".join(b"line %d" % number for number in range(10)).split()
+    assert sys.stdout.isatty()
+
+
+def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(streams):
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    sinks = take_over(writer, writer)
+    text = "".join("{:07}\n".format(number) for number in range(900))
+    fcntl.fcntl(reader, F_SETPIPE_SZ, 4096)
+    sys.stdout.write(text)
+    shown = b""
+    while len(shown) < len(text):
+        shown += os.read(reader, 65536)
+    assert shown.decode() == text
+    drain(sinks, 5)
+
+
+def test_a_stream_without_a_reader_is_no_error(streams):
+    reader, writer = os.pipe()
+    sinks = take_over(writer, writer)
+    os.close(reader)
+    print("into the void")
+    drain(sinks, 5)
+
+
+def test_a_line_in_pieces_stays_whole_and_a_foreign_letter_gets_its_code(streams):
+    written = []
+    sink = Sink("test", written.append, str)
+    with open(os.devnull, "w", encoding="ascii") as original:
+        stream = LineStream(sink, original)
+        stream.write("Grü")
+        stream.write("ße\nand")
+        stream.write(" more\n")
+        sink.drain(5)
+    assert written == [b"Gr\\xfc\\xdfe\n", b"and more\n"]
+
+
+def test_a_log_that_hangs_does_not_hold_its_caller(tmp_path):
+    fifo = str(tmp_path / "log")
+    os.mkfifo(fifo)
+    logger = logging.getLogger("test_a_log_that_hangs")
+    logger.addHandler(Detached(logging.FileHandler(fifo, delay=True)))  # opening it waits for a reader
+    began = time.monotonic()
+    logger.error("not %s", "lost")
+    assert time.monotonic() - began < 1.0
+    with open(fifo) as reader:
+        assert reader.readline() == "not lost\n"

@@ -1,0 +1,141 @@
+"""A record that was tampered with gives replayMission no traceback and no strange exit code, the report no script."""
+import copy
+import json
+import os
+
+import pytest
+
+from behavior_controller.events import HealthChanged, Noticed, Retried, RunFinished
+from behavior_controller.watch import replay
+from behavior_controller.watch.report import to_html
+from test_replay import recorded, visitor_who
+
+SCRIPT = "<script>alert(1)</script>\"'\x1b[31m\n\u202e"
+
+
+def nested(depth):
+    value = []
+    for _ in range(depth):
+        value = [value]
+    return value
+
+
+ODD = [None, True, -1, 0, 10 ** 17, 1e308, float("inf"), float("nan"), "", SCRIPT, "\ud800\0", [], {},
+       [[]], nested(500)]
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    """The lines of a short run that has a line of each kind."""
+    folder = tmp_path_factory.mktemp("record")
+    path = recorded(folder, visitor_who(says="no"), failure_rate=0.1, seed=3)
+    with open(path, encoding="utf-8") as file:
+        lines = [json.loads(line) for line in file]
+    began = next(number for number, line in enumerate(lines) if line["event"] == "RunStarted")
+    failure = {"cause": "refused", "message": "-", "resource": "/x"}
+    extra = [HealthChanged("service", "/x", "n", False, "gone", "-", "gone"), Noticed("info", "-"), RunFinished("-", 0),
+             Retried("x", "x", 1, failure)]
+    lines[began + 1:began + 1] = [dict(event._asdict(), event=type(event).__name__, time=lines[began]["time"])
+                                  for event in extra]
+    return lines
+
+
+def judged(lines, folder, capsys):
+    """Return the exit codes of a replay and of a report, after a look at what they print and write."""
+    path, page = os.path.join(str(folder), "tampered.jsonl"), os.path.join(str(folder), "page.html")
+    data = lines if isinstance(lines, bytes) else "".join(json.dumps(line) + "\n" for line in lines).encode()
+    with open(path, "wb") as file:
+        file.write(data)
+    codes = replay.main([path]), replay.main(["--report", page, path])
+    printed = capsys.readouterr()
+    for line in printed.out.split("\n") + printed.err.split("\n"):
+        assert line.isprintable() and len(line) < 3000
+    assert printed.err.count("\n") <= 12 and bool(printed.err) == (2 in codes)
+    if codes[1] == 0:
+        with open(page, encoding="utf-8") as file:
+            assert "<script" not in file.read()
+    assert codes[0] in (0, 2, 3) and codes[1] in (0, 2)
+    return codes
+
+
+def places(value, path=()):
+    """Yield the paths to the parts of a line: keys and places; of a list or a mapping in it the first few."""
+    if path:
+        yield path
+    parts = list(value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ())
+    for key, part in parts[:2] if path else parts:
+        yield from places(part, path + (key,))
+
+
+def tampered(line, path, change):
+    line = copy.deepcopy(line)
+    holder = line
+    for key in path[:-1]:
+        holder = holder[key]
+    change(holder, path[-1])
+    return line
+
+
+def delete(holder, key):
+    del holder[key]
+
+
+def test_the_record_itself_is_right(record, tmp_path, capsys):
+    assert {line["event"] for line in record} >= {
+        "Tree", "RunStarted", "Tick", "Asked", "Answered", "Message", "LeafFinished", "PassFinished", "Retried",
+        "Recovered"}
+    assert judged(record, tmp_path, capsys) == (0, 0)
+
+
+EVENTS = ("Tree", "RunStarted", "Tick", "Asked", "Answered", "Message", "LeafFinished", "Retried", "Recovered",
+          "HealthChanged", "PassFinished", "Noticed", "RunFinished")
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_any_part_of_a_line(event, record, tmp_path, capsys):
+    number = next(number for number, line in enumerate(record) if line["event"] == event)
+    line = record[number]
+    refused = 0
+    for path in places(line):
+        for change in [delete] + [lambda holder, key, odd=odd: holder.__setitem__(key, odd) for odd in ODD]:
+            codes = judged(record[:number] + [tampered(line, path, change)] + record[number + 1:], tmp_path, capsys)
+            refused += codes[0] == 2
+    assert refused > 20
+
+
+def without(kind):
+    return lambda lines: [line for line in lines if line["event"] != kind]
+
+
+@pytest.mark.parametrize("change", [
+    lambda lines: lines[::-1], lambda lines: lines + lines, lambda lines: lines[1:] + lines[:1],
+    lambda lines: [line for line in lines for _ in range(2)], lambda lines: lines[len(lines) // 2:],
+    lambda lines: lines[:1] + lines[len(lines) // 2:], lambda lines: [dict(line, time=0) for line in lines],
+    lambda lines: [dict(line, at=-1e308) for line in lines], lambda lines: [dict(line, call=1) for line in lines],
+    lambda lines: [dict(line, changes=[]) for line in lines],
+    lambda lines: [dict(line, extra=nested(50)) for line in lines],
+    lambda lines: [dict(line, event="Tick") for line in lines], lambda lines: [[line] for line in lines],
+    lambda lines: b"\xef\xbb\xbf" + "\r\n".join(map(json.dumps, lines)).encode() + b"\r\n",
+    lambda lines: "\n".join(map(json.dumps, lines)).encode("utf-16"), lambda lines: b"\0" * 10_000 + b"\n",
+    lambda lines: b"\xff\n", lambda lines: b"\x80" * 1000, lambda lines: b"{" * 100_000 + b"\n",
+    lambda lines: json.dumps(lines).encode() + b"\n", lambda lines: b"\n" * 100_000,
+] + [without(kind) for kind in EVENTS])
+def test_the_record_as_a_whole(change, record, tmp_path, capsys):
+    judged(change(record), tmp_path, capsys)
+
+
+def test_a_byte_order_mark_and_foreign_line_ends_are_tolerated(record, tmp_path, capsys):
+    data = b"\xef\xbb\xbf" + "".join(json.dumps(line) + "\r\n" for line in record).encode()
+    assert judged(data, tmp_path, capsys) == (0, 0)
+
+
+def test_a_pass_number_is_no_html(record, tmp_path, capsys):
+    lines = [dict(line, number=SCRIPT) if line["event"] == "PassFinished" else line for line in record]
+    assert judged(lines, tmp_path, capsys) == (2, 2)
+    assert "<script" not in to_html(lines)
+
+
+@pytest.mark.parametrize("mission", ["/dev/zero", "a\0b", "", "/", "\ud800"])
+def test_the_mission_of_a_record_must_be_a_file(mission, record, tmp_path, capsys):
+    lines = [dict(line, mission=mission) if line["event"] == "RunStarted" else line for line in record]
+    assert judged(lines, tmp_path, capsys) == (2, 0)

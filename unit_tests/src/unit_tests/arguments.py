@@ -1,0 +1,171 @@
+"""The arguments of a test: every key of both configurations, and what concerns the test as a whole."""
+import os
+from typing import Dict, Iterable, List, Mapping, Sequence
+
+from behavior_controller import folders, phrases, settings
+from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.settings import Key, boolean, words
+
+from unit_tests import configuration
+from unit_tests.faults import PlannedFault
+from unit_tests.robot import NODES
+
+LAUNCH_FILE = "behaviorControllerTest.launch"
+
+SHORT = {"mission": "scenarioSpecification", "scenario": "visitorBehaviour", "seed": "randomSeed",
+         "verbose": "verboseMode"}
+"""Short name -> key."""
+
+USE_REAL = "use_real_"
+
+OWN = (Key("outputFile", words, "a file", "", "where the report is written"),) + tuple(
+    Key(USE_REAL + node, boolean, "true or false", False, "the real {} is running; it is not simulated".format(node))
+    for node in NODES)
+"""Arguments that are in neither configuration."""
+
+FOLDER, DRAWN, REPORT = "folder", "drawn", "report"
+INTERNAL = (FOLDER, DRAWN, REPORT)
+"""Arguments of the launch file that are not for users: the run's folder, the seed if none is given, is there a verdict."""
+
+CONTROLLER = {key.name for key in settings.KEYS}
+TEST = {key.name for key in configuration.KEYS}
+
+CONTROLLER_FILE = "behaviorControllerConfiguration.ini"
+
+NO_RECORD = "none"
+"""The value of ``recordDirectory`` with which the controller records nothing."""
+
+STARTUP_TIMEOUT = 30.0
+"""Seconds that the controller waits for the simulated nodes, which are started at the same time, if not told otherwise."""
+
+
+def names() -> List[str]:
+    """Return what a user may give."""
+    both = [key.name for key in configuration.KEYS + settings.KEYS + OWN]
+    return list(dict.fromkeys(both + list(SHORT)))
+
+
+def read(given: Sequence[str]) -> Dict[str, str]:
+    """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with every unknown one."""
+    values: Dict[str, str] = {}
+    faults: List[Fault] = []
+    for argument in given:
+        name, is_assignment, value = argument.partition(":=")
+        key = SHORT.get(name, name)
+        text = hint = ""
+        if not is_assignment:
+            text, hint = "this is not of the form name:=value", "--help lists the names"
+        elif key not in names() and key not in INTERNAL:
+            text = "unknown"
+            hint = did_you_mean(name.lstrip("_"), names()) or "rosrun unit_tests runTest --help lists all that there are"
+        elif key in values:
+            text, hint = "{} is given twice".format(key), "leave out all but one"
+        elif not value:
+            text, hint = "it has no value", "leave it out, and the configuration decides"
+        values[key] = value
+        if text:
+            faults.append(Fault("argument " + argument, 0, 0, text, hint))
+    if faults:
+        raise ConfigurationError(faults)
+    return values
+
+
+def check(given: Mapping[str, str]) -> None:
+    """Raise ConfigurationError with every value that is not allowed."""
+    faults: List[Fault] = []
+    for load in (load_test, _load_phrases, _load_own):
+        try:
+            load(given)
+        except ConfigurationError as error:
+            faults += error.faults
+    if faults:
+        raise ConfigurationError(faults)
+
+
+def load_test(given: Mapping[str, str]) -> configuration.Configuration:
+    """Return the configuration of the test. Raises ConfigurationError, also for an argument that does not exist."""
+    others = (CONTROLLER - TEST).union(INTERNAL, (key.name for key in OWN))
+    return configuration.load({name: value for name, value in given.items() if name not in others})
+
+
+def load_controller(given: Mapping[str, str]) -> settings.Settings:
+    """Return the controller's configuration: it decides how the robot asks and what a gaze status means."""
+    return settings.load(folders.config(CONTROLLER_FILE), {}, {
+        name: value for name, value in given.items() if name in CONTROLLER - TEST})
+
+
+def _load_phrases(given: Mapping[str, str]) -> None:
+    phrases.load(load_controller(given).language)
+
+
+def _load_own(given: Mapping[str, str]) -> None:
+    """Raise ConfigurationError with every fault of an argument that concerns the test as a whole."""
+    faults = []
+    for key in OWN:
+        try:
+            key.read(given.get(key.name, str(key.default)))
+        except ValueError:
+            faults.append(Fault("argument " + key.name, 0, 0, "{} cannot be \"{}\"".format(key.name, given[key.name]),
+                                "allowed: {}".format(key.allowed)))
+    if given.get("recordDirectory") == NO_RECORD:
+        faults.append(Fault("argument recordDirectory", 0, 0, "a test needs its record",
+                            "leave it out, or name a folder for a copy"))
+    if faults:
+        raise ConfigurationError(faults)
+
+
+def usage() -> str:
+    """Return all arguments with what they are if they are not given. Raises ConfigurationError."""
+    test = dict(zip((key.name for key in configuration.KEYS), load_test({})))
+    controller = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
+    lines = ["usage: rosrun unit_tests runTest [name:=value ...]", "",
+             "Runs the mission against the simulated robot. The last line is the verdict; exit code 0: passed, 1: failed,",
+             "2: nothing was tested. What is not given is as the configuration files say; this is shown here.", "",
+             configuration.FILE_NAME + ":"]
+    lines += _table(configuration.KEYS, test)
+    lines += ["", CONTROLLER_FILE + " (verboseMode and missionRuns, which it has too, are as above):"]
+    lines += _table((key for key in settings.KEYS if key.name not in TEST), controller)
+    lines += ["", "the test as a whole:"] + _table(OWN, {key.name: key.default for key in OWN})
+    return "\n".join(lines + ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())])
+
+
+def _table(keys: Iterable[Key], values: Mapping[str, object]) -> List[str]:
+    return ["  {:<26} {:<12} {}".format(key.name, to_text(values[key.name]) or "-", key.meaning) for key in keys]
+
+
+def to_text(value: object) -> str:
+    """Return a value of a configuration as an argument gives it."""
+    if value is None:
+        return ""
+    if isinstance(value, PlannedFault):
+        return ":".join(map(str, value))
+    if isinstance(value, tuple):
+        return ",".join(map(to_text, value))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "{:g}".format(value) if isinstance(value, float) else str(value)
+
+
+# ---------------------------------------------------------------------------------------------------------- roslaunch
+
+
+def parent_command() -> List[str]:
+    """Return the command line of the process that started this one; empty: it cannot be found out."""
+    try:
+        with open("/proc/{}/cmdline".format(os.getppid()), "rb") as file:
+            return file.read().decode(errors="replace").split("\0")[:-1]
+    except OSError:
+        return []
+
+
+def given_to_roslaunch(command: Sequence[str]) -> List[str]:
+    """Return what a command line gives our launch file: roslaunch ignores arguments that the file does not have."""
+    if LAUNCH_FILE not in map(os.path.basename, command):
+        return []
+    return [word for word in command if ":=" in word and not word.startswith("__")]
+
+
+def is_roslaunch(command: Sequence[str]) -> bool:
+    """Return whether a command line runs roslaunch, itself or by its interpreter."""
+    return "roslaunch" in map(os.path.basename, command[:2])

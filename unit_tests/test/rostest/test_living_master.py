@@ -1,0 +1,150 @@
+#!/usr/bin/env python3
+"""Does a launch leave nothing behind on a master that lives on, and does nothing count that was left before?"""
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import rosgraph
+import rospy
+import rostest
+
+LIMIT = 100.0  # seconds for one launch
+QUICK = ("scenario:=declines", "failureRate:=0", "arrivalRate:=3000")
+
+
+class TestLivingMaster(unittest.TestCase):
+    """Every case has the master of this test."""
+
+    def setUp(self):
+        self.home = tempfile.TemporaryDirectory()
+        self.addCleanup(self.home.cleanup)
+        self.environment = dict(os.environ, ROS_HOME=self.home.name, ROS_TEST_RESULTS_DIR=self.home.name)
+        self.environment.pop("ROS_LOG_DIR", None)
+        self.report = os.path.join(self.home.name, "report.dat")
+        self.master = rosgraph.Master("/test")
+        self.before = set(self.master.getParamNames())
+
+    def start(self, *command):
+        """Start a command, and return it with the file that takes what it prints."""
+        output = open(os.path.join(self.home.name, "output.log"), "w+")
+        self.addCleanup(output.close)
+        process = subprocess.Popen(command, env=self.environment, stdout=output, stderr=subprocess.STDOUT,
+                                   stdin=subprocess.DEVNULL)
+        self.addCleanup(process.kill)
+        return process, output
+
+    def run_to_end(self, *command):
+        """Return the exit code of a command and what it printed."""
+        process, output = self.start(*command)
+        code = process.wait(LIMIT)
+        output.seek(0)
+        return code, output.read()
+
+    def launch(self, *arguments):
+        return self.start("roslaunch", "unit_tests", "behaviorControllerTest.launch", "outputFile:=" + self.report,
+                          *arguments)
+
+    def run_launch(self, *arguments):
+        """Return what a launch printed, and the title of its report."""
+        process, output = self.launch(*arguments)
+        process.wait(LIMIT)
+        output.seek(0)
+        with open(self.report) as file:
+            return output.read(), file.readline()
+
+    def left_behind(self):
+        """Return the parameters on the master that were not there before, except roslaunch's own."""
+        return {name for name in set(self.master.getParamNames()) - self.before
+                if not name.startswith(("/roslaunch/uris/", "/rosdistro", "/rosversion", "/run_id"))}
+
+    def assert_runs_as_configured(self):
+        """Expect a plain rosrun, which finds no robot here, to have read the configuration file alone."""
+        code, printed = self.run_to_end("rosrun", "cssr_system", "behaviorController")
+        self.assertEqual(code, 1, printed)
+        self.assertIn("data/lab_tour.xml: 216 nodes; language English; speech recognition on; verbose mode off", printed)
+        self.assertNotIn("override", printed)
+
+    def test_arguments_count_for_their_own_launch_alone(self):
+        printed, title = self.run_launch("asrEnabled:=false", "mutualGazeValue:=2", "seed:=5", "verbose:=true", *QUICK)
+        self.assertIn("\nPASSED: ", printed)
+        self.assertRegex(title, "randomSeed 5; asrEnabled false; mutualGazeValue 2$")
+        self.assertNotIn("REQUIRED", printed)
+        self.assertEqual(self.left_behind(), set())
+        printed, title = self.run_launch(*QUICK)
+        self.assertIn("\nPASSED: ", printed)
+        self.assertRegex(title, "arrivalRate 3000; randomSeed [0-9]+$")
+        self.assertNotIn("randomSeed 5", title)
+        self.assert_runs_as_configured()
+
+    def test_what_stands_on_the_master_does_not_count_in_a_test(self):
+        for name, value in (("/behaviorController/asrEnabled", False), ("/unit_tests/visitorBehaviour", "silent"),
+                            ("/unit_tests/folder", "/nowhere"), ("/textToSpeech/failureRate", 1)):
+            self.master.setParam(name, value)
+        self.addCleanup(self.master.deleteParam, "/unit_tests")
+        self.addCleanup(self.master.deleteParam, "/textToSpeech")
+        printed, title = self.run_launch(*QUICK)
+        self.assertIn("\nPASSED: ", printed)
+        self.assertRegex(title, "visitorBehaviour declines; failureRate 0; arrivalRate 3000; randomSeed [0-9]+$")
+
+    def test_a_launch_that_is_killed_leaves_nothing_that_counts(self):
+        process, output = self.launch("asrEnabled:=false", "language:=Kinyarwanda", *QUICK)
+        self.addCleanup(self.kill_nodes, output)
+        self.wait_for(output, " starts, ")
+        process.kill()
+        process.wait()
+        self.kill_nodes(output)
+        self.assertEqual(self.left_behind(), set())
+        self.assert_runs_as_configured()
+
+    def test_a_test_that_is_stopped_takes_its_nodes_along_and_says_so_last(self):
+        process, output = self.start("rosrun", "unit_tests", "runTest", "outputFile:=" + self.report, *QUICK)
+        self.addCleanup(self.kill_nodes, output)
+        self.wait_for(output, " starts, ")
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.wait(LIMIT), 1)
+        with open(output.name) as file:
+            printed = file.read()
+        self.assertEqual(printed.splitlines()[-1], "FAILED: the test was stopped before the mission had ended")
+        for pid in self.started(output):
+            self.assertRaises(ProcessLookupError, os.kill, pid, 0)
+
+    def wait_for(self, output, text):
+        ends = time.monotonic() + LIMIT
+        with open(output.name) as file:
+            printed = file.read()
+            while text not in printed:
+                self.assertLess(time.monotonic(), ends, "{!r} was not printed".format(text))
+                time.sleep(0.1)
+                printed += file.read()
+
+    def started(self, output):
+        """Return the processes that a roslaunch has told of."""
+        with open(output.name) as file:
+            return [int(pid) for pid in re.findall(r"started with pid \[(\d+)\]", file.read())]
+
+    def kill_nodes(self, output):
+        """Kill what a roslaunch has started."""
+        for pid in self.started(output):
+            try:
+                os.killpg(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+
+    def test_an_unknown_argument_of_roslaunch_is_told_and_nothing_is_tested(self):
+        code, printed = self.run_to_end("roslaunch", "unit_tests", "behaviorControllerTest.launch", "failurRate:=0.9",
+                                        "outputFile:=" + self.report)
+        self.assertIn("\nargument failurRate:=0.9: unknown (did you mean failureRate?)\nnothing was tested\n", printed)
+        self.assertNotIn("PASSED", printed)
+        self.assertNotIn("lab_tour.xml starts", printed)
+        self.assertFalse(os.path.exists(self.report))
+        self.assertNotIn("Traceback", printed)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_living_master")
+    rostest.rosrun("unit_tests", "living_master", TestLivingMaster, sys.argv)
