@@ -4,7 +4,7 @@ The ROS edge, the start-up check, the monitoring, the configuration's deadlines 
 declarations all that they need to know of a service or topic.
 """
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, NamedTuple, Tuple
+from typing import Any, Callable, Dict, NamedTuple, Tuple, Union
 
 from behavior_controller.interface.records import Answer, Request
 
@@ -86,6 +86,11 @@ class Interface:
         for request in safe_state:
             self.service(type(request))
 
+    @property
+    def offers(self) -> Tuple[Union[Service, Topic], ...]:
+        """All services and topics."""
+        return self.services + self.topics
+
     def service(self, request: type) -> Service:
         """Return the service for a kind of request. Raises LookupError, which names it, if none is declared."""
         try:
@@ -93,3 +98,10 @@ class Interface:
         except KeyError:
             raise LookupError("no service is declared for the request {}: declare it in behavior_controller.interface"
                               .format(request.__name__)) from None
+
+    def topic(self, name: str) -> Topic:
+        """Return the topic of that canonical name. Raises LookupError if none is declared."""
+        for topic in self.topics:
+            if topic.name == name:
+                return topic
+        raise LookupError("no topic {} is declared".format(name))
