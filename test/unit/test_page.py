@@ -240,13 +240,13 @@ SERVED = """
 import sys, threading, time
 from test_leaves import one_leaf
 from test_page import Show
-from behavior_controller.gateway import Topic
+from behavior_controller.interface.document import FACES
 rig = one_leaf("<Sleep msec='900000'/>")
 shown = Show(rig)
 print(shown.port, flush=True)
 while True:
     rig.tick()
-    rig.mission.health.heard[FACES.value] = time.monotonic()
+    rig.mission.health.heard[FACES.name] = time.monotonic()
     time.sleep(0.1)
     rig.clock.advance(0.1)
 """
