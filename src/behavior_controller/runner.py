@@ -5,7 +5,8 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
-from behavior_controller.gateway import SAFE_STATE, Call, Failure
+from behavior_controller.gateway import Call, Failure
+from behavior_controller.interface.document import INTERFACE
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
 FAILED = 3
@@ -155,7 +156,7 @@ class Runner:
     def _stop(self) -> None:
         """Halt what runs and leave the robot in the safe state."""
         self._halt()
-        calls = [self.mission.gateway.start(request) for request in SAFE_STATE]
+        calls = [self.mission.gateway.start(request) for request in INTERFACE.safe_state]
         end = self.clock.now() + SAFE_STATE_LIMIT
         while any(call.result is None for call in calls) and self.clock.now() < end:
             self.tree.wake.test_and_clear()
@@ -166,11 +167,11 @@ class Runner:
 
 
 def not_calm(calls: Iterable[Call]) -> Iterator[str]:
-    """Drop what is not answered of ``SAFE_STATE``, and yield a line for each part that the robot is not known to be in."""
+    """Drop what is not answered of the safe state, and yield a line for each part that the robot is not known to be in."""
     for call in calls:
         if call.result is None:
             call.drop()
-            yield "{} did not answer while stopping".format(call.request.service)
+            yield "{} did not answer while stopping".format(INTERFACE.service(type(call.request)).name)
         elif isinstance(call.result, Failure):
             yield "{} failed while stopping: {}: {}".format(
-                call.request.service, call.result.cause.value, call.result.message)
+                INTERFACE.service(type(call.request)).name, call.result.cause.value, call.result.message)

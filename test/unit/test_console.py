@@ -6,6 +6,7 @@ import pytest
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
                                         RunFinished, RunStarted)
 from behavior_controller.gateway import Cause, Failure
+from behavior_controller.ros import console as module
 from behavior_controller.ros.connection import Trouble
 from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console, report_internal_error
 
@@ -34,20 +35,26 @@ def told():
     logger.setLevel(before)
 
 
+@pytest.fixture
+def console(monkeypatch):
+    """A console that leaves the test's own streams as they are."""
+    monkeypatch.setattr(module, "take_over_streams", lambda: [])
+    monkeypatch.setattr(Console, "attach", lambda self: None)
+    return Console()
+
+
 @pytest.mark.parametrize("event", [
     RunStarted(ODD, [], {}), LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
     Recovered(ODD, ODD, FAILURE, ODD, 1, False, ODD), HealthChanged("service", ODD, ODD, False, ODD, ODD),
     PassFinished(1, ODD, 1.0), Noticed("error", ODD), RunFinished(ODD, 3)])
-def test_each_event_is_one_line(told, event):
-    console = Console()
+def test_each_event_is_one_line(told, console, event):
     console.is_verbose = True
     console(event)
     assert len(told) == 1 and told[0].isprintable() and told[0].startswith("behaviorController: ")
     assert "\\x1b[2J" in told[0]
 
 
-def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alone(told):
-    Console()
+def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alone(told, console):
     details = []
     handler = logging.Handler()
     handler.emit = lambda record: details.append(record.getMessage())
@@ -63,8 +70,7 @@ def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alon
     assert len(details) == 1 and "Traceback" in details[0]
 
 
-def test_a_shortage_that_many_threads_meet_is_one_line(told):
-    console = Console()
+def test_a_shortage_that_many_threads_meet_is_one_line(told, console):
     for _ in range(3):
         report_internal_error(console, RuntimeError("can't start new thread"))
     assert len(told) == 1 and "no more memory, threads or files" in told[0]
