@@ -167,7 +167,7 @@ class Runner:
 
 
 def not_calm(calls: Iterable[Call]) -> Iterator[str]:
-    """Drop what is not answered of the safe state, and yield a line for each part that the robot is not known to be in."""
+    """Drop what is not answered of the safe state, and yield a line for each part of it that is not reached."""
     for call in calls:
         if call.result is None:
             call.drop()

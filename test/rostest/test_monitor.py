@@ -36,16 +36,16 @@ class TestMonitor(unittest.TestCase):
         self.addCleanup(forget_dead_entries)
         self.package = Package(os.path.join(self.folder, "package"))
 
-    def robot(self, modes=None):
-        robot = Robot(modes or {})
+    def robot(self, modes=None, **environment):
+        robot = Robot(modes or {}, **environment)
         self.addCleanup(robot.stop)
         return robot
 
-    def start(self, mission, **keys):
+    def start(self, mission, environment=None, **keys):
         """Run ``mission`` (leaves) and wait until it has started."""
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(scenarioSpecification="m", **keys)
-        controller = Controller(self.package)
+        controller = Controller(self.package, **(environment or {}))
         self.addCleanup(controller.close)
         controller.lines.wait_for(lambda line: " starts, " in line, 20)
         return controller
