@@ -152,6 +152,21 @@ class TestMonitor(unittest.TestCase):
         self.addCleanup(end, master)
         return master
 
+    def test_one_question_that_the_master_does_not_answer_is_no_news(self):
+        master = self.own_master()
+        self.robot()
+        controller = self.start(WAITING)
+        self.addCleanup(master.send_signal, signal.SIGCONT)
+        time.sleep(0.7)  # the master is looked at
+        master.send_signal(signal.SIGSTOP)
+        time.sleep(2.6)  # the first question is given up after 1.5 to 2 s, the second after 3.5 s at the earliest
+        master.send_signal(signal.SIGCONT)
+        time.sleep(1.5)
+        self.assertNotIn("does not answer", controller.lines.text())
+        master.send_signal(signal.SIGSTOP)
+        frozen = time.monotonic()
+        self.wait_for(controller, frozen, "master", "does not answer", limit=5.0)
+
     def test_a_new_master_is_told_and_the_robots_nodes_are_used_where_they_are(self):
         master = self.own_master()
         robot = self.robot()
