@@ -178,7 +178,7 @@ class _Node:
         """Take the steps of the start in order, which raise what is wrong; run the mission and return the exit code."""
         console, wake, clock = self._console, self._wake, Clock()
         master = "the ROS master at {}".format(rosgraph.get_master_uri())
-        files = "configuration and mission, of files and of the ROS master"
+        files = "configuration and mission (their files, or the parameters of the ROS master)"
         silent_master = NodesMissing("{} does not answer any more: start it again".format(master))
         rospy.core.add_preshutdown_hook(self._ros_ends)
         self._apart(lambda: _join_ros(self._argv), master, silent_master)

@@ -25,7 +25,6 @@ from behavior_controller.ros.connection import CONNECT_LIMIT, Connection, Troubl
 from behavior_controller.ros.directory import DIRECTORY, Place
 from behavior_controller.ros.types import TYPES
 
-
 HURRY = 0.3
 """Seconds that the master has at a call to tell where a service is that was found before; then it is where it was.
 
