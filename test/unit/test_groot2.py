@@ -18,7 +18,7 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.watch import groot2, zmtp
+from behavior_controller.watch import front, groot2
 from behavior_controller.watch.groot2 import Groot2Publisher
 from behavior_controller.watch.hooks import Hook
 from mission_rig import Rig, visitor_who
@@ -571,7 +571,7 @@ def test_a_client_that_pings_is_answered(served):
 
 @pytest.mark.parametrize("offset", [0, 1])
 def test_idle_connections_are_capped_and_make_room(served, offset, monkeypatch):
-    monkeypatch.setattr(zmtp, "HANDSHAKE", 60.0)  # no place becomes free by itself
+    monkeypatch.setattr(front, "FIRST_BYTE", 60.0)  # no place becomes free by itself
     served.show(tree_of('<Act name="a"/>', a="S"))
     active = served.client()
     active.ask("S")
