@@ -27,6 +27,9 @@ HEARTBEAT = 20.0
 LONGEST_IDLE = 60.0
 """Seconds after which a client is disconnected that is sent nothing, or does not take it; ZeroMQ connects again."""
 
+PARTING = 1.0
+"""Seconds that ZeroMQ has to notice that a client is gone."""
+
 CHUNK = 16 * 1024
 """Bytes that are copied at a time."""
 
@@ -50,6 +53,7 @@ class Front(TCPServer):
         self._zmq_socket = zmq_socket
         self.most_unanswered = most_unanswered
         self.connections = Connections(MOST_CONNECTIONS)
+        self.links = asyncio.Semaphore(MOST_CONNECTIONS)
         self.turn = asyncio.Lock()
         self._clients: Dict[bytes, _Client] = {}
 
@@ -91,9 +95,9 @@ class _Client:
             first = await asyncio.wait_for(self._stream.read_bytes(CHUNK, partial=True), FIRST_BYTE)
             async with self._front.turn:
                 await asyncio.sleep(PACE)
-            async with self._link() as link:
-                await asyncio.gather(self._copy_in(first, link), self._copy_out(link))
-        except (StreamClosedError, asyncio.TimeoutError, OSError):
+            async with self._front.links, self._link() as link:
+                await self._copy(first, link)
+        except (asyncio.TimeoutError, OSError):  # a closed stream's error is an OSError
             pass
         finally:
             self._stream.close()
@@ -112,6 +116,18 @@ class _Client:
             stack.callback(link.close)
             yield link
 
+    async def _copy(self, first: bytes, link: IOStream) -> None:
+        """Copy both ways, and take leave of ZeroMQ: it aborts the process if it is disconnected in its handshake."""
+        out = asyncio.ensure_future(self._copy_out(link))
+        try:
+            await self._copy_in(first, link)
+        finally:
+            self._stream.close()
+            if not link.closed():
+                link.socket.shutdown(socket.SHUT_WR)
+            await asyncio.wait([out], timeout=PARTING)
+            out.cancel()
+
     async def _copy_in(self, chunk: bytes, link: IOStream) -> None:
         """Copy what the client sends, not too fast and not more than it may."""
         while True:
@@ -124,15 +140,19 @@ class _Client:
             chunk = await self._stream.read_bytes(CHUNK, partial=True)
 
     async def _copy_out(self, link: IOStream) -> None:
-        """Copy what ZeroMQ sends; it is not read while the client does not take it."""
-        while True:
-            await asyncio.wait_for(self._copy_chunk_out(link), LONGEST_IDLE)
+        """Copy what ZeroMQ sends, until it ends; while the client does not take it, no more is read."""
+        with contextlib.suppress(asyncio.TimeoutError, StreamClosedError):
+            while True:
+                await asyncio.wait_for(self._copy_chunk_out(link), LONGEST_IDLE)
+        self._stream.close()
 
     async def _copy_chunk_out(self, link: IOStream) -> None:
         chunk = await link.read_bytes(CHUNK, partial=True)
         self.unanswered = max(0, self.unanswered - len(chunk))
-        self._front.connections.use(self._stream)
-        await self._stream.write(chunk)
+        if not self._stream.closed():
+            self._front.connections.use(self._stream)
+            with contextlib.suppress(StreamClosedError):
+                await self._stream.write(chunk)
 
 
 async def _accept(listener: socket.socket) -> socket.socket:
