@@ -2,6 +2,7 @@
 import json
 import os
 import random
+import resource
 import socket
 import struct
 import subprocess
@@ -545,13 +546,49 @@ def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypa
 
 def test_a_message_without_an_end_closes_its_connection(served):
     served.show(tree_of('<Act name="a"/>', a="S"))
-    for endless in (b"\x01\x00", b"\x03" + (2 ** 62).to_bytes(8, "big"), b"\x01\xff" + bytes(255)):
+    pinging = b"\x01\x00" + b"\x04\x17\x04PING" + bytes(18)  # its pings are answered
+    for endless in (b"\x01\x00", b"\x03" + (2 ** 62).to_bytes(8, "big"), b"\x01\xff" + bytes(255), pinging):
         with socket.create_connection(("127.0.0.1", served.port), timeout=5) as stranger:
             stranger.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) + b"\x04\x06\x05READY")
             ends = time.monotonic() + 10.0
             with pytest.raises((BrokenPipeError, ConnectionResetError)):
                 while time.monotonic() < ends:
                     stranger.sendall(endless)
+    assert served.client().statuses() == {1: 0}
+
+
+def test_greetings_that_break_off_do_not_end_the_process(served):
+    """libzmq aborts the process when it is disconnected while it shakes hands, as an old version's greeting has it do."""
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    for number in range(600):
+        with socket.create_connection(("127.0.0.1", served.port + number % 2), timeout=5) as stranger:
+            stranger.sendall((b"\x01\x00", b"\x01\x00\x00\x01", b"\xff" + bytes(8) + b"\x7f\x01\x05\x00\x00")[number % 3])
+    assert served.client().statuses() == {1: 0}
+
+
+def test_without_descriptors_the_process_goes_on(served):
+    """libzmq aborts the process when it cannot accept for want of descriptors."""
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    client = served.client()
+    client.ask("S")
+    strangers = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(4)]
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    taken = []
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(map(int, os.listdir("/proc/self/fd"))) + 10, hard))
+    try:
+        with pytest.raises(OSError):
+            while True:
+                taken.append(os.dup(0))
+        for stranger in strangers:  # 0, 1, 2 and 3 are left
+            stranger.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x00")
+            assert client.statuses() == client.statuses() == {1: 0}
+            os.close(taken.pop())
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        for each in taken:
+            os.close(each)
+        for stranger in strangers:
+            stranger.close()
     assert served.client().statuses() == {1: 0}
 
 

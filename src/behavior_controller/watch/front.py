@@ -30,6 +30,9 @@ LONGEST_IDLE = 60.0
 PARTING = 1.0
 """Seconds that ZeroMQ has to notice that a client is gone."""
 
+FORGETTING = 5.0
+"""Seconds until ZeroMQ is told that a connection is over: told while it shakes hands there, it aborts the process."""
+
 CHUNK = 16 * 1024
 """Bytes that are copied at a time."""
 
@@ -110,14 +113,14 @@ class _Client:
             with socket.socket(socket.AF_UNIX) as listener:
                 listener.bind(b"\0" + name)
                 listener.listen(1)
-                stack.callback(self._front.disconnect, name)
+                stack.callback(asyncio.get_event_loop().call_later, FORGETTING, self._front.disconnect, name)
                 self._front.connect(name, self)
                 link = IOStream(await _accept(listener), max_buffer_size=2 * CHUNK)
             stack.callback(link.close)
             yield link
 
     async def _copy(self, first: bytes, link: IOStream) -> None:
-        """Copy both ways, and take leave of ZeroMQ: it aborts the process if it is disconnected in its handshake."""
+        """Copy both ways, until ZeroMQ has noticed that either side ended."""
         out = asyncio.ensure_future(self._copy_out(link))
         try:
             await self._copy_in(first, link)
