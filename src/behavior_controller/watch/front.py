@@ -28,7 +28,7 @@ LONGEST_IDLE = 60.0
 """Seconds after which a client is disconnected that is sent nothing, or does not take it; ZeroMQ connects again."""
 
 PARTING = 1.0
-"""Seconds that ZeroMQ has to notice that a client is gone."""
+"""Seconds for which a client that is gone keeps its connection with ZeroMQ, at the most, so that ZeroMQ notices."""
 
 FORGETTING = 5.0
 """Seconds until ZeroMQ is told that a connection is over: told while it shakes hands there, it aborts the process."""
