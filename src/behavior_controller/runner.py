@@ -150,7 +150,7 @@ class Runner:
         except BehaviorControllerError as error:
             self.mission.events.emit(Noticed("error", "while halting: {}".format(" ".join(str(error).split()))))
             for node in reversed(self.tree.nodes):  # children first: then no control has a child left to halt by script
-                node.halt()
+                node.interrupt()
 
     def _stop(self) -> None:
         """Halt what runs and leave the robot in the safe state."""

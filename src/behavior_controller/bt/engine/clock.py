@@ -1,12 +1,14 @@
-"""One clock for everything that waits: what time it is, and timers that the tick thread runs when they are due.
+"""One clock for everything that waits: what time it is, and what the tick thread runs when it is due.
 
 Timers run between ticks and never on a thread of their own, so what they do needs no lock and is exact under a
-``ManualClock``. Whoever waits (the runner, ``Tree.sleep``) waits until ``next_due()`` at the longest.
+``ManualClock``. Whoever waits (the runner, ``Tree.sleep``) waits until ``next_due()`` at the longest. What other threads
+have to say they ``post``, and wake the tree: it is carried out before the next traversal.
 """
+import collections
 import heapq
 import itertools
 import time
-from typing import Callable, List, Optional, Tuple
+from typing import Callable, Deque, List, Optional, Tuple
 
 
 class Timer:
@@ -24,12 +26,13 @@ class Timer:
 
 
 class Clock:
-    """Monotonic seconds and a queue of timers. Used from the tick thread only, but for ``now``."""
+    """Monotonic seconds, a queue of timers, and what other threads posted. ``now`` and ``post`` are for any thread."""
 
     def __init__(self) -> None:
         self._held: Optional[float] = None
         self._queue: List[Tuple[float, int, Timer]] = []
         self._order = itertools.count()
+        self._posted: Deque[Callable[[], None]] = collections.deque()
 
     def now(self) -> float:
         """Return monotonic seconds; only differences mean something."""
@@ -50,6 +53,15 @@ class Clock:
         heapq.heappush(self._queue, (timer.due, next(self._order), timer))
         return timer
 
+    def post(self, callback: Callable[[], None]) -> None:
+        """Have ``callback`` run soon on the tick thread, in the order of posting. The caller wakes the tree after it."""
+        self._posted.append(callback)
+
+    def run_posted(self) -> None:
+        """Run what was posted."""
+        while self._posted:
+            self._posted.popleft()()
+
     def next_due(self) -> Optional[float]:
         """Return when the next timer is due, or None when there is none."""
         while self._queue and self._queue[0][2].callback is None:
@@ -57,7 +69,8 @@ class Clock:
         return self._queue[0][0] if self._queue else None
 
     def run_due(self) -> None:
-        """Run every timer that is due, the earliest first."""
+        """Run what was posted, then every timer that is due, the earliest first."""
+        self.run_posted()
         if not self._queue:
             return
         now = self.now()

@@ -70,7 +70,7 @@ class Tree:
         return self._completed(result)
 
     def _traverse(self, is_first: bool) -> Result:
-        """Traverse the tree, at one moment of its clock; the first time of a tick timers that are due run before."""
+        """Traverse the tree, at one moment of its clock. What was posted, and at first what is due, runs before."""
         clock = self.clock
         clock.hold()
         try:
@@ -78,6 +78,8 @@ class Tree:
                 self.traversals.begin(is_first)
             if is_first:
                 clock.run_due()
+            else:
+                clock.run_posted()
             return self.root.execute()
         finally:
             if self.traversals is not None:
