@@ -10,16 +10,18 @@ import itertools
 import time
 from typing import Callable, Deque, List, Optional, Tuple
 
+from behavior_controller.bt.ownership import tick_thread_only
+
 
 class Timer:
     """A callback that is due at ``due`` seconds, unless it is cancelled before."""
 
-    __slots__ = ("due", "callback")
-
+    @tick_thread_only
     def __init__(self, due: float, callback: Callable[[], None]):
         self.due = due
         self.callback: Optional[Callable[[], None]] = callback
 
+    @tick_thread_only
     def cancel(self) -> None:
         """Make sure that the callback does not run (any more)."""
         self.callback = None
@@ -47,6 +49,7 @@ class Clock:
         """Let time go on."""
         self._held = None
 
+    @tick_thread_only
     def call_after(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Run ``callback`` once, ``seconds`` from now, by whoever calls ``run_due`` then."""
         timer = Timer(self.now() + seconds, callback)
@@ -57,17 +60,20 @@ class Clock:
         """Have ``callback`` run soon on the tick thread, in the order of posting. The caller wakes the tree after it."""
         self._posted.append(callback)
 
+    @tick_thread_only
     def run_posted(self) -> None:
         """Run what was posted."""
         while self._posted:
             self._posted.popleft()()
 
+    @tick_thread_only
     def next_due(self) -> Optional[float]:
         """Return when the next timer is due, or None when there is none."""
         while self._queue and self._queue[0][2].callback is None:
             heapq.heappop(self._queue)
         return self._queue[0][0] if self._queue else None
 
+    @tick_thread_only
     def run_due(self) -> None:
         """Run what was posted, then every timer that is due, the earliest first."""
         self.run_posted()
