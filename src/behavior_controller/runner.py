@@ -131,7 +131,8 @@ class Runner:
             self.wait(PACE)
 
     def wait(self, seconds: Optional[float]) -> None:
-        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run the timers that are due."""
+        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run what is due before and after."""
+        self.clock.run_due()  # what was posted for a wake-up that is cleared already
         due = self.clock.next_due()
         limits = [limit for limit in (seconds, None if due is None else due - self.clock.now()) if limit is not None]
         self.tree.wake.wait(max(0.0, min(limits)) if limits else None)
@@ -151,7 +152,7 @@ class Runner:
         except BehaviorControllerError as error:
             self.mission.events.emit(Noticed("error", "while halting: {}".format(" ".join(str(error).split()))))
             for node in reversed(self.tree.nodes):  # children first: then no control has a child left to halt by script
-                node.halt()
+                node.interrupt()
 
     def _stop(self) -> None:
         """Halt what runs and leave the robot in the safe state."""

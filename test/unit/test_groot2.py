@@ -366,6 +366,7 @@ def test_the_operator_is_told_of_all_that_hooks_do(served):
     assert tree.tick_exactly_once() is FAILURE
     client.ask("X")
     client.ask("A")
+    tree.sleep(0.0)  # the tick thread carries it out
     paths = {node.uid: node.full_path for node in tree.nodes}
     expected = ["breakpoint before {2} is set", "replacement before {3} is set to SUCCESS",
                 "replacement after {4} is set to FAILURE", "breakpoint before {2} holds the node",
@@ -387,6 +388,7 @@ def test_a_replacement_at_every_tick_and_hooks_that_change_all_the_time_do_not_f
     assert served.told("decides SUCCESS", 1)
     for number in range(100):
         client.ask("I", "[{}]".format(",".join([hook(1, once=number % 2 == 0)] * 50)))
+        tree.sleep(0.0)
     assert served.told("more changes of breakpoints and replacements", 1)
     assert sum("decides" in line for line in served.warnings) == 1 and len(served.warnings) < 300
 
@@ -416,8 +418,14 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
 def test_nodes_without_hooks_are_left_alone(served):
     tree = tree_of('<Sequence><Act name="a"/><Act name="b"/></Sequence>', a="S", b="S")
     served.show(tree)
-    served.client().ask("I", hook(2))
-    assert "update" in vars(tree.nodes[1]) and "update" not in vars(tree.nodes[2]) and "update" not in vars(tree.root)
+    client = served.client()
+    client.ask("I", hook(2))
+    assert not any(node.hook for node in tree.nodes)  # until the tick thread sets it
+    tree.tick_exactly_once()
+    assert [node.hook is not None for node in tree.nodes] == [False, True, False]
+    client.ask("A")
+    tree.tick_exactly_once()
+    assert not any(node.hook for node in tree.nodes)
 
 
 # ------------------------------------------------------------------------------------------------------ what may happen

@@ -2,7 +2,8 @@
 from typing import Any, Dict, List, Sequence
 
 from behavior_controller.bt.engine.node import Node, Observer, Result, Services
-from behavior_controller.bt.language.blackboard import Blackboard, Entry
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault
 
@@ -50,7 +51,7 @@ class Tree:
 
         A RUNNING tree whose tick changed nothing does the same again until a wake-up: nobody need tick it before.
         """
-        return self.services.changes + Entry.writes
+        return self.services.changes + self.blackboard.writes
 
     def tick_exactly_once(self) -> Result:
         """Traverse the tree once; the wake-up signal is not looked at."""
@@ -69,8 +70,9 @@ class Tree:
         self.spins = rounds == ROUNDS_PER_TICK
         return self._completed(result)
 
+    @tick_thread_only
     def _traverse(self, is_first: bool) -> Result:
-        """Traverse the tree, at one moment of its clock; the first time of a tick timers that are due run before."""
+        """Traverse the tree, at one moment of its clock. What was posted, and at first what is due, runs before."""
         clock = self.clock
         clock.hold()
         try:
@@ -78,6 +80,8 @@ class Tree:
                 self.traversals.begin(is_first)
             if is_first:
                 clock.run_due()
+            else:
+                clock.run_posted()
             return self.root.execute()
         finally:
             if self.traversals is not None:
@@ -110,6 +114,7 @@ class Tree:
             self.root.reset()
         return result
 
+    @tick_thread_only
     def halt(self) -> None:
         """Halt everything (BT.CPP ``haltTree``: every node's ``_onHalted`` script runs, running or not)."""
         self.root.halt_node()
