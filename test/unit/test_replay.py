@@ -10,7 +10,7 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
-from behavior_controller.events import HealthChanged, PassFinished, PassStarted
+from behavior_controller.events import HealthChanged, PassFinished, PassStarted, RunStarted
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.document import ATTENTION, FACES
@@ -89,6 +89,50 @@ def edited(path, old, new):
     assert old in text
     with open(path, "w") as file:
         file.write(text.replace(old, new, 1))
+
+
+def test_a_replay_needs_no_file_but_the_record(tmp_path, mission, monkeypatch):
+    data = os.path.dirname(mission)
+    with open(os.path.join(data, "tour.xml"), "w") as file:
+        file.write("<root BTCPP_format='4' main_tree_to_execute='LabTour'><include path='sub/one.xml'/></root>")
+    os.mkdir(os.path.join(data, "sub"))
+    shutil.copy(mission, os.path.join(data, "sub", "tour.xml"))
+    with open(os.path.join(data, "sub", "one.xml"), "w") as file:
+        file.write("<root BTCPP_format='4'><include path='tour.xml'/></root>")
+    monkeypatch.setattr(folders, "mission", lambda name: os.path.join(data, "tour.xml"))
+    lines = read_record(recorded(tmp_path / "record", visitor_who(says="no"), failure_rate=0.3, seed=5))
+    started = next(entry for _, entry in lines if isinstance(entry, RunStarted))
+    assert [os.path.relpath(source.file, data) for source in started.sources.documents] == [
+        "sub/tour.xml", "sub/one.xml", "tour.xml"]
+    shutil.rmtree(data)
+    monkeypatch.setattr(folders, "share", lambda: str(tmp_path / "nowhere"))
+    outcome = replay(lines)
+    assert outcome.parting == "" and outcome.passes == 1 and outcome.changes > 50
+
+
+def started_with(lines, **sources):
+    return [line._replace(entry=line.entry._replace(sources=line.entry.sources._replace(**sources)))
+            if isinstance(line.entry, RunStarted) else line for line in lines]
+
+
+@pytest.mark.parametrize("part, old, new, expected", [
+    ("phrases", "Hello, and welcome", "Welcome", "now it asks /textToSpeech/say_text for Say(text='Welcome"),
+    ("policy", "budget", "WelcomeGesture * 3 0 giveUp\nbudget", "now "),
+])
+def test_phrases_and_policy_are_those_of_the_record(tmp_path, part, old, new, expected):
+    lines = read_record(recorded(tmp_path, visitor_who(says="yes"), failure_rate=1.0))
+    source = getattr(next(entry for _, entry in lines if isinstance(entry, RunStarted)).sources, part)
+    assert old in source.text and replay(lines).parting == ""
+    changed_text = source._replace(text=source.text.replace(old, new, 1))
+    assert expected in replay(started_with(lines, **{part: changed_text})).parting
+
+
+def test_a_record_of_another_interface_is_refused(tmp_path):
+    lines = started_with(read_record(recorded(tmp_path, visitor_who(says="no"))), interface="release 1.0")
+    with pytest.raises(MissionError) as raised:
+        replay(lines)
+    assert str(raised.value) == ("the record: its interface is release 1.0; this release has D5.4.3 (replay it with the "
+                                 "release that wrote it)")
 
 
 @pytest.mark.parametrize("old, new, where", [
