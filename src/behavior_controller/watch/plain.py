@@ -6,9 +6,10 @@ Where several kinds of records may stand, it is ``[kind, record]``. What is read
 import dataclasses
 import enum
 import functools
+import itertools
 import math
-from typing import (Any, Callable, Dict, Literal, NamedTuple, NewType, Sequence, Tuple, Union, get_args, get_origin,
-                    get_type_hints)
+from typing import (Any, Callable, Dict, Iterable, List, Literal, NamedTuple, NewType, Sequence, Tuple, Union, get_args,
+                    get_origin, get_type_hints)
 
 Count = NewType("Count", int)
 """A whole number from 1 on."""
@@ -132,11 +133,22 @@ def _word(members: Dict[Any, Any]) -> Form:
     return Form(names.__getitem__, read)
 
 
+def _read_each(reads: Iterable[Callable[[Any], Any]], values: List[Any]) -> List[Any]:
+    """Return what each value is read as; its place is put into words only if it is wrong."""
+    found: List[Any] = []
+    try:
+        for read, value in zip(reads, values):
+            found.append(read(value))
+    except Wrong as wrong:
+        raise Wrong(wrong.text, "[{}]{}".format(len(found), wrong.place)) from None
+    return found
+
+
 def _list(make: Callable[[Any], Any], each: Form) -> Form:
     def read(value: Any) -> Any:
         if not isinstance(value, list):
             raise Wrong("is not a list")
-        return make(inside("[{}]".format(place), each.read, part) for place, part in enumerate(value))
+        return make(_read_each(itertools.repeat(each.read), value))
     return Form(lambda value: [each.write(part) for part in value], read)
 
 
@@ -146,8 +158,7 @@ def _row(parts: Sequence[Form]) -> Form:
             raise Wrong("is not a list")
         if len(value) != len(parts):
             raise Wrong("has {} entries, not {}".format(len(value), len(parts)))
-        return tuple(inside("[{}]".format(place), part.read, entry)
-                     for place, (part, entry) in enumerate(zip(parts, value)))
+        return tuple(_read_each((part.read for part in parts), value))
     return Form(lambda value: [part.write(entry) for part, entry in zip(parts, value)], read)
 
 
@@ -161,18 +172,21 @@ def _mapping(each: Form) -> Form:
 
 def _record(kind: Any) -> Form:
     assert hasattr(kind, "_fields") or dataclasses.is_dataclass(kind), kind
-    fields = [(name, "." + name, form(hint)) for name, hint in get_type_hints(kind).items()]
+    fields = [(name, form(hint)) for name, hint in get_type_hints(kind).items()]
 
     def write(value: Any) -> Dict[str, Any]:
-        return {name: part.write(getattr(value, name)) for name, _, part in fields}
+        return {name: part.write(getattr(value, name)) for name, part in fields}
 
     def read(value: Any) -> Any:
         if not isinstance(value, dict):
             raise Wrong("is not an object")
-        found = []
-        for name, place, part in fields:
-            if name not in value:
-                raise Wrong("is missing", place)
-            found.append(inside(place, part.read, value[name]))
+        found: List[Any] = []
+        try:
+            for name, part in fields:
+                if name not in value:
+                    raise Wrong("is missing")
+                found.append(part.read(value[name]))
+        except Wrong as wrong:
+            raise Wrong(wrong.text, ".{}{}".format(name, wrong.place)) from None
         return kind(*found)
     return Form(write, read)
