@@ -4,7 +4,7 @@ from typing import Any, Callable, Dict, Iterable, Iterator, NamedTuple, Optional
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
+from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted, Sources
 from behavior_controller.gateway import Call, Failure
 from behavior_controller.interface.document import INTERFACE
 
@@ -75,7 +75,8 @@ class Runner:
         """Make the tree ready and tell which mission runs."""
         self.tree.setup(mission=self.mission)
         self.mission.events.emit(RunStarted(
-            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values)))
+            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values),
+            Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source, INTERFACE.name)))
 
     def _pass(self) -> None:
         """Run the mission once, for a visitor of whom nothing is known."""
