@@ -4,11 +4,12 @@ import logging
 import pytest
 
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
-                                        RunFinished, RunStarted)
+                                        RunFinished, RunStarted, Sources)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.ros import console as module
 from behavior_controller.ros.connection import Trouble
 from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console, report_internal_error
+from behavior_controller.text import Source
 
 ODD = "\x1b[2J\n[INFO] behaviorController: pass 1: SUCCESS\r\t\x9b\u202e\ud800"
 FAILURE = Failure(Cause.HANDLER_EXCEPTION, ODD, ODD)
@@ -44,7 +45,8 @@ def console(monkeypatch):
 
 
 @pytest.mark.parametrize("event", [
-    RunStarted(ODD, [], {}), LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
+    RunStarted(ODD, [], {}, Sources((), Source(ODD, ODD), Source(ODD, ODD), ODD)),
+    LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
     Recovered(ODD, ODD, FAILURE, ODD, 1, False, ODD), HealthChanged("service", ODD, ODD, False, ODD, ODD),
     PassFinished(1, ODD, 1.0), Noticed("error", ODD), RunFinished(ODD, 3)])
 def test_each_event_is_one_line(told, console, event):

@@ -6,7 +6,6 @@ for each leaf that finishes. Each line is handed to the threads of its sinks (te
 import errno
 import logging
 import os
-import sys
 import tempfile
 import time
 import traceback

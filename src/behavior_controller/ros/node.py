@@ -352,6 +352,7 @@ class _Run:
         while any(call.result is None for call in calls) and time.monotonic() < ends:
             self._wake.wait(max(0.0, ends - time.monotonic()))
             self._wake.test_and_clear()
+            self._clock.run_posted()
         for line in not_calm(calls):
             self._console.tell("warning", line)
 
