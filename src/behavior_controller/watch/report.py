@@ -223,7 +223,7 @@ def _tree(nodes: List[TreeNode], entries: List[Entry]) -> str:
         is_nested = bool(children[item]) and level < DEEPEST
         opening, closing = _item(nodes[item - 1], counts[item - 1], is_nested)
         found.append(opening)
-        inner = [(child, level + 1) for child in reversed(children[item])]
+        inner: List[Tuple[Union[int, str], int]] = [(child, level + 1) for child in reversed(children[item])]
         waiting += [(closing, level)] + inner if is_nested else inner + [(closing, level)]
     return '<h2>Tree</h2><div class="tree"><ul>{}</ul></div>'.format("".join(found))
 
