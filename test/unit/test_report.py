@@ -272,7 +272,9 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
 @pytest.mark.parametrize("lines, expected", [
     (lines_of({"event": "PassFinished", "time": 1, "number": EVIL, "outcome": "S", "seconds": 1}),
      "r.jsonl:4:1: this is no line of a record: number is not an integer"),
+    (lines_of({"event": "PassFinished", "time": 1, "number": True, "outcome": "S", "seconds": 1}), "number is not an int"),
     (lines_of({"event": "PassFinished", "time": 1, "number": 1, "outcome": "S"}), "seconds is missing"),
+    (lines_of()[:1] + [changed(lines_of()[1], ("sources", "documents"), [])], "sources.documents is empty"),
     (lines_of({"event": ["Tick"]}), "it has no event"),
     (lines_of(tick([2, "S"])), "the tree has only 1 nodes"),
     (lines_of(tick([1, "s"])), "changes[0][1] is not one of -, R, S, F"),

@@ -4,7 +4,7 @@ The ROS edge, the start-up check, the monitoring, the configuration's deadlines 
 declarations all that they need to know of a service or topic.
 """
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, NamedTuple, Tuple, Union
+from typing import Any, Callable, Dict, NamedTuple, Tuple, Type, Union
 
 from behavior_controller.interface.records import Answer, Request
 
@@ -62,7 +62,7 @@ class Topic:
     name: str
     node: str
     type: str
-    value: Any  # a type
+    value: Type[object]
     read: Callable[[Any], Any]
     absence: str
     is_continuous: bool

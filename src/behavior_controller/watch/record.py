@@ -111,8 +111,9 @@ class Record:
                 self._fill(file)
         except (OSError, ValueError) as error:
             self._tell(getattr(error, "strerror", None) or error)
-        self._thread = None
-        self._notes.clear()
+        finally:
+            self._thread = None
+            self._notes.clear()
 
     def _fill(self, file: BinaryIO) -> None:
         is_last = False
