@@ -13,7 +13,7 @@ from behavior_controller import folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
 from behavior_controller.errors import Fault, MissionError
-from behavior_controller.leaves import vocabulary
+from behavior_controller.mission import load_tree
 from behavior_controller.text import clean
 
 GOOD, BAD = 0, 2
@@ -46,7 +46,7 @@ def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
 def _judged(path: str) -> Tuple[List[Fault], int]:
     """Return the faults of a mission, and how many nodes it unfolds to if it can be run."""
     try:
-        tree = vocabulary.load(path)
+        tree = load_tree(path)
     except MissionError as error:
         return list(error.faults), 0
     return tree.warnings, len(tree.nodes)
@@ -85,7 +85,7 @@ def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any
     """
     path = mission if mission.endswith(".xml") or os.sep in mission else folders.mission(mission)
     try:
-        tree = vocabulary.load(path, main_tree=subtree)
+        tree = load_tree(path, main_tree=subtree)
     except MissionError as error:
         sys.exit(str(error))
     for node in tree.nodes:

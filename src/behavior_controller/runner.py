@@ -6,6 +6,7 @@ from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
 from behavior_controller.interface.document import INTERFACE
+from behavior_controller.leaves.base import MissionContext
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
 FAILED = 3
@@ -26,7 +27,7 @@ class Running(NamedTuple):
     """What runs: ``mission`` is the leaves' context, whose gateway, events, health and settings the runner uses too."""
 
     tree: Tree
-    mission: Any
+    mission: MissionContext
     mission_file: str
     runs: int  # passes; 0 is for ever
 

@@ -17,6 +17,8 @@ from behavior_controller.text import Unreadable, read_text
 MOST_FAULTS = 100
 """A file with more mistakes is no configuration; the rest of it is not read."""
 
+FILE_NAME = "behaviorControllerConfiguration.ini"
+
 REQUIRED = object()
 """The default of a key that must be given."""
 

@@ -14,8 +14,10 @@ PRODUCT = "behavior_controller"
 LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli", "command"],
-    ["watch", "leaves"],
-    ["runner", "recovery", "apart", "bt.compiler"],
+    ["watch", "runner"],
+    ["mission"],
+    ["leaves"],
+    ["recovery", "apart", "bt.compiler"],
     ["bt.checking"],
     ["bt.engine"],
     ["bt.language"],

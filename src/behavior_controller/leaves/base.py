@@ -18,6 +18,9 @@ from behavior_controller.health import Health
 from behavior_controller.interface import Topic
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import Answer, Request
+from behavior_controller.phrases import Phrases
+from behavior_controller.policy import Policy
+from behavior_controller.settings import Settings
 
 # ------------------------------------------------------------------------------- keys on the root blackboard (README)
 
@@ -69,8 +72,8 @@ class FailureLog:
 class MissionContext:
     """What the leaves of a running mission share. ``setup(mission=…)`` hands it to each."""
 
-    def __init__(self, gateway: Gateway, topics: Topics, settings: Any, phrases: Any, policy: Any, clock: Clock,
-                 events: Events, health: Optional[Health] = None):
+    def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases, policy: Policy,
+                 clock: Clock, events: Events, health: Optional[Health] = None):
         """``health`` tells what is known of the robot's nodes; without it they count as well."""
         self.gateway = gateway
         self.topics = topics

@@ -24,12 +24,12 @@ from behavior_controller.events import Events
 from behavior_controller.gateway import Gateway, Topics
 from behavior_controller.health import Health
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.leaves.base import MissionContext
-from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.leaves import registry
+from behavior_controller.mission import Mission
 from behavior_controller.ros.connection import Trouble, ask_master
 from behavior_controller.ros.console import Console, report_internal_error
 from behavior_controller.ros.monitor import Monitor
-from behavior_controller.ros.plan import Plan, read_plan, tell_faults
+from behavior_controller.ros.plan import read_plan, tell_faults
 from behavior_controller.ros.probe import StartUpCheck
 from behavior_controller.ros.services import RosGateway
 from behavior_controller.ros.signals import BROKEN, Signals, block_signals
@@ -235,9 +235,9 @@ def _no_answer(what: str) -> ConfigurationError:
 class _Run:
     """A mission under way, and the one that was read anew to follow it."""
 
-    def __init__(self, plan: Plan, topics: RosTopics, console: Console, signals: Signals):
+    def __init__(self, plan: Mission, topics: RosTopics, console: Console, signals: Signals):
         self._plan = plan
-        self._following: Deque[Plan] = collections.deque(maxlen=1)  # filled by the thread that reads
+        self._following: Deque[Mission] = collections.deque(maxlen=1)  # filled by the thread that reads
         self._reading: Optional[threading.Thread] = None
         self._clock, self._wake = plan.tree.clock, plan.tree.wake
         self._topics: Topics = topics
@@ -302,9 +302,8 @@ class _Run:
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
-        context = MissionContext(self._gateway, self._topics, plan.settings, plan.phrases, plan.policy, self._clock,
-                                 self._events, self._health)
-        return Running(plan.tree, context, plan.mission, plan.settings.mission_runs)
+        context = plan.context(self._gateway, self._topics, self._events, self._health)
+        return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
 
     def _reload(self) -> None:
         """Have the files read again, on a thread of its own: a disk or the master may hang. On the signals' thread."""

@@ -6,9 +6,9 @@ import os
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
-from behavior_controller import folders, leaves, phrases, policy, settings
+from behavior_controller import folders, mission, settings
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.document import read, with_includes
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 from behavior_controller.events import Events, HealthChanged
@@ -17,8 +17,6 @@ from behavior_controller.health import Health
 from behavior_controller.interface import Topic
 from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.interface.records import Answer, AttentionStatus, Exhibit, Faces, Location, Point, Request
-from behavior_controller.leaves.base import MissionContext
-from behavior_controller.leaves.vocabulary import load as load_mission
 from behavior_controller.text import Unreadable, clean, read_bytes
 from behavior_controller.watch.board import LETTERS
 from behavior_controller.watch.record import FILE_NAME, LOST, MOST_BYTES, plain_request, sha256
@@ -115,18 +113,16 @@ class _Replay:
 
     def __init__(self, started: Line, paths: List[str]):
         self.clock = ManualClock()
-        self.tree: Tree = load_mission(started["mission"], clock=self.clock)
+        chosen = settings.recorded(started["settings"], "settings of the record")
+        loaded = mission.load(chosen, self.clock, documents=with_includes(read(started["mission"])))
+        self.tree = loaded.tree
         self._paths = paths  # of the record's nodes, by uid - 1
         self._world = _World()
         self._health = Health()
         self._began: Optional[float] = None
         self._now: List[Tuple[str, str]] = []
-        chosen = settings.recorded(started["settings"], "settings of the record")
-        events = Events()
         self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
-        self._mission = MissionContext(
-            self._world, self._world, chosen, phrases.load(chosen.language),
-            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, events, self._health)
+        self._mission = loaded.context(self._world, self._world, Events(), self._health)
         self.tree.setup(mission=self._mission)
 
     def take(self, line: Line) -> int:

@@ -31,7 +31,7 @@ INTERNAL = (FOLDER, DRAWN, REPORT)
 CONTROLLER = {key.name for key in settings.KEYS}
 TEST = {key.name for key in configuration.KEYS}
 
-CONTROLLER_FILE = "behaviorControllerConfiguration.ini"
+CONTROLLER_FILE = settings.FILE_NAME
 
 NO_RECORD = "none"
 """The value of ``recordDirectory`` with which the controller records nothing."""
