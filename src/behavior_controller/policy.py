@@ -6,7 +6,7 @@ from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
 from behavior_controller.bt.registry import NodeSpec, did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.gateway import Cause
-from behavior_controller.settings import MOST_FAULTS, read_lines, too_many_faults
+from behavior_controller.keys import MOST_FAULTS, read_lines, too_many_faults
 
 CAUSES = {
     "refused": Cause.REFUSED, "exception": Cause.HANDLER_EXCEPTION, "no-answer": Cause.NO_ANSWER,

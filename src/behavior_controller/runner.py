@@ -1,6 +1,7 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
-from typing import Any, Callable, Dict, NamedTuple, Optional
+from typing import Any, Callable, NamedTuple, Optional
 
+from behavior_controller import exits
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
@@ -8,8 +9,6 @@ from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFi
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.leaves.base import MissionContext
 
-EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
-FAILED = 3
 SHORTEST_PASS = 1.0
 """Seconds: a pass that ends sooner is followed by a pause of that length, lest a mission that fails at once spins."""
 
@@ -53,7 +52,7 @@ class Runner:
         self._rounds = 0  # ticks since the last wait
 
     def run(self) -> int:
-        """Run and return the exit code: ``stop_code``, or 0 if the last pass was a SUCCESS (or none ended), else 3."""
+        """Run and return the exit code: ``stop_code``, or that of the last pass; if none ended, of a SUCCESS."""
         self._begin()
         while not self.is_stopped() and (self.runs == 0 or self._number < self.runs):
             self._pass()
@@ -66,7 +65,7 @@ class Runner:
             self._stop()
         code = self._stop_code()
         if code is None:
-            code = EXIT_CODES.get(self._outcome or "SUCCESS", FAILED)
+            code = exits.SUCCESS if self._outcome in (None, "SUCCESS") else exits.FAILURE
         ended = "stopped" if self.is_stopped() else "all passes are done"
         self.mission.events.emit(RunFinished("{}; last pass: {}".format(ended, self._outcome or "none"), code))
         return code

@@ -21,9 +21,9 @@ LAYERS = [
     ["bt.checking"],
     ["bt.engine"],
     ["bt.language"],
-    ["bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy", "sinks"],
+    ["bt", "gateway", "events", "health", "keys", "settings", "folders", "phrases", "policy", "sinks"],
     ["interface"],
-    ["errors"],
+    ["errors", "exits"],
     ["text"],
 ]
 ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rosnode", "rospy", "rosservice",

@@ -6,7 +6,7 @@ import os
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
-from behavior_controller import folders, mission, settings
+from behavior_controller import exits, folders, mission, settings
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.language.document import read, with_includes
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
@@ -263,8 +263,6 @@ def _answer(fields: List[Any]) -> Answer:
 
 # ------------------------------------------------------------------------------------------------------- the command
 
-SAME, BAD_FILE, PARTED = 0, 2, 3
-
 
 def main(arguments: Optional[List[str]] = None) -> int:
     """Return the exit code of ``replayMission``: 0 the same path, 3 another one, 2 the record cannot be replayed."""
@@ -278,13 +276,13 @@ def main(arguments: Optional[List[str]] = None) -> int:
         lines = read_record(find_record(chosen.record))
         if chosen.report:
             _write(chosen.report, to_html(lines))
-            return SAME
+            return exits.SUCCESS
         outcome = replay(lines)
     except BehaviorControllerError as error:
         print(error, file=sys.stderr)
-        return BAD_FILE
+        return exits.WRONG_INPUT
     print(outcome)
-    return PARTED if outcome.parting else SAME
+    return exits.FAILURE if outcome.parting else exits.SUCCESS
 
 
 def _write(path: str, text: str) -> None:
