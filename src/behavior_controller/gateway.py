@@ -12,18 +12,27 @@ from behavior_controller.interface.records import Answer, Request
 
 
 class Cause(enum.Enum):
-    """Why a leaf failed; the values are what an operator reads and what the recovery policy is written in."""
+    """Why a leaf failed. The value is the word of policy and record, ``text`` is what an operator reads."""
+
+    text: str
 
     REFUSED = "refused"
-    HANDLER_EXCEPTION = "exception in the server"
-    NO_ANSWER = "no answer in time"
-    CONNECTION_LOST = "connection lost"
-    NOT_REACHABLE = "not reachable"
-    NOT_ADVERTISED = "not advertised"
-    TYPE_MISMATCH = "type mismatch"
-    UNUSABLE_ANSWER = "unusable answer"
-    MISSING_DATA = "missing data"
-    CONDITION_FALSE = "condition false"
+    HANDLER_EXCEPTION = "exception", "exception in the server"
+    NO_ANSWER = "no-answer", "no answer in time"
+    CONNECTION_LOST = "connection-lost"
+    NOT_REACHABLE = "not-reachable"
+    NOT_ADVERTISED = "not-advertised"
+    TYPE_MISMATCH = "type-mismatch"
+    UNUSABLE_ANSWER = "unusable-answer"
+    MISSING_DATA = "missing-data"
+    CONDITION_FALSE = "condition-false"
+
+    def __new__(cls, word: str, text: str = "") -> "Cause":
+        """Make the cause called ``word``; without a ``text`` it reads as the word does."""
+        cause = object.__new__(cls)
+        cause._value_ = word
+        cause.text = text or word.replace("-", " ")
+        return cause
 
 
 class Failure(NamedTuple):

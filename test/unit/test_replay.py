@@ -129,7 +129,7 @@ def test_another_answer_in_the_record_leads_elsewhere(tmp_path):
     navigate = next(line for line in lines if line["event"] == "Asked" and line["request"][0] == "GoTo")
     answered = next(line for line in lines if line["event"] == "Answered" and line["call"] == navigate["call"])
     del answered["answer"]
-    answered["failure"] = {"cause": "type mismatch", "message": "-", "resource": "/robotNavigation/set_goal"}
+    answered["failure"] = {"cause": "type-mismatch", "message": "-", "resource": "/robotNavigation/set_goal"}
     assert "Navigate" in replay(lines).parting
 
 

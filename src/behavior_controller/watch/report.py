@@ -4,6 +4,7 @@ import html
 from typing import Any, Dict, Iterator, List, NamedTuple, Set, Tuple, Union
 
 from behavior_controller.errors import Fault, MissionError
+from behavior_controller.gateway import Cause
 from behavior_controller.watch.expected import NUMBER, mismatch
 
 Line = Dict[str, Any]
@@ -195,7 +196,13 @@ class _Tour:
 
 
 def _why(line: Line) -> str:
-    return "{}: {}".format(line["failure"]["cause"], line["failure"]["message"])
+    return "{}: {}".format(_cause(line), line["failure"]["message"])
+
+
+def _cause(line: Line) -> str:
+    """Return the cause as an operator reads it; a record may have one that we do not know."""
+    word = line["failure"]["cause"]
+    return {cause.value: cause.text for cause in Cause}.get(word, word)
 
 
 def _decisions(lines: List[Line], began: float) -> str:
@@ -211,7 +218,7 @@ def _decision(line: Line) -> str:
     if kind == "LeafFinished" and _is_worth_telling(line):
         return "{} failed: {}".format(line["path"], _why(line))
     if kind == "Retried":
-        return "{}: retry {} failed: {}".format(line["path"], line["attempt"], line["failure"]["cause"])
+        return "{}: retry {} failed: {}".format(line["path"], line["attempt"], _cause(line))
     if kind == "Recovered":
         return "{}: recovery: {} ({}), for {}".format(line["path"], line["outcome"], line["policy"], _why(line))
     if kind == "HealthChanged":
@@ -222,7 +229,7 @@ def _decision(line: Line) -> str:
 def _is_worth_telling(finished: Line) -> bool:
     """Whether a leaf failed; a false condition is an answer, and what HandleFallBack decided is told by itself."""
     failure = finished["failure"]
-    return bool(failure) and failure["cause"] != "condition false" and finished["node"].lower() != "handlefallback"
+    return bool(failure) and failure["cause"] != Cause.CONDITION_FALSE.value and finished["node"].lower() != "handlefallback"
 
 
 def _timeline(lines: List[Line], began: float) -> str:
