@@ -46,7 +46,7 @@ class Failure(NamedTuple):
 class Call:
     """One request under way. Finished exactly once, from any thread; later results are dropped."""
 
-    def __init__(self, request: Request, wake: Callable[[], None], abandon: Optional[Callable[[], None]] = None):
+    def __init__(self, request: Request, wake: Callable[[], None], abandon: Optional[Callable[[], object]] = None):
         """``wake`` is called when the result is there; ``abandon`` gives back what the call holds when it is dropped."""
         self.request = request
         self.result: Optional[Union[Answer, Failure]] = None

@@ -171,7 +171,7 @@ def help_lines(keys: Iterable[Key], values: Mapping[str, str]) -> List[str]:
 
 def key(read: Reader[Value], default: Value, meaning: str) -> Value:
     """Declare a field of a dataclass that is a key of a configuration: ``asr_enabled`` is the key ``asrEnabled``."""
-    return field(metadata={"key": (read, default, meaning)})  # type: ignore[no-any-return]
+    return field(metadata={"key": (read, default, meaning)})
 
 
 def keys_of(record: type) -> Dict[str, Key]:

@@ -18,7 +18,7 @@ LEFT_OUT = "behaviorController: %d lines left out: %s did not take them in time"
 class Sink:
     """A daemon thread that writes what is put into its queue. ``put`` never waits; what does not fit is counted."""
 
-    def __init__(self, name: str, write: Callable[[Any], None], left_out: Callable[[int], Any],
+    def __init__(self, name: str, write: Callable[[Any], object], left_out: Callable[[int], Any],
                  most: int = MOST_WAITING):
         """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread."""
         self._write = write

@@ -138,7 +138,8 @@ class _Compiler:
         if self.rules.rules:
             target = self.rules.target(name, type_id, path)
             if target in self.rules.configs:
-                return NodeSpec(target, Kind.ACTION, TestNode), TestNode(name, self.rules.configs[target])
+                config = self.rules.configs[target]
+                return NodeSpec(target, Kind.ACTION, lambda name: TestNode(name, config)), TestNode(name, config)
             if target is not None:
                 replacement = self.registry.find(target)
                 if replacement is None:

@@ -216,7 +216,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
     attempt: Optional[Attempt] = None
 
     @property
-    def resource(self) -> str:  # type: ignore[override]
+    def resource(self) -> str:
         """The service's canonical name."""
         return INTERFACE.service(self.asks).name
 
@@ -282,7 +282,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     _told: Tuple[str, float] = ("", 0.0)  # the failure reported last, and what a message had to be newer than then
 
     @property
-    def resource(self) -> str:  # type: ignore[override]
+    def resource(self) -> str:
         """The topic's canonical name."""
         return self.topic.name
 

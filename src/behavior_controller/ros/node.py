@@ -160,7 +160,7 @@ class _Node:
     def run(self) -> int:
         """Do everything, and return the exit code. Raises nothing."""
         console = self._console
-        threading.excepthook = lambda failed: report_internal_error(console, failed.exc_value)
+        threading.excepthook = lambda failed: report_internal_error(console, failed.exc_value or failed.exc_type())
         self._signals.wake(self._wake.emit)
         try:
             return self._carry_out()

@@ -12,7 +12,7 @@ import os
 import shutil
 import threading
 import time
-from typing import Any, BinaryIO, Callable, Deque, Dict, List, Optional, Tuple, Union
+from typing import Any, BinaryIO, Callable, Deque, Dict, List, Optional, Tuple, Union, cast
 
 from behavior_controller import folders
 from behavior_controller.bt.engine.clock import Clock
@@ -266,7 +266,7 @@ def plain_request(request: Request) -> List[Any]:
 def _plain(value: Any) -> Any:
     """Return a value as JSON can hold it: failures as objects, other records as lists."""
     if isinstance(value, tuple(service.request for service in INTERFACE.services)):
-        return plain_request(value)
+        return plain_request(cast(Request, value))
     if isinstance(value, Failure):
         return {"cause": value.cause.value, "message": value.message, "resource": value.resource}
     return value

@@ -285,7 +285,7 @@ def _tree(nodes: List[_Node], lines: List[Line]) -> str:
         is_nested = bool(children[entry]) and level < DEEPEST
         opening, closing = _item(nodes[entry - 1], counts[entry - 1], is_nested)
         found.append(opening)
-        inner = [(child, level + 1) for child in reversed(children[entry])]
+        inner: List[Tuple[Union[int, str], int]] = [(child, level + 1) for child in reversed(children[entry])]
         waiting += [(closing, level)] + inner if is_nested else inner + [(closing, level)]
     return '<h2>Tree</h2><div class="tree"><ul>{}</ul></div>'.format("".join(found))
 
