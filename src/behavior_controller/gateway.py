@@ -5,9 +5,10 @@ A leaf hands a request record to ``Gateway.start`` and gets a ``Call``, which is
 ``FakeGateway`` and ``FakeTopics`` are for tests, rendering and replay.
 """
 import enum
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
+from dataclasses import dataclass
+from typing import Callable, Dict, Generic, Hashable, List, NamedTuple, Optional, Tuple, Union
 
-from behavior_controller.interface import Topic
+from behavior_controller.interface import Topic, Value
 from behavior_controller.interface.records import Answer, Request
 
 
@@ -66,10 +67,11 @@ class Call:
             abandon()
 
 
-class Sample(NamedTuple):
+@dataclass(frozen=True)
+class Sample(Generic[Value]):
     """The newest message of a topic, as plain data, and when it arrived (monotonic seconds)."""
 
-    value: Any
+    value: Value
     arrived: float
 
 
@@ -84,11 +86,11 @@ class Gateway:
 class Topics:
     """The newest message of each topic, and one-shot alarms."""
 
-    def newest(self, topic: Topic) -> Optional[Sample]:
+    def newest(self, topic: Topic[Value]) -> Optional[Sample[Value]]:
         """Return the newest message, or None before the first."""
         raise NotImplementedError
 
-    def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
+    def wake_when(self, key: Hashable, topic: Topic[Value], wanted: Callable[[Value], bool]) -> None:
         """Wake the tree once, at the next message whose value is ``wanted``; a second alarm under ``key`` replaces it.
 
         ``wanted`` runs on the thread that receives messages, possibly thousands of times a second: it must be cheap.
@@ -127,9 +129,9 @@ class FakeTopics(Topics):
         self._now = now
         self._wake = wake
         self._newest: Dict[Topic, Sample] = {}
-        self._alarms: Dict[Any, Tuple[Topic, Callable[[Any], bool]]] = {}
+        self._alarms: Dict[Hashable, Tuple[Topic, Callable[..., bool]]] = {}  # type: ignore  # of topics of any kind
 
-    def publish(self, topic: Topic, value: Any) -> None:
+    def publish(self, topic: Topic[Value], value: Value) -> None:
         """Let ``value`` arrive on ``topic`` now."""
         self._newest[topic] = Sample(value, self._now())
         for key, (alarmed, wanted) in list(self._alarms.items()):
@@ -137,10 +139,10 @@ class FakeTopics(Topics):
                 del self._alarms[key]
                 self._wake()
 
-    def newest(self, topic: Topic) -> Optional[Sample]:
+    def newest(self, topic: Topic[Value]) -> Optional[Sample[Value]]:
         """Return the newest message, or None before the first."""
         return self._newest.get(topic)
 
-    def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
+    def wake_when(self, key: Hashable, topic: Topic[Value], wanted: Callable[[Value], bool]) -> None:
         """Set the alarm ``key``."""
         self._alarms[key] = (topic, wanted)

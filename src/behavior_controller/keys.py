@@ -6,7 +6,7 @@ import ipaddress
 import math
 import re
 from dataclasses import dataclass, field, fields
-from typing import Any, Callable, Dict, Generic, Iterable, List, Mapping, Optional, Sequence, TypeVar
+from typing import Any, Callable, Dict, Generic, Iterable, List, Mapping, Optional, Sequence, Type, TypeVar
 
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
@@ -29,6 +29,7 @@ _NAME_END = re.compile(r"[\s=#]|$")
 _COMMENT = re.compile(r"(?<!\S)#|$")
 
 Value = TypeVar("Value")
+Record = TypeVar("Record")
 
 
 # ------------------------------------------------------------------------------------------------------ what a key takes
@@ -180,10 +181,15 @@ def keys_of(record: type) -> Dict[str, Key]:
             for each in fields(record) if "key" in each.metadata}
 
 
+def filled(record: Type[Record], values: Mapping[str, Any], **others: Any) -> Record:
+    """Return a dataclass whose fields have the ``values`` of their keys; ``others`` are fields that are no keys."""
+    return record(**others, **{name: values[each.name] for name, each in keys_of(record).items()})
+
+
 # -------------------------------------------------------------------------------------------------------------- reading
 
 
-def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None,
+def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
                        arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
     """Return a value for each of ``keys`` from a file, overriding ROS parameters, and ``arguments``, which override both.
 
@@ -244,7 +250,7 @@ class Collector:
             self.given[name] = line_number
             self._value(name, text, line_number, column + len(content) - len(rest) if text else column)
 
-    def override(self, name: str, value: Any) -> None:
+    def override(self, name: str, value: object) -> None:
         """Take one private ROS parameter."""
         where = "parameter ~{}".format(name)
         if name not in self.keys:

@@ -1,7 +1,8 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
-from typing import Any, Callable, NamedTuple, Optional
+from typing import Callable, NamedTuple, Optional
 
 from behavior_controller import exits
+from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
@@ -81,7 +82,7 @@ class Runner:
         began = self.clock.now()
         self.mission.begin_visit(self.tree.blackboard, began)
         self.mission.events.emit(PassStarted(self._number + 1, began))
-        result: Any = RUNNING
+        result: Result = RUNNING
         while result is RUNNING and not self.is_stopped():
             self.tree.wake.test_and_clear()
             changes = self.tree.changes
@@ -97,7 +98,7 @@ class Runner:
         if seconds < SHORTEST_PASS and self._number != self.runs:
             self._pause(SHORTEST_PASS)
 
-    def _tick(self) -> Any:
+    def _tick(self) -> Result:
         """Tell what has changed about the robot, and tick once; an exception in a node ends the pass, not the node."""
         self.mission.health.publish(self.mission.events)
         try:

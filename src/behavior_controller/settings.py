@@ -1,11 +1,11 @@
 """The controller's configuration: its keys, each with its type, default and meaning, as one frozen record."""
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
-from behavior_controller.interface import Service
+from behavior_controller.interface import Plain, Service
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, folder, integer, key, keys_of,
+from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, filled, folder, integer, key, keys_of,
                                       language_name, mission_name, port, read_configuration, seconds)
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
@@ -47,7 +47,7 @@ class Settings:
         return self.deadlines[service]
 
     @property
-    def values(self) -> Dict[str, Any]:
+    def values(self) -> Dict[str, Plain]:
         """The value of each key."""
         found = {each.name: getattr(self, name) for name, each in _FIELDS.items()}
         found.update((service.deadline_key, limit) for service, limit in self.deadlines.items())
@@ -61,13 +61,13 @@ KEYS: Tuple[Key, ...] = tuple(_FIELDS.values()) + tuple(
     for service in INTERFACE.services)
 
 
-def _settings(values: Mapping[str, Any]) -> Settings:
+def _settings(values: Mapping[str, object]) -> Settings:
     """Return the settings that have these values, one for each of ``KEYS``."""
-    return Settings(deadlines=MappingProxyType({each: values[each.deadline_key] for each in INTERFACE.services}),
-                    **{name: values[each.name] for name, each in _FIELDS.items()})
+    deadlines = {each: values[each.deadline_key] for each in INTERFACE.services}
+    return filled(Settings, values, deadlines=MappingProxyType(deadlines))
 
 
-def defaults(**given: Any) -> Settings:
+def defaults(**given: Plain) -> Settings:
     """Return the settings of a configuration with nothing but the required keys, changed by ``given`` (camelCase)."""
     values = {each.name: each.default for each in KEYS}
     values.update(scenarioSpecification="lab_tour", verboseMode=False, asrEnabled=True)
@@ -91,13 +91,13 @@ def split_arguments(argv: Sequence[str]) -> Tuple[List[str], Dict[str, str]]:
     return others, given
 
 
-def load(path: str, overrides: Optional[Mapping[str, Any]] = None,
+def load(path: str, overrides: Optional[Mapping[str, object]] = None,
          arguments: Optional[Mapping[str, str]] = None) -> Settings:
     """Read the controller's configuration. Raises ConfigurationError with every fault."""
     return _settings(read_configuration(path, KEYS, overrides, arguments))
 
 
-def recorded(values: Mapping[str, Any], where: str) -> Settings:
+def recorded(values: Mapping[str, object], where: str) -> Settings:
     """Return settings from their values as a record has them. Raises ConfigurationError with every fault."""
     collector = Collector(where, {each.name: each for each in KEYS})
     for name, value in values.items():
