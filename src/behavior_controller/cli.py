@@ -88,6 +88,7 @@ def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any
         sys.exit(str(error))
     for node in tree.nodes:
         node.name = " ".join(label(node))  # a colon would be a port in the dot language
-        setattr(node, "memory", False)  # else py_trees puts a sign before the name that few fonts have; the label tells the type
+        # else py_trees puts a sign before the name that few fonts have; the label tells the type
+        setattr(node, "memory", False)
     tree.root.name = subtree or os.path.splitext(os.path.basename(path))[0]
     return tree.root

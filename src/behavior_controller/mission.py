@@ -59,19 +59,20 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
 
     spoken = attempt(lambda: phrases.load(settings.language))
     rules = attempt(lambda: policy.load(folders.config(POLICY), leaves.SPECS))
-    tree = attempt(lambda: _tree(documents or with_includes(read(file)), clock=clock, wake=wake))
+    tree = attempt(lambda: build_tree(documents or with_includes(read(file)), clock=clock, wake=wake))
     if spoken is None or rules is None or tree is None:
         raise FaultsFound(faults)
     return Mission(settings, file, spoken, rules, tree)
 
 
-def load_tree(path: str, main_tree: Optional[str] = None) -> Tree:
+def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock] = None) -> Tree:
     """Return the tree of a mission file, with the linter's warnings. Raises MissionError with every fault."""
-    return _tree(with_includes(read(path)), main_tree=main_tree)
+    return build_tree(with_includes(read(path)), main_tree, clock)
 
 
-def _tree(documents: Sequence[Document], main_tree: Optional[str] = None, clock: Optional[Clock] = None,
-          wake: Optional[WakeUp] = None) -> Tree:
+def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None, clock: Optional[Clock] = None,
+               wake: Optional[WakeUp] = None) -> Tree:
+    """As ``load_tree``, for documents that were read already, the mission last."""
     return build(documents, leaves.registry(), clock, main_tree=main_tree, wake=wake, vocabulary=VOCABULARY)
 
 

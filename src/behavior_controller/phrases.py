@@ -12,7 +12,8 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 from behavior_controller import folders
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.keys import REQUIRED, Key, Reader, read_configuration
+from behavior_controller.keys import REQUIRED, Key, Reader, configured, read_source
+from behavior_controller.text import Source
 
 
 class Speech(NamedTuple):
@@ -80,11 +81,15 @@ KEYS = tuple(Key(speech.node, _TEXT, REQUIRED, "what {} says".format(speech.node
 
 @dataclass(frozen=True)
 class Phrases:
-    """One language: the text of each speech, the labels of yes and no, and the phrases of visitors by what they mean."""
+    """One language: the text of each speech, the labels of yes and no, and the phrases of visitors by what they mean.
+
+    ``source`` is the file that it was read from.
+    """
 
     speeches: Mapping[str, str]
     tablet_options: Tuple[str, str]
     meanings: Mapping[str, Tuple[Words, ...]]
+    source: Source = Source("", "")
     _by_first: Mapping[str, List[Tuple[Words, str]]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -143,13 +148,17 @@ def load(language: str) -> Phrases:
         raise ConfigurationError([Fault("language", 0, 0, "there are no phrases in {}".format(language), did_you_mean(
             language, known) or "there are: {}; another language is a file data/phrases_{}.ini".format(
                 ", ".join(known), language))])
-    path = folders.data("phrases_{}.ini".format(language))
-    values = read_configuration(path, KEYS)
-    faults = [Fault(path, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other),
+    return read(read_source(folders.data("phrases_{}.ini".format(language)), "the configuration"))
+
+
+def read(source: Source) -> Phrases:
+    """Return the phrases of a file. Raises ConfigurationError with every fault."""
+    values = configured(source, KEYS)
+    faults = [Fault(source.file, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other),
                     "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
               for phrase in sorted(set(values[one]) & set(values[other]))]
     if faults:
         raise ConfigurationError(faults)
-    return Phrases({speech.node: values[speech.node] for speech in SPEECHES},
-                   (values["tabletYes"], values["tabletNo"]), {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)})
+    return Phrases({speech.node: values[speech.node] for speech in SPEECHES}, (values["tabletYes"], values["tabletNo"]),
+                   {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)}, source)

@@ -5,8 +5,8 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from behavior_controller.interface import Plain, Service
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, filled, folder, integer, key, keys_of,
-                                      language_name, mission_name, port, read_configuration, seconds)
+from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, filled, folder, integer, key,
+                                      keys_of, language_name, mission_name, port, read_configuration, seconds)
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
 

@@ -17,6 +17,7 @@ from behavior_controller.bt.language.script import Script, ScriptSyntaxError, co
 from behavior_controller.bt.language.values import TYPES, ValueFault
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault, MissionError
+from behavior_controller.text import Source
 
 DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to four Python frames a level
 _FRAMES_PER_LEVEL = 4
@@ -36,7 +37,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
           blackboard: Optional[Blackboard] = None, main_tree: Optional[str] = None, strict: bool = False,
           enums: Optional[Dict[str, int]] = None, rules: Optional[Dict[str, Any]] = None,
           wake: Optional[WakeUp] = None, vocabulary: Optional[Vocabulary] = None) -> Tree:
-    """Check ``documents`` (the mission last), build the tree and collect its warnings. Raises MissionError with every fault.
+    """Check ``documents`` (the mission last), and build the tree. Raises MissionError with every fault.
 
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``;
     ``enums`` are names of integers for scripts; ``rules`` are substitution rules; ``clock`` and ``wake`` are those of
@@ -53,7 +54,8 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     if vocabulary is not None:
         faults += stale_models(documents, registry) + lint(documents, checked, registry, vocabulary)
         faults.sort(key=_by_place)
-    return Tree(checked.main, compiler.nodes, compiler.blackboards, compiler.services, faults)
+    return Tree(checked.main, compiler.nodes, compiler.blackboards, compiler.services, faults,
+                tuple(Source(document.file, document.text) for document in documents))
 
 
 def _by_place(fault: Fault) -> Tuple[str, int, int]:
