@@ -1,14 +1,12 @@
 """A mission on the real engine with a robot and a visitor of the test's own, and a clock that only the test moves."""
-from behavior_controller import events, folders, leaves, phrases, policy, runner, settings
-from behavior_controller.bt.compiler import load_mission, load_text
-from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller import events, folders, runner, settings
+from behavior_controller import mission as missions
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.registry import Registry
+from behavior_controller.bt.language.document import parse, read, with_includes
 from behavior_controller.gateway import Cause, Failure, FakeGateway, FakeTopics
 from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, Location, Point,
                                                    QueryKnowledge, SetAttention)
-from behavior_controller.leaves.base import MissionContext
 
 EXHIBITS = tuple(
     Exhibit("exhibit {}".format(n), "first text {}".format(n), "second text {}".format(n),
@@ -17,21 +15,15 @@ ENTRANCE = Exhibit("entrance", "", "", Location(7.0, 8.0, 180.0), Point(7.5, 8.5
 HOME = Exhibit("home", "", "", Location(0.5, 0.25, 0.0), Point(0.0, 0.0, 0.0))
 
 
-def registry():
-    """Return all node types."""
-    found = Registry(builtin_specs())
-    found.extend(leaves.SPECS)
-    return found
-
-
 class Rig:
     """``answer(request)`` returns a Failure, an Answer, None (never answers) or NotImplemented (the usual answer)."""
 
     def __init__(self, mission="lab_tour", answer=lambda request: NotImplemented, **changed):
         self.clock = ManualClock(1000.0)
-        load = load_text if mission.lstrip().startswith("<") else lambda name, *rest, **more: load_mission(
-            folders.mission(name), *rest, **more)
-        self.tree = load(mission, registry(), clock=self.clock)
+        self.settings = settings.defaults(**changed)
+        loaded = missions.load(self.settings, self.clock, documents=with_includes(
+            parse(mission) if mission.lstrip().startswith("<") else read(folders.mission(mission))))
+        self.tree = loaded.tree
         self.answer = answer
         self.seen = []
         self.mission_file = "lab_tour.xml"
@@ -39,10 +31,7 @@ class Rig:
         log.subscribe(self.seen.append)
         self.gateway = FakeGateway(self.tree.wake.emit, self._reply)
         self.topics = FakeTopics(self.clock.now, self.tree.wake.emit)
-        self.settings = settings.defaults(**changed)
-        self.mission = MissionContext(
-            self.gateway, self.topics, self.settings, phrases.load(self.settings.language),
-            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, log)
+        self.mission = loaded.context(self.gateway, self.topics, log)
 
     def _reply(self, request):
         answer = self.answer(request)

@@ -128,7 +128,7 @@ def test_failures_recoveries_and_notices_are_told_in_order_with_their_causes():
                  "policy": "retry 1x, then skip", "attempts": 1, "success": True, "outcome": "skipped"}
     text = page_of(lines_of(
         finished(101.0), finished(102.0, "FAILURE", failure=FAILED),
-        finished(102.5, "FAILURE", failure=dict(FAILED, cause="condition false")),
+        finished(102.5, "FAILURE", failure=dict(FAILED, cause="condition-false")),
         {"event": "Retried", "time": 103.0, "node": "A", "path": "A::1", "attempt": 1, "failure": FAILED}, recovered,
         gone(105.0),
         {"event": "Noticed", "time": 106.0, "level": "warning", "text": "the mission goes round and round"},

@@ -7,8 +7,8 @@ import dataclasses
 import enum
 import itertools
 import math
-from typing import (Any, Callable, Dict, Iterable, List, Literal, NamedTuple, NewType, Sequence, Tuple, Union, get_args,
-                    get_origin, get_type_hints)
+from typing import (Any, Callable, Dict, Iterable, List, Literal, NamedTuple, NewType, Sequence, Tuple, Union, cast,
+                    get_args, get_origin, get_type_hints)
 
 Count = NewType("Count", int)
 """A whole number from 1 on."""
@@ -52,7 +52,7 @@ def _made(kind: Any) -> Form:
         return _any_of(inner)
     if origin is Literal:
         return _word({word: word for word in inner})
-    if origin is list or inner[1:] == (...,):
+    if origin is not None and (origin is list or inner[1:] == (...,)):
         return _list(origin, form(inner[0]))
     if origin is tuple:
         return _row([form(part) for part in inner])
@@ -85,7 +85,7 @@ _SIMPLE: Dict[Any, Form] = {
     int: _simple(_is_integer, "an integer"),
     float: _simple(lambda value: _is_integer(value) or isinstance(value, float) and math.isfinite(value), "a number"),
     Count: _simple(lambda value: _is_integer(value) and value > 0, "an integer from 1 on"),
-    Any: Form(lambda value: form(type(value)).write(value), _as_it_is),
+    Any: Form(lambda value: form(cast(Any, type(value))).write(value), _as_it_is),
     type(None): _simple(lambda value: value is None, "null"),
 }
 _FORMS = dict(_SIMPLE)  # those that were made stay

@@ -183,7 +183,7 @@ class Record:
         self._reads[topic] = self._reads.get(topic, 0) + 1
         if sample is not self._seen.get(topic):
             self._seen[topic] = sample
-            value, arrived = sample or (None, 0.0)
+            value, arrived = (None, 0.0) if sample is None else (sample.value, sample.arrived)
             self(Message(topic.name, Count(self._reads[topic]), value, arrived))
 
 

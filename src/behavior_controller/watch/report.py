@@ -142,7 +142,7 @@ class _Tour:
 
 
 def _why(failure: Failure) -> str:
-    return "{}: {}".format(failure.cause.value, failure.message)
+    return "{}: {}".format(failure.cause.text, failure.message)
 
 
 def _decisions(lines: List[Line], began: float) -> str:
@@ -157,7 +157,7 @@ def _decision(entry: Entry) -> str:
     if isinstance(entry, LeafFinished) and entry.failure and _is_worth_telling(entry.node, entry.failure):
         return "{} failed: {}".format(entry.path, _why(entry.failure))
     if isinstance(entry, Retried):
-        return "{}: retry {} failed: {}".format(entry.path, entry.attempt, entry.failure.cause.value)
+        return "{}: retry {} failed: {}".format(entry.path, entry.attempt, entry.failure.cause.text)
     if isinstance(entry, Recovered):
         return "{}: recovery: {} ({}), for {}".format(entry.path, entry.outcome, entry.policy, _why(entry.failure))
     if isinstance(entry, HealthChanged):
