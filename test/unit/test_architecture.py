@@ -19,7 +19,7 @@ LAYERS = [
     ["bt.checking"],
     ["bt.engine"],
     ["bt.language"],
-    ["bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy", "sinks"],
+    ["bt", "bt.language.values", "gateway", "events", "health", "settings", "folders", "phrases", "policy", "sinks"],
     ["errors"],
     ["text"],
 ]

@@ -164,7 +164,7 @@ def judged(data):
         assert any(not fault.is_warning for fault in error.faults)
         return error.faults
     assert tree.nodes
-    return tree.warnings + lint(documents, check(documents, REGISTRY), REGISTRY, vocabulary.VOCABULARY)
+    return tree.warnings + lint(documents, check(documents, REGISTRY), REGISTRY)
 
 
 def complaints(number):

@@ -76,7 +76,7 @@ class _Compiler:
         self.blackboards: Dict[str, Blackboard] = {}
         self.faults: List[Fault] = []
         self._scripts: Dict[str, Script] = {}
-        self._by_spec: Dict[str, Dict[str, Port]] = {}
+        self._by_spec: Dict[str, Tuple[Dict[str, Port], Dict[str, str]]] = {}
         self._deepest = 0
 
     def unfold(self, blackboard: Blackboard) -> None:
@@ -119,7 +119,10 @@ class _Compiler:
             return None
         node.element, node.uid, node.registration_id, node.full_path = element, uid, type_id, path
         node.blackboard, node.services = place.blackboard, self.services
-        node.ports, node.attributes = spec.ports, element.attributes
+        node.spec, node.attributes = spec, element.attributes
+        defaults = self._ports(spec)[1]
+        if defaults:
+            node.attributes = dict(defaults, **element.attributes)
         self.nodes.append(node)
         if place.parent is not None:
             place.parent.add_child(node)  # type: ignore[attr-defined]
@@ -176,14 +179,15 @@ class _Compiler:
 
     def _declare(self, attribute: str, spec: NodeSpec, node: Node) -> None:
         """Create the entry that a port refers to."""
-        port = self._ports(spec).get(attribute)
+        port = self._ports(spec)[0].get(attribute)
         if port is not None:
             ports.declare(node.attributes[attribute], port, node.blackboard)
 
-    def _ports(self, spec: NodeSpec) -> Dict[str, Port]:
+    def _ports(self, spec: NodeSpec) -> Tuple[Dict[str, Port], Dict[str, str]]:
+        """Return the ports of a node type by name, and the entries that they have by default."""
         found = self._by_spec.get(spec.id)
         if found is None:
-            found = self._by_spec[spec.id] = {port.name: port for port in spec.ports}
+            found = self._by_spec[spec.id] = ({port.name: port for port in spec.ports}, ports.defaults(spec.ports))
         return found
 
     def _script(self, text: str) -> Script:

@@ -2,7 +2,7 @@
 from functools import partial
 from typing import Any, Optional, Set, Union
 
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.registry import Kind, Need, NodeSpec
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Answer, Cause, Failure, Request, Sample, SetAnimation, SetAttention, Topic
 from behavior_controller.leaves.base import ATTENTION_SET_AT, GESTURE_TARGET, ServiceLeaf, TopicCondition
@@ -154,5 +154,7 @@ SPECS = tuple(
              description="Stops lifelike movement."),
     NodeSpec("IsVisitorDiscovered", Kind.CONDITION, IsVisitorDiscovered, description="Is a face in view?"),
     NodeSpec("IsMutualGazeDiscovered", Kind.CONDITION, IsMutualGazeDiscovered,
-             description="Does the visitor look at the robot, since the mode was set?"),
+             description="Does the visitor look at the robot, since the mode was set?",
+             needs=Need(("SeekOvertAttentionMode", "SeekingOvertAttentionMode"),
+                        "overtAttention looks for mutual gaze only in the mode seeking")),
 )

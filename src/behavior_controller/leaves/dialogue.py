@@ -1,7 +1,7 @@
 """Leaves for the visitor's answer, by voice (/speechEvent/text) or tablet (/tabletEvent/prompt_and_get_response)."""
 from typing import Any, Optional
 
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.registry import Kind, Need, NodeSpec
 from behavior_controller.gateway import Answer, Cause, Failure, Prompt, Request, Sample, Topic
 from behavior_controller.leaves.base import (QUESTION_ASKED_AT, VISITOR_RESPONSE, InstantCondition, ServiceLeaf,
                                              TopicCondition)
@@ -66,6 +66,7 @@ class PressYesNoDialogue(ServiceLeaf):
 
 SPECS = (
     NodeSpec("IsYesNoUttered", Kind.CONDITION, IsYesNoUttered, description="Did the visitor say yes or no?"),
-    NodeSpec("IsVisitorResponseYes", Kind.CONDITION, IsVisitorResponseYes, description="Was the answer yes?"),
+    NodeSpec("IsVisitorResponseYes", Kind.CONDITION, IsVisitorResponseYes, description="Was the answer yes?",
+             needs=Need(("IsYesNoUttered", "PressYesNoDialogue"), "nothing takes the visitor's answer")),
     NodeSpec("PressYesNoDialogue", Kind.ACTION, PressYesNoDialogue, description="Asks yes or no on the tablet."),
 )

@@ -2,7 +2,7 @@
 from functools import partial
 from typing import Optional
 
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.registry import Kind, Need, NodeSpec
 from behavior_controller.gateway import Answer, Cause, Failure, QueryKnowledge, Request
 from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET,
                                              LEFT_OUT, NEXT_EXHIBIT, TARGET_LOCATION, InstantAction, InstantCondition,
@@ -108,10 +108,13 @@ class LookUp(ServiceLeaf):
         return None
 
 
+_LISTED = Need(("RetrieveListOfExhibits",), "the exhibits are never asked for")
+
 SPECS = (
     NodeSpec("RetrieveListOfExhibits", Kind.ACTION, RetrieveListOfExhibits, description="Gets the exhibits to show."),
-    NodeSpec("IsListWithExhibit", Kind.CONDITION, IsListWithExhibit, description="Is an exhibit left to visit?"),
-    NodeSpec("SelectExhibit", Kind.ACTION, SelectExhibit, description="Takes the next exhibit."),
+    NodeSpec("IsListWithExhibit", Kind.CONDITION, IsListWithExhibit, description="Is an exhibit left to visit?",
+             needs=_LISTED),
+    NodeSpec("SelectExhibit", Kind.ACTION, SelectExhibit, description="Takes the next exhibit.", needs=_LISTED),
     NodeSpec("LookUpEntrance", Kind.ACTION, partial(LookUp, place="entrance", has_gesture=True),
              description="Makes the entrance the target."),
     NodeSpec("LookUpHome", Kind.ACTION, partial(LookUp, place="home", has_gesture=False),

@@ -1,6 +1,7 @@
 """Leaves of the mission itself."""
 from typing import Optional
 
+from behavior_controller.bt.ends import SUCCEEDS
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure
@@ -28,6 +29,7 @@ class IsASREnabled(InstantCondition):
 
 
 SPECS = (
-    NodeSpec("START_OF_TREE", Kind.ACTION, StartOfTree, description="Shows that a visitor's pass begins."),
+    NodeSpec("START_OF_TREE", Kind.ACTION, StartOfTree, description="Shows that a visitor's pass begins.",
+             outcome=SUCCEEDS, is_instant=True),
     NodeSpec("IsASREnabled", Kind.CONDITION, IsASREnabled, description="Is speech recognised?"),
 )

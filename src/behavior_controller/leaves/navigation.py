@@ -1,7 +1,7 @@
 """Leaves that drive (/robotNavigation/set_goal)."""
 from typing import Union
 
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.registry import Kind, Need, NodeSpec
 from behavior_controller.gateway import Cause, Failure, GoTo, Request
 from behavior_controller.leaves.base import TARGET_LOCATION, ServiceLeaf
 
@@ -19,4 +19,5 @@ class Navigate(ServiceLeaf):
         return GoTo(target)
 
 
-SPECS = (NodeSpec("Navigate", Kind.ACTION, Navigate, description="Drives to the current target location."),)
+SPECS = (NodeSpec("Navigate", Kind.ACTION, Navigate, description="Drives to the current target location.",
+                  needs=Need(("SelectExhibit", "LookUpEntrance", "LookUpHome"), "nothing sets the target location")),)

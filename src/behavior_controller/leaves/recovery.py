@@ -177,7 +177,7 @@ class _Round:
 
 SPECS = (
     NodeSpec("HandleFallBack", Kind.ACTION, HandleFallBack,
-             description="Recovers from the failure before it, as the recovery policy says."),
+             description="Recovers from the failure before it, as the recovery policy says.", is_recovery=True),
     NodeSpec("HandleFallback", Kind.ACTION, HandleFallBack, description="Another spelling of HandleFallBack.",
-             warning="HandleFallback is an old spelling; write HandleFallBack"),
+             is_recovery=True, warning="HandleFallback is an old spelling; write HandleFallBack"),
 )

@@ -3,7 +3,7 @@ from functools import partial
 from typing import Optional, Union
 
 from behavior_controller.bt.engine.node import Result
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.registry import Kind, Need, NodeSpec, Port
 from behavior_controller.gateway import Answer, Cause, Failure, Request, Say
 from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT,
                                              ServiceLeaf)
@@ -73,7 +73,8 @@ SPECS = tuple(
              description="Another name of SayGoodByeSpeech."),
     NodeSpec("DescribeExhibitSpeech", Kind.ACTION, DescribeExhibitSpeech,
              description="Describes the current exhibit: name 1 or 2 chooses the part, any other says both.",
-             names=tuple(DescribeExhibitSpeech.PARTS)),
+             ports=(Port("part", default="", names=tuple(DescribeExhibitSpeech.PARTS)),),
+             needs=Need(("SelectExhibit",), "no exhibit is ever selected")),
     NodeSpec("DescribeExhibitSpeech_1", Kind.ACTION, partial(DescribeExhibitSpeech, part="1"),
              description="Says the first description of the current exhibit."),
     NodeSpec("DescribeExhibitSpeech_2", Kind.ACTION, partial(DescribeExhibitSpeech, part="2"),

@@ -1,35 +1,16 @@
-"""The node types that missions are read with, and what the linter must know of the mission's own leaves."""
+"""The node types that missions are read with, and the loader of mission files."""
 from typing import Any
 
 from behavior_controller import leaves
 from behavior_controller.bt.checking.checks import check
-from behavior_controller.bt.checking.lint import Vocabulary, lint
+from behavior_controller.bt.checking.lint import lint
 from behavior_controller.bt.checking.models import stale_models
-from behavior_controller.bt.checking.outcomes import SUCCEEDS
 from behavior_controller.bt.compiler import build
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.document import read, with_includes
 from behavior_controller.bt.registry import Registry
 from behavior_controller.leaves.base import OF_ONE_VISITOR
-
-_TARGET = ("SelectExhibit", "LookUpEntrance", "LookUpHome")
-_SEEKING = ("SeekOvertAttentionMode", "SeekingOvertAttentionMode")
-
-VOCABULARY = Vocabulary(
-    keys=OF_ONE_VISITOR,
-    ends={"START_OF_TREE": SUCCEEDS},
-    needs={
-        "IsMutualGazeDiscovered": (_SEEKING, "overtAttention looks for mutual gaze only in the mode seeking"),
-        "IsVisitorResponseYes": (("IsYesNoUttered", "PressYesNoDialogue"), "nothing takes the visitor's answer"),
-        "Navigate": (_TARGET, "nothing sets the target location"),
-        "IsListWithExhibit": (("RetrieveListOfExhibits",), "the exhibits are never asked for"),
-        "SelectExhibit": (("RetrieveListOfExhibits",), "the exhibits are never asked for"),
-        "DescribeExhibitSpeech": (("SelectExhibit",), "no exhibit is ever selected"),
-    },
-    recoveries=("HandleFallBack", "HandleFallback"),
-)
-
 
 def registry() -> Registry:
     """Return the node types that a mission may use: BehaviorTree.CPP's own and the mission's."""
@@ -44,6 +25,6 @@ def load(path: str, **options: Any) -> Tree:
     documents, types = with_includes(read(path)), registry()
     tree = build(documents, types, **options)
     checked = check(documents, types, options.get("main_tree"))
-    tree.warnings += stale_models(documents, types) + lint(documents, checked, types, VOCABULARY)
+    tree.warnings += stale_models(documents, types) + lint(documents, checked, types, OF_ONE_VISITOR)
     tree.warnings.sort(key=lambda fault: (fault.file, fault.line, fault.column))
     return tree
