@@ -5,7 +5,7 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
-from behavior_controller.gateway import SAFE_STATE
+from behavior_controller.interface.document import INTERFACE
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
 FAILED = 3
@@ -155,7 +155,7 @@ class Runner:
     def _stop(self) -> None:
         """Halt what runs and leave the robot in the safe state."""
         self._halt()
-        calls = [self.mission.gateway.start(request) for request in SAFE_STATE]
+        calls = [self.mission.gateway.start(request) for request in INTERFACE.safe_state]
         end = self.clock.now() + SAFE_STATE_LIMIT
         while any(call.result is None for call in calls) and self.clock.now() < end:
             self.tree.wake.test_and_clear()
@@ -165,4 +165,4 @@ class Runner:
             if call.result is None:
                 call.drop()
                 self.mission.events.emit(Noticed("warning", "{} did not answer while stopping".format(
-                    call.request.service)))
+                    INTERFACE.service(type(call.request)).name)))

@@ -20,6 +20,7 @@ LAYERS = [
     ["bt.engine"],
     ["bt.language"],
     ["bt", "bt.language.values", "gateway", "events", "health", "settings", "folders", "phrases", "policy", "sinks"],
+    ["interface"],
     ["errors"],
     ["text"],
 ]

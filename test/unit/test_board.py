@@ -7,13 +7,14 @@ import pytest
 
 from behavior_controller.cli import create_tree
 from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted
-from behavior_controller.gateway import Answer, Cause, Failure, PerformGesture, Say
+from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
+from behavior_controller.interface.records import Answer, PerformGesture, Say
 from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
-from mission_rig import Rig, refusal, visitor_who
+from mission_rig import Rig, refusal, service_of, visitor_who
 from test_leaves import one_leaf
 
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "it cannot drive")
@@ -196,7 +197,7 @@ def test_what_the_robot_says_stays_on_its_line():
     board = board_of(rig)
     rig.tick()
     rig.mission.events.emit(Noticed("error", odd))
-    rig.mission.events.emit(HealthChanged("service", Say.service, odd, False, odd, ""))
+    rig.mission.events.emit(HealthChanged("service", service_of(Say), odd, False, odd, ""))
     state = {name: board.part(name) for name in PARTS}
     assert state["trouble"] and all(line["text"].isprintable() for line in state["trouble"])
     assert all(part["status"].isprintable() for part in state["health"])

@@ -6,6 +6,7 @@ import pytest
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
                                         RunFinished, RunStarted)
 from behavior_controller.gateway import Cause, Failure
+from behavior_controller.ros import console
 from behavior_controller.ros.connection import Trouble
 from behavior_controller.ros.console import ROSOUT, Console
 
@@ -32,8 +33,12 @@ def told():
     RunStarted(ODD, [], {}), LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
     Recovered(ODD, ODD, FAILURE, ODD, 1, False, ODD), HealthChanged("service", ODD, ODD, False, ODD, ODD),
     PassFinished(1, ODD, 1.0), Noticed("error", ODD), RunFinished(ODD, 3)])
-def test_each_event_is_one_line(told, event):
-    Console(is_verbose=True)(event)
+def test_each_event_is_one_line(told, event, monkeypatch):
+    monkeypatch.setattr(console, "take_over_streams", lambda: [])  # the test's own streams stay as they are
+    monkeypatch.setattr(Console, "attach", lambda self: None)
+    shown = Console()
+    shown.is_verbose = True
+    shown(event)
     assert len(told) == 1 and told[0].isprintable() and told[0].startswith("behaviorController: ")
     assert "\\x1b[2J" in told[0]
 

@@ -7,7 +7,8 @@ import pytest
 
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.events import LeafFinished, Noticed, PassFinished, RunStarted
-from behavior_controller.gateway import Answer, Cause, Failure, FakeGateway, Say
+from behavior_controller.gateway import Cause, Failure, FakeGateway
+from behavior_controller.interface.records import Answer, Say
 from behavior_controller.watch import record as module
 from behavior_controller.watch.record import Record, new_folder
 

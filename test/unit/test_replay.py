@@ -11,11 +11,13 @@ import pytest
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
 from behavior_controller.events import HealthChanged, PassFinished
-from behavior_controller.gateway import AttentionStatus, Cause, Faces, Failure, GoTo, SetAttention, Topic
+from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
+from behavior_controller.interface.document import ATTENTION, FACES
+from behavior_controller.interface.records import AttentionStatus, Faces, GoTo, SetAttention
 from behavior_controller.watch.record import Record, new_folder
 from behavior_controller.watch.replay import main, read_record, replay
-from mission_rig import Rig, visitor_who
+from mission_rig import Rig, service_of, visitor_who
 from test_runner import ASKS_WITHOUT_START_OF_TREE
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
@@ -31,8 +33,8 @@ def visitors():
             visitor_who(says="yes")(rig)
         else:
             rig.clock.advance(0.5)
-            rig.topics.publish(Topic.FACES, Faces((), ()))
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 0))
+            rig.topics.publish(FACES, Faces((), ()))
+            rig.topics.publish(ATTENTION, AttentionStatus("seeking", 0))
 
     return [("engages", visitor_who(says="yes"), True), ("by tablet", visitor_who(), False),
             ("declines", visitor_who(says="no"), True), ("silent", visitor_who(), True),
@@ -46,7 +48,7 @@ def recorded(folder, visitor, by_voice=True, failure_rate=0.0, seed=0, mission=N
 
     def answer(request):
         if draw.random() < failure_rate:
-            return Failure(draw.choice(CAUSES), "drawn", request.service)
+            return Failure(draw.choice(CAUSES), "drawn", service_of(request))
         return NotImplemented
 
     rig = Rig(mission, answer=answer, asrEnabled=by_voice) if mission.lstrip().startswith("<") else Rig(
@@ -173,14 +175,14 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
         drives = sum(isinstance(request, GoTo) for request in rig.requests)
         if drives == 1 and not states["gone"]:
             states["gone"] = 1
-            rig.mission.health.report(GONE, HealthChanged("service", GoTo.service, "", False, "gone", "", ""))
+            rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", False, "gone", "", ""))
         elif states["gone"]:
             states["gone"] += 1
             if states["gone"] == 12:
-                rig.mission.health.report(GONE, HealthChanged("service", GoTo.service, "", True, "there again", "", ""))
+                rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", True, "there again", "", ""))
         visitor_who(says="yes")(rig)
 
-    rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", GoTo.service)
+    rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", service_of(GoTo))
               if isinstance(request, GoTo) and states["gone"] == 0 else NotImplemented)
     record = Record(str(tmp_path), rig.clock, pytest.fail)
     rig.mission.events.subscribe(record)

@@ -6,11 +6,13 @@ import re
 import pytest
 
 from behavior_controller.errors import MissionError
-from behavior_controller.gateway import AttentionStatus, Cause, Faces, Failure, GoTo, Say, SetAttention, Topic
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.document import ATTENTION, FACES
+from behavior_controller.interface.records import AttentionStatus, Faces, GoTo, Say, SetAttention
 from behavior_controller.watch.record import Record
 from behavior_controller.watch.replay import read_record
 from behavior_controller.watch.report import DEEPEST, to_html
-from mission_rig import Rig, visitor_who
+from mission_rig import Rig, service_of, visitor_who
 
 FAILED = {"cause": "refused", "message": "a chair is in the way", "resource": "/s"}
 
@@ -144,7 +146,7 @@ def test_how_the_run_ended(more, expected):
 
 
 def refusing_the_drive_to(x):
-    return lambda request: Failure(Cause.REFUSED, "blocked", request.service) if (
+    return lambda request: Failure(Cause.REFUSED, "blocked", service_of(request)) if (
         isinstance(request, GoTo) and request.goal.x == x) else NotImplemented
 
 
@@ -161,8 +163,8 @@ def gone_after_the_first_exhibit(rig):
         visitor_who(says="yes")(rig)
     else:
         rig.clock.advance(0.5)
-        rig.topics.publish(Topic.FACES, Faces((), ()))
-        rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 3))
+        rig.topics.publish(FACES, Faces((), ()))
+        rig.topics.publish(ATTENTION, AttentionStatus("seeking", 3))
 
 
 @pytest.mark.parametrize("visitor, answer, expected", [
@@ -174,7 +176,7 @@ def gone_after_the_first_exhibit(rig):
      ["exhibit 1: Navigate: refused: blocked; given up (give up)", "exhibit 2: it was not driven to"]),
     (gone_after_the_first_exhibit, lambda request: NotImplemented,
      ["exhibit 2: IsVisitorDiscovered: condition false: no face in view; given up (give up)"]),
-    (visitor_who(says="yes"), lambda request: Failure(Cause.REFUSED, "hoarse", request.service) if (
+    (visitor_who(says="yes"), lambda request: Failure(Cause.REFUSED, "hoarse", service_of(request)) if (
         isinstance(request, Say) and "text 1" in request.text) else NotImplemented,
      ["exhibit 1: DescribeExhibitSpeech: refused: hoarse; skipped (retry 1x, then skip)"]),
 ], ids=["none", "no tour", "no gaze", "no drive", "visitor gone", "hoarse"])

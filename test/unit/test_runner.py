@@ -4,7 +4,8 @@ import pytest
 from behavior_controller.bt.status import IDLE
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
                                         RunStarted)
-from behavior_controller.gateway import Answer, AttentionStatus, GoTo, Say, SetAnimation, SetAttention, Topic
+from behavior_controller.interface.document import ATTENTION, SPEECH
+from behavior_controller.interface.records import Answer, AttentionStatus, GoTo, Say, SetAnimation, SetAttention
 from behavior_controller.runner import Runner, Running
 from mission_rig import refusal
 from test_leaves import one_leaf
@@ -258,7 +259,7 @@ def test_what_a_visitor_said_ends_with_the_pass_without_start_of_tree_too():
     def says_yes_in_the_first_pass(rig):
         rig.clock.advance(0.5)
         if not rig.of(PassFinished):
-            rig.topics.publish(Topic.SPEECH, "yes")
+            rig.topics.publish(SPEECH, "yes")
 
     rig = one_leaf(ASKS_WITHOUT_START_OF_TREE)
     assert rig.run(says_yes_in_the_first_pass, runs=2) == 3
@@ -274,7 +275,7 @@ def test_a_target_ends_with_the_pass():
 
 
 @pytest.mark.parametrize("condition, topic, value", [
-    ("IsYesNoUttered", Topic.SPEECH, "yes"), ("IsMutualGazeDiscovered", Topic.ATTENTION, AttentionStatus("seeking", 1))])
+    ("IsYesNoUttered", SPEECH, "yes"), ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 1))])
 @pytest.mark.parametrize("wait, outcome", [("0", "FAILURE"), ("600", "SUCCESS")])
 def test_evidence_from_before_the_pass_never_counts(condition, topic, value, wait, outcome):
     # the message comes at 1000.5, the pass begins at 1000.75; another one comes at 1001.0

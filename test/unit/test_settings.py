@@ -6,6 +6,8 @@ import pytest
 
 from behavior_controller import folders, leaves, policy, settings
 from behavior_controller.errors import ConfigurationError
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import GoTo, Say
 
 GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"
 
@@ -251,5 +253,5 @@ def test_arguments_are_kept_from_rospy():
 
 def test_each_service_has_its_deadline(tmp_path):
     found = load(tmp_path, GOOD + "robotNavigationDeadline 42\n")
-    assert found.deadline("/robotNavigation/set_goal") == 42.0
-    assert found.deadline("/textToSpeech/say_text") == 60.0
+    assert found.deadline(INTERFACE.service(GoTo)) == 42.0
+    assert found.deadline(INTERFACE.service(Say)) == 60.0

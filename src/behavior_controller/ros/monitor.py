@@ -11,8 +11,9 @@ from typing import Callable, Dict, List, Tuple
 import rosgraph
 
 from behavior_controller.events import HealthChanged
-from behavior_controller.gateway import Topic
 from behavior_controller.health import GONE, NEW, SILENT, Health
+from behavior_controller.interface import Topic
+from behavior_controller.interface.document import SPEECH
 from behavior_controller.ros.connection import Connection, Trouble
 from behavior_controller.ros.directory import DIRECTORY
 from behavior_controller.ros.probe import PARTS, Part
@@ -22,9 +23,6 @@ from behavior_controller.ros.topics import Latch, RosTopics
 
 ROUND = 0.5
 """Seconds between two looks at topics and master, and between two attempts to reach a server that is gone."""
-
-CONTINUOUS = (Topic.FACES, Topic.ATTENTION)
-"""Topics that are published all the time: their silence means something."""
 
 SILENCE = 1.25
 """Seconds without a message after which a continuous topic is silent, unless its messages are rare."""
@@ -133,7 +131,7 @@ class Monitor:
         while not self._closed.wait(ROUND):
             self._look_at_master()
             for part, latch in self._latches:
-                if part.offer is not Topic.SPEECH or self._is_asr_enabled():
+                if part.offer is not SPEECH or self._is_asr_enabled():
                     self._look_at(part, latch)
 
     def _look_at_master(self) -> None:
@@ -160,7 +158,7 @@ class Monitor:
             return
         self._lonely.pop(part, None)
         self._tell_back(part)
-        if part.offer in CONTINUOUS:
+        if latch.is_continuous:
             self._look_at_silence(part, latch, now - latch.last_arrival)
 
     def _look_at_silence(self, part: Part, latch: Latch, silence: float) -> None:

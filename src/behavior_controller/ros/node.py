@@ -21,8 +21,9 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, NodesMissing
 from behavior_controller.events import Events
-from behavior_controller.gateway import SAFE_STATE, Gateway, Topics
+from behavior_controller.gateway import Gateway, Topics
 from behavior_controller.health import Health
+from behavior_controller.interface.document import INTERFACE
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.ros.connection import Trouble, ask_master
@@ -342,7 +343,7 @@ class _Run:
     def _calm(self) -> None:
         """Give up every call and ask for the safe state, for a second at the most."""
         self._robot.close()
-        calls = [self._robot.start(request) for request in SAFE_STATE]
+        calls = [self._robot.start(request) for request in INTERFACE.safe_state]
         ends = time.monotonic() + 1.0
         while any(call.result is None for call in calls) and time.monotonic() < ends:
             self._wake.wait(max(0.0, ends - time.monotonic()))

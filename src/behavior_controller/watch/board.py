@@ -12,8 +12,9 @@ from behavior_controller.bt.registry import Kind, Registry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
                                         Retried, RunFinished, RunStarted)
-from behavior_controller.gateway import SERVICES, Cause, Topic
+from behavior_controller.gateway import Cause
 from behavior_controller.health import Health
+from behavior_controller.interface.document import INTERFACE
 from behavior_controller.text import clean
 
 LETTERS = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
@@ -54,9 +55,9 @@ class Board:
         self._state = health
         self._called, self._pulsed = 0, 0.0
         self._health: Dict[str, Dict[str, Any]] = {}
-        for kind, names in (("service", SERVICES), ("topic", [topic.value for topic in Topic])):
-            for name in names:
-                self._health[name] = {"kind": kind, "name": name, "well": True, "status": "", "consequence": ""}
+        for kind, offers in (("service", INTERFACE.services), ("topic", INTERFACE.topics)):
+            for offer in offers:
+                self._health[offer.name] = {"kind": kind, "name": offer.name, "well": True, "status": "", "consequence": ""}
         events.subscribe(self._take)
 
     def show(self, tree: Tree) -> None:

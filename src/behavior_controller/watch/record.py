@@ -19,7 +19,10 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.document import LARGEST
 from behavior_controller.events import Event, RunStarted
-from behavior_controller.gateway import REQUESTS, Answer, Call, Failure, Gateway, Request, Sample, Topic, Topics
+from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
+from behavior_controller.interface import Topic
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import Answer, Request
 from behavior_controller.text import Unreadable, read_bytes
 from behavior_controller.watch.board import LETTERS
 
@@ -184,7 +187,7 @@ class Record:
     def asked(self, request: Request) -> int:
         """Record a request and return its number."""
         self._calls += 1
-        self._put("Asked", call=self._calls, service=request.service, request=request)
+        self._put("Asked", call=self._calls, service=INTERFACE.service(type(request)).name, request=request)
         return self._calls
 
     def answered(self, call: int, result: Union[Answer, Failure]) -> None:
@@ -196,7 +199,7 @@ class Record:
         self._reads[topic] = self._reads.get(topic, 0) + 1
         if sample is not self._seen.get(topic):
             self._seen[topic] = sample
-            self._put("Message", topic=topic.value, read=self._reads[topic], value=sample.value if sample else None,
+            self._put("Message", topic=topic.name, read=self._reads[topic], value=sample.value if sample else None,
                       arrived=sample.arrived if sample else 0.0)
 
 
@@ -262,7 +265,7 @@ def plain_request(request: Request) -> List[Any]:
 
 def _plain(value: Any) -> Any:
     """Return a value as JSON can hold it: failures as objects, other records as lists."""
-    if isinstance(value, REQUESTS):
+    if isinstance(value, tuple(service.request for service in INTERFACE.services)):
         return plain_request(value)
     if isinstance(value, Failure):
         return {"cause": value.cause.value, "message": value.message, "resource": value.resource}

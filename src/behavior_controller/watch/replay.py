@@ -12,9 +12,11 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 from behavior_controller.events import Events, HealthChanged
-from behavior_controller.gateway import (Answer, AttentionStatus, Call, Cause, Exhibit, Faces, Failure, Gateway,
-                                         Location, Point, Request, Sample, Topic, Topics)
+from behavior_controller.gateway import Call, Cause, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
+from behavior_controller.interface import Topic
+from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
+from behavior_controller.interface.records import Answer, AttentionStatus, Exhibit, Faces, Location, Point, Request
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.leaves.vocabulary import load as load_mission
 from behavior_controller.text import Unreadable, clean, read_bytes
@@ -28,9 +30,9 @@ LATEST = "latest"
 
 Line = Dict[str, Any]
 READ = {
-    Topic.FACES: lambda value: Faces(tuple(value[0]), tuple(value[1])),
-    Topic.ATTENTION: lambda value: AttentionStatus(*value),
-    Topic.SPEECH: lambda value: value,
+    FACES: lambda value: Faces(tuple(value[0]), tuple(value[1])),
+    ATTENTION: lambda value: AttentionStatus(*value),
+    SPEECH: lambda value: value,
 }
 
 
@@ -210,7 +212,7 @@ class _World(Gateway, Topics):
         elif line["event"] == "Answered":
             self._results[line["call"]] = _failure(line["failure"]) if "failure" in line else _answer(line["answer"])
         else:
-            topic = Topic(line["topic"])
+            topic = INTERFACE.topic(line["topic"])
             sample = None if line["value"] is None else Sample(READ[topic](line["value"]), line["arrived"])
             self._messages.append((topic, line["read"], sample))
 
@@ -228,7 +230,8 @@ class _World(Gateway, Topics):
         recorded = self._wanted.pop(0) if self._wanted else None
         if not self._difference and (recorded is None or recorded["request"] != plain_request(request)):
             self._difference = "recorded is {}, now it asks {} for {}".format(
-                "no request" if recorded is None else "the request {}".format(recorded["request"]), request.service,
+                "no request" if recorded is None else "the request {}".format(recorded["request"]),
+                INTERFACE.service(type(request)).name,
                 plain_request(request))
         call.result = self._results.pop(len(self._calls), None)
         return call

@@ -3,7 +3,8 @@ import json
 import math
 from typing import Any, Callable, Dict, Optional
 
-from behavior_controller.gateway import Cause, Topic
+from behavior_controller.gateway import Cause
+from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.watch.board import LETTERS
 
 Check = Callable[[Any], bool]
@@ -87,7 +88,7 @@ FIELDS: Dict[str, Dict[str, Check]] = {
     "Tick": {"at": _is_number, "first": _is_bool, "changes": _list(_row(_is_whole, _one_of(*LETTERS.values())))},
     "Asked": {"call": _is_count, "service": _is_text, "request": _row(_is_text, _is_object)},
     "Answered": {"call": _is_count},
-    "Message": {"topic": _one_of(*(topic.value for topic in Topic)), "read": _is_count, "arrived": _is_number,
+    "Message": {"topic": _one_of(*(topic.name for topic in INTERFACE.topics)), "read": _is_count, "arrived": _is_number,
                 "value": lambda value: True},
     "LeafFinished": dict(_STEP, uid=_is_whole, status=_is_outcome, resource=_is_text, seconds=_is_number,
                          failure=_is_failure_or_none),
@@ -105,9 +106,9 @@ FIELDS: Dict[str, Dict[str, Check]] = {
 """Event -> its fields but for ``event`` and ``time``."""
 
 _VALUES: Dict[str, Check] = {
-    Topic.FACES.value: _row(_list(_is_text), _list(_is_bool)),
-    Topic.ATTENTION.value: _row(_is_text, _is_whole),
-    Topic.SPEECH.value: _is_text,
+    FACES.name: _row(_list(_is_text), _list(_is_bool)),
+    ATTENTION.name: _row(_is_text, _is_whole),
+    SPEECH.name: _is_text,
 }
 """Topic -> its message."""
 
