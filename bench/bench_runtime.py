@@ -201,13 +201,13 @@ def hung_ticks(seconds):
     from behavior_controller import settings, folders, phrases, policy, leaves
     from behavior_controller.bt.compiler import load_text
     from behavior_controller.interface.records import Location
-    from behavior_controller.leaves.base import TARGET_LOCATION
+    from behavior_controller.leaves.data import TARGET_LOCATION
     from behavior_controller.leaves.vocabulary import registry
     calls = ("<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/><LookUpHome/>"
              "<PressYesNoDialogue/><Navigate/>")
     tree = load_text(MISSION.format("<Parallel>{}<Repeat num_cycles=\"-1\"><Sleep msec=\"5\"/></Repeat></Parallel>".format(
         calls)), registry())
-    tree.blackboard.set(TARGET_LOCATION, Location(1.0, 2.0, 3.0))
+    tree.blackboard.set(TARGET_LOCATION.name, Location(1.0, 2.0, 3.0))
     gateway = RosGateway(lambda service: 60.0, tree.clock, tree.wake.emit)
     tree.setup(mission=MissionContext(
         gateway, None, settings.defaults(), phrases.load("English"),

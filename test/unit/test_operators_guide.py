@@ -7,7 +7,8 @@ from behavior_controller import folders, leaves, policy
 from behavior_controller.gateway import Cause
 
 GUIDE = os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "operators_guide.md")
-NODES = [spec.id for spec in leaves.SPECS]
+SPEC = {spec.id: spec for spec in leaves.SPECS}
+NODES = list(SPEC)
 POLICY = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
 COLUMNS = ((Cause.REFUSED,), (Cause.NOT_REACHABLE,), (Cause.NO_ANSWER, Cause.CONNECTION_LOST), (Cause.TYPE_MISMATCH,))
 
@@ -26,7 +27,7 @@ def in_words(rule):
 @pytest.mark.parametrize("node", sorted(node for node, cells in rows().items() if len(cells) == 5))
 def test_the_guide_says_what_the_policy_does(node):
     for cell, causes in zip(rows()[node], COLUMNS):
-        rules = [in_words(POLICY.rule(node, cause)) for cause in causes]
+        rules = [in_words(POLICY.rule(SPEC[node], cause)) for cause in causes]
         if len(set(rules)) == 1:
             assert cell == rules[0]
         else:

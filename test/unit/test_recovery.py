@@ -9,11 +9,12 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import (Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation,
                                                    SetAttention)
-from behavior_controller.leaves.base import TARGET_LOCATION
+from behavior_controller.leaves.data import TARGET_LOCATION
 from mission_rig import EXHIBITS, refusal, service_of
 from test_leaves import one_leaf, write
 
-NODES = [spec.id for spec in leaves.SPECS]
+SPEC = {spec.id: spec for spec in leaves.SPECS}
+NODES = list(SPEC)
 DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
@@ -90,7 +91,7 @@ def test_an_answer_without_content_counts_as_a_failed_attempt():
 ])
 def test_the_delivered_policy(node, cause, asked, result):
     rig = fallback("<{}/>".format(node), failing(99, cause))
-    write(rig, **{TARGET_LOCATION: Location(1.0, 2.0, 3.0)})
+    write(rig, **{TARGET_LOCATION.name: Location(1.0, 2.0, 3.0)})
     assert to_the_end(rig) is result
     assert [request for request in rig.requests if request not in SAFE] == asked * [rig.requests[0]]
     assert rig.requests[asked:] == (SAFE if result is FAILURE else [])
@@ -110,18 +111,18 @@ def test_without_a_visitors_gaze_the_mission_goes_on():
 @pytest.mark.parametrize("node", ["Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome"])
 @pytest.mark.parametrize("cause", list(Cause))
 def test_what_the_tour_rests_on_is_never_skipped(node, cause):
-    assert DELIVERED.rule(node, cause).then == policy.GIVE_UP
+    assert DELIVERED.rule(SPEC[node], cause).then == policy.GIVE_UP
     anything_goes = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
-    assert anything_goes.rule(node, cause).then == policy.GIVE_UP
+    assert anything_goes.rule(SPEC[node], cause).then == policy.GIVE_UP
 
 
 def test_other_nodes_may_be_skipped_by_a_rule_for_all():
     rules = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
-    assert rules.rule("WelcomeSpeech", Cause.REFUSED).then == policy.SKIP
+    assert rules.rule(SPEC["WelcomeSpeech"], Cause.REFUSED).then == policy.SKIP
 
 
 def test_without_a_rule_a_failure_is_given_up():
-    assert policy.Policy((), 9, 9.0).rule("WelcomeSpeech", Cause.REFUSED).then == policy.GIVE_UP
+    assert policy.Policy((), 9, 9.0).rule(SPEC["WelcomeSpeech"], Cause.REFUSED).then == policy.GIVE_UP
 
 
 @pytest.mark.parametrize("word, cause", [
@@ -132,7 +133,7 @@ def test_without_a_rule_a_failure_is_given_up():
     ("condition-false", Cause.CONDITION_FALSE)])
 def test_the_words_for_causes(tmp_path, word, cause):
     rules = read(tmp_path, "budget 5 10\nWelcomeSpeech {} 7 0 skip\n".format(word))
-    assert [other for other in Cause if rules.rule("WelcomeSpeech", other).retries == 7] == [cause]
+    assert [other for other in Cause if rules.rule(SPEC["WelcomeSpeech"], other).retries == 7] == [cause]
     with open(folders.config("recoveryPolicy.ini"), encoding="utf-8") as file:
         explained = file.read().split("# retries")[0]
     assert word in explained.replace(",", "").split()
@@ -443,9 +444,9 @@ def test_a_narrow_rule_may_stand_before_a_wide_one(tmp_path):
 
 def test_the_first_rule_that_fits_decides(tmp_path):
     rules = read(tmp_path, "budget 5 10\nWelcomeSpeech refused 3 0.5 skip\nWelcomeSpeech * 1 0 giveUp\n")
-    assert rules.rule("WelcomeSpeech", Cause.REFUSED).retries == 3
-    assert rules.rule("WelcomeSpeech", Cause.NO_ANSWER).retries == 1
-    assert rules.rule("FollowMeSpeech", Cause.REFUSED).then == policy.GIVE_UP
+    assert rules.rule(SPEC["WelcomeSpeech"], Cause.REFUSED).retries == 3
+    assert rules.rule(SPEC["WelcomeSpeech"], Cause.NO_ANSWER).retries == 1
+    assert rules.rule(SPEC["FollowMeSpeech"], Cause.REFUSED).then == policy.GIVE_UP
 
 
 def test_the_first_failure_of_a_run_is_found_by_a_recovery_that_was_there_before_it():

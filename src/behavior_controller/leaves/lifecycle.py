@@ -2,10 +2,9 @@
 from typing import Optional
 
 from behavior_controller.bt.ends import SUCCEEDS
-from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure
-from behavior_controller.leaves.base import InstantAction, InstantCondition
+from behavior_controller.leaves.base import InstantAction, InstantCondition, leaf_spec
 
 
 class StartOfTree(InstantAction):
@@ -29,7 +28,6 @@ class IsASREnabled(InstantCondition):
 
 
 SPECS = (
-    NodeSpec("START_OF_TREE", Kind.ACTION, StartOfTree, description="Shows that a visitor's pass begins.",
-             outcome=SUCCEEDS, is_instant=True),
-    NodeSpec("IsASREnabled", Kind.CONDITION, IsASREnabled, description="Is speech recognised?"),
+    leaf_spec("START_OF_TREE", StartOfTree, "Shows that a visitor's pass begins.", outcome=SUCCEEDS),
+    leaf_spec("IsASREnabled", IsASREnabled, "Is speech recognised?"),
 )

@@ -10,7 +10,6 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.document import read, with_includes
 from behavior_controller.bt.registry import Registry
-from behavior_controller.leaves.base import OF_ONE_VISITOR
 
 def registry() -> Registry:
     """Return the node types that a mission may use: BehaviorTree.CPP's own and the mission's."""
@@ -25,6 +24,6 @@ def load(path: str, **options: Any) -> Tree:
     documents, types = with_includes(read(path)), registry()
     tree = build(documents, types, **options)
     checked = check(documents, types, options.get("main_tree"))
-    tree.warnings += stale_models(documents, types) + lint(documents, checked, types, OF_ONE_VISITOR)
+    tree.warnings += stale_models(documents, types) + lint(documents, checked, types)
     tree.warnings.sort(key=lambda fault: (fault.file, fault.line, fault.column))
     return tree

@@ -3,10 +3,12 @@ import datetime
 import html
 from typing import Any, Dict, Iterator, List, NamedTuple, Set, Tuple, Union
 
+from behavior_controller import leaves
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.watch.expected import NUMBER, mismatch
 
 Line = Dict[str, Any]
+RECOVERIES = {spec.id for spec in leaves.SPECS if spec.is_recovery}
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■"}
 WORDS = {"SUCCESS": "S", "FAILURE": "F", "IDLE": "-"}
 STEPS = 400
@@ -174,7 +176,7 @@ class _Tour:
             self._said |= {str(fields.get("text"))} if asked == "Say" else set()
         elif kind == "Recovered":
             self._recovered = line
-        elif kind == "LeafFinished" and self._recovered:  # the HandleFallBack's own
+        elif kind == "LeafFinished" and self._recovered:  # the recovery's own
             self._keep(self._recovered, line["path"])
             self._recovered = {}
 
@@ -222,7 +224,7 @@ def _decision(line: Line) -> str:
 def _is_worth_telling(finished: Line) -> bool:
     """Whether a leaf failed; a false condition is an answer, and what HandleFallBack decided is told by itself."""
     failure = finished["failure"]
-    return bool(failure) and failure["cause"] != "condition false" and finished["node"].lower() != "handlefallback"
+    return bool(failure) and failure["cause"] != "condition false" and finished["node"] not in RECOVERIES
 
 
 def _timeline(lines: List[Line], began: float) -> str:

@@ -236,6 +236,10 @@ class Node(Behaviour):
             raise ports.PortError("output port [{}] is not connected".format(name))
         ports.write(text, port, self.blackboard, value)
 
+    def clear_output(self, name: str) -> None:
+        """Empty the entry of an output port. Raises PortError if there is no such port."""
+        ports.clear(self.attributes.get(name, ""), self._port(name), self.blackboard)
+
     def _port(self, name: str) -> Port:
         for port in self.spec.ports:
             if port.name == name:

@@ -36,6 +36,11 @@ class Entry:
             self.value = values.same_kind(values.stored(value), self.value)
             self._written()
 
+    def clear(self) -> None:
+        """Make the entry empty; its type stays."""
+        self.value = None
+        self._written()
+
     def _written(self) -> None:
         self.sequence += 1
         Entry.writes += 1

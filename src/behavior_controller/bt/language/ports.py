@@ -88,6 +88,14 @@ def write(text: str, port: Port, blackboard: Blackboard, value: Any) -> None:
         raise PortError("port [{}]: {}".format(port.name, fault)) from fault
 
 
+def clear(text: str, port: Port, blackboard: Blackboard) -> None:
+    """Empty the entry that an output port refers to, if there is one."""
+    key = reference(text, port.name)
+    entry = None if key is None else blackboard.find(key)
+    if entry is not None:
+        entry.clear()
+
+
 def declare(text: str, port: Port, blackboard: Blackboard) -> None:
     """Make the entry that an attribute refers to, empty and of the port's type. Raises PortError on a type clash."""
     key = reference(text, port.name)
