@@ -7,6 +7,7 @@ A leaf hands a request record to ``Gateway.start`` and gets a ``Call``, which is
 import enum
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
 
+from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.interface import Topic
 from behavior_controller.interface.records import Answer, Request
 
@@ -35,8 +36,9 @@ class Failure(NamedTuple):
 
 
 class Call:
-    """One request under way. Finished exactly once, from any thread; later results are dropped."""
+    """One request under way. Finished exactly once, on the tick thread; later results are dropped."""
 
+    @tick_thread_only
     def __init__(self, request: Request, wake: Callable[[], None], abandon: Optional[Callable[[], None]] = None):
         """``wake`` is called when the result is there; ``abandon`` gives back what the call holds when it is dropped."""
         self.request = request
@@ -44,12 +46,14 @@ class Call:
         self._wake = wake
         self._abandon = abandon
 
+    @tick_thread_only
     def finish(self, result: Union[Answer, Failure]) -> None:
         """Store the first result and wake the tree."""
         if self.result is None:
             self.result = result
             self._wake()
 
+    @tick_thread_only
     def drop(self) -> None:
         """Nobody waits for the result any more (the leaf was halted, or the deadline has passed)."""
         if self._abandon is not None:

@@ -13,6 +13,7 @@ from behavior_controller.bt.engine.node import ConfigureError, Node, Result
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.ports import NoValue, PortError
+from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.bt.registry import Kind, Port
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
@@ -38,17 +39,20 @@ class Failed(NamedTuple):
 class FailureLog:
     """The newest failure of each leaf: HandleFallBack finds in it what brought it about."""
 
+    @tick_thread_only
     def __init__(self) -> None:
         self._numbers = itertools.count(1)
         self._by_uid: Dict[int, Failed] = {}
         self.newest_number = 0
         self.given_up = 0  # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
 
+    @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
         """Record that ``leaf`` failed."""
         self.newest_number = next(self._numbers)
         self._by_uid[leaf.uid] = Failed(self.newest_number, leaf, failure)
 
+    @tick_thread_only
     def newest(self, first_uid: int, end_uid: int, after: int) -> Optional[Failed]:
         """Return the newest failure of the leaves ``first_uid`` to ``end_uid - 1`` with a number beyond ``after``."""
         found = [failed for uid, failed in self._by_uid.items() if first_uid <= uid < end_uid and failed.number > after]

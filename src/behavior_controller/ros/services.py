@@ -25,6 +25,12 @@ from behavior_controller.ros.connection import CONNECT_LIMIT, Connection, Troubl
 from behavior_controller.ros.directory import DIRECTORY, Place
 from behavior_controller.ros.types import TYPES
 
+HURRY = 0.3
+"""Seconds that the master has at a call to tell where a service is that was found before; then it is where it was.
+
+The safe state has a second, in which the master may freeze. ``Monitor`` looks up patiently what was started again.
+"""
+
 
 # ------------------------------------------------------------------------------------------------- finding the server
 
@@ -131,8 +137,8 @@ class Line:
         """Whether the request under way may have reached the server."""
         threading.Thread(target=self._work, name="service " + name, daemon=True).start()
 
-    def carry(self, request: Request, done: Callable[[Union[Answer, Failure]], None]) -> None:
-        """Send ``request``, and call ``done`` with the result on the line's thread."""
+    def carry(self, request: Request, done: Callable[[Union[Answer, Failure], float], None]) -> None:
+        """Send ``request``, and call ``done`` with the result and its time (monotonic), on the line's thread."""
         self.is_asked = False
         self._jobs.put((request, done))
 
@@ -145,7 +151,8 @@ class Line:
         job = self._jobs.get()
         while job is not None:
             request, done = job
-            done(self._ask(request))
+            result = self._ask(request)
+            done(result, time.monotonic())
             job = self._jobs.get()
         self._connection.hang_up()
 
@@ -163,7 +170,8 @@ class Line:
     def _connect(self) -> None:
         """See to it that the connection stands before anything is sent."""
         if not self._connection.is_open:
-            open_service(self._connection, self._name, TYPES[self._service]._md5sum, CONNECT_LIMIT, persistent="1")
+            open_service_at(DIRECTORY.service(self._name, CONNECT_LIMIT, HURRY), self._connection, self._name,
+                            TYPES[self._service]._md5sum, CONNECT_LIMIT, persistent="1")
             self._connection.wait_without_limit()
 
 
@@ -210,8 +218,13 @@ class RosGateway(Gateway):
         timers = (self._clock.call_after(deadline, lambda: self._expire(call)),
                   self._clock.call_after(deadline * SLOW_SHARE, lambda: self._health.slow(name, deadline)))
         self._under_way[call] = _UnderWay(line, timers, time.monotonic())
-        line.carry(request, lambda result: self._end(call, result))
+        line.carry(request, lambda result, at: self._hand_over(call, result, at))
         return call
+
+    def _hand_over(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
+        """Let the tick thread end ``call``; on the line's thread."""
+        self._clock.post(lambda: self._end(call, result, at))
+        self._wake()
 
     def close(self) -> None:
         """Give up every call under way and give back every thread and connection."""
@@ -221,19 +234,18 @@ class RosGateway(Gateway):
             while lines:
                 lines.pop().cut()
 
-    def _end(self, call: Call, result: Union[Answer, Failure]) -> None:
-        """Finish ``call``, on the line's thread, unless somebody has given it up meanwhile."""
-        held = self._under_way.pop(call, None)  # who gets it ends the call: nobody does it twice
+    def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
+        """Finish ``call``, which was answered ``at`` that time, unless it was given up meanwhile."""
+        held = self._under_way.pop(call, None)
         if held is not None:
             held.end()
             self._spare[INTERFACE.service(type(call.request))].append(held.line)
-            self._finish(call, held, result)
+            self._finish(call, result, at - held.since)
 
-    def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure]) -> None:
-        """Hand over the result, and tell the health of the service."""
+    def _finish(self, call: Call, result: Union[Answer, Failure], seconds: float) -> None:
+        """Finish ``call``, which took so many seconds, and tell the health of the service."""
         service = INTERFACE.service(type(call.request))
-        self._health.ended(self._names[service], time.monotonic() - held.since, self.deadline(service),
-                           isinstance(result, Failure))
+        self._health.ended(self._names[service], seconds, self.deadline(service), isinstance(result, Failure))
         call.finish(result)
 
     def _give_up(self, call: Call) -> Optional[_UnderWay]:
@@ -251,5 +263,5 @@ class RosGateway(Gateway):
         if held is not None:
             service = INTERFACE.service(type(call.request))
             where = "" if held.line.is_asked else ", still connecting: nothing was asked"
-            self._finish(call, held, Failure(Cause.NO_ANSWER, "waited {:g} s{}".format(self.deadline(service), where),
-                                             self._names[service]))
+            self._finish(call, Failure(Cause.NO_ANSWER, "waited {:g} s{}".format(self.deadline(service), where),
+                                       self._names[service]), time.monotonic() - held.since)

@@ -7,7 +7,6 @@ from typing import Any, Deque, Dict, List, Optional
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.language.blackboard import Entry
 from behavior_controller.bt.registry import Kind, Registry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
@@ -135,10 +134,11 @@ class Board:
 
     def look(self) -> None:
         """Notice what nobody tells: entries that were written, calls that ended, topics that grow older."""
-        if Entry.writes != self._writes:
-            self._writes = Entry.writes
+        writes = self._tree.blackboard.writes if self._tree is not None else 0
+        if writes != self._writes:
+            self._writes = writes
             self.versions["blackboard"] += 1
-        called = sum(count.calls for count in list(self._state.calls.values()))
+        called = sum(count.calls for count in self._state.calls.values())
         if called != self._called:
             self._called = called
             self.versions["health"] += 1
