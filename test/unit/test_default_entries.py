@@ -177,10 +177,13 @@ def test_what_is_no_record_is_neither_read_nor_written(monkeypatch):
     assert of(ran("<Put/>", spot=3), Writer)[0].refused  # the entry is an integer for good
 
 
-def test_a_list_that_the_host_made_takes_another(monkeypatch):
+def test_host_and_port_may_write_a_list_in_turn(monkeypatch):
     monkeypatch.setattr(Writer, "value", [3])
     tree = ran("<Mark/>", marks=[1, 2])
     assert of(tree, Writer)[0].refused == [] and tree.blackboard.get("marks") == [3]
+    tree = ran("<Mark/>")
+    tree.blackboard.set("marks", [4])
+    assert tree.blackboard.get("marks") == [4] and tree.blackboard.find("marks").type == "Marks"
 
 
 def test_a_name_of_a_type_is_taken_once_and_an_unknown_one_is_refused_with_the_node_type():

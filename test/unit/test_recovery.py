@@ -4,7 +4,7 @@ import pytest
 from behavior_controller import folders, leaves, policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.events import HealthChanged, LeafFinished, Recovered, Retried
+from behavior_controller.events import HealthChanged, LeafFinished, Noticed, Recovered, Retried
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import (Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation,
@@ -347,6 +347,15 @@ def test_a_visit_may_be_wrapped_otherwise():
     assert to_the_end(rig) is FAILURE
     assert [event.success for event in rig.of(Recovered)] == [True, False]
     assert rig.tree.blackboard.get("nextExhibit") == 1  # the second one goes back to the list
+
+
+def test_what_is_left_out_and_cannot_be_noted_is_told_and_no_exception():
+    rig = one_leaf("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
+                   "<HandleFallBack/></Fallback></Sequence>")
+    write(rig, exhibits=list(EXHIBITS), leftOutExhibits="none")
+    assert to_the_end(rig) is SUCCESS
+    assert [event.outcome for event in rig.of(Recovered)] == ["skipped"]
+    assert [("leftOutExhibits" in event.text, event.level) for event in rig.of(Noticed)] == [(True, "warning")]
 
 
 def test_what_fails_after_the_last_exhibit_leaves_out_none():
