@@ -200,14 +200,14 @@ def hung_ticks(seconds):
     from behavior_controller.events import Events
     from behavior_controller.gateway import FakeTopics
     from behavior_controller.interface.records import Location
-    from behavior_controller.leaves.base import TARGET_LOCATION
+    from behavior_controller.leaves.data import TARGET_LOCATION
     from behavior_controller.ros.services import RosGateway
     calls = ("<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/><LookUpHome/>"
              "<PressYesNoDialogue/><Navigate/>")
     loaded = mission.load(settings.defaults(), documents=[parse(MISSION.format(
         "<Parallel>{}<Repeat num_cycles=\"-1\"><Sleep msec=\"5\"/></Repeat></Parallel>".format(calls)))])
     tree = loaded.tree
-    tree.blackboard.set(TARGET_LOCATION, Location(1.0, 2.0, 3.0))
+    tree.blackboard.set(TARGET_LOCATION.name, Location(1.0, 2.0, 3.0))
     gateway = RosGateway(lambda service: 60.0, tree.clock, tree.wake.emit)
     tree.setup(mission=loaded.context(gateway, FakeTopics(tree.clock.now), Events()))
     taken, ends = [], time.monotonic() + seconds

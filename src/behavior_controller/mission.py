@@ -15,7 +15,6 @@ from behavior_controller.events import Events
 from behavior_controller.gateway import Gateway, Topics
 from behavior_controller.health import Health
 from behavior_controller.leaves.base import MissionContext
-from behavior_controller.leaves.vocabulary import VOCABULARY
 from behavior_controller.phrases import Phrases
 from behavior_controller.policy import Policy
 from behavior_controller.settings import Settings
@@ -73,7 +72,7 @@ def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock]
 def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None, clock: Optional[Clock] = None,
                wake: Optional[WakeUp] = None) -> Tree:
     """As ``load_tree``, for documents that were read already, the mission last."""
-    return build(documents, leaves.registry(), clock, main_tree=main_tree, wake=wake, vocabulary=VOCABULARY)
+    return build(documents, leaves.registry(), clock, main_tree=main_tree, wake=wake, with_lint=True)
 
 
 def find(name: str) -> str:

@@ -17,11 +17,12 @@ from behavior_controller.text import Source
 
 
 class Speech(NamedTuple):
-    """A mission node that says a fixed text; ``asks``: the visitor's answer may follow."""
+    """A mission node that says a fixed text; ``asks``: the visitor's answer may follow. See MissionSpec too."""
 
     node: str
     asks: bool
     description: str
+    is_farewell: bool = False
 
 
 SPEECHES = (
@@ -31,9 +32,9 @@ SPEECHES = (
     Speech("PressYesNoSpeech", True, "Asks to press yes or no on the tablet."),
     Speech("FollowMeSpeech", False, "Asks the visitor to follow."),
     Speech("MaybeAnotherTimeSpeech", False, "Lets a visitor go who wants no tour."),
-    Speech("EndTourSpeech", False, "Closes the tour after the last exhibit."),
-    Speech("HereIsTheDoorSpeech", False, "Shows the way out in words."),
-    Speech("SayGoodByeSpeech", False, "Says goodbye."),
+    Speech("EndTourSpeech", False, "Closes the tour after the last exhibit.", True),
+    Speech("HereIsTheDoorSpeech", False, "Shows the way out in words.", True),
+    Speech("SayGoodByeSpeech", False, "Says goodbye.", True),
 )
 
 YES, NO, UNCLEAR = "yes", "no", "unclear"

@@ -4,15 +4,15 @@ import re
 from dataclasses import dataclass
 from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
 
-from behavior_controller.bt.registry import NodeSpec, did_you_mean
+from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.gateway import Cause
 from behavior_controller.keys import MOST_FAULTS, read_source, too_many_faults
+from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.text import Source
 
 CAUSES = [cause.value for cause in Cause]
 SKIP, GIVE_UP = "skip", "giveUp"
-NEVER_SKIPPED = ("Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome")
 
 
 class Rule(NamedTuple):
@@ -26,7 +26,7 @@ class Rule(NamedTuple):
     retries: int
     back_off: float
     then: str
-    substitute: Optional[NodeSpec] = None
+    substitute: Optional[MissionSpec] = None
 
     def __str__(self) -> str:
         """Return the rule as an operator reads it."""
@@ -44,22 +44,22 @@ class Policy:
     seconds: float
     source: Source = Source("", "")
 
-    def rule(self, node: str, cause: Cause) -> Rule:
+    def rule(self, node: MissionSpec, cause: Cause) -> Rule:
         """Return the first rule that fits; without one, a failure is given up."""
         for rule in self.rules:
-            if rule.node in ("*", node) and rule.cause in ("*", cause.value):
-                if rule.then == SKIP and node in NEVER_SKIPPED:
+            if rule.node in ("*", node.id) and rule.cause in ("*", cause.value):
+                if rule.then == SKIP and node.is_indispensable:
                     return rule._replace(then=GIVE_UP, substitute=None)
                 return rule
-        return Rule(node, "*", 0, 0.0, GIVE_UP)
+        return Rule(node.id, "*", 0, 0.0, GIVE_UP)
 
 
-def load(path: str, specs: Iterable[NodeSpec]) -> Policy:
+def load(path: str, specs: Iterable[MissionSpec]) -> Policy:
     """Read a policy file; ``specs`` are the nodes that it may name. Raises ConfigurationError with every fault."""
     return read(read_source(path, "the recovery policy"), specs)
 
 
-def read(source: Source, specs: Iterable[NodeSpec]) -> Policy:
+def read(source: Source, specs: Iterable[MissionSpec]) -> Policy:
     """As ``load``, for a file that was read already."""
     reader = _Reader(source.file, {spec.id: spec for spec in specs})
     for number, line in enumerate(source.text.split("\n"), 1):
@@ -77,7 +77,7 @@ def read(source: Source, specs: Iterable[NodeSpec]) -> Policy:
 
 
 class _Reader:
-    def __init__(self, path: str, nodes: Dict[str, NodeSpec]):
+    def __init__(self, path: str, nodes: Dict[str, MissionSpec]):
         self.path = path
         self.nodes = nodes
         self.rules: List[Rule] = []
@@ -114,7 +114,7 @@ class _Reader:
         if then not in (SKIP, GIVE_UP) and not self._is_request(then):
             self.fault(number, "the last word cannot be {}".format(then), did_you_mean(then, filter(
                 self._is_request, self.nodes)) or "allowed: skip, giveUp, or a node that calls a service")
-        elif then != GIVE_UP and node in NEVER_SKIPPED:
+        elif then != GIVE_UP and node in self.nodes and self.nodes[node].is_indispensable:
             self.fault(number, "{} cannot be skipped".format(node), "write giveUp")
         if len(self.faults) == before:
             last = then if then in (SKIP, GIVE_UP) else SKIP
@@ -122,7 +122,7 @@ class _Reader:
 
     def _is_request(self, node: str) -> bool:
         """Return whether the node is one that asks a service for something, and so can stand in for another."""
-        return node in self.nodes and hasattr(self.nodes[node].factory(node), "request")
+        return node in self.nodes and bool(self.nodes[node].calls)
 
     def _keep(self, number: int, rule: Rule) -> None:
         """Append a rule that is right in itself, unless the rules before it leave it nothing to decide."""

@@ -1,8 +1,8 @@
 """The recovery from one failure as a state machine: what the policy wants next. Knows no tree, clock or service."""
 from typing import Callable, NamedTuple, Optional, Union
 
-from behavior_controller.bt.registry import NodeSpec
 from behavior_controller.gateway import Failure
+from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.policy import GIVE_UP, SKIP, Policy, Rule
 
 DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given up"
@@ -18,7 +18,7 @@ class Retry(NamedTuple):
 class Substitute(NamedTuple):
     """Do this node in place of the failed one."""
 
-    spec: NodeSpec
+    spec: MissionSpec
 
 
 class End(NamedTuple):
@@ -33,7 +33,7 @@ Step = Union[Retry, Substitute, End]
 class Recovery:
     """Decides one step after another: ``next_step``, then ``attempted`` with what came of it."""
 
-    def __init__(self, policy: Policy, node: str, failure: Failure, can_redo: bool, is_affordable: bool,
+    def __init__(self, policy: Policy, node: MissionSpec, failure: Failure, can_redo: bool, is_affordable: bool,
                  leave_out: Callable[[], bool]):
         """``can_redo`` is false where redoing one node would not do what failed as a whole (a SubTree).
 

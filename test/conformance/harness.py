@@ -49,10 +49,10 @@ class _Leaf(Node):
     def act(self, callback: str) -> Result:
         """Read and write the ports, then take the next item of the script."""
         self.calls += 1
-        for port in self.ports:
+        for port in self.spec.ports:
             if port.direction is not Direction.OUT:
                 self._read(port)
-        for port in self.ports:
+        for port in self.spec.ports:
             if self.emits.get(port.name):
                 self._write(port)
         item = _nth(self._script(), self.calls)

@@ -7,6 +7,8 @@ import subprocess
 
 import pytest
 
+from behavior_controller import leaves, phrases
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PRODUCT = "behavior_controller"
 
@@ -21,13 +23,15 @@ LAYERS = [
     ["bt.checking"],
     ["bt.engine"],
     ["bt.language"],
-    ["bt", "gateway", "events", "health", "keys", "settings", "folders", "phrases", "policy", "sinks"],
+    ["bt", "bt.language.values", "mission_spec", "gateway", "events", "health", "keys", "settings", "folders", "phrases",
+      "policy", "sinks"],
     ["interface"],
     ["errors", "exits"],
     ["text"],
 ]
 ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rosnode", "rospy", "rosservice",
        "rostopic", "std_msgs"}
+DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 LONGEST_FUNCTION = 60  # lines
 MACHINE_PATH = re.compile(r"(?<![\w.>-])/(?:work|root|Users|home/\w+|opt/(?:wheels|pypi))/")
 
@@ -121,6 +125,26 @@ def test_only_the_ros_folder_imports_ros(name):
 
 def test_only_the_document_imports_lxml():
     assert [name for name in MODULES if "lxml" in map(outer, imports(name))] == [PRODUCT + ".bt.language.document"]
+
+
+def strings(path):
+    """Return each string constant of a file that is no docstring, with its line."""
+    tree = parse(path)
+    docstrings = {id(node.body[0].value) for node in ast.walk(tree) if isinstance(node, DOCUMENTED) and node.body
+                  and isinstance(node.body[0], ast.Expr)}
+    return [(node.lineno, node.value) for node in ast.walk(tree) if isinstance(node, ast.Constant)
+            and isinstance(node.value, str) and id(node) not in docstrings]
+
+
+def test_a_mission_leaf_is_named_in_its_own_module_alone():
+    modules = [module for module in vars(leaves).values() if getattr(module, "SPECS", leaves.SPECS) is not leaves.SPECS]
+    own = {spec.id: module.__name__ for module in modules for spec in module.SPECS}
+    own.update((speech.node, PRODUCT + ".phrases") for speech in phrases.SPEECHES)
+    assert set(own) == {spec.id for spec in leaves.SPECS}
+    named = [(name, line, text) for name in OURS for line, text in strings(MODULES[name])
+             if text in own and own[text] != name]
+    also = PRODUCT + ".leaves.speech"  # the other name of a fixed speech stands beside the speeches
+    assert [found for found in named if found[0] != also] == []
 
 
 def test_nothing_that_runs_on_the_robot_imports_the_test_package():

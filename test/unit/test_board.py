@@ -9,7 +9,7 @@ from behavior_controller.cli import create_tree
 from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted, Sources
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
-from behavior_controller.interface.records import Answer, PerformGesture, Say
+from behavior_controller.interface.records import Answer, PerformGesture, QueryKnowledge, Say
 from behavior_controller.leaves import registry
 from behavior_controller.text import Source
 from behavior_controller.watch import board as board_module
@@ -105,6 +105,15 @@ def test_passes_health_trouble_and_blackboard():
     assert not any("condition false" in text for text in texts)
     assert ["currentExhibit", "exhibit 2"] in board.part("blackboard")
     assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")
+
+
+def test_a_recovery_that_gives_up_is_told_by_what_it_decided():
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, QueryKnowledge) else NotImplemented)
+    board = board_of(rig)
+    rig.run(visitor_who(says="yes"))
+    texts = [line["text"] for line in board.part("trouble")]
+    assert any("recovery: given up" in text for text in texts)
+    assert [text for text in texts if "HandleFallBack" in text.split(" failed: ")[0] and " failed: " in text] == []
 
 
 def test_calls_and_the_age_of_topics_are_part_of_the_health():

@@ -44,7 +44,7 @@ def test_every_fault_of_every_file_is_printed_with_its_place(file, capsys):
     good, bad = file(GOOD, "good.xml"), file(BAD, "bad.xml")
     assert cli.validate([good, bad, good + "x"]) == 2
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("{}:1:48: warning: Navigate can never succeed".format(good))
+    assert lines[0].startswith("{}:1:48: warning: the entry targetLocation is read here".format(good))
     assert lines[1] == "{}: can be run, 1 node, 1 warning".format(good)
     assert lines[2] == "{}:3:11: unknown node Navigat (did you mean Navigate?)".format(bad)
     assert lines[3].startswith('{}:4:9: port msec of type uint cannot be "x"'.format(bad))

@@ -15,7 +15,6 @@ from behavior_controller.bt.compiler import build
 from behavior_controller.bt.language import document
 from behavior_controller.errors import MissionError
 from behavior_controller.leaves import registry
-from behavior_controller.leaves.vocabulary import VOCABULARY
 
 MUTANTS = int(os.environ.get("MISSION_MUTANTS", "300"))
 SEED = int(os.environ.get("MISSION_SEED", "1"))
@@ -159,7 +158,7 @@ def judged(data):
     """Return the faults of a mission, those of the linter included."""
     try:
         documents = document.with_includes(document.parse(data, "mutant.xml"))
-        tree = build(documents, REGISTRY, vocabulary=VOCABULARY)
+        tree = build(documents, REGISTRY, with_lint=True)
     except MissionError as error:
         assert any(not fault.is_warning for fault in error.faults)
         return error.faults

@@ -9,27 +9,34 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.bt.checking.checks import below, check
-from behavior_controller.bt.checking.lint import Vocabulary, lint
-from behavior_controller.bt.checking.outcomes import FAILS, SUCCEEDS, outcomes
+from behavior_controller.bt.checking.lint import lint
+from behavior_controller.bt.checking.outcomes import outcomes
+from behavior_controller.bt.ends import FAILS, SUCCEEDS
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
+from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.language.document import parse
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.registry import Direction, Kind, Need, NodeSpec, Port, Registry
 from behavior_controller.leaves import registry as mission_registry
-from behavior_controller.leaves.vocabulary import VOCABULARY as KNOWN
 from behavior_controller.mission import load_tree
 
 REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Act", Kind.ACTION, AlwaysSuccess),
     NodeSpec("Cond", Kind.CONDITION, AlwaysSuccess),
-    NodeSpec("Begin", Kind.ACTION, AlwaysSuccess),
-    NodeSpec("Recover", Kind.ACTION, AlwaysSuccess),
-    NodeSpec("Gaze", Kind.CONDITION, AlwaysSuccess),
+    NodeSpec("Begin", Kind.ACTION, AlwaysSuccess, outcome=SUCCEEDS),
+    NodeSpec("Recover", Kind.ACTION, AlwaysSuccess, is_recovery=True),
+    NodeSpec("Gaze", Kind.CONDITION, AlwaysSuccess, needs=Need(("Seek",), "nothing looks for it")),
     NodeSpec("Seek", Kind.ACTION, AlwaysSuccess),
     NodeSpec("In", Kind.ACTION, AlwaysSuccess, (Port("in", "any"),)),
     NodeSpec("Out", Kind.ACTION, AlwaysSuccess, (Port("out", "any", Direction.OUT),)),
+    NodeSpec("Own", Kind.DECORATOR, Inverter),
+    NodeSpec("Drive", Kind.ACTION, AlwaysSuccess, (Port("target", "int", default="{@goal}"),
+                                                   Port("speed", "int", default="{@pace}"))),
+    NodeSpec("Aim", Kind.ACTION, AlwaysSuccess, (Port("to", "int", Direction.OUT, "{@goal}"),)),
+    NodeSpec("Hurry", Kind.ACTION, AlwaysSuccess, (Port("to", "int", Direction.OUT, "{@pace}"),)),
+    NodeSpec("Stroll", Kind.ACTION, AlwaysSuccess, (Port("to", "int", Direction.OUT, "{@pace}"),
+                                                    Port("mood", "int", default="{@mood}", is_optional=True))),
 ])
-VOCABULARY = Vocabulary(keys=["given"], ends={"Begin": SUCCEEDS}, needs={"Gaze": (["Seek"], "nothing looks for it")},
-                        recoveries=["Recover"])
+GIVEN = ["given"]
 TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance", "random.jsonl.xz")
 
 
@@ -39,7 +46,7 @@ def warnings(body, *more):
     documents = [parse(text.format(body, "".join("\n" + tree for tree in more)), "m.xml")]
     checked = check(documents, REGISTRY)
     assert checked.faults == []
-    found = lint(documents, checked, REGISTRY, VOCABULARY)
+    found = lint(documents, checked, REGISTRY, GIVEN)
     assert all(fault.is_warning for fault in found)
     return [(fault.line, fault.column, "{} ({})".format(fault.text, fault.hint)) for fault in found]
 
@@ -98,6 +105,13 @@ CANNOT_BE_MEANT = {
     "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), ["the entry lives"]),
     "read in a condition": ('<Sequence><Script code="lifes := 1"/><Act _skipIf="lives == 0"/></Sequence>', (2, 43), [
         "the entry lives", "did you mean lifes?"]),
+    "read by default, never written": ("<Sequence><Act/>\n<Drive/></Sequence>", (3, 1), [
+        "the entry goal is read here", "Aim writes it"]),
+    "read by default, one of two written": ("<Sequence><Aim/>\n<Drive/></Sequence>", (3, 1), [
+        "the entry pace is read here", "Hurry or Stroll writes it"]),
+    "an entry given in place of the default": ('<Sequence><Aim/><Hurry/>\n<Drive target="{gaol}"/></Sequence>', (3, 8), [
+        "the entry gaol is read here, but nothing writes it"]),
+    "an optional port's entry that the file gives": ('<Stroll mood="{mod}"/>', (2, 9), ["the entry mod is read here"]),
     "watched, never written": ('<SkipUnlessUpdated entry="goal"><Act/></SkipUnlessUpdated>', (2, 20),
                                ["the entry goal"]),
 }
@@ -131,6 +145,14 @@ def test_what_cannot_be_meant(rule):
     '<Sequence><SetBlackboard output_key="{given}" value="1"/><In in="{whatever}"/></Sequence>',
     '<Sequence><Script code="{given}"/><In in="{whatever}"/></Sequence>',
     '<LoopString queue="a;b" value="{item}"><In in="{item}"/></LoopString>',
+    "<Sequence><Aim/><Hurry/><Drive/></Sequence>",
+    '<Drive target="5" speed="3"/>',
+    '<Sequence><Aim to="{x}"/><Hurry/><Drive target="{x}"/></Sequence>',
+    '<Sequence><Script code="@goal:=1; @pace:=2"/><Drive/></Sequence>',
+    '<Sequence><Stroll/><ScriptCondition code="@mood == 1"/></Sequence>',
+    "<Sequence><Own><AlwaysFailure/></Own><Act/></Sequence>",
+    "<Fallback><Own><Begin/></Own><Act/></Fallback>",
+    '<Repeat num_cycles="-1"><Own><Begin/></Own></Repeat>',
     '<Act _uid="1" _fullpath="x" _description="y" _custom="z"/>',
     '<Parallel success_count="-1" failure_count="2"><Act/><Act/></Parallel>',
     '<Switch2 variable="{given}" case_1="a" case_2="b"><Act/><Act/><Act/></Switch2>',
@@ -199,7 +221,7 @@ def test_a_remapping_that_the_tree_has_no_use_for():
 def test_a_mission_with_faults_is_not_linted():
     body = "<Fallback><Begin/><Nope/></Fallback>"
     documents = [parse('<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))]
-    assert lint(documents, check(documents, REGISTRY), REGISTRY, VOCABULARY) == []
+    assert lint(documents, check(documents, REGISTRY), REGISTRY, GIVEN) == []
 
 
 # ---------------------------------------------------------------------------------------------------- real missions
@@ -215,10 +237,15 @@ def mission(*leaves):
 
 
 @pytest.mark.parametrize("leaves, words", [
+    (["IsListWithExhibit", "SelectExhibit"], "nothing writes it (RetrieveListOfExhibits writes it)"),
+    (["RetrieveListOfExhibits", "DescribeExhibitSpeech"], "nothing writes it (SelectExhibit writes it)"),
+    (["PerformDeicticGesture"], "(SelectExhibit, LookUpEntrance or LookUpHome writes it)"),
+    (['Navigate target="2;3.5;90"', 'PerformDeicticGesture target="1;2;3"'], None),
+    (["LookUpHome", "Navigate"], None),
     (["IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),
     (["SocialOvertAttentionMode", "IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),
     (["Navigate"], "SelectExhibit"),
-    (["RetrieveListOfExhibits", "SelectExhibit", "Navigate"], None),
+    (["RetrieveListOfExhibits", "SelectExhibit", "Navigate", "DescribeExhibitSpeech"], None),
     (["SeekingOvertAttentionMode", "IsMutualGazeDiscovered"], None),
     (["IsVisitorResponseYes"], "IsYesNoUttered"),
 ])
@@ -228,11 +255,10 @@ def test_what_the_mission_needs(tmp_path, leaves, words):
     assert [words in str(fault) for fault in found] == ([] if words is None else [True])
 
 
-def test_every_leaf_that_the_vocabulary_names_exists():
-    registry, known = mission_registry(), KNOWN
-    named = set(known.ends) | set(known.needs) | set(known.recoveries)
-    named |= {leaf for leaves, _ in known.needs.values() for leaf in leaves}
-    assert {name for name in named if registry.find(name) is None} == set()
+def test_every_node_that_another_needs_exists():
+    registry = mission_registry()
+    named = {other for spec in registry.all() if spec.needs is not None for other in spec.needs.any_of}
+    assert named and {name for name in named if registry.find(name) is None} == set()
 
 
 def unfolded(checked):
@@ -254,7 +280,7 @@ def test_no_node_of_the_recorded_traces_ends_as_it_is_thought_not_to():
         documents = [parse(case["xml"])]
         registry = conformance._registry(case, [])
         checked = check(documents, registry, strict=True)
-        ends = outcomes({tree_id: below(root) for tree_id, root in reversed(list(checked.trees.items()))}, {})
+        ends = outcomes({tree_id: below(root) for tree_id, root in reversed(list(checked.trees.items()))}, registry)
         unreached = {fault[1:3] for fault in lint(documents, checked, registry) if "never reached" in fault.text}
         seen = {}
         for tick in case["expected"]["ticks"]:
@@ -277,8 +303,7 @@ def test_few_warnings_about_data_in_the_recorded_traces():
         for case in map(json.loads, file):
             documents = [parse(case["xml"])]
             registry = conformance._registry(case, [])
-            given = Vocabulary(keys=list(case["blackboard"]))
-            found = lint(documents, check(documents, registry, strict=True), registry, given)
+            found = lint(documents, check(documents, registry, strict=True), registry, list(case["blackboard"]))
             assert [fault for fault in found if "nothing writes" in fault.text or "uses no entry" in fault.text] == []
 
 

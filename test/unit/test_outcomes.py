@@ -2,16 +2,26 @@
 import pytest
 
 from behavior_controller.bt.checking.checks import below
-from behavior_controller.bt.checking.outcomes import ANY_END, FAILS, SKIPS, SUCCEEDS, outcomes
+from behavior_controller.bt.checking.outcomes import outcomes
+from behavior_controller.bt.ends import ANY, FAILS, SKIPS, SUCCEEDS
+from behavior_controller.bt.ends import OF_A_LEAF as ANY_END
+from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
+from behavior_controller.bt.engine.controls import Sequence
+from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.language.document import parse
+from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 
-LEAVES = {"Win": SUCCEEDS, "Lose": FAILS, "Skip": SKIPS, "WinOrSkip": SUCCEEDS | SKIPS, "LoseOrSkip": FAILS | SKIPS}
+LEAVES = {"Win": SUCCEEDS, "Lose": FAILS, "Skip": SKIPS, "WinOrSkip": SUCCEEDS | SKIPS, "LoseOrSkip": FAILS | SKIPS,
+          "Either": None}
+REGISTRY = Registry(builtin_specs() + [
+    NodeSpec(name, Kind.ACTION, AlwaysSuccess, outcome=outcome) for name, outcome in LEAVES.items()] + [
+    NodeSpec("Own", Kind.DECORATOR, Inverter), NodeSpec("OwnControl", Kind.CONTROL, Sequence)])
 
 
 def ends(body):
     """Return how the first node of ``body`` can end."""
     elements = below(parse("<BehaviorTree>{}</BehaviorTree>".format(body)).root)
-    return outcomes({"Main": elements}, LEAVES)[id(elements[0])]
+    return outcomes({"Main": elements}, REGISTRY)[id(elements[0])]
 
 
 RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
@@ -52,6 +62,10 @@ RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
     ("<Parallel><Win/><Either/></Parallel>", ANY_END),
     ("<Parallel><Skip/><Win/></Parallel>", SUCCEEDS),
     ("<Parallel><Skip/><Skip/></Parallel>", SUCCEEDS),
+    # of a node type that declares nothing, anything is thought
+    ("<Own><Lose/></Own>", ANY),
+    ("<OwnControl><Lose/></OwnControl>", ANY),
+    ("<Sequence><Own><Lose/></Own><Win/></Sequence>", ANY_END),
 ])
 def test_how_a_node_can_end(body, expected):
     assert ends(body) == expected

@@ -6,16 +6,17 @@ import pytest
 from behavior_controller import folders, leaves, policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.events import HealthChanged, LeafFinished, Recovered, Retried
+from behavior_controller.events import HealthChanged, LeafFinished, Noticed, Recovered, Retried
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import (Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation,
                                                    SetAttention)
-from behavior_controller.leaves.base import TARGET_LOCATION
+from behavior_controller.leaves.data import TARGET_LOCATION
 from mission_rig import EXHIBITS, refusal, service_of
 from test_leaves import one_leaf, write
 
-NODES = [spec.id for spec in leaves.SPECS]
+SPEC = {spec.id: spec for spec in leaves.SPECS}
+NODES = list(SPEC)
 DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
@@ -92,7 +93,7 @@ def test_an_answer_without_content_counts_as_a_failed_attempt():
 ])
 def test_the_delivered_policy(node, cause, asked, result):
     rig = fallback("<{}/>".format(node), failing(99, cause))
-    write(rig, **{TARGET_LOCATION: Location(1.0, 2.0, 3.0)})
+    write(rig, **{TARGET_LOCATION.name: Location(1.0, 2.0, 3.0)})
     assert to_the_end(rig) is result
     assert [request for request in rig.requests if request not in SAFE] == asked * [rig.requests[0]]
     assert rig.requests[asked:] == (SAFE if result is FAILURE else [])
@@ -112,18 +113,18 @@ def test_without_a_visitors_gaze_the_mission_goes_on():
 @pytest.mark.parametrize("node", ["Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome"])
 @pytest.mark.parametrize("cause", list(Cause))
 def test_what_the_tour_rests_on_is_never_skipped(node, cause):
-    assert DELIVERED.rule(node, cause).then == policy.GIVE_UP
+    assert DELIVERED.rule(SPEC[node], cause).then == policy.GIVE_UP
     anything_goes = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
-    assert anything_goes.rule(node, cause).then == policy.GIVE_UP
+    assert anything_goes.rule(SPEC[node], cause).then == policy.GIVE_UP
 
 
 def test_other_nodes_may_be_skipped_by_a_rule_for_all():
     rules = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
-    assert rules.rule("WelcomeSpeech", Cause.REFUSED).then == policy.SKIP
+    assert rules.rule(SPEC["WelcomeSpeech"], Cause.REFUSED).then == policy.SKIP
 
 
 def test_without_a_rule_a_failure_is_given_up():
-    assert policy.Policy((), 9, 9.0).rule("WelcomeSpeech", Cause.REFUSED).then == policy.GIVE_UP
+    assert policy.Policy((), 9, 9.0).rule(SPEC["WelcomeSpeech"], Cause.REFUSED).then == policy.GIVE_UP
 
 
 @pytest.mark.parametrize("word, cause", [
@@ -134,7 +135,7 @@ def test_without_a_rule_a_failure_is_given_up():
     ("condition-false", Cause.CONDITION_FALSE)])
 def test_the_words_for_causes(tmp_path, word, cause):
     rules = read(tmp_path, "budget 5 10\nWelcomeSpeech {} 7 0 skip\n".format(word))
-    assert [other for other in Cause if rules.rule("WelcomeSpeech", other).retries == 7] == [cause]
+    assert [other for other in Cause if rules.rule(SPEC["WelcomeSpeech"], other).retries == 7] == [cause]
     with open(folders.config("recoveryPolicy.ini"), encoding="utf-8") as file:
         explained = file.read().split("# retries")[0]
     assert word in explained.replace(",", "").split()
@@ -350,6 +351,15 @@ def test_a_visit_may_be_wrapped_otherwise():
     assert rig.tree.blackboard.get("nextExhibit") == 1  # the second one goes back to the list
 
 
+def test_what_is_left_out_and_cannot_be_noted_is_told_and_no_exception():
+    rig = one_leaf("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
+                   "<HandleFallBack/></Fallback></Sequence>")
+    write(rig, exhibits=list(EXHIBITS), leftOutExhibits="none")
+    assert to_the_end(rig) is SUCCESS
+    assert [event.outcome for event in rig.of(Recovered)] == ["skipped"]
+    assert [("leftOutExhibits" in event.text, event.level) for event in rig.of(Noticed)] == [(True, "warning")]
+
+
 def test_what_fails_after_the_last_exhibit_leaves_out_none():
     rig = one_leaf("<Fallback><Sequence><RetrieveListOfExhibits/><SelectExhibit/><SelectExhibit/><LookUpEntrance/>"
                    "<IsMutualGazeDiscovered/></Sequence><HandleFallBack/></Fallback>")
@@ -445,9 +455,9 @@ def test_a_narrow_rule_may_stand_before_a_wide_one(tmp_path):
 
 def test_the_first_rule_that_fits_decides(tmp_path):
     rules = read(tmp_path, "budget 5 10\nWelcomeSpeech refused 3 0.5 skip\nWelcomeSpeech * 1 0 giveUp\n")
-    assert rules.rule("WelcomeSpeech", Cause.REFUSED).retries == 3
-    assert rules.rule("WelcomeSpeech", Cause.NO_ANSWER).retries == 1
-    assert rules.rule("FollowMeSpeech", Cause.REFUSED).then == policy.GIVE_UP
+    assert rules.rule(SPEC["WelcomeSpeech"], Cause.REFUSED).retries == 3
+    assert rules.rule(SPEC["WelcomeSpeech"], Cause.NO_ANSWER).retries == 1
+    assert rules.rule(SPEC["FollowMeSpeech"], Cause.REFUSED).then == policy.GIVE_UP
 
 
 def test_the_first_failure_of_a_run_is_found_by_a_recovery_that_was_there_before_it():

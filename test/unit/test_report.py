@@ -126,11 +126,12 @@ def test_a_bar_stands_where_its_result_was():
 def test_failures_recoveries_and_notices_are_told_in_order_with_their_causes():
     recovered = {"event": "Recovered", "time": 104.0, "node": "A", "path": "A::1", "failure": FAILED,
                  "policy": "retry 1x, then skip", "attempts": 1, "success": True, "outcome": "skipped"}
+    handled = dict(finished(104.0, "FAILURE", failure=FAILED), node="HandleFallBack")  # told by what it decided
     text = page_of(lines_of(
         finished(101.0), finished(102.0, "FAILURE", failure=FAILED),
         finished(102.5, "FAILURE", failure=dict(FAILED, cause="condition-false")),
         {"event": "Retried", "time": 103.0, "node": "A", "path": "A::1", "attempt": 1, "failure": FAILED}, recovered,
-        gone(105.0),
+        handled, gone(105.0),
         {"event": "Noticed", "time": 106.0, "level": "warning", "text": "the mission goes round and round"},
         tick()))
     assert table(text, "what") == [

@@ -3,7 +3,7 @@ import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.bt.checking.checks import CONDITIONS, Checked, check, is_port_name
-from behavior_controller.bt.checking.lint import Vocabulary, lint
+from behavior_controller.bt.checking.lint import lint
 from behavior_controller.bt.checking.models import stale_models
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import PRE_CONDITIONS, ConfigureError, Node, Services
@@ -36,12 +36,12 @@ def load_text(text: str, registry: Registry, file: str = "<text>", **options: An
 def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clock] = None,
           blackboard: Optional[Blackboard] = None, main_tree: Optional[str] = None, strict: bool = False,
           enums: Optional[Dict[str, int]] = None, rules: Optional[Dict[str, Any]] = None,
-          wake: Optional[WakeUp] = None, vocabulary: Optional[Vocabulary] = None) -> Tree:
+          wake: Optional[WakeUp] = None, with_lint: bool = False) -> Tree:
     """Check ``documents`` (the mission last), and build the tree. Raises MissionError with every fault.
 
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``;
     ``enums`` are names of integers for scripts; ``rules`` are substitution rules; ``clock`` and ``wake`` are those of
-    a tree whose place the new one takes; with a ``vocabulary`` the linter looks at the mission too.
+    a tree whose place the new one takes; ``with_lint`` adds the linter's warnings.
     """
     with collector_at_rest():
         checked = check(documents, registry, main_tree, strict)
@@ -51,8 +51,8 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     faults = list(dict.fromkeys(checked.faults + compiler.faults))
     if any(not fault.is_warning for fault in faults):
         raise MissionError(sorted(faults, key=_by_place))
-    if vocabulary is not None:
-        faults += stale_models(documents, registry) + lint(documents, checked, registry, vocabulary)
+    if with_lint:
+        faults += stale_models(documents, registry) + lint(documents, checked, registry)
         faults.sort(key=_by_place)
     return Tree(checked.main, compiler.nodes, compiler.blackboards, compiler.services, faults,
                 tuple(Source(document.file, document.text) for document in documents))
@@ -84,7 +84,7 @@ class _Compiler:
         self.blackboards: Dict[str, Blackboard] = {}
         self.faults: List[Fault] = []
         self._scripts: Dict[str, Script] = {}
-        self._by_spec: Dict[str, Dict[str, Port]] = {}
+        self._by_spec: Dict[str, Tuple[Dict[str, Port], Dict[str, str]]] = {}
         self._deepest = 0
 
     def unfold(self, blackboard: Blackboard) -> None:
@@ -127,7 +127,10 @@ class _Compiler:
             return None
         node.element, node.uid, node.registration_id, node.full_path = element, uid, type_id, path
         node.blackboard, node.services = place.blackboard, self.services
-        node.ports, node.attributes = spec.ports, element.attributes
+        node.spec, node.attributes = spec, element.attributes
+        defaults = self._ports(spec)[1]
+        if defaults:
+            node.attributes = dict(defaults, **element.attributes)
         self.nodes.append(node)
         if place.parent is not None:
             place.parent.add_child(node)  # type: ignore[attr-defined]
@@ -185,14 +188,15 @@ class _Compiler:
 
     def _declare(self, attribute: str, spec: NodeSpec, node: Node) -> None:
         """Create the entry that a port refers to."""
-        port = self._ports(spec).get(attribute)
+        port = self._ports(spec)[0].get(attribute)
         if port is not None:
             ports.declare(node.attributes[attribute], port, node.blackboard)
 
-    def _ports(self, spec: NodeSpec) -> Dict[str, Port]:
+    def _ports(self, spec: NodeSpec) -> Tuple[Dict[str, Port], Dict[str, str]]:
+        """Return the ports of a node type by name, and the entries that they have by default."""
         found = self._by_spec.get(spec.id)
         if found is None:
-            found = self._by_spec[spec.id] = {port.name: port for port in spec.ports}
+            found = self._by_spec[spec.id] = ({port.name: port for port in spec.ports}, ports.defaults(spec.ports))
         return found
 
     def _script(self, text: str) -> Script:

@@ -1,9 +1,13 @@
 """The node types that a mission may use: their names, kinds, ports, and how to make one."""
 import difflib
 import enum
+from dataclasses import dataclass
 from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from py_trees.behaviour import Behaviour
+
+from behavior_controller.bt.ends import Outcome
+from behavior_controller.bt.language.values import TYPES
 
 
 class Kind(enum.Enum):
@@ -24,10 +28,23 @@ class Direction(enum.Enum):
     INOUT = "inout_port"
 
 
+class Role(enum.Enum):
+    """What the text of a port is."""
+
+    DATA = "a value, or {entry}"
+    SCRIPT = "a script"
+    WATCHED = "an entry, with or without braces"
+    WRITES = "the name of an entry that is written"
+    NAMES = "the name of an entry whose value does not matter"
+    CHILDREN = "a number of children"
+
+
 class Port(NamedTuple):
     """A typed attribute of a node type.
 
-    ``type`` is a name of ``ports.TYPES``; ``default`` is text as it would stand in the file, or None for no default.
+    ``type`` is a name of ``values.TYPES``, ``literal`` the type of a literal if that is another. ``default`` is text as
+    it would stand in the file, or None for no default. ``is_optional``: the node does without a value. ``names`` are
+    names of an instance that stand for a value where none is given; all other names mean nothing.
     """
 
     name: str
@@ -35,12 +52,25 @@ class Port(NamedTuple):
     direction: Direction = Direction.IN
     default: Optional[str] = None
     description: str = ""
+    role: Role = Role.DATA
+    is_optional: bool = False
+    literal: str = ""
+    names: Tuple[str, ...] = ()
 
 
-class NodeSpec(NamedTuple):
-    """One node type. ``factory(name)`` makes a node and needs nothing running; ``warning`` is told to who uses it.
+class Need(NamedTuple):
+    """Node types of which one must be in the mission too, and why."""
 
-    ``names`` are names of an instance that choose what it does; all others mean the same as none.
+    any_of: Tuple[str, ...]
+    why: str
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One node type, and what the checks know of it. ``factory(name)`` makes a node and needs nothing running.
+
+    ``warning`` is told to the author of a mission that uses it. A default says nothing of a node type, so that the
+    linter is silent about it.
     """
 
     id: str
@@ -49,11 +79,23 @@ class NodeSpec(NamedTuple):
     ports: Tuple[Port, ...] = ()
     description: str = ""
     warning: str = ""
-    names: Tuple[str, ...] = ()
+    outcome: Optional[Outcome] = None  # how it can end; None: in any way
+    is_instant: bool = False  # it adds no waiting to that of its children
+    fewest_children: int = 1  # of a control
+    child_counts: Tuple[int, ...] = ()  # with another number of children it fails when it is ticked
+    children: str = ""  # what they are, for a message
+    next_after: int = 0  # the end of a child (SUCCEEDS or FAILS) after which the next child is ticked
+    last_is_apart: bool = False  # the last child is ticked for other reasons
+    refuses_explicit: bool = False  # BehaviorTree.CPP refuses children that are written <Action ID="…">
+    at_most_one: str = ""  # the type of which only one child may be
+    rounds: str = ""  # the port with the number of times that the child is run
+    repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
+    is_recovery: bool = False  # it looks at the failure of a node before it
+    needs: Optional[Need] = None
 
 
 class Registry:
-    """Node types by name. A name is taken once: adding it again raises ``ValueError``."""
+    """Node types by name. Adding a name again, or a port of an unknown type, raises ``ValueError``."""
 
     def __init__(self, specs: Iterable[NodeSpec] = ()):
         self._specs: Dict[str, NodeSpec] = {}
@@ -64,6 +106,10 @@ class Registry:
         for spec in specs:
             if spec.id in self._specs:
                 raise ValueError("the node type {} is registered twice".format(spec.id))
+            for port in spec.ports:
+                if port.type not in TYPES:
+                    raise ValueError("the port {} of {} has the unknown type {} (types are added with values.add_type)"
+                                     .format(port.name, spec.id, port.type))
             self._specs[spec.id] = spec
 
     def find(self, node_id: str) -> Optional[NodeSpec]:

@@ -1,13 +1,13 @@
 """Leaves of the robot's attention and lifelike movement, and what its cameras see of a visitor."""
-from functools import partial
-from typing import Any, Optional, Set, Union
+from typing import Any, Optional, Set, Tuple
 
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.registry import Need, Port
 from behavior_controller.events import Noticed
-from behavior_controller.gateway import Cause, Failure, Sample
+from behavior_controller.gateway import Failure, Sample
 from behavior_controller.interface.document import ATTENTION, FACES
 from behavior_controller.interface.records import Answer, Request, SetAnimation, SetAttention
-from behavior_controller.leaves.base import ATTENTION_SET_AT, GESTURE_TARGET, ServiceLeaf, TopicCondition
+from behavior_controller.leaves.base import ServiceLeaf, TopicCondition, leaf_spec
+from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET
 
 SEEKING = "seeking"
 OF_THE_ROBOT = (2, 3)
@@ -35,29 +35,24 @@ class AnimateBehavior(ServiceLeaf):
 
 
 class OvertAttentionMode(ServiceLeaf):
-    """``<SocialOvertAttentionMode/>``: sets the mode of attention to ``state`` (/overtAttention/set_mode).
-
-    Writes ``attentionSetAt``; mode ``location`` reads ``gestureTarget``.
-    """
+    """``<SocialOvertAttentionMode/>``: sets the mode of attention to ``state`` (/overtAttention/set_mode)."""
 
     asks = SetAttention
+    PORTS = (ATTENTION_SET_AT.written(),)
 
     def __init__(self, name: str, state: str):
         super().__init__(name)
         self.state = state
 
-    def request(self) -> Union[Request, Failure]:
+    def request(self) -> Request:
         """Set the mode."""
         if self.state != "location":
             return SetAttention(self.state)
-        target = self.recall(GESTURE_TARGET)
-        if target is None:
-            return Failure(Cause.MISSING_DATA, "there is no gesture target to look at", self.resource)
-        return SetAttention(self.state, target)
+        return SetAttention(self.state, self.get_input("target"))
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the mode was set."""
-        self.remember(ATTENTION_SET_AT, self.mission.clock.now())
+        self.set_output("attentionSetAt", self.mission.clock.now())
         return None
 
 
@@ -98,11 +93,12 @@ class GazeValues:
 class IsMutualGazeDiscovered(TopicCondition):
     """``<IsMutualGazeDiscovered/>``: SUCCESS if /overtAttention/mode reports mutual gaze since the mode was set.
 
-    Reads ``attentionSetAt``; mutual gaze is the value ``mutualGazeValue`` and no other. A sign that the robot has the
-    other convention is told once.
+    Mutual gaze is the value ``mutualGazeValue`` and no other. A sign that the robot has the other convention is told
+    once.
     """
 
     topic = ATTENTION
+    PORTS = (ATTENTION_SET_AT.read(is_optional=True),)
     otherwise = "no mutual gaze"
     values: GazeValues
 
@@ -122,8 +118,7 @@ class IsMutualGazeDiscovered(TopicCondition):
 
     def not_before(self) -> float:
         """Return when the mode was set."""
-        set_at = self.recall(ATTENTION_SET_AT)
-        return float("-inf") if set_at is None else set_at
+        return self.get_input_or("attentionSetAt", float("-inf"))
 
     def judged(self, sample: Optional[Sample]) -> None:
         """Tell of a sign that the robot has the other convention."""
@@ -136,25 +131,25 @@ class IsMutualGazeDiscovered(TopicCondition):
             self.mission.events.emit(Noticed("warning", sign))
 
 
-# name, mode, what it does
-MODES = (
-    ("DisabledOvertAttentionMode", "disabled", "Switches attention off."),
-    ("SocialOvertAttentionMode", "social", "Looks at people."),
-    ("ScanningOvertAttentionMode", "scanning", "Looks around."),
-    ("SeekOvertAttentionMode", "seeking", "Seeks mutual gaze (extension)."),
-    ("SeekingOvertAttentionMode", "seeking", "Another name of SeekOvertAttentionMode (extension)."),
-    ("LocationOvertAttentionMode", "location", "Looks at the gesture target (extension)."),
+# name, mode, what it does, ports beside those of all
+MODES: Tuple[Tuple[str, str, str, Tuple[Port, ...]], ...] = (
+    ("DisabledOvertAttentionMode", "disabled", "Switches attention off.", ()),
+    ("SocialOvertAttentionMode", "social", "Looks at people.", ()),
+    ("ScanningOvertAttentionMode", "scanning", "Looks around.", ()),
+    ("SeekOvertAttentionMode", SEEKING, "Seeks mutual gaze (extension).", ()),
+    ("SeekingOvertAttentionMode", SEEKING, "Another name of SeekOvertAttentionMode (extension).", ()),
+    ("LocationOvertAttentionMode", "location", "Looks at the gesture target (extension).",
+     (GESTURE_TARGET.read("target"),)),
 )
 
 SPECS = tuple(
-    NodeSpec(name, Kind.ACTION, partial(OvertAttentionMode, state=state), description=text)
-    for name, state, text in MODES
+    leaf_spec(name, OvertAttentionMode, text, ports, {"state": state}) for name, state, text, ports in MODES
 ) + (
-    NodeSpec("EnableAnimateBehavior", Kind.ACTION, partial(AnimateBehavior, state="enabled"),
-             description="Starts lifelike movement."),
-    NodeSpec("DisableAnimateBehavior", Kind.ACTION, partial(AnimateBehavior, state="disabled"),
-             description="Stops lifelike movement."),
-    NodeSpec("IsVisitorDiscovered", Kind.CONDITION, IsVisitorDiscovered, description="Is a face in view?"),
-    NodeSpec("IsMutualGazeDiscovered", Kind.CONDITION, IsMutualGazeDiscovered,
-             description="Does the visitor look at the robot, since the mode was set?"),
+    leaf_spec("EnableAnimateBehavior", AnimateBehavior, "Starts lifelike movement.", arguments={"state": "enabled"}),
+    leaf_spec("DisableAnimateBehavior", AnimateBehavior, "Stops lifelike movement.", arguments={"state": "disabled"}),
+    leaf_spec("IsVisitorDiscovered", IsVisitorDiscovered, "Is a face in view?"),
+    leaf_spec("IsMutualGazeDiscovered", IsMutualGazeDiscovered,
+              "Does the visitor look at the robot, since the mode was set?",
+              needs=Need(tuple(name for name, state, _, _ in MODES if state == SEEKING),
+                         "overtAttention looks for mutual gaze only in the mode seeking")),
 )

@@ -3,15 +3,18 @@
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
 """
 import itertools
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, TypeVar, Union
+from functools import partial
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
-from behavior_controller.bt.engine.node import Node, Result
+from behavior_controller.bt.engine.node import ConfigureError, Node, Result
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.ports import NoValue, PortError
 from behavior_controller.bt.ownership import tick_thread_only
+from behavior_controller.bt.registry import Kind, Port
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
@@ -19,25 +22,11 @@ from behavior_controller.health import Health
 from behavior_controller.interface import Topic
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import Answer, Request
+from behavior_controller.leaves import data
+from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.phrases import Phrases
 from behavior_controller.policy import Policy
 from behavior_controller.settings import Settings
-
-# ------------------------------------------------------------------------------- keys on the root blackboard (README)
-
-VISITOR_RESPONSE = "visitorResponse"  # "yes" or "no"; no entry: no answer yet
-EXHIBITS = "exhibits"  # list of Exhibit, in tour order
-NEXT_EXHIBIT = "nextExhibit"  # index of the one that SelectExhibit takes next
-CURRENT_EXHIBIT = "currentExhibit"  # name of the selected one
-LEFT_OUT = "leftOutExhibits"  # indices of those that a recovery skipped or gave up
-DESCRIPTION_1 = "description1"
-DESCRIPTION_2 = "description2"
-TARGET_LOCATION = "targetLocation"  # Location where Navigate drives to
-GESTURE_TARGET = "gestureTarget"  # Point that PerformDeicticGesture points at
-QUESTION_ASKED_AT = "questionAskedAt"  # monotonic seconds: only a later utterance is an answer
-ATTENTION_SET_AT = "attentionSetAt"  # monotonic seconds: only a later gaze status counts
-OF_ONE_VISITOR = (VISITOR_RESPONSE, EXHIBITS, NEXT_EXHIBIT, CURRENT_EXHIBIT, LEFT_OUT, DESCRIPTION_1, DESCRIPTION_2,
-                  TARGET_LOCATION, GESTURE_TARGET, QUESTION_ASKED_AT, ATTENTION_SET_AT)
 
 Shared = TypeVar("Shared")
 
@@ -98,10 +87,10 @@ class MissionContext:
     @staticmethod
     def begin_visit(blackboard: Blackboard, at: float) -> None:
         """Forget the last visitor on the root's ``blackboard``; no answer and no gaze from before ``at`` counts."""
-        for key in OF_ONE_VISITOR:
-            blackboard.unset(key)
-        blackboard.set(QUESTION_ASKED_AT, at)
-        blackboard.set(ATTENTION_SET_AT, at)
+        for datum in data.ALL:
+            blackboard.unset(datum.name)
+        for datum in (data.QUESTION_ASKED_AT, data.ATTENTION_SET_AT):
+            blackboard.set(datum.name, at, datum.type)
 
     def leaves_of(self, tree: Tree) -> List[List[str]]:
         """Return path and type of each mission leaf, in document order."""
@@ -109,29 +98,35 @@ class MissionContext:
 
 
 class MissionLeaf(Node):
-    """A leaf of the mission vocabulary."""
+    """A leaf of the mission vocabulary. What is wrong with a port is a failure of the leaf, in whatever it does."""
 
+    PORTS: Tuple[Port, ...] = ()
+    spec: MissionSpec
     mission: MissionContext
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
+
+    def configure(self) -> None:
+        """Refuse a node type that lacks what the recovery must know of it."""
+        if not isinstance(self.spec, MissionSpec):
+            raise ConfigureError("{} is a mission leaf and is declared by a NodeSpec alone; declare it with leaf_spec"
+                                 .format(self.registration_id))
 
     def setup(self, **kwargs: Any) -> None:
         """Take the mission's context; a tree that is only drawn has none."""
         if "mission" in kwargs:
             self.mission = kwargs["mission"]
 
-    def remember(self, key: str, value: Any) -> None:
-        """Write to the root blackboard, where all subtrees share it."""
-        self.blackboard.root().set(key, value)
+    def get_input_or(self, port: str, otherwise: Any) -> Any:
+        """Return the value of an input port, or ``otherwise`` where nothing has written its entry. Raises PortError."""
+        try:
+            return self.get_input(port)
+        except NoValue:
+            return otherwise
 
-    def recall(self, key: str) -> Any:
-        """Read from the root blackboard; None if there is no such entry."""
-        return self.blackboard.root().get(key)
-
-    def forget(self, *keys: str) -> None:
-        """Remove entries from the root blackboard."""
-        for key in keys:
-            self.blackboard.root().unset(key)
+    def missing(self, error: PortError) -> Failure:
+        """Return the failure for a port that cannot be read or written."""
+        return Failure(Cause.MISSING_DATA, str(error), self.resource)
 
     def succeeded(self) -> Result:
         """Report SUCCESS and return it."""
@@ -162,7 +157,10 @@ class InstantAction(MissionLeaf, SyncActionLeaf):
     def update(self) -> Result:
         """Act and report."""
         self.started_at = self.mission.clock.now()
-        failure = self.act()
+        try:
+            failure = self.act()
+        except PortError as error:
+            failure = self.missing(error)
         return self.succeeded() if failure is None else self.failed(failure)
 
 
@@ -178,8 +176,11 @@ class InstantCondition(MissionLeaf, ConditionLeaf):
     def update(self) -> Result:
         """Answer and report."""
         self.started_at = self.mission.clock.now()
-        if self.holds():
-            return self.succeeded()
+        try:
+            if self.holds():
+                return self.succeeded()
+        except PortError as error:
+            return self.failed(self.missing(error))
         return self.failed(Failure(Cause.CONDITION_FALSE, self.otherwise))
 
 
@@ -194,7 +195,10 @@ class Attempt:
 
     def __init__(self, leaf: "ServiceLeaf"):
         self._leaf = leaf
-        wanted = leaf.request()
+        try:
+            wanted = leaf.request()
+        except PortError as error:
+            wanted = leaf.missing(error)
         self._failure = wanted if isinstance(wanted, Failure) else None
         self._call = None if wanted is None or isinstance(wanted, Failure) else leaf.mission.gateway.start(wanted)
 
@@ -205,7 +209,10 @@ class Attempt:
         result = self._call.result
         if result is None:
             return None
-        return Ended(result if isinstance(result, Failure) else self._leaf.accept(result))
+        try:
+            return Ended(result if isinstance(result, Failure) else self._leaf.accept(result))
+        except PortError as error:
+            return Ended(self._leaf.missing(error))
 
     def drop(self) -> None:
         """Give the attempt up; its answer is not used."""
@@ -308,6 +315,13 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         """Judge the newest message."""
         if self.status is not RUNNING:
             self.started_at = self.mission.clock.now()
+        try:
+            return self._answer()
+        except PortError as error:
+            self._stop_timers()
+            return self._fail(self.missing(error), 0.0)
+
+    def _answer(self) -> Result:
         sample = self.mission.topics.newest(self.topic)
         is_true = sample is not None and self._counts(sample) and self.is_evidence(sample.value)
         self.judged(sample)
@@ -337,7 +351,10 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if sample is not None and not self._counts(sample):
             when = "came before" if sample.arrived <= self.not_before() else "is too old"
             failure = failure._replace(message="{}; the newest message {}".format(self.otherwise, when))
-        telling = failure.message, self.not_before()
+        return self._fail(failure, self.not_before())
+
+    def _fail(self, failure: Failure, since: float) -> Result:
+        telling = failure.message, since
         if telling == self._told:
             # asked again at every tick of a wait: recorded each time, reported once
             self.mission.failures.add(self, failure)
@@ -368,3 +385,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         """Stop waiting."""
         self._stop_timers()
         super().halt()
+
+
+def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),
+              arguments: Optional[Dict[str, Any]] = None, **facts: Any) -> MissionSpec:
+    """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
+
+    ``ports`` are added to those of the class, ``arguments`` are the constructor's beside the name.
+    """
+    return MissionSpec(
+        node_id, Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION,
+        partial(leaf, **arguments) if arguments else leaf, leaf.PORTS + ports, description,
+        is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
+        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
+        listens=(leaf.topic,) if issubclass(leaf, TopicCondition) else (), **facts)

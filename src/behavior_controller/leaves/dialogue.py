@@ -1,22 +1,22 @@
 """Leaves for the visitor's answer, by voice (/speechEvent/text) or tablet (/tabletEvent/prompt_and_get_response)."""
 from typing import Any, Optional
 
-from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.gateway import Cause, Failure, Sample
 from behavior_controller.interface.document import SPEECH
 from behavior_controller.interface.records import Answer, Prompt, Request
-from behavior_controller.leaves.base import (QUESTION_ASKED_AT, VISITOR_RESPONSE, InstantCondition, ServiceLeaf,
-                                             TopicCondition)
+from behavior_controller.leaves.base import InstantCondition, ServiceLeaf, TopicCondition, leaf_spec
+from behavior_controller.leaves.data import QUESTION_ASKED_AT, VISITOR_RESPONSE
 from behavior_controller.phrases import YES
 
 
 class IsYesNoUttered(TopicCondition):
-    """``<IsYesNoUttered/>``: SUCCESS for a yes or a no that was said after the question; writes ``visitorResponse``.
+    """``<IsYesNoUttered/>``: SUCCESS for a yes or a no that was said after the question.
 
-    Reads ``questionAskedAt`` and moves it on, so that one utterance answers one question.
+    It moves the question's time on, so that one utterance answers one question.
     """
 
     topic = SPEECH
+    PORTS = (VISITOR_RESPONSE.written(), QUESTION_ASKED_AT.changed(is_optional=True))
     otherwise = "neither yes nor no was heard"
 
     def is_evidence(self, value: Any) -> bool:
@@ -25,29 +25,30 @@ class IsYesNoUttered(TopicCondition):
 
     def not_before(self) -> float:
         """Return when the question had been asked."""
-        asked_at = self.recall(QUESTION_ASKED_AT)
-        return float("-inf") if asked_at is None else asked_at
+        return self.get_input_or("questionAskedAt", float("-inf"))
 
     def use(self, sample: Sample) -> None:
         """Keep the answer."""
-        self.remember(VISITOR_RESPONSE, self.mission.phrases.spoken_answer(sample.value))
-        self.remember(QUESTION_ASKED_AT, sample.arrived)
+        self.set_output("visitorResponse", self.mission.phrases.spoken_answer(sample.value))
+        self.set_output("questionAskedAt", sample.arrived)
 
 
 class IsVisitorResponseYes(InstantCondition):
-    """``<IsVisitorResponseYes/>``: SUCCESS if ``visitorResponse`` is yes."""
+    """``<IsVisitorResponseYes/>``: SUCCESS if the visitor's answer is yes; without an answer FAILURE."""
 
+    PORTS = (VISITOR_RESPONSE.read(),)
     otherwise = "the visitor did not say yes"
 
     def holds(self) -> bool:
         """Return whether it is yes."""
-        return self.recall(VISITOR_RESPONSE) == YES
+        return self.get_input_or("visitorResponse", "") == YES
 
 
 class PressYesNoDialogue(ServiceLeaf):
-    """``<PressYesNoDialogue/>``: shows two buttons and writes ``visitorResponse``; no answer is a failure."""
+    """``<PressYesNoDialogue/>``: shows two buttons; no answer is a failure."""
 
     asks = Prompt
+    PORTS = (VISITOR_RESPONSE.written(),)
 
     def request(self) -> Request:
         """Show the buttons."""
@@ -57,7 +58,7 @@ class PressYesNoDialogue(ServiceLeaf):
         """Keep what was pressed."""
         pressed = self.mission.phrases.pressed_answer(answer.response)
         if pressed is not None:
-            self.remember(VISITOR_RESPONSE, pressed)
+            self.set_output("visitorResponse", pressed)
             return None
         if answer.response.strip() in ("", "0"):
             return Failure(Cause.MISSING_DATA, "the visitor pressed nothing", self.resource)
@@ -66,7 +67,7 @@ class PressYesNoDialogue(ServiceLeaf):
 
 
 SPECS = (
-    NodeSpec("IsYesNoUttered", Kind.CONDITION, IsYesNoUttered, description="Did the visitor say yes or no?"),
-    NodeSpec("IsVisitorResponseYes", Kind.CONDITION, IsVisitorResponseYes, description="Was the answer yes?"),
-    NodeSpec("PressYesNoDialogue", Kind.ACTION, PressYesNoDialogue, description="Asks yes or no on the tablet."),
+    leaf_spec("IsYesNoUttered", IsYesNoUttered, "Did the visitor say yes or no?"),
+    leaf_spec("IsVisitorResponseYes", IsVisitorResponseYes, "Was the answer yes?"),
+    leaf_spec("PressYesNoDialogue", PressYesNoDialogue, "Asks yes or no on the tablet."),
 )

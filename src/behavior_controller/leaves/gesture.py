@@ -1,11 +1,9 @@
 """Leaves that gesture (/gestureExecution/perform_gesture)."""
-from functools import partial
-from typing import Union
+from typing import Optional
 
-from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import PerformGesture, Point, Request
-from behavior_controller.leaves.base import GESTURE_TARGET, ServiceLeaf
+from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
+from behavior_controller.leaves.data import GESTURE_TARGET
 
 
 class IconicGesture(ServiceLeaf):
@@ -24,15 +22,14 @@ class IconicGesture(ServiceLeaf):
 
 
 class PerformDeicticGesture(ServiceLeaf):
-    """``<PerformDeicticGesture/>``: points at ``gestureTarget``; exactly (0, 0, 0) is nothing to point at."""
+    """``<PerformDeicticGesture/>``: points at the target; exactly (0, 0, 0) is nothing to point at."""
 
     asks = PerformGesture
+    PORTS = (GESTURE_TARGET.read("target"),)
 
-    def request(self) -> Union[Request, Failure, None]:
+    def request(self) -> Optional[Request]:
         """Point."""
-        target = self.recall(GESTURE_TARGET)
-        if target is None:
-            return Failure(Cause.MISSING_DATA, "there is no gesture target", self.resource)
+        target = self.get_input("target")
         if target == Point(0.0, 0.0, 0.0):
             return None
         settings = self.mission.settings
@@ -40,10 +37,9 @@ class PerformDeicticGesture(ServiceLeaf):
 
 
 SPECS = (
-    NodeSpec("WelcomeGesture", Kind.ACTION, partial(IconicGesture, setting="welcome_gesture_id"),
-             description="Makes the welcome gesture."),
-    NodeSpec("GoodbyeGesture", Kind.ACTION, partial(IconicGesture, setting="goodbye_gesture_id"),
-             description="Waves goodbye."),
-    NodeSpec("PerformDeicticGesture", Kind.ACTION, PerformDeicticGesture,
-             description="Points at the current gesture target."),
+    leaf_spec("WelcomeGesture", IconicGesture, "Makes the welcome gesture.",
+              arguments={"setting": "welcome_gesture_id"}),
+    leaf_spec("GoodbyeGesture", IconicGesture, "Waves goodbye.", arguments={"setting": "goodbye_gesture_id"},
+              is_farewell=True),
+    leaf_spec("PerformDeicticGesture", PerformDeicticGesture, "Points at the current gesture target."),
 )

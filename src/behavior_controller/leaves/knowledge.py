@@ -1,22 +1,18 @@
 """Leaves of the knowledge base (/knowledgeBase/query) and of the list of exhibits."""
-from functools import partial
 from typing import Optional
 
-from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import Answer, QueryKnowledge, Request
-from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET,
-                                             LEFT_OUT, NEXT_EXHIBIT, TARGET_LOCATION, InstantAction, InstantCondition,
-                                             MissionLeaf, ServiceLeaf)
+from behavior_controller.leaves.base import InstantAction, InstantCondition, MissionLeaf, ServiceLeaf, leaf_spec
+from behavior_controller.leaves.data import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET,
+                                             LEFT_OUT, NEXT_EXHIBIT, TARGET_LOCATION)
 
 
 class RetrieveListOfExhibits(ServiceLeaf):
-    """``<RetrieveListOfExhibits/>``: asks for all exhibits, in tour order.
-
-    Writes ``exhibits``, ``nextExhibit``; clears ``leftOutExhibits``.
-    """
+    """``<RetrieveListOfExhibits/>``: asks for all exhibits, in tour order."""
 
     asks = QueryKnowledge
+    PORTS = (EXHIBITS.written(), NEXT_EXHIBIT.written(), LEFT_OUT.written())
 
     def request(self) -> Request:
         """Ask."""
@@ -26,42 +22,47 @@ class RetrieveListOfExhibits(ServiceLeaf):
         """Keep the list; an empty one is a failure."""
         if not answer.exhibits:
             return Failure(Cause.MISSING_DATA, "the knowledge base has no exhibits", self.resource)
-        self.remember(EXHIBITS, list(answer.exhibits))
-        self.remember(NEXT_EXHIBIT, 0)
-        self.remember(LEFT_OUT, [])
+        self.set_output("exhibits", list(answer.exhibits))
+        self.set_output("nextExhibit", 0)
+        self.set_output("leftOutExhibits", [])
         return None
 
 
 class IsListWithExhibit(InstantCondition):
-    """``<IsListWithExhibit/>``: SUCCESS if an exhibit has not been selected. Reads ``exhibits``, ``nextExhibit``."""
+    """``<IsListWithExhibit/>``: SUCCESS if an exhibit has not been selected; without a list FAILURE."""
 
+    PORTS = (EXHIBITS.read(), NEXT_EXHIBIT.read())
     otherwise = "no exhibit is left"
 
     def holds(self) -> bool:
         """Return whether one is left."""
-        return (self.recall(NEXT_EXHIBIT) or 0) < len(self.recall(EXHIBITS) or ())
+        return self.get_input_or("nextExhibit", 0) < len(self.get_input_or("exhibits", ()))
 
 
 class SelectExhibit(InstantAction):
-    """``<SelectExhibit/>``: takes the next exhibit of the list.
+    """``<SelectExhibit/>``: takes the next exhibit of the list."""
 
-    Writes ``nextExhibit``, ``currentExhibit``, ``targetLocation``, ``gestureTarget``, ``description1`` and
-    ``description2``.
-    """
+    PORTS = (EXHIBITS.read(), NEXT_EXHIBIT.changed(), CURRENT_EXHIBIT.written(), TARGET_LOCATION.written(),
+             GESTURE_TARGET.written(), DESCRIPTION_1.written(), DESCRIPTION_2.written())
 
     def act(self) -> Optional[Failure]:
         """Select."""
-        exhibits, index = self.recall(EXHIBITS) or (), self.recall(NEXT_EXHIBIT) or 0
+        exhibits, index = self.get_input("exhibits"), self.get_input_or("nextExhibit", 0)
         if index >= len(exhibits):
             return Failure(Cause.MISSING_DATA, "no exhibit is left to select")
         exhibit = exhibits[index]
-        self.remember(NEXT_EXHIBIT, index + 1)
-        self.remember(CURRENT_EXHIBIT, exhibit.name)
-        self.remember(TARGET_LOCATION, exhibit.location)
-        self.remember(GESTURE_TARGET, exhibit.gesture)
-        self.remember(DESCRIPTION_1, exhibit.description1)
-        self.remember(DESCRIPTION_2, exhibit.description2)
+        self.set_output("nextExhibit", index + 1)
+        self.set_output("currentExhibit", exhibit.name)
+        self.set_output("targetLocation", exhibit.location)
+        self.set_output("gestureTarget", exhibit.gesture)
+        self.set_output("description1", exhibit.description1)
+        self.set_output("description2", exhibit.description2)
         return None
+
+
+LEAVING_OUT = (EXHIBITS.read(is_optional=True), TARGET_LOCATION.read(is_optional=True),
+               NEXT_EXHIBIT.changed(is_optional=True), LEFT_OUT.changed(is_optional=True))
+"""The ports that a leaf needs for ``leave_out_exhibit``."""
 
 
 def leave_out_exhibit(leaf: MissionLeaf) -> bool:
@@ -69,24 +70,27 @@ def leave_out_exhibit(leaf: MissionLeaf) -> bool:
 
     It may not if every exhibit has been left out. The last one then goes back to the list, once: IsListWithExhibit asks
     for exhibits that have not been visited, and a mission must not take such a tour for a finished one.
+
+    Raises PortError.
     """
-    exhibits, index = leaf.recall(EXHIBITS) or (), (leaf.recall(NEXT_EXHIBIT) or 0) - 1
-    if not 0 <= index < len(exhibits) or leaf.recall(TARGET_LOCATION) != exhibits[index].location:
+    exhibits, index = leaf.get_input_or("exhibits", ()), leaf.get_input_or("nextExhibit", 0) - 1
+    if not 0 <= index < len(exhibits) or leaf.get_input_or("targetLocation", None) != exhibits[index].location:
         return True  # the robot is on no exhibit's behalf under way
-    before = leaf.recall(LEFT_OUT) or []
+    before = leaf.get_input_or("leftOutExhibits", [])
     left_out = sorted({index}.union(before))
-    leaf.remember(LEFT_OUT, left_out)
+    leaf.set_output("leftOutExhibits", left_out)
     if len(left_out) < len(exhibits):
         return True
     if index not in before:
-        leaf.remember(NEXT_EXHIBIT, index)
+        leaf.set_output("nextExhibit", index)
     return False
 
 
 class LookUp(ServiceLeaf):
-    """``<LookUpEntrance/>``: asks where a place is. Writes ``targetLocation``, ``gestureTarget`` (or clears it)."""
+    """``<LookUpEntrance/>``: asks where a place is, and for some what to point at there."""
 
     asks = QueryKnowledge
+    PORTS = (TARGET_LOCATION.written(), GESTURE_TARGET.written())
 
     def __init__(self, name: str, place: str, has_gesture: bool):
         super().__init__(name)
@@ -102,19 +106,21 @@ class LookUp(ServiceLeaf):
         if len(answer.exhibits) != 1:
             return Failure(Cause.UNUSABLE_ANSWER, "the knowledge base has {} places for {}; exactly 1 is needed".format(
                 len(answer.exhibits), self.place), self.resource)
-        self.remember(TARGET_LOCATION, answer.exhibits[0].location)
-        self.forget(GESTURE_TARGET)
+        self.set_output("targetLocation", answer.exhibits[0].location)
         if self.has_gesture:
-            self.remember(GESTURE_TARGET, answer.exhibits[0].gesture)
+            self.set_output("gestureTarget", answer.exhibits[0].gesture)
+        else:
+            self.clear_output("gestureTarget")
         return None
 
 
 SPECS = (
-    NodeSpec("RetrieveListOfExhibits", Kind.ACTION, RetrieveListOfExhibits, description="Gets the exhibits to show."),
-    NodeSpec("IsListWithExhibit", Kind.CONDITION, IsListWithExhibit, description="Is an exhibit left to visit?"),
-    NodeSpec("SelectExhibit", Kind.ACTION, SelectExhibit, description="Takes the next exhibit."),
-    NodeSpec("LookUpEntrance", Kind.ACTION, partial(LookUp, place="entrance", has_gesture=True),
-             description="Makes the entrance the target."),
-    NodeSpec("LookUpHome", Kind.ACTION, partial(LookUp, place="home", has_gesture=False),
-             description="Makes the robot's home the target."),
+    leaf_spec("RetrieveListOfExhibits", RetrieveListOfExhibits, "Gets the exhibits to show.", is_indispensable=True),
+    leaf_spec("IsListWithExhibit", IsListWithExhibit, "Is an exhibit left to visit?"),
+    leaf_spec("SelectExhibit", SelectExhibit, "Takes the next exhibit.", is_indispensable=True,
+              leave_out=leave_out_exhibit),
+    leaf_spec("LookUpEntrance", LookUp, "Makes the entrance the target.", is_indispensable=True,
+              arguments={"place": "entrance", "has_gesture": True}),
+    leaf_spec("LookUpHome", LookUp, "Makes the robot's home the target.", is_indispensable=True,
+              arguments={"place": "home", "has_gesture": False}),
 )

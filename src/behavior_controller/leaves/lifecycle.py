@@ -1,10 +1,10 @@
 """Leaves of the mission itself."""
 from typing import Optional
 
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.ends import SUCCEEDS
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure
-from behavior_controller.leaves.base import InstantAction, InstantCondition
+from behavior_controller.leaves.base import InstantAction, InstantCondition, leaf_spec
 
 
 class StartOfTree(InstantAction):
@@ -28,6 +28,6 @@ class IsASREnabled(InstantCondition):
 
 
 SPECS = (
-    NodeSpec("START_OF_TREE", Kind.ACTION, StartOfTree, description="Shows that a visitor's pass begins."),
-    NodeSpec("IsASREnabled", Kind.CONDITION, IsASREnabled, description="Is speech recognised?"),
+    leaf_spec("START_OF_TREE", StartOfTree, "Shows that a visitor's pass begins.", outcome=SUCCEEDS),
+    leaf_spec("IsASREnabled", IsASREnabled, "Is speech recognised?"),
 )

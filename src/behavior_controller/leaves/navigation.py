@@ -1,23 +1,20 @@
 """Leaves that drive (/robotNavigation/set_goal)."""
-from typing import Union
-
-from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import GoTo, Request
-from behavior_controller.leaves.base import TARGET_LOCATION, ServiceLeaf
+from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
+from behavior_controller.leaves.data import TARGET_LOCATION
+from behavior_controller.leaves.knowledge import leave_out_exhibit
 
 
 class Navigate(ServiceLeaf):
-    """``<Navigate/>``: drives to ``targetLocation``."""
+    """``<Navigate/>``: drives to the target."""
 
     asks = GoTo
+    PORTS = (TARGET_LOCATION.read("target"),)
 
-    def request(self) -> Union[Request, Failure]:
+    def request(self) -> Request:
         """Drive."""
-        target = self.recall(TARGET_LOCATION)
-        if target is None:
-            return Failure(Cause.MISSING_DATA, "there is no target location", self.resource)
-        return GoTo(target)
+        return GoTo(self.get_input("target"))
 
 
-SPECS = (NodeSpec("Navigate", Kind.ACTION, Navigate, description="Drives to the current target location."),)
+SPECS = (leaf_spec("Navigate", Navigate, "Drives to the current target location.", is_indispensable=True,
+                   leave_out=leave_out_exhibit),)

@@ -4,17 +4,15 @@ from typing import Any, List, Optional
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.leaf import ActionLeaf
 from behavior_controller.bt.engine.node import Result
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.language.ports import PortError, defaults
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
-from behavior_controller.events import Recovered, Retried
+from behavior_controller.events import Noticed, Recovered, Retried
 from behavior_controller.gateway import Call, Cause, Failure
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.leaves.base import Attempt, Failed, MissionLeaf, ServiceLeaf
-from behavior_controller.leaves.knowledge import leave_out_exhibit
+from behavior_controller.leaves.base import Attempt, Failed, MissionLeaf, ServiceLeaf, leaf_spec
+from behavior_controller.leaves.knowledge import LEAVING_OUT
+from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.recovery import GIVEN_UP, End, Recovery, Retry, Step
-
-VISITING = ("SelectExhibit", "Navigate")
-"""Nodes that belong to the visit of an exhibit: to go on without them is to leave the exhibit out."""
 
 RETURN_LIMIT = 15.0
 """Seconds that a retry waits for the return of a service that is known to be gone, if the tour cannot do without."""
@@ -26,9 +24,10 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
     The failure is the newest one of the leaves before this node below their common parent. Only a step that is itself
     the neighbour can be retried: of a whole SubTree, redoing one leaf would not do the rest. SUCCESS only if the step
     was done after all or may be skipped. A visit may be skipped only if that does not leave out every exhibit of the
-    tour (reads and writes ``leftOutExhibits``, ``nextExhibit``).
+    tour.
     """
 
+    PORTS = LEAVING_OUT
     _round: "Optional[_Round]" = None
     _last_number = 0
 
@@ -43,12 +42,22 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             failure = Failure(Cause.MISSING_DATA, self.feedback_message)
             self._tell(self, failure, "give up", 0, GIVEN_UP)
             return self._finished(GIVEN_UP, None)
-        is_visit = any(node.registration_id in VISITING for step in steps for node in step.iterate())
         can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
         self._round = _Round(self, failed, Recovery(
-            self.mission.policy, failed.leaf.registration_id, failed.failure, can_redo, self._is_affordable(),
-            lambda: not is_visit or leave_out_exhibit(self)))
+            self.mission.policy, failed.leaf.spec, failed.failure, can_redo, self._is_affordable(),
+            lambda: self._leave_out(steps)))
         return self.on_running()
+
+    def _leave_out(self, steps: List[Any]) -> bool:
+        """Note that the mission goes on without ``steps``; return whether it may."""
+        for node in (node for step in steps for node in step.iterate()):
+            if isinstance(node.spec, MissionSpec) and node.spec.leave_out is not None:
+                try:
+                    return node.spec.leave_out(self)
+                except PortError as error:
+                    self.mission.events.emit(Noticed("warning", "what is left out cannot be noted: {}".format(error)))
+                    return True
+        return True
 
     def _steps(self) -> List[Any]:
         """Return the nodes before this one below the nearest ancestor that has any: a consecutive range of uids."""
@@ -121,9 +130,10 @@ class _Round:
             self._safe_state = [self._mission.gateway.start(request) for request in INTERFACE.safe_state]
         return step
 
-    def _substitute(self, spec: NodeSpec) -> Any:
+    def _substitute(self, spec: MissionSpec) -> Any:
         leaf: Any = spec.factory(spec.id)
         leaf.registration_id, leaf.full_path = spec.id, self._leaf.full_path
+        leaf.spec, leaf.attributes = spec, defaults(spec.ports)
         leaf.blackboard, leaf.services, leaf.mission = self._leaf.blackboard, self._leaf.services, self._mission
         return leaf
 
@@ -177,8 +187,8 @@ class _Round:
 
 
 SPECS = (
-    NodeSpec("HandleFallBack", Kind.ACTION, HandleFallBack,
-             description="Recovers from the failure before it, as the recovery policy says."),
-    NodeSpec("HandleFallback", Kind.ACTION, HandleFallBack, description="Another spelling of HandleFallBack.",
-             warning="HandleFallback is an old spelling; write HandleFallBack"),
+    leaf_spec("HandleFallBack", HandleFallBack, "Recovers from the failure before it, as the recovery policy says.",
+              is_recovery=True),
+    leaf_spec("HandleFallback", HandleFallBack, "Another spelling of HandleFallBack.", is_recovery=True,
+              warning="HandleFallback is an old spelling; write HandleFallBack"),
 )

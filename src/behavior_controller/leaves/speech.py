@@ -1,13 +1,14 @@
 """Leaves that speak (/textToSpeech/say_text)."""
-from functools import partial
 from typing import Optional, Union
 
-from behavior_controller.bt.engine.node import Result
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.engine.node import ConfigureError, Result
+from behavior_controller.bt.language.ports import PortError, reference
+from behavior_controller.bt.language.values import TEXT
+from behavior_controller.bt.registry import Port
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import Answer, Request, Say
-from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT,
-                                             ServiceLeaf)
+from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
+from behavior_controller.leaves.data import CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT
 from behavior_controller.phrases import SPEECHES
 
 
@@ -26,57 +27,76 @@ class FixedSpeech(ServiceLeaf):
 
 
 class Question(FixedSpeech):
-    """``<QueryTourSpeech/>``: a speech that asks the visitor; writes ``questionAskedAt`` when it has been spoken.
+    """``<QueryTourSpeech/>``: a speech that asks the visitor, and notes when it has been spoken.
 
     Not earlier: the robot must not take its own voice for an answer. A question that failed ends the time of older
     answers all the same.
     """
 
+    PORTS = (QUESTION_ASKED_AT.written(),)
+
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the question had been asked."""
-        self.remember(QUESTION_ASKED_AT, self.mission.clock.now())
+        self.set_output("questionAskedAt", self.mission.clock.now())
         return None
 
     def failed(self, failure: Failure) -> Result:
         """Note when the attempt was over."""
-        self.remember(QUESTION_ASKED_AT, self.mission.clock.now())
+        try:
+            self.set_output("questionAskedAt", self.mission.clock.now())
+        except PortError as error:
+            if str(error) != failure.message:
+                failure = failure._replace(message="{}; {}".format(failure.message, error))
         return super().failed(failure)
 
 
 class DescribeExhibitSpeech(ServiceLeaf):
-    """``<DescribeExhibitSpeech name="1"/>``: says description1 of the current exhibit, "2" description2, else both.
+    """``<DescribeExhibitSpeech part="1"/>``: says the first description of the exhibit, the second, or both.
 
-    Reads ``currentExhibit``, ``description1``, ``description2``.
+    Without ``part`` the name of the node chooses it: 1, 2, any other both.
     """
 
     asks = Say
-    PARTS = {"1": (DESCRIPTION_1,), "2": (DESCRIPTION_2,)}
-    """The names that choose what is said."""
+    PARTS = {"1": ("description1",), "2": ("description2",), "both": ("description1", "description2")}
+    """The ports whose texts are said."""
+
+    PORTS = (CURRENT_EXHIBIT.read(),)
+    PART = Port("part", TEXT, is_optional=True, names=("1", "2"),
+                description="1, 2 or both; without it the node's name 1 or 2 chooses, any other says both")
 
     def __init__(self, name: str, part: str = ""):
         super().__init__(name)
-        self.part = part or name
+        self.part = part or (name if name in self.PARTS else "both")
+
+    def configure(self) -> None:
+        """Refuse a part that does not exist."""
+        super().configure()
+        part = self.attributes.get(self.PART.name, self.part)
+        if reference(part, self.PART.name) is None and part not in self.PARTS:
+            raise ConfigureError("the part cannot be {}; allowed: {}".format(part, ", ".join(self.PARTS)),
+                                 self.PART.name)
 
     def request(self) -> Union[Request, Failure, None]:
         """Say what there is to say; an exhibit without that description is passed over."""
-        if self.recall(CURRENT_EXHIBIT) is None:
-            return Failure(Cause.MISSING_DATA, "no exhibit has been selected", self.resource)
-        keys = self.PARTS.get(self.part, (DESCRIPTION_1, DESCRIPTION_2))
-        text = " ".join(filter(None, (self.recall(key) for key in keys)))
+        self.get_input("currentExhibit")
+        part = self.get_input(self.PART.name) if self.PART.name in self.attributes else self.part
+        if part not in self.PARTS:
+            return Failure(Cause.MISSING_DATA, "the part cannot be {}".format(part), self.resource)
+        text = " ".join(filter(None, (self.get_input_or(port, "") for port in self.PARTS[part])))
         return Say(text) if text else None
 
 
 SPECS = tuple(
-    NodeSpec(speech.node, Kind.ACTION, partial(Question if speech.asks else FixedSpeech, phrase=speech.node),
-             description=speech.description) for speech in SPEECHES
+    leaf_spec(speech.node, Question if speech.asks else FixedSpeech, speech.description,
+              arguments={"phrase": speech.node}, is_farewell=speech.is_farewell) for speech in SPEECHES
 ) + (
-    NodeSpec("SayGoodBye", Kind.ACTION, partial(FixedSpeech, phrase="SayGoodByeSpeech"),
-             description="Another name of SayGoodByeSpeech."),
-    NodeSpec("DescribeExhibitSpeech", Kind.ACTION, DescribeExhibitSpeech,
-             description="Describes the current exhibit: name 1 or 2 chooses the part, any other says both.",
-             names=tuple(DescribeExhibitSpeech.PARTS)),
-    NodeSpec("DescribeExhibitSpeech_1", Kind.ACTION, partial(DescribeExhibitSpeech, part="1"),
-             description="Says the first description of the current exhibit."),
-    NodeSpec("DescribeExhibitSpeech_2", Kind.ACTION, partial(DescribeExhibitSpeech, part="2"),
-             description="Says the second description of the current exhibit."),
+    leaf_spec("SayGoodBye", FixedSpeech, "Another name of SayGoodByeSpeech.",
+              arguments={"phrase": "SayGoodByeSpeech"}, is_farewell=True),
+    leaf_spec("DescribeExhibitSpeech", DescribeExhibitSpeech,
+              "Describes the current exhibit: name 1 or 2 chooses the part, any other says both.",
+              (DESCRIPTION_1.read(), DESCRIPTION_2.read(), DescribeExhibitSpeech.PART)),
+    leaf_spec("DescribeExhibitSpeech_1", DescribeExhibitSpeech,
+              "Says the first description of the current exhibit.", (DESCRIPTION_1.read(),), {"part": "1"}),
+    leaf_spec("DescribeExhibitSpeech_2", DescribeExhibitSpeech,
+              "Says the second description of the current exhibit.", (DESCRIPTION_2.read(),), {"part": "2"}),
 )

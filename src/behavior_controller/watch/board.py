@@ -107,10 +107,24 @@ class Board:
             entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence)
             self._touch("health")
         else:
-            text = clean(_line(event))
+            text = clean(self._line(event))
             if text:
                 self._trouble.append({"time": time.strftime("%H:%M:%S"), "text": text})
                 self._touch("trouble")
+
+    def _line(self, event: Event) -> str:
+        """Return what is told of a failure, a recovery or a notice; empty for all else."""
+        if isinstance(event, LeafFinished):
+            failure, spec = event.failure, self._registry.find(event.node)
+            if failure is None or failure.cause is Cause.CONDITION_FALSE or (spec is not None and spec.is_recovery):
+                return ""
+            return "{} failed: {}: {}".format(event.path, failure.cause.value, failure.message)
+        if isinstance(event, Retried):
+            return "{}: retry {} failed: {}".format(event.path, event.attempt, event.failure.cause.value)
+        if isinstance(event, Recovered):
+            return "{}: recovery: {} ({}), for {}: {}".format(event.path, event.outcome, event.policy,
+                                                              event.failure.cause.value, event.failure.message)
+        return event.text if isinstance(event, Noticed) and event.level != "info" else ""
 
     # ------------------------------------------------------------------------------------------------- to be shown
 
@@ -185,21 +199,6 @@ class Board:
                               seconds=round(calls.last_seconds, 3) if calls else None,
                               age=None if heard is None else round(time.monotonic() - heard, 1)))
         return found
-
-
-def _line(event: Event) -> str:
-    """Return what is told of a failure, a recovery or a notice; empty for all else."""
-    if isinstance(event, LeafFinished):
-        failure = event.failure
-        if failure is None or failure.cause is Cause.CONDITION_FALSE or event.node.lower() == "handlefallback":
-            return ""
-        return "{} failed: {}: {}".format(event.path, failure.cause.text, failure.message)
-    if isinstance(event, Retried):
-        return "{}: retry {} failed: {}".format(event.path, event.attempt, event.failure.cause.text)
-    if isinstance(event, Recovered):
-        return "{}: recovery: {} ({}), for {}: {}".format(event.path, event.outcome, event.policy,
-                                                          event.failure.cause.text, event.failure.message)
-    return event.text if isinstance(event, Noticed) and event.level != "info" else ""
 
 
 def _text(value: Any) -> str:

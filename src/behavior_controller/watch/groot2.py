@@ -370,7 +370,7 @@ def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
         children: List[Node] = []
     else:
         shown = {"name": node.name, "_uid": str(node.uid)}
-        ports = {port.name for port in node.ports}
+        ports = {port.name for port in node.spec.ports}
         shown.update((key, text) for key, text in node.attributes.items() if key in CONDITIONS or key in ports)
         children = node.children
     start = "<{} {}".format(node.registration_id, " ".join(

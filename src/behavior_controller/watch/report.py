@@ -3,12 +3,14 @@ import datetime
 import html
 from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Union
 
+from behavior_controller import leaves
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
                                         RunFinished, RunStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import Answer, Exhibit, GoTo, Location, QueryKnowledge, Request, Say
 from behavior_controller.watch.codec import Answered, Asked, Entry, Letter, Line, Tick, TreeNode, TreeShown
 
+RECOVERIES = {spec.id for spec in leaves.SPECS if spec.is_recovery}
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■"}
 WORDS: Dict[str, Letter] = {"SUCCESS": "S", "FAILURE": "F", "IDLE": "-"}
 STEPS = 400
@@ -121,7 +123,7 @@ class _Tour:
                 self._said.add(request.text)
         elif isinstance(entry, Recovered):
             self._recovered = entry
-        elif isinstance(entry, LeafFinished) and self._recovered:  # the HandleFallBack's own
+        elif isinstance(entry, LeafFinished) and self._recovered:  # the recovery's own
             self._keep(self._recovered, entry.path)
             self._recovered = None
 
@@ -167,7 +169,7 @@ def _decision(entry: Entry) -> str:
 
 def _is_worth_telling(node: str, failure: Failure) -> bool:
     """Whether a leaf failed; a false condition is an answer, and what HandleFallBack decided is told by itself."""
-    return failure.cause is not Cause.CONDITION_FALSE and node.lower() != "handlefallback"
+    return failure.cause is not Cause.CONDITION_FALSE and node not in RECOVERIES
 
 
 def _timeline(lines: List[Line], began: float) -> str:

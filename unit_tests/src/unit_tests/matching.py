@@ -1,7 +1,9 @@
 """Injected faults against recorded failures: which comes from which, and what is left over."""
 from typing import Dict, Iterator, List, Tuple
 
+from behavior_controller import leaves
 from behavior_controller.gateway import Cause
+from behavior_controller.interface.records import Prompt
 
 from unit_tests.facts import Event, Facts
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
@@ -16,7 +18,8 @@ CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.val
 AWAY = {Cause.NOT_REACHABLE.value, Cause.CONNECTION_LOST.value}
 """How calls fail between the crash of a node and its return."""
 
-RECOVERY = {"HandleFallBack", "HandleFallback"}
+RECOVERY = {spec.id for spec in leaves.SPECS if spec.is_recovery}
+PROMPTS = {spec.id for spec in leaves.SPECS if Prompt in spec.calls}
 
 SAFE_STATE = ("overtAttention", "animateBehavior")
 """Simulated nodes that are asked to be quiet when a recovery is given up; the record does not tell how that went."""
@@ -69,7 +72,7 @@ class Matching:
         """Whether the failure is the mission's way to say no: a false condition, a visitor who presses nothing."""
         cause = event["failure"]["cause"]
         return cause == Cause.CONDITION_FALSE.value or self._is_away(event) or (
-            cause == Cause.MISSING_DATA.value and event["node"] == "PressYesNoDialogue"
+            cause == Cause.MISSING_DATA.value and event["node"] in PROMPTS
             and self._facts.behaviour == SILENT)
 
     def _is_away(self, event: Event) -> bool:

@@ -6,7 +6,11 @@ of the mission seen to that had to be, and is every recorded failure one that wa
 from collections import Counter
 from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from behavior_controller.interface.records import Exhibit
+from behavior_controller import leaves
+from behavior_controller.interface.document import ATTENTION
+from behavior_controller.interface.records import Exhibit, GoTo
+from behavior_controller.leaves import data
+from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.text import clean
 
 from unit_tests.facts import Event, Facts, Pass, count, of, passes
@@ -14,21 +18,25 @@ from unit_tests.journal import Line
 from unit_tests.matching import Matching
 from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, NO_GAZE, SILENT, UNCLEAR
 
-ASKING = {"IsYesNoUttered", "PressYesNoDialogue"}
+
+def _nodes(fits: Callable[[MissionSpec], bool]) -> Set[str]:
+    return {spec.id for spec in leaves.SPECS if fits(spec)}
+
+
+ASKING = _nodes(lambda spec: spec.writes(data.VISITOR_RESPONSE.name))
 """Mission nodes through which a visitor can say no."""
 
-TOUR = {"RetrieveListOfExhibits", "SelectExhibit", "Navigate"}
-"""Mission nodes that together lead to exhibits."""
+TOUR = (_nodes(lambda spec: spec.writes(data.EXHIBITS.name)),
+        _nodes(lambda spec: spec.writes(data.CURRENT_EXHIBIT.name)), _nodes(lambda spec: GoTo in spec.calls))
+"""Mission nodes of which one of each kind leads to exhibits."""
 
-GAZE = "IsMutualGazeDiscovered"
-"""Mission node that a visitor who never looks back fails; it ends the pass, for there is nobody to speak to."""
+GAZE = _nodes(lambda spec: ATTENTION in spec.listens)
+"""Mission nodes that a visitor who never looks back fails; that ends the pass, for there is nobody to speak to."""
 
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines", LEAVES: "leaves",
         NO_GAZE: "never looks back"}
 
-
-GOODBYE = {"EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"}
-"""Mission nodes that make no sense to a visitor who is not there any more."""
+GOODBYE = _nodes(lambda spec: spec.is_farewell)
 
 JUDGED_BY = {"robotNavigation", "textToSpeech", "knowledgeBase", "overtAttention"}
 """Simulated nodes without whose journal nobody can say which exhibits were seen to."""
@@ -117,13 +125,18 @@ def _numbers(group: Sequence[Pass]) -> str:
 
 def _is_never_met(facts: Facts) -> bool:
     """Whether the mission waits for a gaze that this visitor never returns. All other visitors it has an answer to."""
-    return facts.behaviour == NO_GAZE and GAZE in _mission_nodes(facts)
+    return facts.behaviour == NO_GAZE and bool(GAZE & _mission_nodes(facts))
 
 
 def _is_deserted(facts: Facts) -> bool:
     """Whether the visitor leaves before the last exhibit of a mission that looks for him: the tour is broken off."""
-    return (facts.behaviour == LEAVES and TOUR | {GAZE} <= _mission_nodes(facts)
+    nodes = _mission_nodes(facts)
+    return (facts.behaviour == LEAVES and _has_tour(nodes) and bool(GAZE & nodes)
             and len(facts.knowledge.exhibits) > EXHIBITS_BEFORE_LEAVING)
+
+
+def _has_tour(nodes: Set[str]) -> bool:
+    return all(kind & nodes for kind in TOUR)
 
 
 def _mission_nodes(facts: Facts) -> Set[str]:
@@ -170,7 +183,7 @@ def _hint(*group: Pass) -> str:
 def _exhibits(facts: Facts) -> Iterator[str]:
     """Object to exhibits that were left out, or visited though nobody wanted a tour."""
     nodes = _mission_nodes(facts)
-    if not TOUR <= nodes or facts.real & JUDGED_BY:
+    if not _has_tour(nodes) or facts.real & JUDGED_BY:
         return
     for a_pass in passes(facts):
         if _is_never_met(facts):

@@ -11,16 +11,13 @@ from behavior_controller.bt.language import ports, values
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
 from behavior_controller.bt.language.script import ScriptSyntaxError, compile_script
 from behavior_controller.bt.language.values import ValueFault
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, did_you_mean
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role, did_you_mean
 from behavior_controller.errors import Fault
 
 FORBIDDEN = " \t\n\r<>&\"'/\\:*?|."
 CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
 PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
-SCRIPT_PORTS = {"Script": "code", "ScriptCondition": "code", "Precondition": "if"}
-_ITEMS = {("LoopInt", "queue"): "vec_int", ("LoopDouble", "queue"): "vec_double"}
-"""Ports of any type whose literal is a list of numbers."""
 
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
 MOST_FAULTS = 1_000  # that are told, and as many warnings
@@ -347,13 +344,16 @@ class _Known(NamedTuple):
     ports: Dict[str, Port]
     fewest: int  # children
     most: int
-    script: str  # the port that holds a script
+
+    @property
+    def minds_children(self) -> bool:
+        """Return whether it has rules about its children beside their number."""
+        return self.spec.refuses_explicit or bool(self.spec.at_most_one)
 
 
 def _known(spec: NodeSpec) -> _Known:
-    fewest, most = {Kind.CONTROL: (1, 10 ** 9), Kind.DECORATOR: (1, 1)}.get(spec.kind, (0, 0))
-    return _Known(spec, {port.name: port for port in spec.ports}, 2 if spec.id == "TryCatch" else fewest, most,
-                  SCRIPT_PORTS.get(spec.id, ""))
+    fewest, most = {Kind.CONTROL: (spec.fewest_children, 10 ** 9), Kind.DECORATOR: (1, 1)}.get(spec.kind, (0, 0))
+    return _Known(spec, {port.name: port for port in spec.ports}, fewest, most)
 
 
 class _Nodes:
@@ -367,7 +367,7 @@ class _Nodes:
         self.is_used = True  # the tree being checked is part of the mission
         self._known = {spec.id: _known(spec) for spec in registry.all() if spec.kind is not Kind.SUBTREE}
         self._compact = {name: known for name, known in self._known.items()
-                         if name not in EXPLICIT and name != "ReactiveSequence" and not known.spec.warning}
+                         if name not in EXPLICIT and not known.minds_children and not known.spec.warning}
         self._scripts: Dict[str, str] = {}  # text -> what is wrong with it
 
     def check_tree(self, tree: Element, is_used: bool) -> None:
@@ -404,8 +404,8 @@ class _Nodes:
             return None
         if known.spec.warning:
             self.warn(element, known.spec.warning)
-        if node_id == "ReactiveSequence":
-            self._below_reactive_sequence(element)
+        if known.minds_children:
+            self._kinds_of_children(element, known.spec)
         return known
 
     def _unknown(self, element: Element, node_id: str) -> None:
@@ -420,13 +420,13 @@ class _Nodes:
             hint = _ELSEWHERE.get(node_id) or self.index.nearest(node_id, list(self._known) + ["SubTree"])
             self.fault(element, "unknown node {}".format(node_id), hint, attribute)
 
-    def _below_reactive_sequence(self, element: Element) -> None:
-        for child in element.children:
+    def _kinds_of_children(self, element: Element, spec: NodeSpec) -> None:
+        for child in element.children if spec.refuses_explicit else ():
             if child.tag in EXPLICIT and child.type_id:
-                self.fault(child, "BehaviorTree.CPP refuses <{}> directly below ReactiveSequence".format(child.tag),
+                self.fault(child, "BehaviorTree.CPP refuses <{}> directly below {}".format(child.tag, spec.id),
                            "write <{}/>".format(child.type_id))
-        if sum(child.tag == "AsyncSequence" for child in element.children) > 1:
-            self.fault(element, "a ReactiveSequence cannot have more than one AsyncSequence child")
+        if spec.at_most_one and sum(child.tag == spec.at_most_one for child in element.children) > 1:
+            self.fault(element, "a {} cannot have more than one {} child".format(spec.id, spec.at_most_one))
 
     def _children(self, element: Element, known: _Known) -> None:
         count, node_id = len(element.children), known.spec.id
@@ -435,8 +435,9 @@ class _Nodes:
         elif known.most == 1:
             self.fault(element, "{} has {} children; a decorator must have exactly 1".format(node_id, count),
                        "put a Sequence around them" if count else "")
-        elif known.fewest == 2:
-            self.fault(element, "{} must have at least 2 children: the last is the one that catches".format(node_id))
+        elif known.fewest > 1:
+            self.fault(element, "{} must have at least {} children: {}".format(
+                node_id, known.fewest, known.spec.children))
         else:
             self.fault(element, "{} has no child; it must have 1 or more".format(node_id))
 
@@ -445,7 +446,7 @@ class _Nodes:
         if name in CONDITIONS:
             self._script(element, name, text)
         elif port is not None:
-            self._port(element, known, port, text)
+            self._port(element, port, text)
         elif name == "ID":
             if element.tag not in EXPLICIT:
                 self.fault_in_use(element, "the attribute ID is not allowed in <{}>".format(element.tag),
@@ -454,17 +455,17 @@ class _Nodes:
             hint = _PORTS_ELSEWHERE.get((known.spec.id, name)) or self.index.nearest(name, known.ports, "its ports")
             self.fault_in_use(element, "{} has no port {}".format(known.spec.id, name), hint, name)
 
-    def _port(self, element: Element, known: _Known, port: Port, text: str) -> None:
+    def _port(self, element: Element, port: Port, text: str) -> None:
         wrong = ports.literal_fault(text, port, {})
         if wrong is not None:
             self.fault_in_use(element, "port {} of type {} cannot be \"{}\"".format(port.name, port.type, text), wrong,
                               port.name)
         elif ports.reference(text, port.name) is not None:
             return
-        elif port.name == known.script and text:
+        elif port.role is Role.SCRIPT and text:
             self._script(element, port.name, text)
         else:
-            self._unread(element, port, text, _ITEMS.get((known.spec.id, port.name), port.type))
+            self._unread(element, port, text, port.literal or port.type)
 
     def _unread(self, element: Element, port: Port, text: str, type_name: str) -> None:
         """Warn of a number that is followed by more than blanks: BehaviorTree.CPP reads it no further."""

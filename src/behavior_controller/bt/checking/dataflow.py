@@ -5,11 +5,7 @@ from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.document import Element
 from behavior_controller.bt.language.script import ScriptSyntaxError, compile_script
-from behavior_controller.bt.registry import Direction, Port, Registry
-
-_SCRIPTS = {("Script", "code"), ("ScriptCondition", "code"), ("Precondition", "if")}
-_NAMES = {("SetBlackboard", "output_key")}  # ports whose text is the name of an entry to write
-_NO_DATA = {("UnsetBlackboard", "key")}
+from behavior_controller.bt.registry import Direction, Port, Registry, Role
 
 Key = Tuple[str, str]  # tree, entry; the tree of ``@`` entries is that of the root
 
@@ -68,44 +64,43 @@ class Flow:
 def flow(trees: Mapping[str, List[Element]], main: str, models: Mapping[str, List[Port]], registry: Registry) -> Flow:
     """Return the data flow of ``trees``: the elements of each, called trees before those that call them."""
     result = Flow(main)
-    types = {spec.id: {port.name: port for port in spec.ports} for spec in registry.all()}
     for tree, elements in trees.items():
         for element in elements:
+            spec = registry.find(element.type_id)
             if element.tag == "SubTree":
                 _call(result, tree, element, models.get(element.attributes.get("ID", ""), []))
             else:
-                _node(result, tree, element, types.get(element.type_id, {}))
+                for port in spec.ports if spec is not None else ():
+                    _port(result, tree, element, port)
             for name in PRE_CONDITIONS + POST_CONDITIONS:
                 if name in element.attributes:
-                    _script(result, tree, element, name)
+                    _script(result, tree, element, name, element.attributes[name])
     return result
 
 
-def _node(result: Flow, tree: str, element: Element, declared: Mapping[str, Port]) -> None:
-    for name, port in declared.items():
-        text = element.attributes.get(name, port.default)
-        if text is None or (element.type_id, name) in _NO_DATA:
-            continue
-        key = ports.reference(text, name)
-        if key is None and port.type == "Any":
-            key = text  # the entry to watch may be written without braces
-        if key is not None:
-            if port.direction is not Direction.OUT:
-                result.read(tree, key, element, name)
-            if port.direction is not Direction.IN:
-                result.write(tree, key)
-        if (element.type_id, name) in _NAMES | _SCRIPTS:
-            if key is not None:
-                result.is_known = False
-            elif (element.type_id, name) in _SCRIPTS:
-                _script(result, tree, element, name)
-            else:
-                result.write(tree, text)
+def _port(result: Flow, tree: str, element: Element, port: Port) -> None:
+    text = element.attributes.get(port.name, port.default)
+    if text is None or port.role is Role.NAMES:
+        return
+    key = ports.reference(text, port.name)
+    if key is None and port.role is Role.WATCHED:
+        key = text
+    if key is not None:
+        if port.direction is not Direction.OUT and (port.name in element.attributes or not port.is_optional):
+            result.read(tree, key, element, port.name)
+        if port.direction is not Direction.IN:
+            result.write(tree, key)
+    if port.role in (Role.SCRIPT, Role.WRITES) and key is not None:
+        result.is_known = False
+    elif port.role is Role.SCRIPT:
+        _script(result, tree, element, port.name, text)
+    elif port.role is Role.WRITES:
+        result.write(tree, text)
 
 
-def _script(result: Flow, tree: str, element: Element, attribute: str) -> None:
+def _script(result: Flow, tree: str, element: Element, attribute: str, text: str) -> None:
     try:
-        script = compile_script(element.attributes[attribute], allow_empty=True)
+        script = compile_script(text, allow_empty=True)
     except ScriptSyntaxError:
         return
     for name in sorted(script.read):

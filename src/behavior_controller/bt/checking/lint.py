@@ -1,41 +1,36 @@
 """Warnings beyond BehaviorTree.CPP: what loads, but cannot be what its author meant.
 
-What a mission's own leaves do comes in as data, a ``Vocabulary``. A warning must be worth reading: where the file alone
-cannot tell, there is none.
+What nodes do is told by their NodeSpec alone. A warning must be worth reading: where the file and the node types cannot
+tell, there is none.
 """
-from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Collection, Dict, List, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt.checking.checks import CONDITIONS, Checked, below, is_port_name
 from behavior_controller.bt.checking.dataflow import Flow, flow
-from behavior_controller.bt.checking.outcomes import FAILS, SKIPS, SUCCEEDS, outcomes
+from behavior_controller.bt.checking.outcomes import outcomes
+from behavior_controller.bt.ends import FAILS, SKIPS, SUCCEEDS
+from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Registry, did_you_mean
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry, Role, did_you_mean
 from behavior_controller.errors import Fault
 
 IGNORED_ON_PURPOSE = ("_uid", "_fullpath", "_description", "__shared_blackboard", "__autoremap")
-_SEQUENCES = ("Sequence", "AsyncSequence", "SequenceWithMemory", "ReactiveSequence", "TryCatch")
-_FALLBACKS = ("Fallback", "AsyncFallback", "ReactiveFallback")
-_INSTANT = ("AlwaysSuccess", "AlwaysFailure", "Script", "SetBlackboard", "UnsetBlackboard", "WasEntryUpdated")
-_TAKE_TIME = ("Delay", "KeepRunningUntilFailure", "LoopInt", "LoopBool", "LoopDouble", "LoopString", "WaitValueUpdate")
+_REPEATS = {SUCCEEDS: ("repeats", "succeeds", "goes round for ever and never waits", "put a Sleep inside"),
+            FAILS: ("retries", "fails", "asks again and again without waiting",
+                    "a ReactiveFallback of the condition and a Sleep waits for it")}
 _MOST_WARNINGS = 200
 _COMPARISONS = 20_000  # names compared for suggestions, in all
 
 
-class Vocabulary(NamedTuple):
-    """What the linter must know of a mission's own leaves."""
-
-    keys: Sequence[str] = ()  # entries of the root's blackboard that leaves or the host provide, and names of enums
-    ends: Mapping[str, int] = {}  # leaf -> outcomes.SUCCEEDS and so on, where it has but one
-    needs: Mapping[str, Tuple[Sequence[str], str]] = {}  # leaf -> leaves of which one must be there too, and why
-    recoveries: Sequence[str] = ()  # leaves that look at the failure of an earlier sibling
-
-
 def lint(documents: Sequence[Document], checked: Checked, registry: Registry,
-         vocabulary: Vocabulary = Vocabulary()) -> List[Fault]:
-    """Return warnings about a mission whose check found no error, in the order of the files."""
+         given: Collection[str] = ()) -> List[Fault]:
+    """Return warnings about a mission whose check found no error, in the order of the files.
+
+    ``given`` are entries of the root's blackboard that the host provides, and names of enums.
+    """
     if not checked.main or checked.errors:
         return []
-    linter = _Linter(checked, registry, vocabulary)
+    linter = _Linter(checked, registry, given)
     linter.unused(documents[-1])
     for elements in linter.trees.values():
         for element in elements:
@@ -61,25 +56,18 @@ def _called_first(checked: Checked) -> Dict[str, List[Element]]:
 
 
 class _Linter:
-    def __init__(self, checked: Checked, registry: Registry, vocabulary: Vocabulary):
+    def __init__(self, checked: Checked, registry: Registry, given: Collection[str]):
         self.checked = checked
         self.registry = registry
-        self.vocabulary = vocabulary
         self.trees = _called_first(checked)
-        self.ends = outcomes(self.trees, vocabulary.ends)
+        self.ends = outcomes(self.trees, registry)
         self.flow: Flow = flow(self.trees, checked.main, checked.models, registry)
         self.used: Dict[str, Set[str]] = {}  # tree -> entries that it reads or writes under its own name
         for tree, name in list(self.flow.reads) + list(self.flow.written):
             self.used.setdefault(tree, set()).add(name)
+        self.defaults = _Defaults(registry, given)
         self.faults: List[Fault] = []
         self._comparisons = _COMPARISONS
-        self._rules: Dict[str, Callable[[Element], None]] = {
-            "SubTree": self._call, "Repeat": self._repeat, "RetryUntilSuccessful": self._retry,
-            "Parallel": self._parallel,
-            "ParallelAll": self._parallel, "IfThenElse": self._branches, "WhileDoElse": self._branches}
-        self._rules.update((name, self._switch) for name in ("Switch2", "Switch3", "Switch4", "Switch5", "Switch6"))
-        self._rules.update((name, self._sequence) for name in _SEQUENCES)
-        self._rules.update((name, self._fallback) for name in _FALLBACKS)
 
     def warn(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
         """Record a warning."""
@@ -97,26 +85,37 @@ class _Linter:
         """Apply the rules of one element."""
         if element.attributes:
             self._ignored_attributes(element)
+        if element.tag == "SubTree":
+            self._call(element)
+            return
         spec = self.registry.find(element.type_id)
-        for port in spec.ports if spec and spec.kind is not Kind.SUBTREE else ():
-            if port.direction is not Direction.OUT and port.default is None and port.name not in element.attributes:
-                self.warn(element, "{} needs the port {}, which is not given".format(element.type_id, port.name),
-                          "it will fail when it is ticked")
-        if spec and element.tag in EXPLICIT and element.tag != spec.kind.value:
+        assert spec is not None  # the check has seen to it
+        for port in spec.ports:
+            self._port(element, spec, port)
+        if element.tag in EXPLICIT and element.tag != spec.kind.value:
             self.warn(element, "<{} ID=\"{}\">: {} is no {} but of kind {}".format(
                 element.tag, spec.id, spec.id, element.tag, spec.kind.value))
-        if spec and spec.names:
-            self._name(element, spec)
-        rule = self._rules.get(element.type_id)
-        if rule is not None:
-            rule(element)
+        if spec.child_counts and len(element.children) not in spec.child_counts:
+            self.warn(element, "{} has {} children; it must have {}".format(
+                spec.id, len(element.children), " or ".join(map(str, spec.child_counts))),
+                "{}; it will fail when it is ticked".format(spec.children))
+        if spec.next_after:
+            self._chain(element, spec)
+        if spec.repeats_on:
+            self._repeat(element, spec)
 
-    def _name(self, element: Element, spec: NodeSpec) -> None:
-        """Warn of a name that looks as if it should choose something: one with a number, as those that do have."""
+    def _port(self, element: Element, spec: NodeSpec, port: Port) -> None:
+        if port.name in element.attributes:
+            if port.role is Role.CHILDREN:
+                self._count(element, port.name, element.attributes[port.name])
+            return
+        if port.direction is not Direction.OUT and port.default is None and not port.is_optional:
+            self.warn(element, "{} needs the port {}, which is not given".format(spec.id, port.name),
+                      "it will fail when it is ticked")
         name = element.attributes.get("name", spec.id)
-        if name not in spec.names + (spec.id,) and any(letter.isdigit() for letter in name):
+        if port.names and name not in port.names + (spec.id,) and any(letter.isdigit() for letter in name):
             self.warn(element, "the name {} chooses nothing; {} knows the names {}".format(
-                name, spec.id, " and ".join(spec.names)), spec.description, "name")
+                name, spec.id, " and ".join(port.names)), spec.description, "name")
 
     def _ignored_attributes(self, element: Element) -> None:
         for name in element.attributes:
@@ -130,20 +129,21 @@ class _Linter:
             if near:
                 self.warn(element, "{} is ignored".format(name), near, name)
 
-    def _sequence(self, element: Element) -> None:
-        children = element.children[:-1] if element.type_id == "TryCatch" else element.children
-        self._unreachable(children, SUCCEEDS | SKIPS, "succeeds")
-        for child in children:
-            if child.type_id in self.vocabulary.recoveries:
+    def _chain(self, element: Element, spec: NodeSpec) -> None:
+        """Apply the rules of a control that ticks its next child when one has ended as it should."""
+        children = element.children[:-1] if spec.last_is_apart else element.children
+        is_sequence = spec.next_after == SUCCEEDS
+        self._unreachable(children, spec.next_after | SKIPS, "succeeds" if is_sequence else "fails")
+        for child in children if is_sequence else children[:1]:
+            found = self.registry.find(child.type_id)
+            if found is None or not found.is_recovery:
+                continue
+            if is_sequence:
                 self.warn(child, "{} is reached only if all before it succeeded: there is no failure to look at".format(
                     child.type_id), "it belongs into a Fallback, after the step that may fail")
-
-    def _fallback(self, element: Element) -> None:
-        self._unreachable(element.children, FAILS | SKIPS, "fails")
-        first = element.children[0]
-        if first.type_id in self.vocabulary.recoveries:
-            self.warn(first, "{} comes first: there is no failure before it to look at".format(first.type_id),
-                      "it belongs after the step that may fail")
+            else:
+                self.warn(child, "{} comes first: there is no failure before it to look at".format(child.type_id),
+                          "it belongs after the step that may fail")
 
     def _unreachable(self, children: List[Element], wanted: int, what: str) -> None:
         for child, following in zip(children, children[1:]):
@@ -152,60 +152,30 @@ class _Linter:
                     _called(following), _called(child), what))
                 return
 
-    def _repeat(self, element: Element) -> None:
-        child = element.children[0]
-        rounds = element.attributes.get("num_cycles", "")
-        if not self.ends[id(child)] & SUCCEEDS:
-            self.warn(element, "Repeat never repeats: {} never succeeds".format(_called(child)))
+    def _repeat(self, element: Element, spec: NodeSpec) -> None:
+        child, rounds = element.children[0], element.attributes.get(spec.rounds, "")
+        repeats, ends, endlessly, hint = _REPEATS[spec.repeats_on]
+        if not self.ends[id(child)] & spec.repeats_on:
+            self.warn(element, "{} never {}: {} never {}".format(spec.id, repeats, _called(child), ends))
         elif rounds == "-1" and self._is_instant(child):
-            self.warn(element, "Repeat goes round for ever and never waits", "put a Sleep inside", "num_cycles")
-        self._rounds(element, "num_cycles", rounds)
-
-    def _retry(self, element: Element) -> None:
-        child = element.children[0]
-        attempts = element.attributes.get("num_attempts", "")
-        if not self.ends[id(child)] & FAILS:
-            self.warn(element, "RetryUntilSuccessful never retries: {} never fails".format(_called(child)))
-        elif attempts == "-1" and self._is_instant(child):
-            self.warn(element, "RetryUntilSuccessful asks again and again without waiting",
-                      "a ReactiveFallback of the condition and a Sleep waits for it", "num_attempts")
-        self._rounds(element, "num_attempts", attempts)
-
-    def _rounds(self, element: Element, attribute: str, text: str) -> None:
-        if text == "0" or (text[:1] == "-" and text[1:].isdigit() and text != "-1"):
-            self.warn(element, "{}=\"{}\": the child is never run".format(attribute, text), "-1 is for ever", attribute)
+            self.warn(element, "{} {}".format(spec.id, endlessly), hint, spec.rounds)
+        if rounds == "0" or (rounds[:1] == "-" and rounds[1:].isdigit() and rounds != "-1"):
+            self.warn(element, "{}=\"{}\": the child is never run".format(spec.rounds, rounds), "-1 is for ever",
+                      spec.rounds)
 
     def _is_instant(self, element: Element) -> bool:
         """Return whether all below and including ``element`` is known to be done as soon as it is ticked."""
-        for found in [element] + below(element):
-            spec = self.registry.find(found.type_id)
-            is_leaf = not found.children and found.type_id not in _INSTANT and (
-                spec is None or spec.kind is not Kind.CONDITION)
-            if is_leaf or found.type_id in _TAKE_TIME:
-                return False
-        return True
+        specs = [self.registry.find(found.type_id) for found in [element] + below(element)]
+        return all(spec is not None and (spec.is_instant or spec.kind is Kind.CONDITION) for spec in specs)
 
-    def _parallel(self, element: Element) -> None:
+    def _count(self, element: Element, attribute: str, text: str) -> None:
         count = len(element.children)
-        for attribute in ("success_count", "failure_count", "max_failures"):
-            text = element.attributes.get(attribute, "")
-            if text.isdigit() and len(text) < 10 and int(text) > count:
-                self.warn(element, "{}=\"{}\", but there are only {} children".format(attribute, text, count),
-                          "it will fail when it is ticked", attribute)
-            elif text == "0":
-                self.warn(element, "{}=\"0\" is decided before any child has done its work".format(attribute),
-                          "-1 is all children", attribute)
-
-    def _branches(self, element: Element) -> None:
-        if len(element.children) not in (2, 3):
-            self.warn(element, "{} has {} children; it must have 2 or 3".format(element.type_id, len(element.children)),
-                      "condition, then, else; it will fail when it is ticked")
-
-    def _switch(self, element: Element) -> None:
-        cases = int(element.type_id[-1])
-        if len(element.children) != cases + 1:
-            self.warn(element, "{} has {} children; it must have {}".format(
-                element.type_id, len(element.children), cases + 1), "one for each case and the default")
+        if text.isdigit() and len(text) < 10 and int(text) > count:
+            self.warn(element, "{}=\"{}\", but there are only {} children".format(attribute, text, count),
+                      "it will fail when it is ticked", attribute)
+        elif text == "0":
+            self.warn(element, "{}=\"0\" is decided before any child has done its work".format(attribute),
+                      "-1 is all children", attribute)
 
     def _call(self, element: Element) -> None:
         called = element.attributes.get("ID", "")
@@ -226,29 +196,63 @@ class _Linter:
                           "the main tree is {}".format(self.checked.main))
 
     def unwritten(self) -> None:
-        """Warn of entries that are read and that nothing writes."""
+        """Warn of entries that are read and that nothing writes; of those that a node reads by default, of one."""
         if not self.flow.is_known:
             return
-        given = set(self.vocabulary.keys)
         written: Dict[str, Set[str]] = {}
         for tree, name in self.flow.written:
             written.setdefault(tree, set()).add(name)
-        for read in self.flow.never_written(given)[:_MOST_WARNINGS]:
+        told: Set[int] = set()  # elements
+        for read in self.flow.never_written(self.defaults.given)[:_MOST_WARNINGS]:
             tree, name = read.key
-            if name.lstrip("@") in given and tree != self.checked.main:
+            if read.attribute not in read.element.attributes:
+                if id(read.element) in told:
+                    continue
+                told.add(id(read.element))
+            if tree != self.checked.main and name in self.defaults.known:
                 hint = "that of the whole mission is @{}".format(name)
             else:
-                hint = self.nearest(name, written.get(tree, set()))
+                hint = self.defaults.written_by(name) if tree == self.checked.main else ""
+                hint = hint or self.nearest(name, written.get(tree, set()))
             self.warn(read.element, "the entry {} is read here, but nothing writes it".format(name), hint,
                       read.attribute)
 
     def needs(self) -> None:
-        """Warn of leaves that can do nothing, because a leaf that must go before them is not there."""
+        """Warn of nodes that can do nothing, because a node that must go before them is not there."""
         present = {element.type_id: element for elements in self.trees.values() for element in reversed(elements)}
-        for leaf, (others, why) in self.vocabulary.needs.items():
-            if leaf in present and not any(other in present for other in others):
-                self.warn(present[leaf], "{} can never succeed: {}".format(leaf, why),
-                          "the mission lacks {}".format(" or ".join(others[:2])))
+        for node_id, element in present.items():
+            spec = self.registry.find(node_id)
+            need = spec.needs if spec is not None else None
+            if need is not None and not any(other in present for other in need.any_of):
+                self.warn(element, "{} can never succeed: {}".format(node_id, need.why),
+                          "the mission lacks {}".format(" or ".join(need.any_of[:2])))
+
+
+class _Defaults:
+    """The entries of the whole mission: those that ports have by default, and those that the host provides."""
+
+    def __init__(self, registry: Registry, given: Collection[str]):
+        needed: Set[str] = set()
+        optional: Set[str] = set()
+        self._writers: Dict[str, List[str]] = {}
+        for spec in registry.all():
+            for port in spec.ports:
+                key = None if port.default is None else ports.reference(port.default, port.name)
+                if key is None or key[:1] != "@":
+                    continue
+                if port.direction is Direction.OUT:
+                    self._writers.setdefault(key[1:], []).append(spec.id)
+                else:
+                    (optional if port.is_optional else needed).add(key[1:])
+        self.given = set(given) | (optional - needed)  # what every reader does without is no mistake in a script either
+        self.known = self.given | needed | set(self._writers)
+
+    def written_by(self, name: str) -> str:
+        """Return which nodes write an entry of the whole mission; "" if none does."""
+        writers = self._writers.get(name, [])
+        if not writers:
+            return ""
+        return "{} writes it".format(" or ".join(filter(None, [", ".join(writers[:-1]), writers[-1]])))
 
 
 def _called(element: Element) -> str:

@@ -1,7 +1,8 @@
 """The built-in leaves of BehaviorTree.CPP v4, and the list of every built-in node type with its ports."""
 from functools import partial
-from typing import Any, Callable, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
+from behavior_controller.bt import ends
 from behavior_controller.bt.engine import controls, decorators
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
@@ -9,8 +10,10 @@ from behavior_controller.bt.engine.node import ConfigureError, NodeError, Result
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.script import Script, compile_script, to_bool
 from behavior_controller.bt.language.values import TEXT, ValueFault
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+
+Factory = Any  # a class of nodes
 
 
 class AlwaysSuccess(SyncActionLeaf):
@@ -184,73 +187,113 @@ class WasEntryUpdated(SyncActionLeaf):
         return SUCCESS
 
 
-def _in(name: str, type_name: str, default: Optional[str] = None, description: str = "") -> Port:
-    return Port(name, type_name, Direction.IN, default, description)
+def _in(name: str, type_name: str, default: Optional[str] = None, description: str = "",
+        role: Role = Role.DATA) -> Port:
+    return Port(name, type_name, Direction.IN, default, description, role)
 
 
-_LOOP_QUEUE = Port("queue", "any", Direction.INOUT, None, "the items: an entry, or texts with ; between them")
-
-
-def _loop(item_type: str) -> Tuple[Port, ...]:
-    return (_LOOP_QUEUE,
-            _in("if_empty", "NodeStatus", "SUCCESS", "the result when nothing is left"),
-            Port("value", item_type, Direction.OUT, None, "the item of this round"))
+def _loop(factory: Factory, item_type: str, literal: str = "") -> NodeSpec:
+    return _decorator(factory, (
+        Port("queue", "any", Direction.INOUT, None, "the items: an entry, or texts with ; between them",
+             literal=literal),
+        _in("if_empty", "NodeStatus", "SUCCESS", "the result when nothing is left"),
+        Port("value", item_type, Direction.OUT, None, "the item of this round")), ends.for_each_item, is_instant=False)
 
 
 def _switch(cases: int) -> NodeSpec:
     names = ["case_{}".format(number + 1) for number in range(cases)]
     return NodeSpec("Switch{}".format(cases), Kind.CONTROL, partial(controls.Switch, cases=cases),
                     (_in("variable", TEXT, None, "compared with each case"),)
-                    + tuple(_in(name, TEXT, None, "value that chooses this child") for name in names))
+                    + tuple(_in(name, TEXT, None, "value that chooses this child") for name in names),
+                    outcome=ends.of_any_child, is_instant=True, child_counts=(cases + 1,),
+                    children="one for each case and the default")
 
 
-_ENTRY = (_in("entry", "Any", None, "the entry to watch"),)
-_CONTROLS: Tuple[Tuple[Callable[[str], Any], Tuple[Port, ...]], ...] = (
-    (controls.Sequence, ()), (controls.AsyncSequence, ()), (controls.SequenceWithMemory, ()),
-    (controls.ReactiveSequence, ()), (controls.Fallback, ()), (controls.AsyncFallback, ()),
-    (controls.ReactiveFallback, ()), (controls.IfThenElse, ()), (controls.WhileDoElse, ()),
-    (controls.Parallel, (_in("success_count", "int", "-1", "children that must succeed; -1 is all"),
-                         _in("failure_count", "int", "1", "children that must fail to fail; -1 is all"))),
-    (controls.ParallelAll, (_in("max_failures", "int", "1", "FAILURE if at least as many children fail"),)),
-    (controls.TryCatch, (_in("catch_on_halt", "bool", "false", "tick the last child on a halt too"),)),
+def _described(factory: Factory) -> str:
+    return (factory.__doc__ or "").split("\n")[0]
+
+
+def _control(factory: Factory, outcome: ends.Outcome, ports_: Tuple[Port, ...] = (), **facts: Any) -> NodeSpec:
+    return NodeSpec(factory.__name__, Kind.CONTROL, factory, ports_, _described(factory), outcome=outcome,
+                    is_instant=True, **facts)
+
+
+def _sequence(factory: Factory, **facts: Any) -> NodeSpec:
+    return _control(factory, ends.in_sequence, next_after=ends.SUCCEEDS, **facts)
+
+
+def _fallback(factory: Factory) -> NodeSpec:
+    return _control(factory, ends.in_fallback, next_after=ends.FAILS)
+
+
+def _decorator(factory: Factory, ports_: Tuple[Port, ...], outcome: ends.Outcome, is_instant: bool = True,
+               **facts: Any) -> NodeSpec:
+    return NodeSpec(factory.__name__, Kind.DECORATOR, factory, ports_, _described(factory), outcome=outcome,
+                    is_instant=is_instant, **facts)
+
+
+def _action(node_id: str, factory: Factory, ports_: Tuple[Port, ...] = (), outcome: Optional[int] = None,
+            is_instant: bool = True) -> NodeSpec:
+    return NodeSpec(node_id, Kind.ACTION, factory, ports_, _described(factory), outcome=outcome, is_instant=is_instant)
+
+
+_BRANCHES: Dict[str, Any] = {"child_counts": (2, 3), "children": "condition, then, else"}
+_ENTRY = (_in("entry", "Any", None, "the entry to watch", Role.WATCHED),)
+_SPECS = (
+    _sequence(controls.Sequence), _sequence(controls.AsyncSequence), _sequence(controls.SequenceWithMemory),
+    _sequence(controls.ReactiveSequence, refuses_explicit=True, at_most_one=controls.AsyncSequence.__name__),
+    _fallback(controls.Fallback), _fallback(controls.AsyncFallback), _fallback(controls.ReactiveFallback),
+    _control(controls.IfThenElse, ends.chosen, **_BRANCHES), _control(controls.WhileDoElse, ends.chosen, **_BRANCHES),
+    _control(controls.Parallel, ends.in_parallel, (
+        _in("success_count", "int", "-1", "children that must succeed; -1 is all", Role.CHILDREN),
+        _in("failure_count", "int", "1", "children that must fail to fail; -1 is all", Role.CHILDREN))),
+    _control(controls.ParallelAll, ends.ANY, (
+        _in("max_failures", "int", "1", "FAILURE if at least as many children fail", Role.CHILDREN),)),
+    _control(controls.TryCatch, ends.in_sequence_before_the_last,
+             (_in("catch_on_halt", "bool", "false", "tick the last child on a halt too"),), fewest_children=2,
+             children="the last is the one that catches", next_after=ends.SUCCEEDS, last_is_apart=True),
+) + tuple(map(_switch, range(2, 7))) + (
+    _decorator(decorators.Inverter, (), ends.swapped),
+    _decorator(decorators.ForceSuccess, (), ends.forced(ends.SUCCEEDS)),
+    _decorator(decorators.ForceFailure, (), ends.forced(ends.FAILS)),
+    _decorator(decorators.KeepRunningUntilFailure, (), ends.until_failure, is_instant=False),
+    _decorator(decorators.Repeat, (_in("num_cycles", "int", None, "rounds; -1 is for ever"),), ends.repeated,
+               rounds="num_cycles", repeats_on=ends.SUCCEEDS),
+    _decorator(decorators.RetryUntilSuccessful, (_in("num_attempts", "int", None, "attempts; -1 is for ever"),),
+               ends.retried, rounds="num_attempts", repeats_on=ends.FAILS),
+    _decorator(decorators.RunOnce, (
+        _in("then_skip", "bool", "true", "later ticks are SKIPPED, else they repeat the result"),),
+        ends.of_any_child_or(ends.SKIPS)),
+    _decorator(decorators.Precondition, (
+        _in("if", TEXT, None, "script that must be true", Role.SCRIPT),
+        _in("else", "NodeStatus", "FAILURE", "the result if it is not")), ends.with_precondition),
+    _decorator(decorators.Delay, (_in("delay_msec", "uint", None, "wait that long, in ms"),), ends.of_any_child,
+               is_instant=False),
+    _decorator(decorators.Timeout, (_in("msec", "uint", None, "give the child that long, in ms; 0 is for ever"),),
+               ends.of_any_child_or(ends.FAILS)),
+    _loop(decorators.LoopInt, "int", "vec_int"), _loop(decorators.LoopBool, "bool"),
+    _loop(decorators.LoopDouble, "double", "vec_double"), _loop(decorators.LoopString, TEXT),
+    _decorator(decorators.SkipUnlessUpdated, _ENTRY, ends.of_any_child_or(ends.SKIPS)),
+    _decorator(decorators.WaitValueUpdate, _ENTRY, ends.of_any_child, is_instant=False),
+    _action("AlwaysSuccess", AlwaysSuccess, outcome=ends.SUCCEEDS),
+    _action("AlwaysFailure", AlwaysFailure, outcome=ends.FAILS),
+    _action("Script", RunScript, (_in("code", TEXT, None, "the script", Role.SCRIPT),), ends.SUCCEEDS),
+    _action("SetBlackboard", SetBlackboard, (
+        _in("value", "any", None, "a text, or {entry} to copy"),
+        Port("output_key", "any", Direction.INOUT, None, "name of the entry to write", Role.WRITES))),
+    _action("UnsetBlackboard", UnsetBlackboard, (
+        _in("key", TEXT, None, "name of the entry to remove", Role.NAMES),), ends.SUCCEEDS),
+    _action("Sleep", Sleep, (_in("msec", "uint", None, "how long, in ms"),), ends.SUCCEEDS, is_instant=False),
+    _action("WasEntryUpdated", WasEntryUpdated, _ENTRY),
+    NodeSpec("ScriptCondition", Kind.CONDITION, ScriptCondition,
+             (_in("code", "any", None, "script that must be true", Role.SCRIPT),), "SUCCESS if a script is true.",
+             is_instant=True),
+    NodeSpec("SubTree", Kind.SUBTREE, decorators.SubTree,
+             (_in("_autoremap", "bool", "false", "entries of equal name are the parent's"),),
+             "Another tree of the file in this place."),
 )
-_DECORATORS: Tuple[Tuple[Callable[[str], Any], Tuple[Port, ...]], ...] = (
-    (decorators.Inverter, ()), (decorators.ForceSuccess, ()), (decorators.ForceFailure, ()),
-    (decorators.KeepRunningUntilFailure, ()),
-    (decorators.Repeat, (_in("num_cycles", "int", None, "rounds; -1 is for ever"),)),
-    (decorators.RetryUntilSuccessful, (_in("num_attempts", "int", None, "attempts; -1 is for ever"),)),
-    (decorators.RunOnce, (_in("then_skip", "bool", "true", "later ticks are SKIPPED, else they repeat the result"),)),
-    (decorators.Precondition, (_in("if", TEXT, None, "script that must be true"),
-                               _in("else", "NodeStatus", "FAILURE", "the result if it is not"))),
-    (decorators.Delay, (_in("delay_msec", "uint", None, "wait that long, in ms"),)),
-    (decorators.Timeout, (_in("msec", "uint", None, "give the child that long, in ms; 0 is for ever"),)),
-    (decorators.LoopInt, _loop("int")), (decorators.LoopBool, _loop("bool")),
-    (decorators.LoopDouble, _loop("double")), (decorators.LoopString, _loop(TEXT)),
-    (decorators.SkipUnlessUpdated, _ENTRY), (decorators.WaitValueUpdate, _ENTRY),
-)
-_ACTIONS: Tuple[Tuple[str, Callable[[str], Any], Tuple[Port, ...]], ...] = (
-    ("AlwaysSuccess", AlwaysSuccess, ()), ("AlwaysFailure", AlwaysFailure, ()),
-    ("Script", RunScript, (_in("code", TEXT, None, "the script"),)),
-    ("SetBlackboard", SetBlackboard, (_in("value", "any", None, "a text, or {entry} to copy"),
-                                      Port("output_key", "any", Direction.INOUT, None, "name of the entry to write"))),
-    ("UnsetBlackboard", UnsetBlackboard, (_in("key", TEXT, None, "name of the entry to remove"),)),
-    ("Sleep", Sleep, (_in("msec", "uint", None, "how long, in ms"),)),
-    ("WasEntryUpdated", WasEntryUpdated, _ENTRY),
-)
-
-
-def _spec(kind: Kind, node_id: str, factory: Callable[[str], Any], node_ports: Tuple[Port, ...]) -> NodeSpec:
-    return NodeSpec(node_id, kind, factory, node_ports, (factory.__doc__ or "").split("\n")[0])
 
 
 def builtin_specs() -> List[NodeSpec]:
     """Return every node type that BehaviorTree.CPP 4 registers by itself."""
-    return ([_spec(Kind.CONTROL, factory.__name__, factory, node_ports) for factory, node_ports in _CONTROLS]
-            + [_switch(cases) for cases in range(2, 7)]
-            + [_spec(Kind.DECORATOR, factory.__name__, factory, node_ports) for factory, node_ports in _DECORATORS]
-            + [_spec(Kind.ACTION, node_id, factory, node_ports) for node_id, factory, node_ports in _ACTIONS]
-            + [NodeSpec("ScriptCondition", Kind.CONDITION, ScriptCondition,
-                        (_in("code", "any", None, "script that must be true"),), "SUCCESS if a script is true."),
-               NodeSpec("SubTree", Kind.SUBTREE, decorators.SubTree,
-                        (_in("_autoremap", "bool", "false", "entries of equal name are the parent's"),),
-                        "Another tree of the file in this place.")])
+    return list(_SPECS)

@@ -16,7 +16,7 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.script import Script, to_bool
-from behavior_controller.bt.registry import Port
+from behavior_controller.bt.registry import NodeSpec, Port
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.text import clean
@@ -163,7 +163,7 @@ class Node(Behaviour):
         self.full_path = name
         self.blackboard: Blackboard = None  # type: ignore[assignment]
         self.services: Services = None  # type: ignore[assignment]
-        self.ports: Tuple[Port, ...] = ()
+        self.spec: NodeSpec = None  # type: ignore[assignment]
         self.attributes: Dict[str, str] = {}
         self.observer: Optional[Observer] = None
 
@@ -301,8 +301,12 @@ class Node(Behaviour):
             raise ports.PortError("output port [{}] is not connected".format(name))
         ports.write(text, port, self.blackboard, value)
 
+    def clear_output(self, name: str) -> None:
+        """Empty the entry of an output port. Raises PortError if there is no such port."""
+        ports.clear(self.attributes.get(name, ""), self._port(name), self.blackboard)
+
     def _port(self, name: str) -> Port:
-        for port in self.ports:
+        for port in self.spec.ports:
             if port.name == name:
                 return port
         raise ports.PortError("{} declares no port [{}]".format(self.registration_id, name))

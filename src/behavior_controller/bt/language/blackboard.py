@@ -45,6 +45,11 @@ class Entry:
             self.value = values.same_kind(values.stored(value), self.value)
             self._written()
 
+    def clear(self) -> None:
+        """Make the entry empty; its type stays."""
+        self.value = None
+        self._written()
+
     def _written(self) -> None:
         self.sequence += 1
         self._count.number += 1
@@ -183,11 +188,16 @@ def _fitting(key: str, entry: Entry, value: Any, value_type: str) -> Tuple[Any, 
 
 
 def _fits(entry_type: str, value: Any) -> bool:
-    """Return whether ``value`` survives the way into a type of other size or kind and back, or has the right items."""
-    if isinstance(value, list):
-        return entry_type in values.VECTORS and values.is_vector(value, entry_type)
+    """Return whether ``value`` survives the way into a type of other size or kind and back, or has the right items.
+
+    An entry that the host made without a type has the name of a Python class for its type.
+    """
     target = TYPES.get(entry_type)
-    if not values.is_number(value) or target is None or entry_type == "bool":
+    if target is None:
+        return type(value).__name__ == entry_type
+    if type(value) is target.python or values.is_vector(value, entry_type):
+        return True
+    if not values.is_number(value) or entry_type == "bool":
         return False
     try:
         if entry_type == "double":

@@ -1,5 +1,5 @@
 """Ports: what an attribute of a node means (a reference to an entry, or a literal), and how to read and write it."""
-from typing import Any, List, Optional, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Tuple
 
 from behavior_controller.bt.language import values
 from behavior_controller.bt.language.blackboard import Blackboard
@@ -15,6 +15,10 @@ class PortError(ValueFault):
     """A port cannot be read or written; the text says which and why."""
 
 
+class NoValue(PortError):
+    """The entry of an input port does not exist or is empty."""
+
+
 def reference(text: str, port_name: str) -> Optional[str]:
     """Return the entry that an attribute refers to (``{key}``; ``{=}`` and ``=`` mean the port's own name), or None."""
     if text == "=":
@@ -23,6 +27,12 @@ def reference(text: str, port_name: str) -> Optional[str]:
     if len(inner) >= 3 and inner[0] == "{" and inner[-1] == "}":
         return port_name if inner == "{=}" else inner[1:-1]
     return None
+
+
+def defaults(declared: Iterable[Port]) -> Dict[str, str]:
+    """Return the attributes that a node has without being given them: the defaults that are entries."""
+    return {port.name: port.default for port in declared
+            if port.default is not None and reference(port.default, port.name) is not None}
 
 
 def literal_fault(text: str, port: Port, enums: Enums) -> Optional[str]:
@@ -48,9 +58,9 @@ def entry_value(text: str, port_name: str, blackboard: Blackboard) -> Any:
     key = reference(text, port_name)
     entry = None if key is None else blackboard.find(key)
     if entry is None:
-        raise PortError("port [{}]: the blackboard has no entry [{}]".format(port_name, key))
+        raise NoValue("port [{}]: the blackboard has no entry [{}]".format(port_name, key))
     if entry.value is None:
-        raise PortError("port [{}]: the entry [{}] is empty".format(port_name, key))
+        raise NoValue("port [{}]: the entry [{}] is empty".format(port_name, key))
     return entry.value
 
 
@@ -76,6 +86,14 @@ def write(text: str, port: Port, blackboard: Blackboard, value: Any) -> None:
         blackboard.set(key, values.declared(value, port.type), None if port.type in GENERIC else port.type)
     except ValueFault as fault:
         raise PortError("port [{}]: {}".format(port.name, fault)) from fault
+
+
+def clear(text: str, port: Port, blackboard: Blackboard) -> None:
+    """Empty the entry that an output port refers to, if there is one."""
+    key = reference(text, port.name)
+    entry = None if key is None else blackboard.find(key)
+    if entry is not None:
+        entry.clear()
 
 
 def declare(text: str, port: Port, blackboard: Blackboard) -> None:

@@ -39,6 +39,7 @@ class ValueType(NamedTuple):
     high: Optional[int] = None
     checked_at_load: bool = True
     number: Optional["re.Pattern[str]"] = None
+    python: Optional[type] = None  # the class of its values, if it has been added
 
 
 _INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero but the last digit
@@ -189,6 +190,21 @@ TYPES: Dict[str, ValueType] = {value_type.name: value_type for value_type in (
 )}
 
 
+def add_type(name: str, python: type, from_text: Optional[Callable[[str], Any]] = None) -> None:
+    """Add a type of ports whose values are of the class ``python``. Raises ValueError if the name is taken.
+
+    ``from_text`` reads a literal and raises ValueFault; without it the type has no literals.
+    """
+    if name in TYPES:
+        raise ValueError("the type {} is there already".format(name))
+
+    def read(text: str, _enums: Enums) -> Any:
+        if from_text is None:
+            raise ValueFault("a value of type {} has no text; only an {{entry}} can hold it".format(name))
+        return from_text(text)
+    TYPES[name] = ValueType(name, read, python=python)
+
+
 VECTORS = {"vec_int": "int", "vec_double": "double", "vec_string": TEXT, "vec_bool": "bool"}
 
 
@@ -217,7 +233,8 @@ def stored(value: Any) -> Any:
 
 def is_vector(value: Any, wanted: str) -> bool:
     """Return whether ``value`` is a list of the items that the vector type ``wanted`` has."""
-    return isinstance(value, list) and all(type(item) is _CLASSES[VECTORS[wanted]] for item in value)
+    return (wanted in VECTORS and isinstance(value, list)
+            and all(type(item) is _CLASSES[VECTORS[wanted]] for item in value))
 
 
 def is_number(value: Any) -> bool:
@@ -286,8 +303,9 @@ def convert(value: Any, wanted: str, enums: Enums) -> Any:
         return _as_text(value)
     if isinstance(value, str):
         return TYPES[wanted].from_text(value, enums)  # type: ignore[misc]
-    if wanted in VECTORS:
-        if not is_vector(value, wanted):
+    python = TYPES[wanted].python
+    if wanted in VECTORS or python is not None:
+        if type(value) is not python and not is_vector(value, wanted):
             raise _no_conversion(value, wanted)
         return value
     return _as_number(value, wanted)

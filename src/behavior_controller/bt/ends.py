@@ -1,0 +1,111 @@
+"""How nodes can end, as flags, and how the end of a node follows from the ends of its children.
+
+An estimate to the safe side: what a node may do as far as the file tells counts as possible.
+"""
+from typing import Callable, List, Mapping, Union
+
+SUCCEEDS, FAILS, SKIPS = 1, 2, 4
+OF_A_LEAF = SUCCEEDS | FAILS
+ANY = SUCCEEDS | FAILS | SKIPS
+
+Attributes = Mapping[str, str]
+Outcome = Union[int, Callable[[Attributes, List[int]], int]]
+"""How a node can end: always so, or by its attributes and the ends of its children."""
+
+BY_NAME = {"SUCCESS": SUCCEEDS, "FAILURE": FAILS, "SKIPPED": SKIPS}
+
+
+def of_any_child(_attributes: Attributes, children: List[int]) -> int:
+    """Return the ends of all children."""
+    result = 0
+    for child in children:
+        result |= child
+    return result
+
+
+def of_any_child_or(end: int) -> Outcome:
+    """Return the rule of a node that ends as its child does, or with ``end``."""
+    return lambda attributes, children: of_any_child(attributes, children) | end
+
+
+def _chain(children: List[int], goes_on: int, ends: int) -> int:
+    result = some = 0
+    skips = SKIPS
+    for child in children:
+        result |= child & ends
+        if not child & (goes_on | SKIPS):
+            return result
+        some |= child & goes_on
+        skips &= child
+    return result | some | skips
+
+
+def in_sequence(_attributes: Attributes, children: List[int]) -> int:
+    """Return how a Sequence can end."""
+    return _chain(children, SUCCEEDS, FAILS)
+
+
+def in_fallback(_attributes: Attributes, children: List[int]) -> int:
+    """Return how a Fallback can end."""
+    return _chain(children, FAILS, SUCCEEDS)
+
+
+def in_sequence_before_the_last(attributes: Attributes, children: List[int]) -> int:
+    """Return how a Sequence can end whose last child has no say."""
+    return in_sequence(attributes, children[:-1])
+
+
+def swapped(_attributes: Attributes, children: List[int]) -> int:
+    """Return the ends of the child with SUCCESS and FAILURE exchanged."""
+    child = children[0]
+    return (child & SKIPS) | (SUCCEEDS if child & FAILS else 0) | (FAILS if child & SUCCEEDS else 0)
+
+
+def forced(end: int) -> Outcome:
+    """Return the rule of a node that ends with ``end`` whenever its child completes."""
+    return lambda _attributes, children: (children[0] & SKIPS) | (end if children[0] & OF_A_LEAF else 0)
+
+
+def until_failure(_attributes: Attributes, children: List[int]) -> int:
+    """Return how a node can end that runs its child until that fails."""
+    return children[0] & FAILS
+
+
+def repeated(attributes: Attributes, children: List[int]) -> int:
+    """Return how a Repeat can end."""
+    child = children[0]
+    endless = attributes.get("num_cycles") == "-1"
+    return child & (FAILS | SKIPS) | (0 if endless and child & SUCCEEDS else SUCCEEDS)
+
+
+def retried(attributes: Attributes, children: List[int]) -> int:
+    """Return how a RetryUntilSuccessful can end."""
+    child, attempts = children[0], attributes.get("num_attempts", "")
+    gives_up = child & FAILS and attempts != "-1"
+    is_run = attempts == "-1" or (attempts.isdigit() and int(attempts[:9]) > 0)
+    return child & (SUCCEEDS | SKIPS) | (FAILS if gives_up or not is_run else 0)
+
+
+def in_parallel(attributes: Attributes, children: List[int]) -> int:
+    """Return how a Parallel can end; with counts given, in any way."""
+    if {"success_count", "failure_count"} & set(attributes):
+        return ANY
+    everyone = all(child & (SUCCEEDS | SKIPS) for child in children)
+    return (of_any_child(attributes, children) & FAILS) | (SUCCEEDS if everyone else 0)
+
+
+def chosen(_attributes: Attributes, children: List[int]) -> int:
+    """Return how an IfThenElse can end."""
+    condition, branches = children[0], children[1:]
+    otherwise = branches[1] if len(branches) > 1 else FAILS
+    return (branches[0] if branches and condition & SUCCEEDS else 0) | (otherwise if condition & FAILS else 0)
+
+
+def with_precondition(attributes: Attributes, children: List[int]) -> int:
+    """Return how a Precondition can end."""
+    return children[0] | BY_NAME.get(attributes.get("else", "FAILURE"), 0)
+
+
+def for_each_item(attributes: Attributes, children: List[int]) -> int:
+    """Return how a Loop can end."""
+    return children[0] & FAILS | BY_NAME.get(attributes.get("if_empty", "SUCCESS"), OF_A_LEAF)

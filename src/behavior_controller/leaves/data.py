@@ -1,0 +1,63 @@
+"""The data of a mission: each entry that leaves share on the root blackboard, and the types of records in them."""
+import math
+from typing import Callable, NamedTuple, Type
+
+from behavior_controller.bt.language.values import TEXT, ValueFault, add_type, shown, whole_real
+from behavior_controller.bt.registry import Direction, Port
+from behavior_controller.interface.records import Location, Point
+from behavior_controller.mission_spec import whole_mission
+
+
+def _reader(record: Type[NamedTuple], form: str) -> Callable[[str], object]:
+    def read(text: str) -> object:
+        numbers = [whole_real(part.strip()) for part in text.split(";")]
+        if len(numbers) != len(record._fields) or not all(
+                number is not None and math.isfinite(number) for number in numbers):
+            raise ValueFault("Can't convert string [{}] to {}; write {}".format(shown(text), record.__name__, form))
+        return record(*numbers)
+    return read
+
+
+add_type("Location", Location, _reader(Location, "x;y;theta, in metres and degrees"))
+add_type("Point", Point, _reader(Point, "x;y;z, in metres"))
+add_type("Exhibits", list)
+
+
+class Datum(NamedTuple):
+    """One entry; it belongs to one visitor and goes when the next pass begins."""
+
+    name: str
+    type: str
+    meaning: str
+
+    def _port(self, direction: Direction, name: str, is_optional: bool = False) -> Port:
+        return Port(name or self.name, self.type, direction, whole_mission(self.name), self.meaning,
+                    is_optional=is_optional)
+
+    def read(self, port: str = "", is_optional: bool = False) -> Port:
+        """Return a port that reads it, called as the entry or ``port``; for ``is_optional`` see Port."""
+        return self._port(Direction.IN, port, is_optional)
+
+    def written(self, port: str = "") -> Port:
+        """Return a port that writes it."""
+        return self._port(Direction.OUT, port)
+
+    def changed(self, port: str = "", is_optional: bool = False) -> Port:
+        """Return a port that reads and writes it."""
+        return self._port(Direction.INOUT, port, is_optional)
+
+
+VISITOR_RESPONSE = Datum("visitorResponse", TEXT, "the visitor's answer, yes or no")
+EXHIBITS = Datum("exhibits", "Exhibits", "the exhibits, in tour order")
+NEXT_EXHIBIT = Datum("nextExhibit", "int", "number of the exhibit to select next, from 0")
+CURRENT_EXHIBIT = Datum("currentExhibit", TEXT, "name of the selected exhibit")
+LEFT_OUT = Datum("leftOutExhibits", "vec_int", "numbers of the exhibits that a recovery left out")
+DESCRIPTION_1 = Datum("description1", TEXT, "the exhibit's first description")
+DESCRIPTION_2 = Datum("description2", TEXT, "the exhibit's second description")
+TARGET_LOCATION = Datum("targetLocation", "Location", "where to drive: x;y;theta, in metres and degrees")
+GESTURE_TARGET = Datum("gestureTarget", "Point", "where to point or look: x;y;z, in metres; 0;0;0 is nothing")
+QUESTION_ASKED_AT = Datum("questionAskedAt", "double", "when the question had been asked, in s: answers come later")
+ATTENTION_SET_AT = Datum("attentionSetAt", "double", "when the mode of attention was set, in s: gazes come later")
+
+ALL = (VISITOR_RESPONSE, EXHIBITS, NEXT_EXHIBIT, CURRENT_EXHIBIT, LEFT_OUT, DESCRIPTION_1, DESCRIPTION_2,
+       TARGET_LOCATION, GESTURE_TARGET, QUESTION_ASKED_AT, ATTENTION_SET_AT)

@@ -1,0 +1,30 @@
+"""What the recovery, the policy and the reports know of a node of the mission vocabulary, as fields of its NodeSpec."""
+from dataclasses import dataclass
+from typing import Any, Callable, Optional, Tuple
+
+from behavior_controller.bt.registry import Direction, NodeSpec
+from behavior_controller.interface import Topic
+
+
+@dataclass(frozen=True)
+class MissionSpec(NodeSpec):
+    """A node of the mission vocabulary."""
+
+    calls: Tuple[type, ...] = ()  # the kinds of requests that it makes
+    listens: Tuple[Topic, ...] = ()
+    is_indispensable: bool = False  # no policy may skip it
+    leave_out: Optional[Callable[[Any], bool]] = None
+    """Notes that the mission goes on without the node, through the ports of the leaf that recovers from its failure.
+
+    Returns whether the mission may.
+    """
+    is_farewell: bool = False  # it makes no sense to a visitor who is not there any more
+
+    def writes(self, entry: str) -> bool:
+        """Return whether the node writes that entry of the whole mission, if the file gives it no other."""
+        return any(port.direction is not Direction.IN and port.default == whole_mission(entry) for port in self.ports)
+
+
+def whole_mission(entry: str) -> str:
+    """Return the text of a port that refers to an entry of the whole mission."""
+    return "{{@{}}}".format(entry)
