@@ -130,8 +130,8 @@ class Runner:
             self.wait(PACE)
 
     def wait(self, seconds: Optional[float]) -> None:
-        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run what is due before and after."""
-        self.clock.run_due()  # what was posted for a wake-up that is cleared already
+        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run the timers that are due."""
+        self.clock.run_posted()  # for a wake-up that may be cleared already
         due = self.clock.next_due()
         limits = [limit for limit in (seconds, None if due is None else due - self.clock.now()) if limit is not None]
         self.tree.wake.wait(max(0.0, min(limits)) if limits else None)
