@@ -1,10 +1,11 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
-from typing import Any, Callable, Dict, NamedTuple, Optional
+from typing import Any, Callable, Dict, Iterable, Iterator, NamedTuple, Optional
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
+from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted, Sources
+from behavior_controller.gateway import Call, Failure
 from behavior_controller.interface.document import INTERFACE
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
@@ -74,7 +75,8 @@ class Runner:
         """Make the tree ready and tell which mission runs."""
         self.tree.setup(mission=self.mission)
         self.mission.events.emit(RunStarted(
-            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values)))
+            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values),
+            Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source, INTERFACE.name)))
 
     def _pass(self) -> None:
         """Run the mission once, for a visitor of whom nothing is known."""
@@ -162,8 +164,16 @@ class Runner:
             self.tree.wake.test_and_clear()
             if any(call.result is None for call in calls):
                 self.wait(end - self.clock.now())
-        for call in calls:
-            if call.result is None:
-                call.drop()
-                self.mission.events.emit(Noticed("warning", "{} did not answer while stopping".format(
-                    INTERFACE.service(type(call.request)).name)))
+        for line in not_calm(calls):
+            self.mission.events.emit(Noticed("warning", line))
+
+
+def not_calm(calls: Iterable[Call]) -> Iterator[str]:
+    """Drop what is not answered of the safe state, and yield a line for each part of it that is not reached."""
+    for call in calls:
+        if call.result is None:
+            call.drop()
+            yield "{} did not answer while stopping".format(INTERFACE.service(type(call.request)).name)
+        elif isinstance(call.result, Failure):
+            yield "{} failed while stopping: {}: {}".format(
+                INTERFACE.service(type(call.request)).name, call.result.cause.value, call.result.message)

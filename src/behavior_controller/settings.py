@@ -12,7 +12,7 @@ from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.interface import Service
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.text import Unreadable, read_text
+from behavior_controller.text import Source, Unreadable, read_text
 
 MOST_FAULTS = 100
 """A file with more mistakes is no configuration; the rest of it is not read."""
@@ -216,11 +216,17 @@ def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mappi
 
     Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad value, missing key.
     """
-    reader = _Reader(path, {key.name: key for key in keys})
-    for line_number, line in enumerate(read_lines(path, "the configuration"), 1):
+    return configured(read_source(path, "the configuration"), keys, overrides, arguments)
+
+
+def configured(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None,
+               arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
+    """As ``read_configuration``, for a file that was read already."""
+    reader = _Reader(source.file, {key.name: key for key in keys})
+    for line_number, line in enumerate(source.text.split("\n"), 1):
         reader.line(line_number, line)
         if len(reader.faults) > MOST_FAULTS:
-            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(path, line_number)])
+            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(source.file, line_number)])
     for name, value in (overrides or {}).items():
         reader.override(name, value)
     for name, text in (arguments or {}).items():
@@ -228,10 +234,10 @@ def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mappi
     return reader.result()
 
 
-def read_lines(path: str, what: str) -> List[str]:
-    """Return the lines of a text file that a person writes. Raises ConfigurationError, which says ``what`` it is."""
+def read_source(path: str, what: str) -> Source:
+    """Return a text file that a person writes. Raises ConfigurationError, which says ``what`` it is."""
     try:
-        return read_text(path).split("\n")
+        return Source(path, read_text(path))
     except Unreadable as error:
         raise ConfigurationError([Fault(path, 0, 0, "{} cannot be read: {}".format(what, error))]) from error
 

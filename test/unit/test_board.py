@@ -6,11 +6,12 @@ import time
 import pytest
 
 from behavior_controller.cli import create_tree
-from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted
+from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted, Sources
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, PerformGesture, Say
 from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.text import Source
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
@@ -55,7 +56,8 @@ def test_a_tree_of_many_levels_is_data_that_json_carries():
 def test_nodes_are_called_what_py_trees_render_calls_them():
     rig = Rig()
     board = board_of(rig)
-    rig.mission.events.emit(RunStarted("some/where/lab_tour.xml", [], {}))
+    nothing = Sources((), Source("", ""), Source("", ""), "")
+    rig.mission.events.emit(RunStarted("some/where/lab_tour.xml", [], {}, nothing))
 
     labels = [" ".join(filter(None, (node["name"], node["kind"]))) for node in board.part("mission")["nodes"]]
     assert sorted(labels) == sorted(node.name for node in create_tree("lab_tour").iterate())

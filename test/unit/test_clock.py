@@ -64,3 +64,13 @@ def test_what_is_posted_runs_in_order_before_the_timers_that_are_due():
     clock.run_due()
     clock.run_due()
     assert seen == ["first", "second", "third", "timer"]
+
+
+def test_a_clock_that_is_set_runs_no_timer_by_itself():
+    clock = ManualClock(100.0)
+    seen = []
+    clock.call_after(2.0, lambda: seen.append(clock.now()))
+    clock.set_to(105.0)
+    assert (clock.now(), seen) == (105.0, [])
+    clock.run_due()
+    assert seen == [105.0]

@@ -6,6 +6,7 @@ import pytest
 from behavior_controller.bt.status import IDLE
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
                                         RunStarted)
+from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.document import ATTENTION, SPEECH
 from behavior_controller.interface.records import Answer, AttentionStatus, GoTo, Say, SetAnimation, SetAttention
 from behavior_controller.runner import Runner, Running
@@ -103,6 +104,15 @@ def test_stopping_does_not_wait_for_a_robot_that_hangs():
     assert [event.text for event in rig.of(Noticed)] == [
         "/overtAttention/set_mode did not answer while stopping",
         "/animateBehaviour/set_activation did not answer while stopping"]
+
+
+def test_a_part_of_the_safe_state_that_fails_is_told():
+    stopped = []
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None if isinstance(request, Say) else
+                   Answer() if isinstance(request, SetAttention) else Failure(Cause.NOT_REACHABLE, "no way", "/x"))
+    rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped))
+    assert [event.text for event in rig.of(Noticed)] == [
+        "/animateBehaviour/set_activation failed while stopping: {}: no way".format(Cause.NOT_REACHABLE.value)]
 
 
 def test_a_run_that_ends_by_itself_asks_for_nothing_more():

@@ -53,7 +53,7 @@ class Service:
 
 @dataclass(frozen=True, eq=False)
 class Topic:
-    """A topic of the robot. ``read`` turns a message into plain data.
+    """A topic of the robot. ``read`` turns a message into plain data of the kind ``value``.
 
     ``is_continuous``: it is published all the time, so that silence means something and an old message counts as
     absent. The other fields: see ``Service``.
@@ -62,6 +62,7 @@ class Topic:
     name: str
     node: str
     type: str
+    value: Any  # a type
     read: Callable[[Any], Any]
     absence: str
     is_continuous: bool
@@ -70,10 +71,12 @@ class Topic:
 class Interface:
     """All services and topics of one robot, and the requests that leave it in the safe state.
 
-    Raises ValueError where two services carry out the same kind of request.
+    ``name`` tells it from others in a record. Raises ValueError where two services carry out the same kind of request.
     """
 
-    def __init__(self, services: Tuple[Service, ...], topics: Tuple[Topic, ...], safe_state: Tuple[Request, ...]):
+    def __init__(self, name: str, services: Tuple[Service, ...], topics: Tuple[Topic, ...],
+                 safe_state: Tuple[Request, ...]):
+        self.name = name
         self.services = services
         self.topics = topics
         self.safe_state = safe_state

@@ -51,13 +51,14 @@ SERVICES = (
             lambda request: (request.text,), Success("success", True, False), 60.0, "the robot cannot speak"),
 )
 
-FACES = Topic("/faceDetection/data", "faceDetection", "cssr_system/faceDetectionMessage",
+FACES = Topic("/faceDetection/data", "faceDetection", "cssr_system/faceDetectionMessage", Faces,
               lambda message: Faces(tuple(message.face_label_id), tuple(message.mutualGaze)),
               "visitors are not noticed", is_continuous=True)
-ATTENTION = Topic("/overtAttention/mode", "overtAttention", "cssr_system/overtAttentionMessage",
+ATTENTION = Topic("/overtAttention/mode", "overtAttention", "cssr_system/overtAttentionMessage", AttentionStatus,
                   lambda message: AttentionStatus(message.state, message.value), "mutual gaze is not noticed",
                   is_continuous=True)
-SPEECH = Topic("/speechEvent/text", "speechEvent", "std_msgs/String", lambda message: message.data,
+SPEECH = Topic("/speechEvent/text", "speechEvent", "std_msgs/String", str, lambda message: message.data,
                "what visitors say is not heard", is_continuous=False)
 
-INTERFACE = Interface(SERVICES, (FACES, ATTENTION, SPEECH), (SetAttention("disabled"), SetAnimation("disabled")))
+INTERFACE = Interface("D5.4.3", SERVICES, (FACES, ATTENTION, SPEECH),
+                      (SetAttention("disabled"), SetAnimation("disabled")))

@@ -25,6 +25,12 @@ from behavior_controller.ros.connection import CONNECT_LIMIT, Connection, Troubl
 from behavior_controller.ros.directory import DIRECTORY, Place
 from behavior_controller.ros.types import TYPES
 
+HURRY = 0.3
+"""Seconds that the master has at a call to tell where a service is that was found before; then it is where it was.
+
+The safe state has a second, in which the master may freeze. ``Monitor`` looks up patiently what was started again.
+"""
+
 
 # ------------------------------------------------------------------------------------------------- finding the server
 
@@ -164,7 +170,8 @@ class Line:
     def _connect(self) -> None:
         """See to it that the connection stands before anything is sent."""
         if not self._connection.is_open:
-            open_service(self._connection, self._name, TYPES[self._service]._md5sum, CONNECT_LIMIT, persistent="1")
+            open_service_at(DIRECTORY.service(self._name, CONNECT_LIMIT, HURRY), self._connection, self._name,
+                            TYPES[self._service]._md5sum, CONNECT_LIMIT, persistent="1")
             self._connection.wait_without_limit()
 
 

@@ -88,7 +88,7 @@ class Clock:
 
 
 class ManualClock(Clock):
-    """A clock that stands still until a test moves it."""
+    """A clock that stands still until a test or a replay moves it."""
 
     def __init__(self, now: float = 0.0):
         super().__init__()
@@ -98,8 +98,12 @@ class ManualClock(Clock):
         """It stands still anyway."""
 
     def now(self) -> float:
-        """Return the time that the test has set."""
+        """Return the time that was set."""
         return self._now
+
+    def set_to(self, moment: float) -> None:
+        """Let it be ``moment``; timers that are due then wait for ``run_due``."""
+        self._now = moment
 
     def advance(self, seconds: float) -> None:
         """Move on by ``seconds``; timers on the way run at their own time, in order."""

@@ -1,11 +1,12 @@
 """A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
-from typing import Any, Dict, List, Sequence
+from typing import Any, Dict, List, Sequence, Tuple
 
 from behavior_controller.bt.engine.node import Node, Observer, Result, Services
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault
+from behavior_controller.text import Source
 
 # tick_once goes round at most so often before it hands control back, so that a mission that spins can be stopped
 ROUNDS_PER_TICK = 1000
@@ -15,7 +16,8 @@ class Tree:
     """The unfolded tree ``id``. ``nodes`` in order of uid; ``blackboards`` by path of the subtree, "" is the root's."""
 
     def __init__(self, id: str, nodes: List[Node], blackboards: Dict[str, Blackboard], services: Services,
-                 warnings: Sequence[Fault] = ()):
+                 warnings: Sequence[Fault] = (), sources: Tuple[Source, ...] = ()):
+        """``sources`` are the texts that it was built from, the mission's the last."""
         self.id = id
         self.nodes = nodes
         self.root = nodes[0]
@@ -25,6 +27,7 @@ class Tree:
         self.clock = services.clock
         self.wake = services.wake
         self.warnings = list(warnings)
+        self.sources = sources
         self.spins = False  # the last tick_once was cut short: the mission goes round without ever waiting
         self.traversals: Any = None
         """Told of each traversal, ``begin(is_first)`` and ``end()``: the record listens."""
