@@ -143,6 +143,26 @@ class TestGateway(unittest.TestCase):
             {"message": "Yes|No"},
             {"message": "hello"}])
 
+    def test_an_answer_wakes_and_is_handed_over_on_the_tick_thread(self):
+        self.robot()
+        call = self.gateway.start(Say("hello"))
+        self.wake.wait(10.0)
+        self.assertTrue(self.wake.test_and_clear())
+        self.assertIsNone(call.result)
+        self.clock.run_due()
+        self.assertIsInstance(call.result, Answer)
+        self.assertIsNone(self.clock.next_due(), "a timer was left behind")
+
+    def test_an_answer_to_a_call_that_was_dropped_meanwhile_is_not_used(self):
+        self.robot()
+        call = self.gateway.start(Say("hello"))
+        self.wake.wait(10.0)
+        call.drop()
+        self.clock.run_due()
+        self.assertIsNone(call.result)
+        self.assert_at_rest(0, 1.0)
+        self.assertIsInstance(self.ask(Say("next")), Answer)
+
     def test_a_refusal(self):
         self.robot({INTERFACE.service(type(request)).name: "refuse" for request in ONE_OF_EACH})
         for request in ONE_OF_EACH:

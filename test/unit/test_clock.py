@@ -55,6 +55,17 @@ def test_the_real_clock_runs_only_what_is_due():
     assert seen == ["now"]
 
 
+def test_what_is_posted_runs_in_order_before_the_timers_that_are_due():
+    clock = ManualClock()
+    seen = []
+    clock.call_after(0.0, lambda: seen.append("timer"))
+    clock.post(lambda: (seen.append("first"), clock.post(lambda: seen.append("third"))))
+    clock.post(lambda: seen.append("second"))
+    clock.run_due()
+    clock.run_due()
+    assert seen == ["first", "second", "third", "timer"]
+
+
 def test_a_clock_that_is_set_runs_no_timer_by_itself():
     clock = ManualClock(100.0)
     seen = []

@@ -1,4 +1,6 @@
 """The tick loop: passes, stop, the safe state, exit codes, and errors that end a pass but not the node."""
+import time
+
 import pytest
 
 from behavior_controller.bt.status import IDLE
@@ -31,6 +33,17 @@ def test_the_last_pass_decides_the_exit_code():
     assert rig.run(advance, runs=2) == 0
     rig = one_leaf("<WelcomeSpeech/>", lambda request: refusal(request) if len(rig.requests) > 1 else Answer())
     assert rig.run(advance, runs=2) == 3
+
+
+def test_what_was_posted_for_a_wake_up_that_is_cleared_is_not_waited_for():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    rig.tick()
+    runner = Runner(Running(rig.tree, rig.mission, "m.xml", 1), lambda: False)
+    rig.clock.post(lambda: rig.gateway.calls[0].finish(Answer()))
+    rig.tree.wake.test_and_clear()
+    began = time.monotonic()
+    runner.wait(5.0)
+    assert rig.gateway.calls[0].result is not None and time.monotonic() - began < 4.0
 
 
 def test_passes_that_end_at_once_are_paced():

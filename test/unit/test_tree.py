@@ -113,8 +113,9 @@ def test_py_trees_visitors_and_the_tree_manager_work():
 # ---------------------------------------------------------------------------------------------------------------- depth
 
 
-def test_two_thousand_levels_tick_and_halt():
-    body = "<Inverter>" * 2000 + "<Sleep msec='10'/>" + "</Inverter>" * 2000
+@pytest.mark.parametrize("condition", ["", " _onSuccess='x := 1' _onHalted='y := 1'"])
+def test_two_thousand_levels_tick_and_halt(condition):
+    body = "<Inverter{}>".format(condition) * 2000 + "<Sleep msec='10'/>" + "</Inverter>" * 2000
     tree = load(body)
     assert tree.tick_once() is RUNNING
     tree.halt()
@@ -174,3 +175,29 @@ def test_includes_that_cannot_be(tmp_path, path, words):
         load_mission(str(main), REGISTRY)
     assert words in str(raised.value)
     assert "main.xml:2:" in str(raised.value)
+
+
+def test_what_is_posted_during_a_tick_counts_in_its_next_traversal():
+    tree, told = load("<Sleep msec='9000'/>"), []
+
+    class Traversals:
+        def begin(self, is_first):
+            told.append(is_first)
+
+        def end(self):
+            if len(told) == 1:  # as a worker does while the first traversal is under way
+                tree.clock.post(lambda: told.append("posted"))
+                tree.wake.emit()
+
+    tree.traversals = Traversals()
+    assert tree.tick_once() is RUNNING
+    assert told == [True, False, "posted"]
+
+
+def test_the_writes_of_one_tree_are_not_those_of_another():
+    first, second = load("<Script code='x := 1'/>"), load("<SubTree ID='T'/>", "<BehaviorTree ID='T'><Script code='x := 1'/></BehaviorTree>")
+    changes = second.changes
+    first.tick_once()
+    assert second.changes == changes
+    second.tick_once()
+    assert second.changes > changes  # those of its subtrees count

@@ -1,0 +1,100 @@
+"""Hooks without a wire: the list that clients see, and what the tick thread makes of it, also when both change at once."""
+import pytest
+
+from behavior_controller.bt.compiler import load_text
+from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
+from behavior_controller.bt.engine.node import TickError
+from behavior_controller.bt.registry import Kind, NodeSpec, Registry
+from behavior_controller.bt.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.watch.hooks import AFTER, BEFORE, BREAKPOINT, REPLACE, Hook, Hooks
+
+
+class Probe(ActionLeaf):
+    """Calls ``during`` while it is ticked, which sees the tick half done, and is done at once."""
+
+    during = staticmethod(lambda: None)
+    halted = 0
+
+    def on_start(self):
+        self.during()
+        return SUCCESS
+
+    def on_halted(self):
+        self.halted += 1
+
+
+class Instant(SyncActionLeaf):
+    """An action that breaks the rule that it must end within its tick."""
+
+    def update(self):
+        return RUNNING
+
+
+SPECS = builtin_specs() + [NodeSpec("Probe", Kind.ACTION, Probe), NodeSpec("Instant", Kind.ACTION, Instant)]
+
+
+def hooked(body):
+    """Return a tree, its hooks, and the lines that the operator is told."""
+    tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(body), Registry(SPECS))
+    lines = []
+    return tree, Hooks(tree, lambda uid: None, lines.append), lines
+
+
+def test_a_hook_that_went_by_itself_while_it_was_unlocked_is_gone():
+    tree, hooks, lines = hooked("<Probe/>")
+    hooks.insert([Hook(1, AFTER, REPLACE, True, True, "FAILURE")])
+    tree.root.during = lambda: hooks.unlock(AFTER, 1, "SUCCESS", False)
+    assert tree.tick_exactly_once() is FAILURE
+    tree.root.during = lambda: None
+    assert tree.tick_exactly_once() is SUCCESS
+    assert hooks.all() == [] and "lets the node go on" not in "".join(lines)
+
+
+def test_a_hook_set_where_one_went_by_itself_stays():
+    tree, hooks, _ = hooked("<Probe/>")
+    old, new = Hook(1, AFTER, REPLACE, True, True, "FAILURE"), Hook(1, AFTER, REPLACE, True, True, "FAILURE")
+    hooks.insert([old])
+    tree.root.during = lambda: hooks.insert([new])
+    assert tree.tick_exactly_once() is FAILURE
+    assert hooks.all() == [new]
+    tree.root.during = lambda: None
+    assert tree.tick_exactly_once() is FAILURE
+    assert hooks.all() == []
+
+
+def test_of_many_hooks_for_one_place_the_last_counts():
+    tree, hooks, lines = hooked("<Probe/>")
+    hooks.insert([Hook(1, BEFORE, REPLACE, False, True, "FAILURE")] * 1000 + [Hook(1, BEFORE, REPLACE, False, True, "SUCCESS")])
+    assert tree.tick_exactly_once() is SUCCESS
+    assert len([line for line in lines if "is set" in line]) == 1
+
+
+@pytest.mark.parametrize("condition, expected", [("_successIf", SUCCESS), ("_failureIf", FAILURE), ("_skipIf", SKIPPED)])
+def test_hooks_are_inside_the_conditions(condition, expected):
+    tree, hooks, _ = hooked("<Probe {}='true'/>".format(condition))
+    hooks.insert([Hook(1, position, REPLACE, False, True, "FAILURE" if expected is SUCCESS else "SUCCESS")
+                  for position in (BEFORE, AFTER)])
+    assert tree.tick_exactly_once() is expected
+
+
+def test_post_conditions_follow_what_a_hook_decides():
+    tree, hooks, _ = hooked("<Probe _onFailure='x := 7'/>")
+    hooks.insert([Hook(1, AFTER, REPLACE, False, True, "FAILURE")])
+    assert tree.tick_exactly_once() is FAILURE and tree.blackboard.get("x") == 7
+
+
+def test_a_hook_does_not_let_an_instant_action_run_on():
+    tree, hooks, _ = hooked("<Sequence><Instant/></Sequence>")
+    hooks.insert([Hook(2, BEFORE, REPLACE, False, True, "SKIPPED")])
+    with pytest.raises(TickError, match="SyncActionNode MUST never return RUNNING"):
+        tree.tick_exactly_once()
+
+
+@pytest.mark.parametrize("halt", ["halt_node", "interrupt"])
+def test_a_node_that_waits_before_its_work_has_none_to_halt(halt):
+    tree, hooks, _ = hooked("<Probe/>")
+    hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
+    assert tree.tick_exactly_once() is RUNNING
+    getattr(tree.root, halt)()
+    assert tree.is_idle and tree.root.halted == 0
