@@ -13,8 +13,7 @@ from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
-from mission_rig import Rig, refusal, visitor_who
-from test_leaves import one_leaf
+from mission_rig import Rig, one_leaf, refusal, visitor_who
 
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "it cannot drive")
 

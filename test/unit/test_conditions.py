@@ -4,8 +4,7 @@ import pytest
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Answer, AttentionStatus, Faces, Topic
-from mission_rig import refusal
-from test_leaves import one_leaf
+from mission_rig import one_leaf, refusal
 
 FACE, NOBODY = Faces(("7",), (False,)), Faces((), ())
 

@@ -9,8 +9,7 @@ from behavior_controller.events import LeafFinished, PassFinished, Recovered
 from behavior_controller.gateway import (Answer, AttentionStatus, Cause, Faces, Failure, GoTo, PerformGesture, Point,
                                          Prompt, QueryKnowledge, Say, SetAnimation, SetAttention, Topic)
 from behavior_controller.leaves.recovery import HandleFallBack
-from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, visitor_who
-from test_leaves import one_leaf
+from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, one_leaf, refusal, visitor_who
 
 SAYS = {
     "Welcome": "welcome", "Query": "would you like", "SayYesNo": "only understand yes or no",

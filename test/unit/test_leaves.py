@@ -7,7 +7,7 @@ from behavior_controller.events import LeafFinished
 from behavior_controller.gateway import (Answer, Cause, Exhibit, Failure, GoTo, Location, PerformGesture, Point, Prompt,
                                          QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves.base import FailureLog
-from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, registry
+from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, registry, write
 
 TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
 FollowMeSpeech GoodbyeGesture HandleFallBack HereIsTheDoorSpeech IsASREnabled IsListWithExhibit IsMutualGazeDiscovered
@@ -17,17 +17,6 @@ SayYesNoSpeech ScanningOvertAttentionMode SelectExhibit SocialOvertAttentionMode
 WelcomeSpeech""".split()
 EXTENSIONS = """SeekOvertAttentionMode SeekingOvertAttentionMode LocationOvertAttentionMode DescribeExhibitSpeech_1
 DescribeExhibitSpeech_2 SayGoodBye HandleFallback""".split()
-
-
-def one_leaf(element, answer=lambda request: NotImplemented, **changed):
-    """Return a rig whose mission is this one element."""
-    text = "<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(element)
-    return Rig(text, answer, **changed)
-
-
-def write(rig, **entries):
-    for key, value in entries.items():
-        rig.tree.blackboard.set(key, value)
 
 
 def test_the_vocabulary_is_table_4_and_the_documented_extensions():

@@ -21,8 +21,7 @@ from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.watch.board import PARTS, Board
 from behavior_controller.watch.page import Page
 from browser import open_browser
-from mission_rig import Rig, refusal, visitor_who
-from test_leaves import one_leaf
+from mission_rig import Rig, one_leaf, refusal, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 
@@ -238,7 +237,7 @@ def is_stale(browser):
 
 SERVED = """
 import sys, threading, time
-from test_leaves import one_leaf
+from mission_rig import one_leaf
 from test_page import Show
 from behavior_controller.gateway import Topic
 rig = one_leaf("<Sleep msec='900000'/>")
@@ -418,7 +417,7 @@ def test_the_end_reaches_a_browser_before_the_server_closes(show):
 def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
     shown = show(Rig())
     with socket.create_connection(("127.0.0.1", shown.port)) as idle:
-        idle.sendall(b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n")
+        idle.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         wait_until(lambda: shown.page.streams)
         for stream in list(shown.page.streams):
             stream.flush = asyncio.Future  # what it is sent is never taken

@@ -9,8 +9,7 @@ from behavior_controller.gateway import (Answer, Cause, Failure, GoTo, Location,
                                          SetAnimation, SetAttention)
 from behavior_controller.health import GONE
 from behavior_controller.leaves.base import TARGET_LOCATION
-from mission_rig import EXHIBITS, refusal
-from test_leaves import one_leaf, write
+from mission_rig import EXHIBITS, one_leaf, refusal, write
 
 NODES = [spec.id for spec in leaves.SPECS]
 DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)

@@ -5,10 +5,11 @@ import os
 
 import pytest
 
+from behavior_controller.errors import MissionError
 from behavior_controller.events import HealthChanged, Noticed, Retried, RunFinished
 from behavior_controller.watch import replay
 from behavior_controller.watch.report import to_html
-from test_replay import recorded, visitor_who
+from mission_rig import recorded, visitor_who
 
 SCRIPT = "<script>alert(1)</script>\"'\x1b[31m\n\u202e"
 
@@ -132,7 +133,8 @@ def test_a_byte_order_mark_and_foreign_line_ends_are_tolerated(record, tmp_path,
 def test_a_pass_number_is_no_html(record, tmp_path, capsys):
     lines = [dict(line, number=SCRIPT) if line["event"] == "PassFinished" else line for line in record]
     assert judged(lines, tmp_path, capsys) == (2, 2)
-    assert "<script" not in to_html(lines)
+    with pytest.raises(MissionError, match="number is not an integer"):
+        to_html(lines)
 
 
 @pytest.mark.parametrize("mission", ["/dev/zero", "a\0b", "", "/", "\ud800"])
