@@ -55,9 +55,10 @@ class Reached:
             self._reach[test] = self._reach.get(test, 0) + 1
 
     def tests(self, file: str, line: int) -> List[str]:
-        """Return the tests that run the line, those of few lines first; of the whole module, if none does."""
-        found = self._tests.get((file, line)) or {
-            test for (name, _), tests in self._tests.items() if name == file for test in tests}
+        """Return the tests that run the line, those of few lines first; of the whole module if importing it does."""
+        found = self._tests.get((file, line), set())
+        if not found and (file, line) in self._tests:
+            found = {test for (name, _), tests in self._tests.items() if name == file for test in tests}
         return sorted(found, key=lambda test: (self._reach[test], test))
 
 

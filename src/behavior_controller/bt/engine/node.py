@@ -21,7 +21,7 @@ from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.text import clean
 
 Result = Union[Status, Skipped]
-Observer = Callable[[Behaviour, Status, Status], None]
+Observer = Callable[["Node", Status, Status], None]
 
 PRE_CONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 POST_CONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
@@ -74,7 +74,7 @@ class Node(Behaviour):
     def __init__(self, name: str):
         self.name = name
         self.status = IDLE
-        self.parent: Optional[Behaviour] = None
+        self.parent: Optional["Node"] = None  # type: ignore[assignment]
         self.children: List[Any] = []
         self.feedback_message = ""
         self.blackbox_level = BlackBoxLevel.NOT_A_BLACKBOX
@@ -275,7 +275,7 @@ def label(node: Any) -> Tuple[str, str]:
     return clean(node.name), "({}) #{}".format(node.registration_id, node.uid)
 
 
-_DECISIONS = {"_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
+_DECISIONS: Dict[str, Result] = {"_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
 
 
 def halt_child(child: Any) -> None:
