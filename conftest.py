@@ -1,9 +1,12 @@
-"""Skip by name the test modules that need ROS where the interpreter does not have it."""
+"""Check the thread rule in all tests; skip by name the test modules that need ROS where the interpreter has none."""
 import ast
 import importlib.util
+import os
 from typing import Iterator
 
 import pytest
+
+os.environ.setdefault("BEHAVIOR_CONTROLLER_CHECK_THREADS", "1")  # before anything of ours is imported
 
 ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rospy", "rostest", "std_msgs"}
 

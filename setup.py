@@ -10,6 +10,7 @@ setup(**generate_distutils_setup(
         "behavior_controller.bt.checking",
         "behavior_controller.bt.engine",
         "behavior_controller.bt.language",
+        "behavior_controller.interface",
         "behavior_controller.leaves",
         "behavior_controller.ros",
         "behavior_controller.watch",

@@ -170,9 +170,10 @@ def hung(bench, count, seconds):
     import rospy
     from behavior_controller.bt.engine.clock import Clock
     from behavior_controller.bt.engine.wakeup import WakeUp
-    from behavior_controller.gateway import Say
-    from behavior_controller.ros.services import ROUTES, RosGateway
-    bench.robot = Robot({kind.service: "hang" for kind in ROUTES})
+    from behavior_controller.interface.records import Say
+    from behavior_controller.interface.document import INTERFACE
+    from behavior_controller.ros.services import RosGateway
+    bench.robot = Robot({service.name: "hang" for service in INTERFACE.services})
     rospy.init_node("bench", disable_signals=True)
     ticks = hung_ticks(seconds)
     clock, wake = Clock(), WakeUp()
@@ -199,7 +200,7 @@ def hung_ticks(seconds):
     from behavior_controller.ros.services import RosGateway
     from behavior_controller import settings, folders, phrases, policy, leaves
     from behavior_controller.bt.compiler import load_text
-    from behavior_controller.gateway import Location
+    from behavior_controller.interface.records import Location
     from behavior_controller.leaves.base import TARGET_LOCATION
     from behavior_controller.leaves.vocabulary import registry
     calls = ("<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/><LookUpHome/>"

@@ -107,6 +107,7 @@ _running: Set["subprocess.Popen[bytes]"] = set()
 def main(words: List[str]) -> int:
     """Run the suites, print the sum, and return the exit code."""
     os.chdir(REPOSITORY)
+    os.environ["BEHAVIOR_CONTROLLER_CHECK_THREADS"] = "1"  # see bt/ownership.py; nodes inherit it
     shutil.rmtree(LOGS, ignore_errors=True)
     os.makedirs(LOGS)
     started = time.monotonic()

@@ -15,9 +15,15 @@ class Late(BehaviorControllerError):
     """The work did not end in time; its thread hangs on."""
 
 
-def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bool], seconds: float) -> Any:
+PATIENCE = 2.0
+"""Seconds after which it is worth a word that work has not ended."""
+
+
+def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bool], seconds: float,
+              is_slow: Callable[[], None] = lambda: None) -> Any:
     """Return what ``work()`` returns on another thread, or raise what it raises.
 
+    ``is_slow`` is called, on this thread, if it has not ended after ``PATIENCE`` seconds.
     Raises ``Stopped`` as soon as ``wake`` is signalled and ``is_stopped()``, ``Late`` after ``seconds``, and
     RuntimeError if no thread can be started.
     """
@@ -33,12 +39,17 @@ def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bo
 
     threading.Thread(target=run, name="apart", daemon=True).start()
     ends = time.monotonic() + seconds
+    told_at = time.monotonic() + PATIENCE
     while not results and not errors:
+        now = time.monotonic()
         if is_stopped():
             raise Stopped("stopped")
-        if time.monotonic() >= ends:
+        if now >= ends:
             raise Late("not done in {:g} s".format(seconds))
-        wake.wait(max(0.0, ends - time.monotonic()))
+        if now >= told_at:
+            is_slow()
+            told_at = ends
+        wake.wait(min(ends, told_at) - now)
         wake.test_and_clear()
     if errors:
         raise errors[0]

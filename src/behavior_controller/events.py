@@ -3,9 +3,22 @@
 Producers (leaves, the runner, the gateway's monitor) call ``Events.emit``; sinks (the terminal, the record file, the
 page) subscribe. A sink is called on the producer's thread and must be quick.
 """
-from typing import Callable, List, NamedTuple, Optional, Union
+from typing import Callable, Dict, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller.gateway import Failure
+from behavior_controller.text import Source
+
+
+class Sources(NamedTuple):
+    """What a mission was made of besides its settings: texts of files, and the name of the interface.
+
+    ``documents`` are the mission file, which is the last, and what it includes.
+    """
+
+    documents: Tuple[Source, ...]
+    phrases: Source
+    policy: Source
+    interface: str
 
 
 class RunStarted(NamedTuple):
@@ -13,7 +26,8 @@ class RunStarted(NamedTuple):
 
     mission: str
     leaves: List[List[str]]  # [path, node type] of each mission leaf, in document order
-    settings: dict
+    settings: Dict[str, Union[bool, int, float, str]]
+    sources: Sources
 
 
 class LeafFinished(NamedTuple):

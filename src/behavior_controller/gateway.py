@@ -1,13 +1,15 @@
-"""What leaves ask of the robot, as plain records, and how the answers come back.
+"""How requests go to the robot, and how answers and messages come back: the seam between the leaves and ROS.
 
 A leaf hands a request record to ``Gateway.start`` and gets a ``Call``, which is finished once with an ``Answer`` or a
 ``Failure`` and then wakes the tree. Nothing here waits. ``ros.services`` and ``ros.topics`` are the real thing;
 ``FakeGateway`` and ``FakeTopics`` are for tests, rendering and replay.
 """
 import enum
-from typing import Any, Callable, ClassVar, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
 
-from dataclasses import dataclass
+from behavior_controller.bt.ownership import tick_thread_only
+from behavior_controller.interface import Topic
+from behavior_controller.interface.records import Answer, Request
 
 
 class Cause(enum.Enum):
@@ -33,113 +35,10 @@ class Failure(NamedTuple):
     resource: str = ""
 
 
-class Location(NamedTuple):
-    """A place on the floor: metres and degrees in the map frame."""
-
-    x: float
-    y: float
-    theta_deg: float
-
-
-class Point(NamedTuple):
-    """A point in space, metres in the map frame."""
-
-    x: float
-    y: float
-    z: float
-
-
-class Exhibit(NamedTuple):
-    """What the knowledge base knows of one place (D5.4.3 section 3.2.5)."""
-
-    name: str
-    description1: str
-    description2: str
-    location: Location
-    gesture: Point
-
-
-# ------------------------------------------------------------------------------------------------ requests (table 3)
-
-
-@dataclass(frozen=True)
-class SetAnimation:
-    """Switch lifelike movement: ``enabled`` or ``disabled``."""
-
-    service: ClassVar[str] = "/animateBehaviour/set_activation"
-    state: str
-
-
-@dataclass(frozen=True)
-class PerformGesture:
-    """``iconic`` or ``deictic`` gesture number ``id``; ``target`` matters to deictic ones only."""
-
-    service: ClassVar[str] = "/gestureExecution/perform_gesture"
-    type: str
-    id: int
-    duration_ms: int
-    target: Point = Point(0.0, 0.0, 0.0)
-    bow_nod_angle_deg: int = 0
-
-
-@dataclass(frozen=True)
-class QueryKnowledge:
-    """Ask for ``exhibits`` (all, in tour order), ``entrance`` or ``home`` (one)."""
-
-    service: ClassVar[str] = "/knowledgeBase/query"
-    what: str
-
-
-@dataclass(frozen=True)
-class SetAttention:
-    """``disabled``, ``social``, ``scanning``, ``seeking`` or ``location`` (the only one that uses ``target``)."""
-
-    service: ClassVar[str] = "/overtAttention/set_mode"
-    state: str
-    target: Point = Point(0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class GoTo:
-    """Drive to ``goal``."""
-
-    service: ClassVar[str] = "/robotNavigation/set_goal"
-    goal: Location
-
-
-@dataclass(frozen=True)
-class Prompt:
-    """Show ``options`` on the tablet and wait for one to be pressed."""
-
-    service: ClassVar[str] = "/tabletEvent/prompt_and_get_response"
-    options: Tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Say:
-    """Speak ``text``; answered when it has been spoken."""
-
-    service: ClassVar[str] = "/textToSpeech/say_text"
-    text: str
-
-
-Request = Union[SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say]
-REQUESTS = (SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say)
-SERVICES = tuple(request.service for request in REQUESTS)
-SAFE_STATE: Tuple[Request, ...] = (SetAttention("disabled"), SetAnimation("disabled"))
-"""Requests that leave the robot calm; a navigation goal is in flight only while Navigate runs, which is halted first."""
-
-
-class Answer(NamedTuple):
-    """A server's usable, positive answer. ``response`` is the tablet's; ``exhibits`` the knowledge base's."""
-
-    response: str = ""
-    exhibits: Tuple[Exhibit, ...] = ()
-
-
 class Call:
-    """One request under way. Finished exactly once, from any thread; later results are dropped."""
+    """One request under way. Finished exactly once, on the tick thread; later results are dropped."""
 
+    @tick_thread_only
     def __init__(self, request: Request, wake: Callable[[], None], abandon: Optional[Callable[[], None]] = None):
         """``wake`` is called when the result is there; ``abandon`` gives back what the call holds when it is dropped."""
         self.request = request
@@ -147,42 +46,19 @@ class Call:
         self._wake = wake
         self._abandon = abandon
 
+    @tick_thread_only
     def finish(self, result: Union[Answer, Failure]) -> None:
         """Store the first result and wake the tree."""
         if self.result is None:
             self.result = result
             self._wake()
 
+    @tick_thread_only
     def drop(self) -> None:
         """Nobody waits for the result any more (the leaf was halted, or the deadline has passed)."""
         if self._abandon is not None:
             abandon, self._abandon = self._abandon, None
             abandon()
-
-
-# ---------------------------------------------------------------------------------------------------- topics (table 2)
-
-
-class Faces(NamedTuple):
-    """One message of face detection: a label for each face, and whether that face looks at the robot."""
-
-    labels: Tuple[str, ...]
-    mutual_gaze: Tuple[bool, ...]
-
-
-class AttentionStatus(NamedTuple):
-    """One message of overt attention: the mode, and the status of ``seeking``."""
-
-    state: str
-    value: int
-
-
-class Topic(enum.Enum):
-    """The topics that the mission listens to, by canonical name."""
-
-    FACES = "/faceDetection/data"  # values: Faces
-    ATTENTION = "/overtAttention/mode"  # values: AttentionStatus
-    SPEECH = "/speechEvent/text"  # values: str
 
 
 class Sample(NamedTuple):

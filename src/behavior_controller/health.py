@@ -3,10 +3,10 @@
 The ROS edge reports, on any thread; the tick thread hands the changes on as events, so that nothing is told twice and
 recovery sees what the operator sees (D5.4.3 section 2, continuous monitoring).
 """
-import queue
-import threading
-from typing import Callable, Dict, NamedTuple, Set, Tuple
+import collections
+from typing import Callable, Deque, List, Mapping, NamedTuple, Set, Tuple
 
+from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.events import Events, HealthChanged
 
 GONE, SLOW, FAILING, SILENT, NEW = "gone", "slow", "failing", "silent", "new"
@@ -16,6 +16,9 @@ SLOW_SHARE = 0.5
 
 FAILURES_IN_A_ROW = 3
 """A service is failing after so many failed calls without a good one between them."""
+
+MOST_NEWS = 100
+"""Times at which topics were heard that are kept until the tick thread takes them; the newest count."""
 
 
 class CallCount(NamedTuple):
@@ -31,63 +34,76 @@ class CallCount(NamedTuple):
 class Health:
     """The state of each service and topic, by resolved name, in each respect that is watched (``GONE`` …).
 
-    Any thread may report; ``publish`` and ``is_gone`` belong to the tick thread.
+    ``report`` and ``hear`` are for any thread and only queue what they are given, which ``publish`` takes. All else
+    belongs to the tick thread, but ``calls`` and ``heard`` are replaced as a whole: any thread may read them.
     """
 
+    @tick_thread_only
     def __init__(self, wake: Callable[[], None] = lambda: None):
-        """``wake`` is called after each change, so that the tick thread comes and tells it."""
+        """``wake`` is called after each report, so that the tick thread comes and tells it."""
         self._wake = wake
-        self._lock = threading.Lock()  # of what is reported
+        self._reports: Deque[HealthChanged] = collections.deque()
+        self._news: Deque[Tuple[str, float]] = collections.deque(maxlen=MOST_NEWS)
         self._troubles: Set[Tuple[str, str]] = set()
         self._gone: Set[str] = set()
-        self._changes: "queue.SimpleQueue[HealthChanged]" = queue.SimpleQueue()
-        self.calls: Dict[str, CallCount] = {}
-        self.heard: Dict[str, float] = {}
+        self._changes: List[HealthChanged] = []
+        self.calls: Mapping[str, CallCount] = {}
+        self.heard: Mapping[str, float] = {}
         """When each topic was heard last (monotonic seconds), as far as anybody has looked."""
 
     def report(self, respect: str, change: HealthChanged) -> None:
-        """Note how something is in one respect, from any thread; only a change is handed on."""
-        key = (change.name, respect)
-        with self._lock:
-            if (key in self._troubles) is not change.is_well:
-                return
-            if change.is_well:
-                self._troubles.discard(key)
-            else:
-                self._troubles.add(key)
-            self._changes.put(change._replace(respect=respect))
+        """Tell how something is in one respect, from any thread; only a change is handed on."""
+        self._reports.append(change._replace(respect=respect))
         self._wake()
 
+    def hear(self, topic: str, at: float) -> None:
+        """Tell when a topic was heard last, from any thread. That is no reason to wake the tree."""
+        self._news.append((topic, at))
+
+    @tick_thread_only
     def slow(self, service: str, deadline: float) -> None:
         """Note that a call has taken ``SLOW_SHARE`` of its deadline (seconds) and is not answered."""
-        self.report(SLOW, HealthChanged("service", service, "", False, "slow: no answer for {:g} s".format(
-            deadline * SLOW_SHARE), "the call is given up after {:g} s".format(deadline)))
+        self._note(HealthChanged("service", service, "", False, "slow: no answer for {:g} s".format(
+            deadline * SLOW_SHARE), "the call is given up after {:g} s".format(deadline), SLOW))
+        self._wake()
 
+    @tick_thread_only
     def ended(self, service: str, seconds: float, deadline: float, has_failed: bool) -> None:
         """Count a call that ended after ``seconds``; its ``deadline`` tells whether that was slow."""
-        with self._lock:
-            before = self.calls.get(service, CallCount())
-            row = before.in_a_row + 1 if has_failed else 0
-            self.calls[service] = CallCount(before.calls + 1, before.failures + has_failed, row, seconds,
-                                            max(seconds, before.slowest_seconds))
+        before = self.calls.get(service, CallCount())
+        row = before.in_a_row + 1 if has_failed else 0
+        self.calls = dict(self.calls, **{service: CallCount(
+            before.calls + 1, before.failures + has_failed, row, seconds, max(seconds, before.slowest_seconds))})
         if row >= FAILURES_IN_A_ROW:
-            self.report(FAILING, HealthChanged("service", service, "", False, "failing: {} calls in a row".format(row),
-                                               "the recovery policy says what is left out"))
+            self._note(HealthChanged("service", service, "", False, "failing: {} calls in a row".format(row),
+                                     "the recovery policy says what is left out", FAILING))
         elif not has_failed:
-            self.report(FAILING, HealthChanged("service", service, "", True, "works again", ""))
+            self._note(HealthChanged("service", service, "", True, "works again", "", FAILING))
             if seconds < deadline * SLOW_SHARE:
-                self.report(SLOW, HealthChanged("service", service, "", True, "answers in time again", ""))
+                self._note(HealthChanged("service", service, "", True, "answers in time again", "", SLOW))
 
+    def _note(self, change: HealthChanged) -> None:
+        """Keep what has changed, to be told."""
+        key = (change.name, change.respect)
+        if (key in self._troubles) is change.is_well:
+            self._changes.append(change)
+            (self._troubles.discard if change.is_well else self._troubles.add)(key)
+
+    @tick_thread_only
     def is_gone(self, name: str) -> bool:
         """Return whether the service or topic was known to be gone when the changes were published last."""
         return name in self._gone
 
+    @tick_thread_only
     def publish(self, events: Events) -> None:
-        """Emit the changes since the last time; to be called on the tick thread."""
-        while not self._changes.empty():
-            change = self._changes.get()
-            if change.respect == GONE and change.is_well:
-                self._gone.discard(change.name)
-            elif change.respect == GONE:
-                self._gone.add(change.name)
+        """Take what was reported, and emit the changes since the last time."""
+        while self._reports:
+            self._note(self._reports.popleft())
+        if self._news:
+            news = [self._news.popleft() for _ in range(len(self._news))]
+            self.heard = dict(self.heard, **dict(news))
+        changes, self._changes = self._changes, []
+        for change in changes:
+            if change.respect == GONE:
+                (self._gone.discard if change.is_well else self._gone.add)(change.name)
             events.emit(change)

@@ -11,7 +11,8 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 from behavior_controller import folders
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.settings import REQUIRED, Key, read_configuration
+from behavior_controller.settings import REQUIRED, Key, configured, read_source
+from behavior_controller.text import Source
 
 
 class Speech(NamedTuple):
@@ -73,10 +74,11 @@ KEYS = tuple(
 
 
 class Phrases:
-    """One language."""
+    """One language. ``source`` is the file that it was read from."""
 
-    def __init__(self, values: Dict[str, Any]):
+    def __init__(self, values: Dict[str, Any], source: Source):
         self._values = values
+        self.source = source
         self.tablet_options = (values["tabletYes"], values["tabletNo"])
         meanings = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES) for phrase in values[meaning]]
         self._meanings: Dict[str, List[Tuple[Tuple[str, ...], str]]] = {}  # by the first word: utterances may be long
@@ -129,12 +131,16 @@ def load(language: str) -> Phrases:
         raise ConfigurationError([Fault("language", 0, 0, "there are no phrases in {}".format(language), did_you_mean(
             language, known) or "there are: {}; another language is a file data/phrases_{}.ini".format(
                 ", ".join(known), language))])
-    path = folders.data("phrases_{}.ini".format(language))
-    values = read_configuration(path, KEYS)
-    faults = [Fault(path, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other),
+    return read(read_source(folders.data("phrases_{}.ini".format(language)), "the configuration"))
+
+
+def read(source: Source) -> Phrases:
+    """Return the phrases of a file. Raises ConfigurationError with every fault."""
+    values = configured(source, KEYS)
+    faults = [Fault(source.file, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other),
                     "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
               for phrase in sorted(set(values[one]) & set(values[other]))]
     if faults:
         raise ConfigurationError(faults)
-    return Phrases(values)
+    return Phrases(values, source)

@@ -6,7 +6,8 @@ from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
 from behavior_controller.bt.registry import NodeSpec, did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.gateway import Cause
-from behavior_controller.settings import MOST_FAULTS, read_lines, too_many_faults
+from behavior_controller.settings import MOST_FAULTS, read_source, too_many_faults
+from behavior_controller.text import Source
 
 CAUSES = {
     "refused": Cause.REFUSED, "exception": Cause.HANDLER_EXCEPTION, "no-answer": Cause.NO_ANSWER,
@@ -40,11 +41,12 @@ class Rule(NamedTuple):
 
 
 class Policy(NamedTuple):
-    """The rules in order, and the budget: at most ``most`` recoveries in ``seconds``."""
+    """The rules in order, and the budget: at most ``most`` recoveries in ``seconds``; and the file that says so."""
 
     rules: Tuple[Rule, ...]
     most: int
     seconds: float
+    source: Source = Source("", "")
 
     def rule(self, node: str, cause: Cause) -> Rule:
         """Return the first rule that fits; without one, a failure is given up."""
@@ -58,19 +60,24 @@ class Policy(NamedTuple):
 
 def load(path: str, specs: Iterable[NodeSpec]) -> Policy:
     """Read a policy file; ``specs`` are the nodes that it may name. Raises ConfigurationError with every fault."""
-    reader = _Reader(path, {spec.id: spec for spec in specs})
-    for number, line in enumerate(read_lines(path, "the recovery policy"), 1):
+    return read(read_source(path, "the recovery policy"), specs)
+
+
+def read(source: Source, specs: Iterable[NodeSpec]) -> Policy:
+    """As ``load``, for a file that was read already."""
+    reader = _Reader(source.file, {spec.id: spec for spec in specs})
+    for number, line in enumerate(source.text.split("\n"), 1):
         words = line.split("#")[0].split()
         if words:
             reader.line(number, words)
         if len(reader.faults) > MOST_FAULTS:
-            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(path, number)])
+            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(source.file, number)])
     if reader.budget is None:
         reader.fault(0, "the line \"budget <recoveries> <seconds>\" is missing")
     if reader.faults:
         raise ConfigurationError(reader.faults)
     assert reader.budget is not None
-    return Policy(tuple(reader.rules), *reader.budget)
+    return Policy(tuple(reader.rules), *reader.budget, source)
 
 
 class _Reader:

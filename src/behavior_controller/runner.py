@@ -1,11 +1,12 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
-from typing import Any, Callable, Dict, NamedTuple, Optional
+from typing import Any, Callable, Dict, Iterable, Iterator, NamedTuple, Optional
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted
-from behavior_controller.gateway import SAFE_STATE
+from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted, Sources
+from behavior_controller.gateway import Call, Failure
+from behavior_controller.interface.document import INTERFACE
 
 EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
 FAILED = 3
@@ -74,7 +75,8 @@ class Runner:
         """Make the tree ready and tell which mission runs."""
         self.tree.setup(mission=self.mission)
         self.mission.events.emit(RunStarted(
-            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values)))
+            self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values),
+            Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source, INTERFACE.name)))
 
     def _pass(self) -> None:
         """Run the mission once, for a visitor of whom nothing is known."""
@@ -130,7 +132,8 @@ class Runner:
             self.wait(PACE)
 
     def wait(self, seconds: Optional[float]) -> None:
-        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run the timers that are due."""
+        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run what is due before and after."""
+        self.clock.run_due()  # what was posted for a wake-up that is cleared already
         due = self.clock.next_due()
         limits = [limit for limit in (seconds, None if due is None else due - self.clock.now()) if limit is not None]
         self.tree.wake.wait(max(0.0, min(limits)) if limits else None)
@@ -150,19 +153,27 @@ class Runner:
         except BehaviorControllerError as error:
             self.mission.events.emit(Noticed("error", "while halting: {}".format(" ".join(str(error).split()))))
             for node in reversed(self.tree.nodes):  # children first: then no control has a child left to halt by script
-                node.halt()
+                node.interrupt()
 
     def _stop(self) -> None:
         """Halt what runs and leave the robot in the safe state."""
         self._halt()
-        calls = [self.mission.gateway.start(request) for request in SAFE_STATE]
+        calls = [self.mission.gateway.start(request) for request in INTERFACE.safe_state]
         end = self.clock.now() + SAFE_STATE_LIMIT
         while any(call.result is None for call in calls) and self.clock.now() < end:
             self.tree.wake.test_and_clear()
             if any(call.result is None for call in calls):
                 self.wait(end - self.clock.now())
-        for call in calls:
-            if call.result is None:
-                call.drop()
-                self.mission.events.emit(Noticed("warning", "{} did not answer while stopping".format(
-                    call.request.service)))
+        for line in not_calm(calls):
+            self.mission.events.emit(Noticed("warning", line))
+
+
+def not_calm(calls: Iterable[Call]) -> Iterator[str]:
+    """Drop what is not answered of the safe state, and yield a line for each part of it that is not reached."""
+    for call in calls:
+        if call.result is None:
+            call.drop()
+            yield "{} did not answer while stopping".format(INTERFACE.service(type(call.request)).name)
+        elif isinstance(call.result, Failure):
+            yield "{} failed while stopping: {}: {}".format(
+                INTERFACE.service(type(call.request)).name, call.result.cause.value, call.result.message)

@@ -8,10 +8,11 @@ import re
 from types import MappingProxyType
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
-from behavior_controller import gateway
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.text import Unreadable, read_text
+from behavior_controller.interface import Service
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.text import Source, Unreadable, read_text
 
 MOST_FAULTS = 100
 """A file with more mistakes is no configuration; the rest of it is not read."""
@@ -110,10 +111,6 @@ _ADDRESS = "an address or a host name of this computer, 127.0.0.1 for itself alo
 _POSITIVE = "a number of seconds, more than 0 and at most 86400"
 
 
-def _deadline(key: str, seconds: float, what: str) -> Key:
-    return Key(key, number(0.001, 86400.0), _POSITIVE, seconds, "how long {} may take".format(what))
-
-
 KEYS: Tuple[Key, ...] = (
     Key("scenarioSpecification", mission_name, "the name of a mission in the data folder, without .xml", REQUIRED,
         "the mission to run: data/<name>.xml"),
@@ -134,13 +131,10 @@ KEYS: Tuple[Key, ...] = (
     Key("deicticGestureId", integer(0, 255), "a whole number from 0 to 255", 1, "the gesture of PerformDeicticGesture"),
     Key("gestureDuration", integer(1, 600000), "milliseconds, a whole number from 1 to 600000", 3000,
         "how long a gesture takes, in ms"),
-    _deadline("animateBehaviorDeadline", 5.0, "/animateBehaviour/set_activation"),
-    _deadline("gestureExecutionDeadline", 15.0, "/gestureExecution/perform_gesture"),
-    _deadline("knowledgeBaseDeadline", 5.0, "/knowledgeBase/query"),
-    _deadline("overtAttentionDeadline", 5.0, "/overtAttention/set_mode"),
-    _deadline("robotNavigationDeadline", 180.0, "/robotNavigation/set_goal"),
-    _deadline("tabletEventDeadline", 60.0, "/tabletEvent/prompt_and_get_response"),
-    _deadline("textToSpeechDeadline", 60.0, "/textToSpeech/say_text"),
+) + tuple(
+    Key(service.deadline_key, number(0.001, 86400.0), _POSITIVE, service.deadline,
+        "how long {} may take".format(service.name)) for service in INTERFACE.services
+) + (
     Key("groot2Port", integer(0, 65534), "a port from 1 to 65534, or 0", 1667,
         "where Groot2 connects, with the port after it; 0: nobody can"),
     Key("groot2Address", address, _ADDRESS, "127.0.0.1",
@@ -151,17 +145,6 @@ KEYS: Tuple[Key, ...] = (
     Key("recordDirectory", words, "a folder, nothing, or none", "",
         "where to write the record mission.jsonl; empty: a new folder among ROS' logs; none: nowhere"),
 )
-
-_DEADLINES = {
-    gateway.SetAnimation.service: "animateBehaviorDeadline",
-    gateway.PerformGesture.service: "gestureExecutionDeadline",
-    gateway.QueryKnowledge.service: "knowledgeBaseDeadline",
-    gateway.SetAttention.service: "overtAttentionDeadline",
-    gateway.GoTo.service: "robotNavigationDeadline",
-    gateway.Prompt.service: "tabletEventDeadline",
-    gateway.Say.service: "textToSpeechDeadline",
-}
-
 
 class Settings:
     """The checked configuration, frozen: one attribute for each key in snake_case (``asrEnabled`` is ``asr_enabled``).
@@ -184,9 +167,9 @@ class Settings:
         """Refuse to change anything."""
         raise AttributeError("settings are fixed: {} cannot be set".format(name))
 
-    def deadline(self, service: str) -> float:
-        """Return the seconds that a call of ``service`` (canonical name) may take."""
-        return self.values[_DEADLINES[service]]
+    def deadline(self, service: Service) -> float:
+        """Return the seconds that a call of ``service`` may take."""
+        return self.values[service.deadline_key]
 
 
 def defaults(**given: Any) -> Settings:
@@ -233,11 +216,17 @@ def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mappi
 
     Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad value, missing key.
     """
-    reader = _Reader(path, {key.name: key for key in keys})
-    for line_number, line in enumerate(read_lines(path, "the configuration"), 1):
+    return configured(read_source(path, "the configuration"), keys, overrides, arguments)
+
+
+def configured(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, Any]] = None,
+               arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
+    """As ``read_configuration``, for a file that was read already."""
+    reader = _Reader(source.file, {key.name: key for key in keys})
+    for line_number, line in enumerate(source.text.split("\n"), 1):
         reader.line(line_number, line)
         if len(reader.faults) > MOST_FAULTS:
-            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(path, line_number)])
+            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(source.file, line_number)])
     for name, value in (overrides or {}).items():
         reader.override(name, value)
     for name, text in (arguments or {}).items():
@@ -245,10 +234,10 @@ def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mappi
     return reader.result()
 
 
-def read_lines(path: str, what: str) -> List[str]:
-    """Return the lines of a text file that a person writes. Raises ConfigurationError, which says ``what`` it is."""
+def read_source(path: str, what: str) -> Source:
+    """Return a text file that a person writes. Raises ConfigurationError, which says ``what`` it is."""
     try:
-        return read_text(path).split("\n")
+        return Source(path, read_text(path))
     except Unreadable as error:
         raise ConfigurationError([Fault(path, 0, 0, "{} cannot be read: {}".format(what, error))]) from error
 

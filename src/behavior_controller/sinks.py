@@ -3,11 +3,20 @@ import collections
 import io
 import logging
 import os
+import re
 import select
 import sys
 import threading
 import time
 from typing import Any, Callable, Deque, Iterable, List
+
+from behavior_controller.text import LONGEST, clean
+
+COLOURS = re.compile(r"(?:\x1b\[[\d;]*m)*")
+"""What rospy begins a line with on a terminal."""
+
+LONGEST_LINE = 2 * LONGEST
+"""Characters of a line: a text from outside, and what is told of it."""
 
 MOST_WAITING = 1000
 """Items that may wait for a sink that takes none."""
@@ -84,11 +93,13 @@ class LineStream(io.TextIOBase):
         self._part = ""  # of a line that has not ended
 
     def write(self, text: str) -> int:
-        """Take ``text``; a character that the terminal does not have gets its code."""
+        """Take ``text``; a character that the terminal does not have, or that would control it, gets its code."""
         with self._lock:
             whole, newline, self._part = (self._part + text).rpartition("\n")
             for line in whole.split("\n") if newline else []:
-                self._sink.put((line + newline).encode(self._original.encoding, "backslashreplace"))
+                colours = COLOURS.match(line).group()
+                line = colours + clean(line[len(colours):], LONGEST_LINE) + newline
+                self._sink.put(line.encode(self._original.encoding, "backslashreplace"))
         return len(text)
 
     def isatty(self) -> bool:

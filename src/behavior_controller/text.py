@@ -1,6 +1,7 @@
 """Reads text files safely and makes outside text safe to show."""
 import os
 import stat
+from typing import NamedTuple
 
 LONGEST = 1000
 """Characters of outside text that are shown: names, values and answers are as long as their sender wants."""
@@ -9,6 +10,13 @@ MOST_BYTES = 1_000_000
 """Bytes of a text file that a person writes."""
 
 _TAIL = 36
+
+
+class Source(NamedTuple):
+    """The text of a file as it was read."""
+
+    file: str
+    text: str
 
 
 class Unreadable(Exception):

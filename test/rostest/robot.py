@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-import unittest
 
 import rosgraph
 
@@ -59,11 +58,9 @@ class Lines:
 class Robot:
     """The stub robot; ``modes`` as in ``stub_robot.py``, by name of the service or topic."""
 
-    def __init__(self, modes=None, prefix=(), **environment):
-        """``prefix`` is a command that runs the robot somewhere else, as ``Network.prefix`` does."""
+    def __init__(self, modes=None, **environment):
         arguments = ["{}={}".format(name, mode) for name, mode in (modes or {}).items()]
-        command = list(prefix) + [sys.executable, os.path.join(HERE, "stub_robot.py")] + arguments
-        self.process = subprocess.Popen(command,
+        self.process = subprocess.Popen([sys.executable, os.path.join(HERE, "stub_robot.py")] + arguments,
                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                                         universal_newlines=True, bufsize=1, env=dict(os.environ, **environment))
         self.lines = Lines(self.process.stdout)
@@ -115,54 +112,27 @@ class Robot:
             stream.close()
 
 
-def start_master(prefix=()):
+def start_master():
     """Start a ROS master on a free port, let the environment name it, and return its process."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     os.environ["ROS_MASTER_URI"] = "http://localhost:{}".format(port)
-    master = run_master(port, prefix)
+    master = run_master(port)
     ends = time.monotonic() + 20.0
     while time.monotonic() < ends:
-        if subprocess.call(list(prefix) + [sys.executable, "-c", KNOCK, str(port)], stderr=subprocess.DEVNULL) == 0:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
             return master
-        time.sleep(0.05)
+        except OSError:
+            time.sleep(0.05)
     raise AssertionError("the ROS master did not start")
 
 
-KNOCK = "import socket, sys; socket.create_connection(('127.0.0.1', int(sys.argv[1])))"
-
-
-def run_master(port, prefix=()):
+def run_master(port):
     """Run a ROS master on ``port`` and return its process."""
-    return subprocess.Popen(list(prefix) + ["rosmaster", "--core", "-p", str(port)], stdout=subprocess.DEVNULL,
+    return subprocess.Popen(["rosmaster", "--core", "-p", str(port)], stdout=subprocess.DEVNULL,
                             stderr=subprocess.DEVNULL)
-
-
-class Network:
-    """A network of its own, for whatever is run with ``prefix``, that can be cut and mended."""
-
-    def __init__(self):
-        """Raises ``unittest.SkipTest`` where network namespaces cannot be made."""
-        self._name = "behavior_controller_{}".format(os.getpid())
-        self.prefix = ["ip", "netns", "exec", self._name]
-        try:
-            subprocess.check_output(["ip", "netns", "add", self._name], stderr=subprocess.STDOUT)
-        except (OSError, subprocess.CalledProcessError) as error:
-            raise unittest.SkipTest("no network namespace can be made here ({})".format(error))
-        self.mend()
-
-    def cut(self):
-        """Let nothing get through; no connection is told."""
-        subprocess.check_call(self.prefix + ["ip", "link", "set", "lo", "down"])
-
-    def mend(self):
-        """Let everything get through again."""
-        subprocess.check_call(self.prefix + ["ip", "link", "set", "lo", "up"])
-
-    def close(self):
-        """Remove it, when all that runs in it has ended."""
-        subprocess.call(["ip", "netns", "del", self._name])
 
 
 def forget_dead_entries():
@@ -223,13 +193,12 @@ class Package:
 class Controller:
     """The node, run from a ``Package``, and the lines that it writes."""
 
-    def __init__(self, package, *arguments, prefix=(), **environment):
+    def __init__(self, package, *arguments, **environment):
         paths = [package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **environment)
         self.started = time.monotonic()
         self.process = subprocess.Popen(
-            list(prefix) + [sys.executable, package.path("src/behavior_controller/behaviorController")] +
-            list(arguments),
+            [sys.executable, package.path("src/behavior_controller/behaviorController")] + list(arguments),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
             env=environment)
         self.lines = Lines(self.process.stdout)

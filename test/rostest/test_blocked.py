@@ -34,6 +34,8 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
 """
 TALKING = ("<Repeat num_cycles=\"-1\"><ForceSuccess><Sequence><Sleep msec=\"10\"/><WelcomeSpeech/></Sequence>"
            "</ForceSuccess></Repeat>")
+ONLY_TALKING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}
+</Sequence></BehaviorTree></root>""".format(TALKING)
 
 
 class TestBlocked(unittest.TestCase):
@@ -139,6 +141,16 @@ class TestBlocked(unittest.TestCase):
         self.assertGreater(beat, frozen)
         self.assert_stops_safely(controller.process)
         self.assertNotIn("Traceback", controller.lines.text())
+
+    def test_a_master_that_freezes_at_the_moment_of_the_stop(self):
+        master = self.own_master()
+        self.prepare("")
+        # the services of the safe state were not called: their connections must be made
+        self.package.write("data/m.xml", ONLY_TALKING)
+        controller = self.controller()
+        self.robot.wait_for_request(SAY, 20)
+        master.send_signal(signal.SIGSTOP)
+        self.assert_stops_safely(controller.process)
 
     def test_every_sink_at_once(self):
         master = self.own_master()
@@ -255,7 +267,9 @@ class TestBlocked(unittest.TestCase):
         relay.is_fresh = True
         controller = self.controller()
         self.assertEqual(controller.wait(25), 1)
-        self.assertEqual([line for _, line in controller.lines.all if "does not answer any more" not in line], [])
+        waits, ends = [line for _, line in controller.lines.all]
+        self.assertIn("waiting up to 15 s for the ROS master", waits)
+        self.assertIn("does not answer any more", ends)
 
     # ---------------------------------------------------------------------------------------- another node of that name
 
@@ -300,6 +314,7 @@ class TestBlocked(unittest.TestCase):
             self.assertNotIn("Traceback", text)
             if code == 4:
                 self.assertRegex(text, "no more memory, threads or files|cannot be loaded")
+            self.assertLessEqual(text.count("no more memory, threads or files"), 1, text)
         self.assertLessEqual({0, 4}, codes)
         self.assertLessEqual(codes, {0, 3, 4})  # 3: a step of the mission got no thread
 
@@ -307,7 +322,7 @@ class TestBlocked(unittest.TestCase):
     def test_few_threads(self):
         os.chown(self.folder, 100000 + os.getpid(), -1)
         self.prepare("<WelcomeSpeech/>", missionRuns=1)
-        self.assert_says_why((0, 2, 4, 8, 12, 60), self.allow_threads)
+        self.assert_says_why((0, 2, 3, 5, 6, 8, 12, 60), self.allow_threads)
 
     def test_little_memory(self):
         self.prepare("<WelcomeSpeech/>", missionRuns=1)

@@ -17,8 +17,10 @@ from robot import Robot, forget_dead_entries  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
-from behavior_controller.gateway import (Answer, Cause, Exhibit, GoTo, Location, PerformGesture, Point,  # noqa: E402
-                                         Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.gateway import Cause  # noqa: E402
+from behavior_controller.interface.document import INTERFACE  # noqa: E402
+from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point,  # noqa: E402
+                                                   Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.ros.services import RosGateway  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
@@ -118,7 +120,7 @@ class TestGateway(unittest.TestCase):
         for word in words:
             self.assertIn(word, failure.message)
         self.assertNotIn("\n", failure.message)
-        self.assertEqual(failure.resource, rospy.resolve_name(request.service))
+        self.assertEqual(failure.resource, rospy.resolve_name(INTERFACE.service(type(request)).name))
 
     # ------------------------------------------------------------------------------------------------ answers
 
@@ -126,6 +128,7 @@ class TestGateway(unittest.TestCase):
         robot = self.robot()
         results = [self.ask(request) for request in ONE_OF_EACH]
         self.assertEqual([type(result) for result in results], [Answer] * 7)
+        robot.wait_for_request(SAY, 10.0)  # what the robot was asked is read by a thread
         self.assertEqual(results[5].response, "Yes")
         self.assertEqual(results[2].exhibits, (
             Exhibit("pepper", "pepper one", "pepper two", Location(1.0, 2.0, 90.0), Point(1.0, 2.0, 3.0)),
@@ -141,12 +144,12 @@ class TestGateway(unittest.TestCase):
             {"message": "hello"}])
 
     def test_a_refusal(self):
-        self.robot({request.service: "refuse" for request in ONE_OF_EACH})
+        self.robot({INTERFACE.service(type(request)).name: "refuse" for request in ONE_OF_EACH})
         for request in ONE_OF_EACH:
             self.assert_fails(request, Cause.REFUSED)
 
     def test_an_answer_that_means_nothing(self):
-        self.robot({request.service: "odd" for request in ONE_OF_EACH})
+        self.robot({INTERFACE.service(type(request)).name: "odd" for request in ONE_OF_EACH})
         self.assert_fails(SetAnimation("enabled"), Cause.UNUSABLE_ANSWER, "'perhaps'")
         self.assert_fails(QueryKnowledge("home"), Cause.UNUSABLE_ANSWER, "nan")
         self.assert_fails(GoTo(Location(0.0, 0.0, 0.0)), Cause.UNUSABLE_ANSWER, "7")

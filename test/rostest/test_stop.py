@@ -101,6 +101,8 @@ class TestStop(unittest.TestCase):
         robot.kill()
         code, seconds = controller.stop()
         self.assertLess(seconds, LIMIT)
+        for service in (ATTENTION, ANIMATION):
+            self.assertIn(service + " failed while stopping", controller.lines.text())
         self.assertNotIn("Traceback", controller.lines.text())
 
     def test_at_any_moment_of_its_start(self):

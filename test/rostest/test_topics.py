@@ -18,8 +18,9 @@ from robot import Robot, forget_dead_entries  # noqa: E402
 
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.events import Events  # noqa: E402
-from behavior_controller.gateway import AttentionStatus, Faces, Topic  # noqa: E402
 from behavior_controller.health import Health  # noqa: E402
+from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH  # noqa: E402
+from behavior_controller.interface.records import AttentionStatus, Faces  # noqa: E402
 from behavior_controller.ros.monitor import Monitor  # noqa: E402
 from behavior_controller.ros.probe import PARTS  # noqa: E402
 from behavior_controller.ros.topics import RosTopics  # noqa: E402
@@ -37,10 +38,10 @@ class TestTopics(unittest.TestCase):
     def setUp(self):
         del self.warnings[:]
         self.robot = Robot()
-        for topic, values in ((Topic.FACES, ([], [], [])), (Topic.ATTENTION, ("none", 0)), (Topic.SPEECH, ("-",))):
+        for topic, values in ((FACES, ([], [], [])), (ATTENTION, ("none", 0)), (SPEECH, ("-",))):
             self.wait_until_heard(topic, values)
         self.wake.test_and_clear()
-        for topic in Topic:
+        for topic in INTERFACE.topics:
             self.topics.newest(topic)
 
     def tearDown(self):
@@ -53,9 +54,9 @@ class TestTopics(unittest.TestCase):
         """Publish until a message arrives: the publisher learns of a subscriber later than the subscriber of it."""
         latch = self.topics.latches[topic]
         count = latch.count
-        self.robot.publish(topic.value, *values, hertz=50)
+        self.robot.publish(topic.name, *values, hertz=50)
         self.wait_until(lambda: latch.count > count)
-        self.robot.publish(topic.value, *values)
+        self.robot.publish(topic.name, *values)
         time.sleep(0.1)  # what is under way arrives
 
     def wait_until(self, is_so, seconds=10.0):
@@ -70,25 +71,25 @@ class TestTopics(unittest.TestCase):
         sent = time.monotonic()
         self.topics.newest(topic)
         self.topics.wake_when("test", topic, lambda value: True)
-        self.robot.publish(topic.value, *values)
+        self.robot.publish(topic.name, *values)
         self.wake.wait(10)
         self.assertTrue(self.wake.test_and_clear(), "nothing arrived")
         return self.topics.newest(topic), sent
 
     def test_messages_are_plain_data_with_the_time_of_their_arrival(self):
         for topic, values, expected in (
-                (Topic.FACES, (["1", "2"], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [True, False]),
+                (FACES, (["1", "2"], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [True, False]),
                  Faces(("1", "2"), (True, False))),
-                (Topic.FACES, ([], [], []), Faces((), ())),
-                (Topic.ATTENTION, ("seeking", -3), AttentionStatus("seeking", -3)),
-                (Topic.SPEECH, ("Yes, please",), "Yes, please")):
+                (FACES, ([], [], []), Faces((), ())),
+                (ATTENTION, ("seeking", -3), AttentionStatus("seeking", -3)),
+                (SPEECH, ("Yes, please",), "Yes, please")):
             sample, sent = self.publish(topic, *values)
             self.assertEqual(sample.value, expected)
             self.assertLessEqual(sent, sample.arrived)
             self.assertLessEqual(sample.arrived, time.monotonic())
 
     def test_a_connection_that_breaks_is_made_anew(self):
-        latch = self.topics.latches[Topic.SPEECH]
+        latch = self.topics.latches[SPEECH]
         monitor = Monitor(self.topics, Health(), lambda: True)
         monitor.start()
         self.addCleanup(monitor.close)
@@ -96,7 +97,7 @@ class TestTopics(unittest.TestCase):
             link._connection._socket.shutdown(socket.SHUT_RDWR)  # as a lost link does; the publisher stays registered
         self.wait_until(lambda: not latch.is_connected)
         self.wait_until(lambda: latch.is_connected)
-        self.assertEqual(self.publish(Topic.SPEECH, "heard")[0].value, "heard")
+        self.assertEqual(self.publish(SPEECH, "heard")[0].value, "heard")
 
     def watch(self):
         """Run a monitor, and return the changes of health that it has told so far as a list that grows."""
@@ -140,7 +141,7 @@ class TestTopics(unittest.TestCase):
 
     def test_a_silent_connection_is_replaced(self):
         """As after a lost link whose other end does not know of it: the publisher answers, the connection is dead."""
-        latch = self.topics.latches[Topic.FACES]
+        latch = self.topics.latches[FACES]
         self.robot.publish("/faceDetection/data", [], [], [], hertz=20)
         self.wait_until(lambda: latch.count > 20)
         self.watch()
@@ -153,16 +154,16 @@ class TestTopics(unittest.TestCase):
         self.wait_until(lambda: latch.last_arrival > heard)
 
     def test_what_a_latching_publisher_sends_first_is_no_news(self):
-        latch = self.topics.latches[Topic.SPEECH]
+        latch = self.topics.latches[SPEECH]
         publisher = rospy.Publisher("/speechEvent/text", String, queue_size=10, latch=True)
         publisher.publish("yes")  # long before anybody asks
-        before = self.topics.newest(Topic.SPEECH)
-        self.topics.wake_when("answer", Topic.SPEECH, lambda text: True)
+        before = self.topics.newest(SPEECH)
+        self.topics.wake_when("answer", SPEECH, lambda text: True)
         for _ in range(2):
             self.wait_until(lambda: publisher.get_num_connections() == 1 and rospy.get_name() in latch.connected_nodes)
             self.wake.wait(0.5)
             self.assertFalse(self.wake.test_and_clear(), "an answer before the question")
-            self.assertIs(self.topics.newest(Topic.SPEECH), before)
+            self.assertIs(self.topics.newest(SPEECH), before)
             latch.connect_anew()
             self.wait_until(lambda: rospy.get_name() not in latch.connected_nodes)
         self.wait_until(lambda: rospy.get_name() in latch.connected_nodes)
@@ -170,52 +171,52 @@ class TestTopics(unittest.TestCase):
         publisher.publish("yes")
         self.wake.wait(5.0)
         publisher.unregister()
-        self.assertEqual(self.topics.newest(Topic.SPEECH).value, "yes")
+        self.assertEqual(self.topics.newest(SPEECH).value, "yes")
 
     def test_the_same_message_again_counts_as_newer(self):
-        first, _ = self.publish(Topic.SPEECH, "yes")
-        second, sent = self.publish(Topic.SPEECH, "yes")
+        first, _ = self.publish(SPEECH, "yes")
+        second, sent = self.publish(SPEECH, "yes")
         self.assertEqual(second.value, "yes")
         self.assertLess(first.arrived, sent)
         self.assertGreaterEqual(second.arrived, sent)
 
     def test_an_alarm_rings_once_and_for_what_is_wanted_only(self):
-        self.topics.wake_when("a", Topic.ATTENTION, lambda status: status.value == 2)
-        self.publish(Topic.ATTENTION, "seeking", 1)
+        self.topics.wake_when("a", ATTENTION, lambda status: status.value == 2)
+        self.publish(ATTENTION, "seeking", 1)
         self.robot.publish("/overtAttention/mode", "seeking", 2)
         self.wake.wait(10)
         self.assertTrue(self.wake.test_and_clear())
         self.robot.publish("/overtAttention/mode", "seeking", 1)
         self.robot.publish("/overtAttention/mode", "seeking", 2)
-        self.wait_until(lambda: self.topics.newest(Topic.ATTENTION).value.value == 2)
+        self.wait_until(lambda: self.topics.newest(ATTENTION).value.value == 2)
         self.wake.wait(0.2)
         self.assertFalse(self.wake.test_and_clear())
 
     def test_a_message_that_slips_in_between_the_look_and_the_alarm_rings_it(self):
-        self.publish(Topic.SPEECH, "no")
-        self.topics.newest(Topic.SPEECH)
+        self.publish(SPEECH, "no")
+        self.topics.newest(SPEECH)
         self.robot.publish("/speechEvent/text", "yes")
-        latch = self.topics.latches[Topic.SPEECH]
+        latch = self.topics.latches[SPEECH]
         self.wait_until(lambda: latch._sample.value == "yes")
-        self.topics.wake_when("answer", Topic.SPEECH, lambda text: text == "yes")
+        self.topics.wake_when("answer", SPEECH, lambda text: text == "yes")
         self.assertTrue(self.wake.test_and_clear())
 
     def test_an_alarm_under_the_same_key_replaces_the_one_before(self):
-        self.topics.wake_when("a", Topic.SPEECH, lambda text: True)
-        self.topics.wake_when("a", Topic.ATTENTION, lambda status: True)
+        self.topics.wake_when("a", SPEECH, lambda text: True)
+        self.topics.wake_when("a", ATTENTION, lambda status: True)
         self.robot.publish("/speechEvent/text", "replaced alarm")
-        self.wait_until(lambda: getattr(self.topics.newest(Topic.SPEECH), "value", "") == "replaced alarm")
+        self.wait_until(lambda: getattr(self.topics.newest(SPEECH), "value", "") == "replaced alarm")
         self.assertFalse(self.wake.test_and_clear())
 
     def test_a_publisher_of_another_type_is_named_once_and_does_no_harm(self):
         other = rospy.Publisher("/overtAttention/mode", String, queue_size=10)
         self.wait_until(lambda: other.get_num_connections() == 1)
-        before, _ = self.publish(Topic.ATTENTION, "social", 0)
+        before, _ = self.publish(ATTENTION, "social", 0)
         for _ in range(3):
             other.publish("seeking")
         self.wait_until(lambda: self.warnings)
-        self.assertIs(self.topics.newest(Topic.ATTENTION), before)
-        self.assertEqual(self.publish(Topic.ATTENTION, "social", 5)[0].value, AttentionStatus("social", 5))
+        self.assertIs(self.topics.newest(ATTENTION), before)
+        self.assertEqual(self.publish(ATTENTION, "social", 5)[0].value, AttentionStatus("social", 5))
         other.unregister()
         self.assertEqual(len(self.warnings), 1)
         for word in (rospy.get_name(), "/overtAttention/mode", "std_msgs/String", "cssr_system/overtAttentionMessage"):
@@ -224,13 +225,13 @@ class TestTopics(unittest.TestCase):
     def test_two_thousand_messages_per_second_cost_next_to_nothing(self):
         for is_awaited in (False, True):
             if is_awaited:
-                self.topics.wake_when("gaze", Topic.ATTENTION, lambda status: status.state == "seeking")
+                self.topics.wake_when("gaze", ATTENTION, lambda status: status.state == "seeking")
             self.robot.publish("/overtAttention/mode", "scanning", 0, hertz=2000)
             time.sleep(1.0)
             share = self.cpu_share(3.0)
             print("2 kHz, alarm set: {}: {:.1f} % of a core".format(is_awaited, 100 * share))
             self.assertLess(share, 0.10)
-            self.assertLess(time.monotonic() - self.topics.newest(Topic.ATTENTION).arrived, 0.2)
+            self.assertLess(time.monotonic() - self.topics.newest(ATTENTION).arrived, 0.2)
         self.assertFalse(self.wake.test_and_clear())
         self.robot.publish("/overtAttention/mode", "seeking", 1, hertz=2000)
         self.wake.wait(1.0)

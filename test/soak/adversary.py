@@ -9,15 +9,14 @@ import time
 import urllib.request
 from functools import partial
 
-from link_trials import HEARS, PATIENCE, TOLD_LIMIT, cut, cut_while_it_starts, lab_tour
+from link_trials import DEATH_LIMIT, PATIENCE, TOLD_LIMIT, cut, cut_while_it_starts, lab_tour, when_dead
 from robot import free_ports, start_master
-from tour_model import DRIVE, SERVICES
+from tour_model import DRIVE
 from trial import GONE, longest_gap, sleep_until, when
 
 DRIVE_DEADLINE = 10.0  # s
 A_TOUR = 40.0  # s, in which one ends on a loaded computer; alone it takes a few
 HEARTBEAT = 10.0  # s
-DEATH_LIMIT = 2.0  # s, until the death of a node is told
 FEW_DESCRIPTORS = 1024  # what a system gives to a process by default
 WAITING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>
 <ReactiveFallback><AlwaysFailure/><Sleep msec="600000"/></ReactiveFallback></Sequence></BehaviorTree></root>"""
@@ -98,8 +97,7 @@ def nodes_killed(trial, rounds):
         time.sleep(draw.uniform(0.0, 3.0))
         robot.kill()
         killed = time.monotonic()
-        trial.within("{}. death".format(number + 1), max(
-            when(tours, name + ".*gone", killed, PATIENCE) for name in (*SERVICES, *HEARS.values())), DEATH_LIMIT)
+        trial.within("{}. death".format(number + 1), when_dead(tours, killed), DEATH_LIMIT)
         time.sleep(draw.uniform(0.0, 6.0))
         robot = trial.robot()
         trial.within("visit over", when(tours, r"pass \d+: ", time.monotonic(), A_TOUR), A_TOUR)

@@ -14,6 +14,7 @@ DEADLINE = 3.0  # s, of a speech
 PAUSE = 0.3  # s, between two speeches, and between two looks at a topic
 SLACK = 0.7  # s, for a loaded computer
 TOLD_LIMIT = 5.0  # s, until what is gone is said, and until it is heard again
+DEATH_LIMIT = 2.0  # s, until the death of a node is told
 PATIENCE = 15.0  # s, until a trial waits no longer for what is late
 HEARS = {"IsVisitorDiscovered": FACES, "IsMutualGazeDiscovered": GAZE, "IsYesNoUttered": SPEECH}
 SPEAKS = r"WelcomeSpeech \(.*(SUCCESS|FAILURE)"
@@ -95,8 +96,15 @@ def cut(trial, seconds, stops, master="robot", robot="robot", kind="tun"):
     sleep_until(ended + 0.5)
     trial.stop(late, stub, "0.5 s after it")
     look_at_the_cut(trial, watched, began, ended, link.beyond)
-    look_at_the_time_after(trial, watched, ended)
-    trial.stop(watched, stub, "at the end")
+    look_at_the_time_after(trial, watched, ended, link.beyond)
+    stub.kill()
+    trial.within("death after it", when_dead(watched, time.monotonic()), DEATH_LIMIT)
+    trial.stop(watched, stub, "at the end", False)
+
+
+def when_dead(node, killed):
+    """Return how long after ``killed`` the death of all of the robot's nodes is told; infinite if it is not."""
+    return max(when(node, name + ".*gone", killed, PATIENCE) for name in (*SERVICES, *HEARS.values()))
 
 
 def cut_during_a_call(link, robot):
@@ -123,10 +131,12 @@ def look_at_the_cut(trial, node, began, ended, beyond):
         ", ".join(sorted(told.keys() - set(beyond)))))
 
 
-def look_at_the_time_after(trial, node, ended):
-    """Are all topics heard, and is a speech said again?"""
+def look_at_the_time_after(trial, node, ended, beyond):
+    """Are all topics heard, is a speech said again, and is all told to be back that was ``beyond`` the cut?"""
     for leaf in ("WelcomeSpeech", *HEARS):
         trial.within("{} again".format(leaf), when(node, leaf + r" \(.*SUCCESS", ended, PATIENCE), TOLD_LIMIT)
+    trial.within("all back is said", max(when(node, name + r".*: (?:there|answers) again", ended, PATIENCE) for name in beyond),
+                 TOLD_LIMIT)
 
 
 def cut_while_it_starts(trial, moments):

@@ -9,8 +9,10 @@ from behavior_controller.bt.compiler import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.registry import Registry
-from behavior_controller.gateway import (Answer, AttentionStatus, Cause, Exhibit, Faces, Failure, FakeGateway,
-                                         FakeTopics, Location, Point, QueryKnowledge, SetAttention, Topic)
+from behavior_controller.gateway import Cause, Failure, FakeGateway, FakeTopics
+from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
+from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, Location, Point,
+                                                   QueryKnowledge, SetAttention)
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.watch.record import Record
 
@@ -106,12 +108,12 @@ def visitor_who(says=None, gazes=True, step=0.5):
     """Return a visitor who is seen, looks at the robot when it seeks, and says ``says`` again and again."""
     def act(rig):
         rig.clock.advance(step)
-        rig.topics.publish(Topic.FACES, Faces(("1",), (gazes,)))
+        rig.topics.publish(FACES, Faces(("1",), (gazes,)))
         modes = [request.state for request in rig.requests if isinstance(request, SetAttention)]
         if modes and modes[-1] == "seeking":
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1 if gazes else 0))
+            rig.topics.publish(ATTENTION, AttentionStatus("seeking", 1 if gazes else 0))
         if says is not None:
-            rig.topics.publish(Topic.SPEECH, says)
+            rig.topics.publish(SPEECH, says)
     return act
 
 
@@ -122,7 +124,7 @@ def recorded(folder, visitor, by_voice=True, failure_rate=0.0, seed=0, mission=N
 
     def answer(request):
         if draw.random() < failure_rate:
-            return Failure(draw.choice(CAUSES), "drawn", request.service)
+            return Failure(draw.choice(CAUSES), "drawn", service_of(request))
         return NotImplemented
 
     rig = Rig(mission, answer=answer, asrEnabled=by_voice) if mission.lstrip().startswith("<") else Rig(
@@ -137,6 +139,11 @@ def recorded(folder, visitor, by_voice=True, failure_rate=0.0, seed=0, mission=N
     return record.path
 
 
+def service_of(request):
+    """Return the canonical name of the service for a request, or for a kind of requests."""
+    return INTERFACE.service(request if isinstance(request, type) else type(request)).name
+
+
 def refusal(request):
     """Return the failure of a server that says no."""
-    return Failure(Cause.REFUSED, "the server refused", request.service)
+    return Failure(Cause.REFUSED, "the server refused", service_of(request))

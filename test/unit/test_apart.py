@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from behavior_controller.apart import Late, Stopped, run_apart, run_together
+from behavior_controller.apart import PATIENCE, Late, Stopped, run_apart, run_together
 from behavior_controller.bt.engine.wakeup import WakeUp
 
 
@@ -20,6 +20,16 @@ def test_the_limit_ends_the_wait():
     with pytest.raises(Late):
         run_apart(threading.Event().wait, WakeUp(), lambda: False, 0.1)
     assert time.monotonic() - began < 2.0
+
+
+def test_slow_work_is_told_once():
+    wake, told = WakeUp(), []
+    with pytest.raises(Late):
+        run_apart(threading.Event().wait, wake, lambda: wake.emit() or False, PATIENCE + 0.5,
+                  lambda: told.append(time.monotonic()))
+    assert len(told) == 1
+    run_apart(lambda: None, wake, lambda: False, 5, lambda: told.append("quick"))
+    assert len(told) == 1
 
 
 def test_a_stop_ends_the_wait_at_once():

@@ -20,6 +20,7 @@ LAYERS = [
     ["bt.engine"],
     ["bt.language"],
     ["bt", "gateway", "events", "health", "settings", "folders", "phrases", "policy", "sinks"],
+    ["interface"],
     ["errors"],
     ["text"],
 ]

@@ -1,7 +1,7 @@
 """Entries by name: where a key leads, what a write may change, and how often it was written (BT.CPP section 9)."""
 import pytest
 
-from behavior_controller.bt.language.blackboard import Blackboard, Entry
+from behavior_controller.bt.language.blackboard import Blackboard, Entry, WriteCount
 from behavior_controller.bt.language.values import ValueFault
 from behavior_controller.bt.status import RUNNING
 
@@ -64,7 +64,7 @@ def test_a_root_has_nowhere_to_lead_to():
 def test_what_is_stored_here_hides_what_is_remapped():
     root, board = chain({"x": "y"})
     root.set("y", 1)
-    board.local["x"] = Entry()
+    board.local["x"] = Entry("any", WriteCount())
     board.local["x"].replace(2)
     assert board.get("x") == 2 and root.get("y") == 1
 
@@ -260,16 +260,16 @@ def test_unset_reaches_the_local_storage_alone():
 def test_every_write_counts():
     board = Blackboard()
     entry = board.create("k")
-    before = Entry.writes
+    before = board.writes
     assert entry.sequence == 0
     board.set("k", 1)
     board.set("k", 1)
     entry.update(2)
     board.set_any("k", 3, "int")
-    assert entry.sequence == 4 and Entry.writes == before + 4
+    assert entry.sequence == 4 and board.writes == before + 4
     board.unset("k")
     board.unset("k")  # there is nothing left to remove
-    assert Entry.writes == before + 5
+    assert board.writes == before + 5
 
 
 def test_a_refused_write_does_not_count():

@@ -6,14 +6,16 @@ import time
 import pytest
 
 from behavior_controller.cli import create_tree
-from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted
-from behavior_controller.gateway import Answer, Cause, Failure, PerformGesture, Say
+from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted, Sources
+from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
+from behavior_controller.interface.records import Answer, PerformGesture, Say
 from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.text import Source
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
-from mission_rig import Rig, one_leaf, refusal, visitor_who
+from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "it cannot drive")
 
@@ -53,7 +55,8 @@ def test_a_tree_of_many_levels_is_data_that_json_carries():
 def test_nodes_are_called_what_py_trees_render_calls_them():
     rig = Rig()
     board = board_of(rig)
-    rig.mission.events.emit(RunStarted("some/where/lab_tour.xml", [], {}))
+    nothing = Sources((), Source("", ""), Source("", ""), "")
+    rig.mission.events.emit(RunStarted("some/where/lab_tour.xml", [], {}, nothing))
 
     labels = [" ".join(filter(None, (node["name"], node["kind"]))) for node in board.part("mission")["nodes"]]
     assert sorted(labels) == sorted(node.name for node in create_tree("lab_tour").iterate())
@@ -195,7 +198,7 @@ def test_what_the_robot_says_stays_on_its_line():
     board = board_of(rig)
     rig.tick()
     rig.mission.events.emit(Noticed("error", odd))
-    rig.mission.events.emit(HealthChanged("service", Say.service, odd, False, odd, ""))
+    rig.mission.events.emit(HealthChanged("service", service_of(Say), odd, False, odd, ""))
     state = {name: board.part(name) for name in PARTS}
     assert state["trouble"] and all(line["text"].isprintable() for line in state["trouble"])
     assert all(part["status"].isprintable() for part in state["health"])

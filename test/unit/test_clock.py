@@ -53,3 +53,13 @@ def test_the_real_clock_runs_only_what_is_due():
     clock.call_after(3600.0, lambda: seen.append("later"))
     clock.run_due()
     assert seen == ["now"]
+
+
+def test_a_clock_that_is_set_runs_no_timer_by_itself():
+    clock = ManualClock(100.0)
+    seen = []
+    clock.call_after(2.0, lambda: seen.append(clock.now()))
+    clock.set_to(105.0)
+    assert (clock.now(), seen) == (105.0, [])
+    clock.run_due()
+    assert seen == [105.0]

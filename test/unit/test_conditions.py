@@ -3,7 +3,8 @@ import pytest
 
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.events import Noticed
-from behavior_controller.gateway import Answer, AttentionStatus, Faces, Topic
+from behavior_controller.interface.document import ATTENTION, FACES, SPEECH
+from behavior_controller.interface.records import Answer, AttentionStatus, Faces
 from mission_rig import one_leaf, refusal
 
 FACE, NOBODY = Faces(("7",), (False,)), Faces((), ())
@@ -16,28 +17,28 @@ def woken(rig):
 def test_a_face_is_a_visitor_and_an_empty_message_is_none():
     rig = one_leaf("<IsVisitorDiscovered/>")
     assert rig.tick() is FAILURE
-    rig.topics.publish(Topic.FACES, NOBODY)
+    rig.topics.publish(FACES, NOBODY)
     assert not woken(rig)
     assert rig.tick() is FAILURE
-    rig.topics.publish(Topic.FACES, FACE)
+    rig.topics.publish(FACES, FACE)
     assert woken(rig)
     assert rig.tick() is SUCCESS
 
 
 def test_a_visitor_who_goes_wakes_the_tree():
     rig = one_leaf("<IsVisitorDiscovered/>")
-    rig.topics.publish(Topic.FACES, FACE)
+    rig.topics.publish(FACES, FACE)
     assert rig.tick() is SUCCESS
-    rig.topics.publish(Topic.FACES, FACE)
+    rig.topics.publish(FACES, FACE)
     assert not woken(rig)
-    rig.topics.publish(Topic.FACES, NOBODY)
+    rig.topics.publish(FACES, NOBODY)
     assert woken(rig)
     assert rig.tick() is FAILURE
 
 
 def test_a_message_that_grows_too_old_wakes_the_tree_and_counts_no_more():
     rig = one_leaf("<IsVisitorDiscovered/>")
-    rig.topics.publish(Topic.FACES, FACE)
+    rig.topics.publish(FACES, FACE)
     assert rig.tick() is SUCCESS
     rig.clock.advance(1.9)
     assert not woken(rig)
@@ -49,7 +50,7 @@ def test_a_message_that_grows_too_old_wakes_the_tree_and_counts_no_more():
 
 def test_the_tree_is_woken_when_the_message_has_just_grown_too_old():
     rig = one_leaf("<IsVisitorDiscovered/>")
-    rig.topics.publish(Topic.FACES, FACE)
+    rig.topics.publish(FACES, FACE)
     rig.tick()
     rig.clock.advance(rig.clock.next_due() - rig.clock.now())
     assert rig.clock.now() == pytest.approx(1002.0, abs=0.01)
@@ -59,7 +60,7 @@ def test_the_tree_is_woken_when_the_message_has_just_grown_too_old():
 def test_a_newer_message_puts_the_end_off():
     rig = one_leaf("<IsVisitorDiscovered/>")
     for _ in range(2):
-        rig.topics.publish(Topic.FACES, FACE)
+        rig.topics.publish(FACES, FACE)
         assert rig.tick() is SUCCESS
         rig.clock.advance(1.5)
     woken(rig)
@@ -72,7 +73,7 @@ def test_a_newer_message_puts_the_end_off():
 def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
     rig = one_leaf("<IsVisitorDiscovered/>")
     for faces in (NOBODY, FACE, NOBODY, FACE, NOBODY):
-        rig.topics.publish(Topic.FACES, faces)
+        rig.topics.publish(FACES, faces)
         rig.tick()
     assert [event.status for event in rig.seen] == ["FAILURE", "SUCCESS"] * 2 + ["FAILURE"]
 
@@ -84,7 +85,7 @@ def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
 ])
 def test_what_mutual_gaze_is(convention, state, value, result):
     rig = one_leaf("<IsMutualGazeDiscovered/>", mutualGazeValue=convention)
-    rig.topics.publish(Topic.ATTENTION, AttentionStatus(state, value))
+    rig.topics.publish(ATTENTION, AttentionStatus(state, value))
     assert rig.tick() is result
 
 
@@ -98,7 +99,7 @@ def searches(convention, *values):
         rig.tick()
         for value in of_one_search:
             rig.clock.advance(0.25)
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", value))
+            rig.topics.publish(ATTENTION, AttentionStatus("seeking", value))
             rig.tree.nodes[2].execute()
         rig.tree.halt()
         rig.clock.advance(1.0)
@@ -126,20 +127,20 @@ def test_a_sign_that_comes_after_the_success_is_told_at_the_next_look():
     rig.tick()
     for value in (1, 2):  # the robot's node: still seeking, which was taken for the gaze, then the gaze
         rig.clock.advance(0.25)
-        rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", value))
+        rig.topics.publish(ATTENTION, AttentionStatus("seeking", value))
         assert rig.tree.nodes[2 if value == 1 else 3].execute() is (SUCCESS if value == 1 else FAILURE)
     assert rig.of(Noticed) == [THE_ROBOTS]
 
 
 def test_a_gaze_from_before_the_mode_was_set_is_none_and_the_next_one_wakes_the_tree():
     rig = one_leaf("<Sequence><SeekOvertAttentionMode/><IsMutualGazeDiscovered/></Sequence>")
-    rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1))
+    rig.topics.publish(ATTENTION, AttentionStatus("seeking", 1))
     rig.clock.advance(0.1)
     assert rig.tick() is FAILURE
     assert reported(rig, "IsMutualGazeDiscovered") == ["no mutual gaze; the newest message came before"]
     rig.clock.advance(0.1)
     # the same value as before: it is its time that makes it an answer
-    rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 1))
+    rig.topics.publish(ATTENTION, AttentionStatus("seeking", 1))
     assert woken(rig)
 
 
@@ -150,7 +151,7 @@ QUESTION = "<Sequence><QueryTourSpeech/><IsYesNoUttered/></Sequence>"
     ("yes please", SUCCESS, "yes"), ("no", SUCCESS, "no"), ("hello", FAILURE, None), ("Error: noise", FAILURE, None)])
 def test_an_answer_is_stored(utterance, result, stored):
     rig = one_leaf("<IsYesNoUttered/>")
-    rig.topics.publish(Topic.SPEECH, utterance)
+    rig.topics.publish(SPEECH, utterance)
     assert rig.tick() is result
     assert rig.tree.blackboard.get("visitorResponse") == stored
 
@@ -158,34 +159,34 @@ def test_an_answer_is_stored(utterance, result, stored):
 def test_an_utterance_from_before_the_end_of_the_question_is_no_answer():
     rig = one_leaf(QUESTION, lambda request: None)
     rig.tick()
-    rig.topics.publish(Topic.SPEECH, "yes")  # the robot is still speaking
+    rig.topics.publish(SPEECH, "yes")  # the robot is still speaking
     rig.clock.advance(1.0)
     rig.gateway.calls[0].finish(Answer())
     assert rig.tick() is FAILURE
     rig.clock.advance(1.0)
-    rig.topics.publish(Topic.SPEECH, "hm")
+    rig.topics.publish(SPEECH, "hm")
     woken(rig)
-    rig.topics.publish(Topic.SPEECH, "no")
+    rig.topics.publish(SPEECH, "no")
     assert woken(rig)
 
 
 def test_a_question_that_failed_ends_the_time_of_older_answers():
     rig = one_leaf("<Sequence><ForceSuccess><QueryTourSpeech/></ForceSuccess><IsYesNoUttered/></Sequence>", refusal)
-    rig.topics.publish(Topic.SPEECH, "yes")
+    rig.topics.publish(SPEECH, "yes")
     rig.clock.advance(1.0)
     assert rig.tick() is FAILURE
 
 
 def test_one_utterance_answers_one_question():
     rig = one_leaf("<IsYesNoUttered/>")
-    rig.topics.publish(Topic.SPEECH, "yes")
+    rig.topics.publish(SPEECH, "yes")
     assert rig.tick() is SUCCESS
     assert rig.tick() is FAILURE
 
 
 def test_an_utterance_does_not_grow_old():
     rig = one_leaf("<IsYesNoUttered/>")
-    rig.topics.publish(Topic.SPEECH, "yes")
+    rig.topics.publish(SPEECH, "yes")
     rig.clock.advance(60.0)
     assert rig.tick() is SUCCESS
 
@@ -195,7 +196,7 @@ def test_with_a_condition_wait_the_evidence_may_come_later():
     assert rig.tick() is RUNNING
     rig.clock.advance(2.9)
     assert rig.tick() is RUNNING
-    rig.topics.publish(Topic.FACES, FACE)
+    rig.topics.publish(FACES, FACE)
     assert woken(rig)
     assert rig.tick() is SUCCESS
 
@@ -258,7 +259,7 @@ def test_where_the_mission_waits_itself_a_condition_wait_changes_nothing(wait):
     rig.clock.advance(0.2)
     assert rig.tick() is FAILURE
     assert rig.tick() is RUNNING
-    rig.topics.publish(Topic.FACES, FACE)
+    rig.topics.publish(FACES, FACE)
     assert rig.tick() is SUCCESS
 
 

@@ -4,22 +4,30 @@ import logging
 import pytest
 
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
-                                        RunFinished, RunStarted)
+                                        RunFinished, RunStarted, Sources)
 from behavior_controller.gateway import Cause, Failure
-from behavior_controller.ros import console as console_module
+from behavior_controller.ros import console as module
 from behavior_controller.ros.connection import Trouble
+from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console, report_internal_error
+from behavior_controller.text import Source
 
 ODD = "\x1b[2J\n[INFO] behaviorController: pass 1: SUCCESS\r\t\x9b\u202e\ud800"
 FAILURE = Failure(Cause.HANDLER_EXCEPTION, ODD, ODD)
 
 
+class Told(list):
+    """The lines, and the handler that takes them."""
+
+    handler: logging.Handler
+
+
 @pytest.fixture
 def told():
     """The lines that reach the terminal, the log file and /rosout."""
-    lines = []
-    handler = logging.Handler()
+    lines = Told()
+    handler = lines.handler = logging.Handler()
     handler.emit = lambda record: lines.append(record.getMessage())
-    logger = logging.getLogger(console_module.ROSOUT)
+    logger = logging.getLogger(ROSOUT)
     before = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -30,16 +38,15 @@ def told():
 
 @pytest.fixture
 def console(monkeypatch):
-    """A console that leaves the test's streams and log handlers alone."""
-    monkeypatch.setattr(console_module, "take_over_streams", list)
-    monkeypatch.setattr(logging, "raiseExceptions", logging.raiseExceptions)
-    for name in ("", "rosout"):
-        monkeypatch.setattr(logging.getLogger(name), "handlers", [])
-    return console_module.Console()
+    """A console that leaves the test's own streams as they are."""
+    monkeypatch.setattr(module, "take_over_streams", lambda: [])
+    monkeypatch.setattr(Console, "attach", lambda self: None)
+    return Console()
 
 
 @pytest.mark.parametrize("event", [
-    RunStarted(ODD, [], {}), LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
+    RunStarted(ODD, [], {}, Sources((), Source(ODD, ODD), Source(ODD, ODD), ODD)),
+    LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
     Recovered(ODD, ODD, FAILURE, ODD, 1, False, ODD), HealthChanged("service", ODD, ODD, False, ODD, ODD),
     PassFinished(1, ODD, 1.0), Noticed("error", ODD), RunFinished(ODD, 3)])
 def test_each_event_is_one_line(told, console, event):
@@ -47,6 +54,28 @@ def test_each_event_is_one_line(told, console, event):
     console(event)
     assert len(told) == 1 and told[0].isprintable() and told[0].startswith("behaviorController: ")
     assert "\\x1b[2J" in told[0]
+
+
+def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alone(told, console):
+    details = []
+    handler = logging.Handler()
+    handler.emit = lambda record: details.append(record.getMessage())
+    logging.getLogger(FILE_ONLY).addHandler(handler)
+    logger = logging.getLogger("rosout")
+    logger.addHandler(told.handler)
+    try:
+        logger.error("unable: %s\nTraceback (most recent call last):\n  File", ODD)
+    finally:
+        logger.removeHandler(told.handler)
+        logging.getLogger(FILE_ONLY).removeHandler(handler)
+    assert len(told) == 1 and told[0].isprintable() and told[0].endswith("(details in the log file)")
+    assert len(details) == 1 and "Traceback" in details[0]
+
+
+def test_a_shortage_that_many_threads_meet_is_one_line(told, console):
+    for _ in range(3):
+        report_internal_error(console, RuntimeError("can't start new thread"))
+    assert len(told) == 1 and "no more memory, threads or files" in told[0]
 
 
 def test_what_another_node_answers_is_one_line():

@@ -2,6 +2,7 @@
 import json
 import os
 import random
+import resource
 import socket
 import struct
 import subprocess
@@ -18,7 +19,7 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.watch import groot2, zmtp
+from behavior_controller.watch import front, groot2
 from behavior_controller.watch.groot2 import Groot2Publisher
 from behavior_controller.watch.hooks import Hook
 from mission_rig import Rig, visitor_who
@@ -365,6 +366,7 @@ def test_the_operator_is_told_of_all_that_hooks_do(served):
     assert tree.tick_exactly_once() is FAILURE
     client.ask("X")
     client.ask("A")
+    tree.sleep(0.0)  # the tick thread carries it out
     paths = {node.uid: node.full_path for node in tree.nodes}
     expected = ["breakpoint before {2} is set", "replacement before {3} is set to SUCCESS",
                 "replacement after {4} is set to FAILURE", "breakpoint before {2} holds the node",
@@ -386,6 +388,7 @@ def test_a_replacement_at_every_tick_and_hooks_that_change_all_the_time_do_not_f
     assert served.told("decides SUCCESS", 1)
     for number in range(100):
         client.ask("I", "[{}]".format(",".join([hook(1, once=number % 2 == 0)] * 50)))
+        tree.sleep(0.0)
     assert served.told("more changes of breakpoints and replacements", 1)
     assert sum("decides" in line for line in served.warnings) == 1 and len(served.warnings) < 300
 
@@ -415,8 +418,14 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
 def test_nodes_without_hooks_are_left_alone(served):
     tree = tree_of('<Sequence><Act name="a"/><Act name="b"/></Sequence>', a="S", b="S")
     served.show(tree)
-    served.client().ask("I", hook(2))
-    assert "update" in vars(tree.nodes[1]) and "update" not in vars(tree.nodes[2]) and "update" not in vars(tree.root)
+    client = served.client()
+    client.ask("I", hook(2))
+    assert not any(node.hook for node in tree.nodes)  # until the tick thread sets it
+    tree.tick_exactly_once()
+    assert [node.hook is not None for node in tree.nodes] == [False, True, False]
+    client.ask("A")
+    tree.tick_exactly_once()
+    assert not any(node.hook for node in tree.nodes)
 
 
 # ------------------------------------------------------------------------------------------------------ what may happen
@@ -545,13 +554,40 @@ def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypa
 
 def test_a_message_without_an_end_closes_its_connection(served):
     served.show(tree_of('<Act name="a"/>', a="S"))
-    for endless in (b"\x01\x00", b"\x03" + (2 ** 62).to_bytes(8, "big"), b"\x01\xff" + bytes(255)):
+    pinging = b"\x01\x00" + b"\x04\x17\x04PING" + bytes(18)  # its pings are answered
+    for endless in (b"\x01\x00", b"\x03" + (2 ** 62).to_bytes(8, "big"), b"\x01\xff" + bytes(255), pinging):
         with socket.create_connection(("127.0.0.1", served.port), timeout=5) as stranger:
             stranger.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) + b"\x04\x06\x05READY")
             ends = time.monotonic() + 10.0
             with pytest.raises((BrokenPipeError, ConnectionResetError)):
                 while time.monotonic() < ends:
                     stranger.sendall(endless)
+    assert served.client().statuses() == {1: 0}
+
+
+def test_without_descriptors_the_process_goes_on(served):
+    """libzmq aborts the process when it cannot accept for want of descriptors."""
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    client = served.client()
+    client.ask("S")
+    strangers = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(4)]
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    taken = []
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(map(int, os.listdir("/proc/self/fd"))) + 10, hard))
+    try:
+        with pytest.raises(OSError):
+            while True:
+                taken.append(os.dup(0))
+        for stranger in strangers:  # 0, 1, 2 and 3 are left
+            stranger.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x00")
+            assert client.statuses() == client.statuses() == {1: 0}
+            os.close(taken.pop())
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        for each in taken:
+            os.close(each)
+        for stranger in strangers:
+            stranger.close()
     assert served.client().statuses() == {1: 0}
 
 
@@ -571,7 +607,7 @@ def test_a_client_that_pings_is_answered(served):
 
 @pytest.mark.parametrize("offset", [0, 1])
 def test_idle_connections_are_capped_and_make_room(served, offset, monkeypatch):
-    monkeypatch.setattr(zmtp, "HANDSHAKE", 60.0)  # no place becomes free by itself
+    monkeypatch.setattr(front, "FIRST_BYTE", 60.0)  # no place becomes free by itself
     served.show(tree_of('<Act name="a"/>', a="S"))
     active = served.client()
     active.ask("S")

@@ -6,10 +6,12 @@ import pytest
 
 from behavior_controller.bt.status import SUCCESS
 from behavior_controller.events import LeafFinished, PassFinished, Recovered
-from behavior_controller.gateway import (Answer, AttentionStatus, Cause, Faces, Failure, GoTo, PerformGesture, Point,
-                                         Prompt, QueryKnowledge, Say, SetAnimation, SetAttention, Topic)
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.document import ATTENTION, FACES
+from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, PerformGesture, Point, Prompt,
+                                                   QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves.recovery import HandleFallBack
-from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, one_leaf, refusal, visitor_who
+from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, one_leaf, refusal, service_of, visitor_who
 
 SAYS = {
     "Welcome": "welcome", "Query": "would you like", "SayYesNo": "only understand yes or no",
@@ -212,7 +214,7 @@ def once_more(name, cause):
                                    Cause.HANDLER_EXCEPTION])
 @pytest.mark.parametrize("number", range(len(WHOLE)))
 def test_any_single_failure_is_made_good_or_left_out(number, cause):
-    rig = Rig(answer=lambda request: Failure(cause, "test", request.service) if len(rig.requests) == number + 1
+    rig = Rig(answer=lambda request: Failure(cause, "test", service_of(request)) if len(rig.requests) == number + 1
               else NotImplemented)
     assert rig.run(visitor_who(says="yes")) == 0
     expected = list(WHOLE)
@@ -311,8 +313,8 @@ def leaves_at(stop):
             visitor_who(says="yes")(rig)
         else:
             rig.clock.advance(0.5)
-            rig.topics.publish(Topic.FACES, Faces((), ()))
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 0))
+            rig.topics.publish(FACES, Faces((), ()))
+            rig.topics.publish(ATTENTION, AttentionStatus("seeking", 0))
     return act
 
 

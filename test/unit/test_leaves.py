@@ -4,10 +4,11 @@ import pytest
 from behavior_controller import leaves
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.events import LeafFinished
-from behavior_controller.gateway import (Answer, Cause, Exhibit, Failure, GoTo, Location, PerformGesture, Point, Prompt,
-                                         QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
+                                                   QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves.base import FailureLog
-from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, registry, write
+from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, registry, service_of, write
 
 TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
 FollowMeSpeech GoodbyeGesture HandleFallBack HereIsTheDoorSpeech IsASREnabled IsListWithExhibit IsMutualGazeDiscovered
@@ -219,11 +220,11 @@ CALLERS = [spec.id for spec in leaves.SPECS if spec.id.endswith(("Speech", "Mode
 @pytest.mark.parametrize("node", CALLERS)
 @pytest.mark.parametrize("cause", list(Cause)[:8])
 def test_every_cause_of_failure_is_recorded_as_it_came(node, cause):
-    rig = one_leaf("<{}/>".format(node), lambda request: Failure(cause, "because", request.service))
+    rig = one_leaf("<{}/>".format(node), lambda request: Failure(cause, "because", service_of(request)))
     write(rig, gestureTarget=Point(1.0, 1.0, 1.0), currentExhibit="robot", description1="one", description2="two")
     assert rig.tick() is FAILURE
     failure = rig.of(LeafFinished)[0].failure
-    assert failure == Failure(cause, "because", rig.requests[0].service)
+    assert failure == Failure(cause, "because", service_of(rig.requests[0]))
     assert rig.mission.failures.newest(1, 2, 0).failure == failure
 
 

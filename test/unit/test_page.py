@@ -15,8 +15,8 @@ import urllib.request
 import pytest
 
 from behavior_controller.events import HealthChanged, RunFinished
-from behavior_controller.gateway import Answer, PerformGesture, Say
 from behavior_controller.health import GONE
+from behavior_controller.interface.records import Answer, PerformGesture, Say
 from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.watch.board import PARTS, Board
 from behavior_controller.watch.page import Page
@@ -239,13 +239,13 @@ SERVED = """
 import sys, threading, time
 from mission_rig import one_leaf
 from test_page import Show
-from behavior_controller.gateway import Topic
+from behavior_controller.interface.document import FACES
 rig = one_leaf("<Sleep msec='900000'/>")
 shown = Show(rig)
 print(shown.port, flush=True)
 while True:
     rig.tick()
-    rig.mission.health.heard[Topic.FACES.value] = time.monotonic()
+    rig.mission.health.heard[FACES.name] = time.monotonic()
     time.sleep(0.1)
     rig.clock.advance(0.1)
 """
@@ -417,7 +417,7 @@ def test_the_end_reaches_a_browser_before_the_server_closes(show):
 def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
     shown = show(Rig())
     with socket.create_connection(("127.0.0.1", shown.port)) as idle:
-        idle.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        idle.sendall(b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         wait_until(lambda: shown.page.streams)
         for stream in list(shown.page.streams):
             stream.flush = asyncio.Future  # what it is sent is never taken

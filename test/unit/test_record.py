@@ -1,33 +1,40 @@
 """The record: one JSON object a line, complete, and never a danger to the run."""
-import hashlib
 import json
 import os
 
 import pytest
 
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.events import LeafFinished, Noticed, PassFinished, RunStarted
-from behavior_controller.gateway import Answer, Cause, Failure, FakeGateway, Say
+from behavior_controller.events import LeafFinished, Noticed, PassFinished, RunStarted, Sources
+from behavior_controller.gateway import Cause, Failure, FakeGateway
+from behavior_controller.interface.records import Answer, Say
+from behavior_controller.text import Source
 from behavior_controller.watch import record as module
 from behavior_controller.watch.record import Record, new_folder
 
 
 def lines(record):
+    """Return the lines after the header."""
     record.close()
     with open(record.path, encoding="utf-8") as file:
-        return [json.loads(line) for line in file]
+        header, *found = [json.loads(line) for line in file]
+    assert (header["event"], header["format"], header["version"], header["pid"]) == (
+        "Header", "behaviorController record", 1, os.getpid())
+    return found
 
 
 def test_events_are_written_as_they_happen(tmp_path):
-    mission = tmp_path / "m.xml"
-    mission.write_text("<root/>")
     record = Record(str(tmp_path / "new folder"), ManualClock(), complain=None)
-    record(RunStarted(str(mission), [["a", "Navigate"]], {"asrEnabled": True}))
+    record(RunStarted("/m.xml", [["a", "Navigate"]], {"asrEnabled": True}, Sources(
+        (Source("/m.xml", "<root/>"),), Source("/p.ini", "yes yes\n"), Source("/r.ini", "budget 1 1\n"), "R")))
     record(LeafFinished(7, "Navigate", "go/a", "FAILURE", "/robotNavigation/set_goal", 0.5,
                         Failure(Cause.REFUSED, "no", "/robotNavigation/set_goal")))
     first, second = lines(record)
-    assert (first["event"], first["pid"], first["leaves"]) == ("RunStarted", os.getpid(), [["a", "Navigate"]])
-    assert first["sha256"] == hashlib.sha256(b"<root/>").hexdigest()
+    assert (first["event"], first["leaves"], first["settings"]) == (
+        "RunStarted", [["a", "Navigate"]], {"asrEnabled": True})
+    assert first["sources"] == {
+        "documents": [{"file": "/m.xml", "text": "<root/>"}], "phrases": {"file": "/p.ini", "text": "yes yes\n"},
+        "policy": {"file": "/r.ini", "text": "budget 1 1\n"}, "interface": "R"}
     assert second["failure"] == {"cause": "refused", "message": "no", "resource": "/robotNavigation/set_goal"}
     assert (second["node"], second["path"], second["status"], second["seconds"]) == ("Navigate", "go/a", "FAILURE", 0.5)
 

@@ -5,11 +5,12 @@ from behavior_controller import folders, leaves, policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.events import HealthChanged, LeafFinished, Recovered, Retried
-from behavior_controller.gateway import (Answer, Cause, Failure, GoTo, Location, Point, QueryKnowledge, Say,
-                                         SetAnimation, SetAttention)
+from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
+from behavior_controller.interface.records import (Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation,
+                                                   SetAttention)
 from behavior_controller.leaves.base import TARGET_LOCATION
-from mission_rig import EXHIBITS, one_leaf, refusal, write
+from mission_rig import EXHIBITS, one_leaf, refusal, service_of, write
 
 NODES = [spec.id for spec in leaves.SPECS]
 DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
@@ -28,7 +29,7 @@ def failing(times, cause, value=Answer()):
         if request in SAFE:
             return Answer()
         left[0] -= 1
-        return Failure(cause, "test", request.service) if left[0] >= 0 else value
+        return Failure(cause, "test", service_of(request)) if left[0] >= 0 else value
     return answer
 
 
@@ -158,7 +159,7 @@ def test_an_old_failure_is_not_handled_again():
 
 def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
     def answer(request):
-        return Failure(Cause.REFUSED, "test", request.service) if isinstance(request, Say) else Answer()
+        return Failure(Cause.REFUSED, "test", service_of(request)) if isinstance(request, Say) else Answer()
 
     rig = one_leaf("<Parallel><Fallback><GoodbyeGesture/><HandleFallBack/></Fallback>"
                    "<Fallback><SayGoodByeSpeech/><HandleFallBack/></Fallback></Parallel>", answer)
@@ -190,7 +191,7 @@ def test_beyond_the_budget_nothing_is_retried():
 def test_another_cause_at_the_second_attempt_has_a_rule_of_its_own():
     # refused, surely not said; then no answer, perhaps said: not a third time
     causes = [Cause.REFUSED, Cause.NO_ANSWER, Cause.REFUSED, Cause.REFUSED]
-    rig = fallback("<WelcomeSpeech/>", lambda request: Failure(causes[len(rig.requests) - 1], "test", request.service))
+    rig = fallback("<WelcomeSpeech/>", lambda request: Failure(causes[len(rig.requests) - 1], "test", service_of(request)))
     rig.mission.policy = policy.Policy((policy.Rule("*", "refused", 3, 0.5, policy.SKIP),
                                         policy.Rule("*", "*", 0, 0.0, policy.SKIP)), 9, 9.0)
     assert to_the_end(rig) is SUCCESS
@@ -281,10 +282,10 @@ def goals_of(rig, seconds):
 def test_a_retry_waits_for_a_service_that_is_gone_to_come_back():
     rig = fallback("<Navigate/>", failing(1, Cause.CONNECTION_LOST))
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
-    rig.mission.health.report(GONE, gone(GoTo.service))
+    rig.mission.health.report(GONE, gone(service_of(GoTo)))
     rig.mission.health.publish(rig.mission.events)
     assert goals_of(rig, 5.0) == [0.0]
-    rig.mission.health.report(GONE, gone(GoTo.service, is_well=True))
+    rig.mission.health.report(GONE, gone(service_of(GoTo), is_well=True))
     rig.mission.health.publish(rig.mission.events)
     assert goals_of(rig, 0.25) == [5.0]
     assert [event.outcome for event in rig.of(Recovered)] == ["done"]
@@ -294,7 +295,7 @@ def test_a_retry_waits_for_a_service_that_is_gone_to_come_back():
 def test_the_wait_for_a_service_has_an_end():
     rig = fallback("<Navigate/>", failing(9, Cause.NOT_REACHABLE))
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
-    rig.mission.health.report(GONE, gone(GoTo.service))
+    rig.mission.health.report(GONE, gone(service_of(GoTo)))
     rig.mission.health.publish(rig.mission.events)
     # the back-off of 1 s, then at most RETURN_LIMIT; the second retry waits its own back-off of 2 s only
     assert goals_of(rig, 30.0)[:3] == [0.0, 1.0 + 15.0, 1.0 + 15.0 + 2.0]
@@ -362,7 +363,7 @@ def test_the_safe_state_is_taken_once_for_one_failure():
 
 
 def test_halting_a_recovery_drops_its_call():
-    rig = fallback("<LookUpHome/>", lambda request: Failure(Cause.REFUSED, "test", request.service)
+    rig = fallback("<LookUpHome/>", lambda request: Failure(Cause.REFUSED, "test", service_of(request))
                    if len(rig.requests) == 1 else None)
     rig.tick()
     rig.clock.advance(1.0)

@@ -9,12 +9,15 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
-from behavior_controller.events import HealthChanged, PassFinished
-from behavior_controller.gateway import AttentionStatus, Cause, Faces, Failure, GoTo, SetAttention, Topic
+from behavior_controller.events import HealthChanged, PassFinished, PassStarted, RunStarted
+from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
+from behavior_controller.interface.document import ATTENTION, FACES
+from behavior_controller.interface.records import AttentionStatus, Faces, GoTo, Say, SetAttention
+from behavior_controller.watch.codec import Answered, Asked, Line, Lost, Tick
 from behavior_controller.watch.record import Record, new_folder
 from behavior_controller.watch.replay import main, read_record, replay
-from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, visitor_who
+from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 
@@ -27,8 +30,8 @@ def visitors():
             visitor_who(says="yes")(rig)
         else:
             rig.clock.advance(0.5)
-            rig.topics.publish(Topic.FACES, Faces((), ()))
-            rig.topics.publish(Topic.ATTENTION, AttentionStatus("seeking", 0))
+            rig.topics.publish(FACES, Faces((), ()))
+            rig.topics.publish(ATTENTION, AttentionStatus("seeking", 0))
 
     return [("engages", visitor_who(says="yes"), True), ("by tablet", visitor_who(), False),
             ("declines", visitor_who(says="no"), True), ("silent", visitor_who(), True),
@@ -49,8 +52,8 @@ def mission(tmp_path, monkeypatch):
 def test_a_recorded_run_takes_the_same_path(tmp_path, kind, visitor, by_voice, failure_rate, seed):
     path = recorded(tmp_path, visitor, by_voice, failure_rate, seed, runs=2)
     outcome = replay(read_record(path))
-    assert (outcome.parting, outcome.is_edited, outcome.passes) == ("", False, 2)
-    changes = sum(len(line["changes"]) for line in read_record(path) if line["event"] == "Tick")
+    assert (outcome.parting, outcome.passes) == ("", 2)
+    changes = sum(len(entry.changes) for _, entry in read_record(path) if isinstance(entry, Tick))
     assert outcome.changes == changes > 50
 
 
@@ -60,6 +63,50 @@ def edited(path, old, new):
     assert old in text
     with open(path, "w") as file:
         file.write(text.replace(old, new, 1))
+
+
+def test_a_replay_needs_no_file_but_the_record(tmp_path, mission, monkeypatch):
+    data = os.path.dirname(mission)
+    with open(os.path.join(data, "tour.xml"), "w") as file:
+        file.write("<root BTCPP_format='4' main_tree_to_execute='LabTour'><include path='sub/one.xml'/></root>")
+    os.mkdir(os.path.join(data, "sub"))
+    shutil.copy(mission, os.path.join(data, "sub", "tour.xml"))
+    with open(os.path.join(data, "sub", "one.xml"), "w") as file:
+        file.write("<root BTCPP_format='4'><include path='tour.xml'/></root>")
+    monkeypatch.setattr(folders, "mission", lambda name: os.path.join(data, "tour.xml"))
+    lines = read_record(recorded(tmp_path / "record", visitor_who(says="no"), failure_rate=0.3, seed=5))
+    started = next(entry for _, entry in lines if isinstance(entry, RunStarted))
+    assert [os.path.relpath(source.file, data) for source in started.sources.documents] == [
+        "sub/tour.xml", "sub/one.xml", "tour.xml"]
+    shutil.rmtree(data)
+    monkeypatch.setattr(folders, "share", lambda: str(tmp_path / "nowhere"))
+    outcome = replay(lines)
+    assert outcome.parting == "" and outcome.passes == 1 and outcome.changes > 50
+
+
+def started_with(lines, **sources):
+    return [line._replace(entry=line.entry._replace(sources=line.entry.sources._replace(**sources)))
+            if isinstance(line.entry, RunStarted) else line for line in lines]
+
+
+@pytest.mark.parametrize("part, old, new, expected", [
+    ("phrases", "Hello, and welcome", "Welcome", "now it asks /textToSpeech/say_text for Say(text='Welcome"),
+    ("policy", "budget", "WelcomeGesture * 3 0 giveUp\nbudget", "now "),
+])
+def test_phrases_and_policy_are_those_of_the_record(tmp_path, part, old, new, expected):
+    lines = read_record(recorded(tmp_path, visitor_who(says="yes"), failure_rate=1.0))
+    source = getattr(next(entry for _, entry in lines if isinstance(entry, RunStarted)).sources, part)
+    assert old in source.text and replay(lines).parting == ""
+    changed_text = source._replace(text=source.text.replace(old, new, 1))
+    assert expected in replay(started_with(lines, **{part: changed_text})).parting
+
+
+def test_a_record_of_another_interface_is_refused(tmp_path):
+    lines = started_with(read_record(recorded(tmp_path, visitor_who(says="no"))), interface="release 1.0")
+    with pytest.raises(MissionError) as raised:
+        replay(lines)
+    assert str(raised.value) == ("the record: its interface is release 1.0; this release has D5.4.3 (replay it with the "
+                                 "release that wrote it)")
 
 
 @pytest.mark.parametrize("old, new, where", [
@@ -72,8 +119,9 @@ def edited(path, old, new):
 def test_an_edited_mission_says_where_it_parts(tmp_path, mission, old, new, where):
     path = recorded(tmp_path, visitor_who(says="yes"), mission=mission)
     edited(mission, old, new)
-    outcome = replay(read_record(path))
-    assert outcome.is_edited
+    lines = read_record(path)
+    assert replay(lines).parting == ""  # of what the record holds
+    outcome = replay(lines, mission)
     if where is None:
         assert outcome.parting == ""  # three attempts were not needed
     else:
@@ -89,55 +137,56 @@ def test_a_replay_forgets_each_visitor_when_the_run_did(tmp_path, mission):
         visitor_who(says=None if rig.of(PassFinished) else "yes")(rig)
 
     lines = read_record(recorded(tmp_path, says_yes_in_the_first_pass, mission=mission, runs=2))
-    assert [line["outcome"] for line in lines if line["event"] == "PassFinished"] == ["SUCCESS", "FAILURE"]
+    assert [entry.outcome for _, entry in lines if isinstance(entry, PassFinished)] == ["SUCCESS", "FAILURE"]
     assert replay(lines).parting == ""
     # the second visitor would be taken for one who has said yes
-    assert "in pass 2" in replay([line for line in lines if line["event"] != "PassStarted"]).parting
+    assert "in pass 2" in replay([line for line in lines if not isinstance(line.entry, PassStarted)]).parting
 
 
 def test_another_answer_in_the_record_leads_elsewhere(tmp_path):
     path = recorded(tmp_path, visitor_who(says="yes"))
     lines = read_record(path)
-    navigate = next(line for line in lines if line["event"] == "Asked" and line["request"][0] == "GoTo")
-    answered = next(line for line in lines if line["event"] == "Answered" and line["call"] == navigate["call"])
-    del answered["answer"]
-    answered["failure"] = {"cause": "type mismatch", "message": "-", "resource": "/robotNavigation/set_goal"}
+    call = next(entry.call for _, entry in lines if isinstance(entry, Asked) and isinstance(entry.request, GoTo))
+    place = next(place for place, (_, entry) in enumerate(lines) if isinstance(entry, Answered) and entry.call == call)
+    failure = Failure(Cause.TYPE_MISMATCH, "-", "/robotNavigation/set_goal")
+    lines[place] = lines[place]._replace(entry=Answered(call, failure))
     assert "Navigate" in replay(lines).parting
 
 
 def changed(lines, kind, change, number):
     """Return the lines after a change of the ``number``-th of one kind; a change that returns None drops the line."""
-    places = [place for place, line in enumerate(lines) if line["event"] == kind and line.get("changes", [1])]
+    places = [place for place, (_, entry) in enumerate(lines)
+              if isinstance(entry, kind) and getattr(entry, "changes", [1])]
     place = places[number]
-    new = change(dict(lines[place]))
-    return lines[:place] + ([new] if new else []) + lines[place + 1:]
+    new = change(lines[place].entry)
+    return lines[:place] + ([lines[place]._replace(entry=new)] if new else []) + lines[place + 1:]
 
 
 @pytest.mark.parametrize("kind, number, change, expected", [
-    ("Tick", 5, lambda line: dict(line, changes=line["changes"][:-1]), "recorded is no further change, now it is "),
-    ("Tick", 5, lambda line: dict(line, changes=line["changes"] + [[1, "F"]]), ", now it is no further change"),
-    ("Asked", 5, lambda line: dict(line, request=[line["request"][0], {"x": 1}]), "{'x': 1}], now it asks /"),
-    ("Asked", -1, lambda line: None, "recorded is no request, now it asks /"),
+    (Tick, 5, lambda entry: entry._replace(changes=entry.changes[:-1]), "recorded is no further change, now it is "),
+    (Tick, 5, lambda entry: entry._replace(changes=entry.changes + [(1, "F")]), ", now it is no further change"),
+    (Asked, 5, lambda entry: entry._replace(request=Say("x")), "Say(text='x'), now it asks /"),
+    (Asked, -1, lambda entry: None, "recorded is no request, now it asks /"),
 ])
 def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, number, change, expected):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
     parting = replay(changed(lines, kind, change, number)).parting
     assert parting.startswith("in pass 1, ") and expected in parting
-    if kind == "Tick":
+    if kind is Tick:
         assert "request" not in parting and "it asks" not in parting
 
 
 def test_a_request_that_is_no_longer_made_is_another_path(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    place = [place for place, line in enumerate(lines) if line["event"] == "Tick"][5]
-    more = {"event": "Asked", "time": 1.0, "call": 99, "service": "/x", "request": ["Say", {"text": "x"}]}
+    place = [place for place, (_, entry) in enumerate(lines) if isinstance(entry, Tick)][5]
+    more = Line(1.0, Asked(99, "/x", Say("x")))
     parting = replay(lines[:place] + [more] + lines[place:]).parting
-    assert "recorded is the request ['Say', {'text': 'x'}], now there is none" in parting
+    assert "recorded is the request Say(text='x'), now there is none" in parting
 
 
 def test_a_record_that_lacks_lines_says_so(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    assert "the record lacks 7 lines" in replay(lines[:-1] + [{"event": "Lost", "lines": 7}] + lines[-1:]).parting
+    assert "the record lacks 7 lines" in replay(lines[:-1] + [Line(1.0, Lost(7))] + lines[-1:]).parting
 
 
 def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
@@ -147,14 +196,14 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
         drives = sum(isinstance(request, GoTo) for request in rig.requests)
         if drives == 1 and not states["gone"]:
             states["gone"] = 1
-            rig.mission.health.report(GONE, HealthChanged("service", GoTo.service, "", False, "gone", "", ""))
+            rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", False, "gone", "", ""))
         elif states["gone"]:
             states["gone"] += 1
             if states["gone"] == 12:
-                rig.mission.health.report(GONE, HealthChanged("service", GoTo.service, "", True, "there again", "", ""))
+                rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", True, "there again", "", ""))
         visitor_who(says="yes")(rig)
 
-    rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", GoTo.service)
+    rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", service_of(GoTo))
               if isinstance(request, GoTo) and states["gone"] == 0 else NotImplemented)
     record = Record(str(tmp_path), rig.clock, pytest.fail)
     rig.mission.events.subscribe(record)
@@ -165,7 +214,7 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
     record.close()
     lines = read_record(record.path)
     assert replay(lines).parting == ""
-    assert replay([line for line in lines if line["event"] != "HealthChanged"]).parting != ""
+    assert replay([line for line in lines if not isinstance(line.entry, HealthChanged)]).parting != ""
 
 
 def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
@@ -173,24 +222,31 @@ def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     with open(path, "rb") as file:
         data = file.read()
     with open(path, "wb") as file:
-        file.write(data[:len(data) // 2])
+        file.write(data[:data.index(b"PassFinished")])
     outcome = replay(read_record(path))
-    assert outcome.parting == "" and outcome.passes == 0 and outcome.changes > 20
+    assert outcome.parting == "" and outcome.passes == 0 and outcome.changes > 50
 
 
-NOTICED = '{"event": "Noticed", "time": 1.5, "level": "info", "text": "-"}\n'
+HEADER = '{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": 1, "pid": 7}\n'
+NOTICED = HEADER + '{"event": "Noticed", "time": 1.5, "level": "info", "text": "-"}\n'
 
 
 @pytest.mark.parametrize("text, expected", [
     ("", "the record has no mission in it"), ("{}\n{}\n{}\n", "1:1: this is no line of a record"),
-    (NOTICED + "[1]\n" + NOTICED, "2:1: this is no line of a record: it has no event"),
+    (NOTICED + "[1]\n" + NOTICED, "3:1: this is no line of a record: it has no event"),
     (NOTICED, "the record has no mission in it"), (None, "cannot be read"),
-    (NOTICED + '{"event": "Dance"}\n', "2:1: this is no line of a record: the event Dance is unknown"),
-    (NOTICED + "\n", "2:1: this is no line of a record: it is not JSON"),
-    (NOTICED + "[" * 200_000 + "\n", "2:1: this is no line of a record: it is nested too deeply"),
-    (NOTICED.replace("1.5", "9" * 100_000), "1:1: this is no line of a record: a whole number has more than 18 digits"),
-    (NOTICED.replace("1.5", "NaN"), "1:1: this is no line of a record: the field time of Noticed is wrong"),
-    ('{"event": "Noticed", "time": 1.5, "level": "info"}\n', "the field text of Noticed is missing"),
+    (NOTICED + '{"event": "Dance"}\n', "3:1: this is no line of a record: the event Dance is unknown"),
+    (NOTICED + "\n", "3:1: this is no line of a record: it is not JSON"),
+    (NOTICED + "[" * 200_000 + "\n", "3:1: this is no line of a record: it is nested too deeply"),
+    (HEADER + NOTICED.replace("1.5", "9" * 100_000), "2:1: this is no line of a record: a whole number has more than 18 digits"),
+    (NOTICED.replace('"Noticed", "time": 1.5', '"Noticed", "time": NaN'), "2:1: this is no line of a record: time is "
+     "not a number"),
+    (HEADER + '{"event": "Noticed", "time": 1.5, "level": "info"}\n', "2:1: this is no line of a record: text is missing"),
+    (NOTICED[len(HEADER):], "1:1: the record has no version; this release reads version 1 (replay it with the release that "
+     "wrote it)"),
+    (HEADER.replace('version": 1', 'version": 27'), "1:1: the record has the version 27; this release reads version 1 "
+     "(replay it with the release that wrote it)"),
+    (HEADER.replace("behaviorController ", "other "), "1:1: this is no line of a record: format is not "),
 ])
 def test_what_is_no_record_is_named(tmp_path, text, expected):
     path = tmp_path / "r.jsonl"
@@ -213,14 +269,16 @@ def test_the_command(tmp_path, mission):
     code, printed = command(path)
     assert code == 0 and printed.startswith("the same path: 1 passes, ")
     edited(mission, "<WelcomeSpeech/>", "<AlwaysSuccess/>")
-    code, printed = command(path)
-    assert code == 3 and "has changed since" in printed and "the paths part in pass 1" in printed
-    assert command(str(tmp_path))[0] == 3  # the record's folder
+    assert command(path) == (0, printed)
+    code, printed = command("--mission", mission, path)
+    assert code == 3 and printed.startswith("the paths part in pass 1")
+    assert command("--mission", mission, str(tmp_path))[0] == 3  # the record's folder
     code, printed = command(str(tmp_path / "none.jsonl"))
     assert code == 2 and printed.count("\n") == 1
     os.remove(mission)
-    code, printed = command(path)
-    assert code == 2 and "Traceback" not in printed
+    code, printed = command("--mission", mission, path)
+    assert code == 2 and printed.count("\n") == 1
+    assert command("--mission", mission, "--report", "x.html", path)[0] == 2
 
 
 @pytest.mark.parametrize("variable, logs", [("ROS_LOG_DIR", ""), ("ROS_HOME", "log"), ("HOME", ".ros/log")])
@@ -253,6 +311,6 @@ def test_the_report(tmp_path):
     with open(page, encoding="utf-8") as file:
         text = file.read()
     assert "http" not in text and "<script" not in text
-    assert text.count('<li class="node') == len([line for line in read_record(path) if line["event"] == "Tree"][0]["nodes"])
+    assert text.count('<li class="node') == len(read_record(path)[0].entry.nodes)
     assert "WelcomeSpeech" in text and "recovery" in text.lower()
     assert json.dumps("drawn")[1:-1] in text

@@ -4,7 +4,9 @@ import pytest
 from behavior_controller.bt.status import IDLE
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
                                         RunStarted)
-from behavior_controller.gateway import Answer, AttentionStatus, GoTo, Say, SetAnimation, SetAttention, Topic
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.document import ATTENTION, SPEECH
+from behavior_controller.interface.records import Answer, AttentionStatus, GoTo, Say, SetAnimation, SetAttention
 from behavior_controller.runner import Runner, Running
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal
 
@@ -88,6 +90,15 @@ def test_stopping_does_not_wait_for_a_robot_that_hangs():
     assert [event.text for event in rig.of(Noticed)] == [
         "/overtAttention/set_mode did not answer while stopping",
         "/animateBehaviour/set_activation did not answer while stopping"]
+
+
+def test_a_part_of_the_safe_state_that_fails_is_told():
+    stopped = []
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None if isinstance(request, Say) else
+                   Answer() if isinstance(request, SetAttention) else Failure(Cause.NOT_REACHABLE, "no way", "/x"))
+    rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped))
+    assert [event.text for event in rig.of(Noticed)] == [
+        "/animateBehaviour/set_activation failed while stopping: {}: no way".format(Cause.NOT_REACHABLE.value)]
 
 
 def test_a_run_that_ends_by_itself_asks_for_nothing_more():
@@ -252,7 +263,7 @@ def test_what_a_visitor_said_ends_with_the_pass_without_start_of_tree_too():
     def says_yes_in_the_first_pass(rig):
         rig.clock.advance(0.5)
         if not rig.of(PassFinished):
-            rig.topics.publish(Topic.SPEECH, "yes")
+            rig.topics.publish(SPEECH, "yes")
 
     rig = one_leaf(ASKS_WITHOUT_START_OF_TREE)
     assert rig.run(says_yes_in_the_first_pass, runs=2) == 3
@@ -268,7 +279,7 @@ def test_a_target_ends_with_the_pass():
 
 
 @pytest.mark.parametrize("condition, topic, value", [
-    ("IsYesNoUttered", Topic.SPEECH, "yes"), ("IsMutualGazeDiscovered", Topic.ATTENTION, AttentionStatus("seeking", 1))])
+    ("IsYesNoUttered", SPEECH, "yes"), ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 1))])
 @pytest.mark.parametrize("wait, outcome", [("0", "FAILURE"), ("600", "SUCCESS")])
 def test_evidence_from_before_the_pass_never_counts(condition, topic, value, wait, outcome):
     # the message comes at 1000.5, the pass begins at 1000.75; another one comes at 1001.0

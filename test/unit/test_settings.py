@@ -6,6 +6,8 @@ import pytest
 
 from behavior_controller import folders, leaves, policy, settings
 from behavior_controller.errors import ConfigurationError
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import GoTo, Say
 
 GOOD = "scenarioSpecification lab_tour\nverboseMode false\nasrEnabled true\n"
 
@@ -183,7 +185,8 @@ def test_a_policy_is_read_as_the_configuration_is(tmp_path, encoding):
         text = file.read()
     (tmp_path / "policy.ini").write_bytes(text.replace("\n", "\r\n").encode(encoding))
     expected = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
-    assert policy.load(str(tmp_path / "policy.ini"), leaves.SPECS) == expected
+    found = policy.load(str(tmp_path / "policy.ini"), leaves.SPECS)
+    assert found == expected._replace(source=found.source) and found.source.text == text
 
 
 def test_a_fault_is_one_line_whatever_the_file_says(tmp_path):
@@ -251,5 +254,5 @@ def test_arguments_are_kept_from_rospy():
 
 def test_each_service_has_its_deadline(tmp_path):
     found = load(tmp_path, GOOD + "robotNavigationDeadline 42\n")
-    assert found.deadline("/robotNavigation/set_goal") == 42.0
-    assert found.deadline("/textToSpeech/say_text") == 60.0
+    assert found.deadline(INTERFACE.service(GoTo)) == 42.0
+    assert found.deadline(INTERFACE.service(Say)) == 60.0

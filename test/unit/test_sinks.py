@@ -155,6 +155,18 @@ def test_a_line_in_pieces_stays_whole_and_a_foreign_letter_gets_its_code(streams
     assert written == [b"Gr\\xfc\\xdfe\n", b"and more\n"]
 
 
+def test_what_is_printed_of_outside_text_does_nothing_to_a_terminal(streams):
+    reader, writer = os.pipe()
+    sinks = take_over(writer, writer)
+    print("shutdown request: \x1b[2J\x1b]0;title\x07\r\u202e")
+    sys.stdout.write("\x1b[33m[WARN] a \x1b[2J\n\x1b[0m")
+    print("next")
+    drain(sinks, 5)
+    assert os.read(reader, 65536).decode() == (
+        "shutdown request: \\x1b[2J\\x1b]0;title\\x07\\r\\u202e\n"
+        "\x1b[33m[WARN] a \\x1b[2J\n\x1b[0mnext\n")
+
+
 def test_a_log_that_hangs_does_not_hold_its_caller(tmp_path):
     fifo = str(tmp_path / "log")
     os.mkfifo(fifo)

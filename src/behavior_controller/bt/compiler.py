@@ -15,6 +15,7 @@ from behavior_controller.bt.language.script import Script, ScriptSyntaxError, co
 from behavior_controller.bt.language.values import TYPES, ValueFault
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault, MissionError
+from behavior_controller.text import Source
 
 DEEPEST = 2_500  # levels of the unfolded tree; a tick takes up to four Python frames a level
 _FRAMES_PER_LEVEL = 4
@@ -51,7 +52,8 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     faults = list(dict.fromkeys(checked.faults + compiler.faults))
     if any(not fault.is_warning for fault in faults):
         raise MissionError(sorted(faults, key=lambda fault: (fault.file, fault.line, fault.column)))
-    return Tree(checked.main, compiler.nodes, compiler.blackboards, compiler.services, faults)
+    return Tree(checked.main, compiler.nodes, compiler.blackboards, compiler.services, faults,
+                tuple(Source(document.file, document.text) for document in documents))
 
 
 class _Place(NamedTuple):

@@ -4,7 +4,9 @@ from typing import Any, Optional, Set, Union
 
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.events import Noticed
-from behavior_controller.gateway import Answer, Cause, Failure, Request, Sample, SetAnimation, SetAttention, Topic
+from behavior_controller.gateway import Cause, Failure, Sample
+from behavior_controller.interface.document import ATTENTION, FACES
+from behavior_controller.interface.records import Answer, Request, SetAnimation, SetAttention
 from behavior_controller.leaves.base import ATTENTION_SET_AT, GESTURE_TARGET, ServiceLeaf, TopicCondition
 
 SEEKING = "seeking"
@@ -21,7 +23,7 @@ SEARCHES = 3
 class AnimateBehavior(ServiceLeaf):
     """``<EnableAnimateBehavior/>``: switches lifelike movement to ``state`` (/animateBehaviour/set_activation)."""
 
-    resource = SetAnimation.service
+    asks = SetAnimation
 
     def __init__(self, name: str, state: str):
         super().__init__(name)
@@ -38,7 +40,7 @@ class OvertAttentionMode(ServiceLeaf):
     Writes ``attentionSetAt``; mode ``location`` reads ``gestureTarget``.
     """
 
-    resource = SetAttention.service
+    asks = SetAttention
 
     def __init__(self, name: str, state: str):
         super().__init__(name)
@@ -62,7 +64,7 @@ class OvertAttentionMode(ServiceLeaf):
 class IsVisitorDiscovered(TopicCondition):
     """``<IsVisitorDiscovered/>``: SUCCESS if the newest message of /faceDetection/data has a face."""
 
-    topic = Topic.FACES
+    topic = FACES
     otherwise = "no face in view"
 
     def is_evidence(self, value: Any) -> bool:
@@ -90,7 +92,7 @@ class GazeValues:
             return ""
         self.is_told = True
         return "{} has said seeking with {}; if this is such a node, set mutualGazeValue {}".format(
-            Topic.ATTENTION.value, sign, 3 - configured)
+            ATTENTION.name, sign, 3 - configured)
 
 
 class IsMutualGazeDiscovered(TopicCondition):
@@ -100,7 +102,7 @@ class IsMutualGazeDiscovered(TopicCondition):
     other convention is told once.
     """
 
-    topic = Topic.ATTENTION
+    topic = ATTENTION
     otherwise = "no mutual gaze"
     values: GazeValues
 

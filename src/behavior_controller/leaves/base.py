@@ -11,10 +11,14 @@ from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncAc
 from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
-from behavior_controller.gateway import Answer, Cause, Failure, Gateway, Request, Sample, Topic, Topics
+from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
+from behavior_controller.interface import Topic
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import Answer, Request
 
 # ------------------------------------------------------------------------------- keys on the root blackboard (README)
 
@@ -46,17 +50,20 @@ class Failed(NamedTuple):
 class FailureLog:
     """The newest failure of each leaf: HandleFallBack finds in it what brought it about."""
 
+    @tick_thread_only
     def __init__(self) -> None:
         self._numbers = itertools.count(1)
         self._by_uid: Dict[int, Failed] = {}
         self.newest_number = 0
         self.given_up = 0  # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
 
+    @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
         """Record that ``leaf`` failed."""
         self.newest_number = next(self._numbers)
         self._by_uid[leaf.uid] = Failed(self.newest_number, leaf, failure)
 
+    @tick_thread_only
     def newest(self, first_uid: int, end_uid: int, after: int) -> Optional[Failed]:
         """Return the newest failure of the leaves ``first_uid`` to ``end_uid - 1`` with a number beyond ``after``."""
         found = [failed for uid, failed in self._by_uid.items() if first_uid <= uid < end_uid and failed.number > after]
@@ -206,7 +213,13 @@ class Attempt:
 class ServiceLeaf(MissionLeaf, ActionLeaf):
     """An action that calls a service: RUNNING until the answer or the deadline, which the gateway keeps."""
 
+    asks: type  # the kind of request
     attempt: Optional[Attempt] = None
+
+    @property
+    def resource(self) -> str:  # type: ignore[override]
+        """The service's canonical name."""
+        return INTERFACE.service(self.asks).name
 
     def request(self) -> Union[Request, Failure, None]:
         """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
@@ -263,7 +276,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     """
 
     topic: Topic
-    is_continuous = True  # published all the time: a message older than topicMaxAge counts as absent
     otherwise: str  # the message of its failure
     _expiry: Optional[Timer] = None
     _patience: Optional[Timer] = None
@@ -273,7 +285,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     @property
     def resource(self) -> str:  # type: ignore[override]
         """The topic's canonical name."""
-        return self.topic.value
+        return self.topic.name
 
     def is_evidence(self, value: Any) -> bool:
         """Return whether a message with this value makes the condition true. Called on the receiving thread too."""
@@ -304,11 +316,11 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def _counts(self, sample: Sample) -> bool:
         age = self.mission.clock.now() - sample.arrived
         return sample.arrived > self.not_before() and (
-            not self.is_continuous or age <= self.mission.settings.topic_max_age)
+            not self.topic.is_continuous or age <= self.mission.settings.topic_max_age)
 
     def _true(self, sample: Sample) -> Result:
         self._stop_timers()
-        if self.is_continuous:
+        if self.topic.is_continuous:
             self.mission.topics.wake_when(self.uid, self.topic, lambda value: not self.is_evidence(value))
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)

@@ -2,7 +2,9 @@
 from typing import Any, Optional
 
 from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.gateway import Answer, Cause, Failure, Prompt, Request, Sample, Topic
+from behavior_controller.gateway import Cause, Failure, Sample
+from behavior_controller.interface.document import SPEECH
+from behavior_controller.interface.records import Answer, Prompt, Request
 from behavior_controller.leaves.base import (QUESTION_ASKED_AT, VISITOR_RESPONSE, InstantCondition, ServiceLeaf,
                                              TopicCondition)
 from behavior_controller.phrases import YES
@@ -14,8 +16,7 @@ class IsYesNoUttered(TopicCondition):
     Reads ``questionAskedAt`` and moves it on, so that one utterance answers one question.
     """
 
-    topic = Topic.SPEECH
-    is_continuous = False
+    topic = SPEECH
     otherwise = "neither yes nor no was heard"
 
     def is_evidence(self, value: Any) -> bool:
@@ -46,7 +47,7 @@ class IsVisitorResponseYes(InstantCondition):
 class PressYesNoDialogue(ServiceLeaf):
     """``<PressYesNoDialogue/>``: shows two buttons and writes ``visitorResponse``; no answer is a failure."""
 
-    resource = Prompt.service
+    asks = Prompt
 
     def request(self) -> Request:
         """Show the buttons."""

@@ -3,14 +3,15 @@ from functools import partial
 from typing import Union
 
 from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.gateway import Cause, Failure, PerformGesture, Point, Request
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.records import PerformGesture, Point, Request
 from behavior_controller.leaves.base import GESTURE_TARGET, ServiceLeaf
 
 
 class IconicGesture(ServiceLeaf):
     """``<WelcomeGesture/>``: the iconic gesture whose number is the setting ``setting``."""
 
-    resource = PerformGesture.service
+    asks = PerformGesture
 
     def __init__(self, name: str, setting: str):
         super().__init__(name)
@@ -25,7 +26,7 @@ class IconicGesture(ServiceLeaf):
 class PerformDeicticGesture(ServiceLeaf):
     """``<PerformDeicticGesture/>``: points at ``gestureTarget``; exactly (0, 0, 0) is nothing to point at."""
 
-    resource = PerformGesture.service
+    asks = PerformGesture
 
     def request(self) -> Union[Request, Failure, None]:
         """Point."""

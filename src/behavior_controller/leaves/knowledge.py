@@ -3,7 +3,8 @@ from functools import partial
 from typing import Optional
 
 from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.gateway import Answer, Cause, Failure, QueryKnowledge, Request
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.records import Answer, QueryKnowledge, Request
 from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET,
                                              LEFT_OUT, NEXT_EXHIBIT, TARGET_LOCATION, InstantAction, InstantCondition,
                                              MissionLeaf, ServiceLeaf)
@@ -15,7 +16,7 @@ class RetrieveListOfExhibits(ServiceLeaf):
     Writes ``exhibits``, ``nextExhibit``; clears ``leftOutExhibits``.
     """
 
-    resource = QueryKnowledge.service
+    asks = QueryKnowledge
 
     def request(self) -> Request:
         """Ask."""
@@ -85,7 +86,7 @@ def leave_out_exhibit(leaf: MissionLeaf) -> bool:
 class LookUp(ServiceLeaf):
     """``<LookUpEntrance/>``: asks where a place is. Writes ``targetLocation``, ``gestureTarget`` (or clears it)."""
 
-    resource = QueryKnowledge.service
+    asks = QueryKnowledge
 
     def __init__(self, name: str, place: str, has_gesture: bool):
         super().__init__(name)

@@ -2,14 +2,15 @@
 from typing import Union
 
 from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.gateway import Cause, Failure, GoTo, Request
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.records import GoTo, Request
 from behavior_controller.leaves.base import TARGET_LOCATION, ServiceLeaf
 
 
 class Navigate(ServiceLeaf):
     """``<Navigate/>``: drives to ``targetLocation``."""
 
-    resource = GoTo.service
+    asks = GoTo
 
     def request(self) -> Union[Request, Failure]:
         """Drive."""

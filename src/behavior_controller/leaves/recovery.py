@@ -7,7 +7,8 @@ from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.events import Recovered, Retried
-from behavior_controller.gateway import SAFE_STATE, Call, Cause, Failure
+from behavior_controller.gateway import Call, Cause, Failure
+from behavior_controller.interface.document import INTERFACE
 from behavior_controller.leaves.base import Attempt, Failed, MissionLeaf, ServiceLeaf
 from behavior_controller.leaves.knowledge import leave_out_exhibit
 from behavior_controller.recovery import GIVEN_UP, End, Recovery, Retry, Step
@@ -117,7 +118,7 @@ class _Round:
         elif step.outcome == GIVEN_UP and self.failed.number != self._mission.failures.given_up:
             # else an inner HandleFallBack has left the robot in the safe state
             self._mission.failures.given_up = self.failed.number
-            self._safe_state = [self._mission.gateway.start(request) for request in SAFE_STATE]
+            self._safe_state = [self._mission.gateway.start(request) for request in INTERFACE.safe_state]
         return step
 
     def _substitute(self, spec: NodeSpec) -> Any:

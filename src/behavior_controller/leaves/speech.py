@@ -4,7 +4,8 @@ from typing import Optional, Union
 
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.gateway import Answer, Cause, Failure, Request, Say
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.records import Answer, Request, Say
 from behavior_controller.leaves.base import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT,
                                              ServiceLeaf)
 from behavior_controller.phrases import SPEECHES
@@ -13,7 +14,7 @@ from behavior_controller.phrases import SPEECHES
 class FixedSpeech(ServiceLeaf):
     """``<WelcomeSpeech/>``: says the text that the language's phrases have under ``phrase``."""
 
-    resource = Say.service
+    asks = Say
 
     def __init__(self, name: str, phrase: str):
         super().__init__(name)
@@ -48,7 +49,7 @@ class DescribeExhibitSpeech(ServiceLeaf):
     Reads ``currentExhibit``, ``description1``, ``description2``.
     """
 
-    resource = Say.service
+    asks = Say
     PARTS = {"1": (DESCRIPTION_1,), "2": (DESCRIPTION_2,)}
     """The names that choose what is said."""
 

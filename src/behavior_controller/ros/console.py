@@ -6,8 +6,8 @@ for each leaf that finishes. Each line is handed to the threads of its sinks (te
 import errno
 import logging
 import os
-import sys
 import tempfile
+import time
 import traceback
 from typing import Any, Callable, Dict
 
@@ -32,6 +32,10 @@ SHORTAGES = (errno.ENOMEM, errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOSP
 """What the system says when it gives no more memory, threads, files or room on the disk."""
 
 
+SHORTAGE_SPAN = 1.0
+"""Seconds in which a shortage is told once: it meets many threads at the same moment."""
+
+
 class Console:
     """Writes events as lines. A sink of ``Events``. No thread that tells something waits for it to be written."""
 
@@ -44,6 +48,8 @@ class Console:
             RunStarted: self._run_started, LeafFinished: self._leaf_finished, Retried: self._retried,
             Recovered: self._recovered, HealthChanged: self._health_changed, PassFinished: self._pass_finished,
             PassStarted: lambda event: None, Noticed: self._noticed, RunFinished: self._run_finished}
+        self._shortage_told = -SHORTAGE_SPAN
+        logging.getLogger("rosout").addFilter(_make_safe)  # of rospy's own lines; ours go by ``tell``
         logging.raiseExceptions = False  # a log that cannot be written is no reason for a traceback on the terminal
         self.attach()
 
@@ -56,9 +62,6 @@ class Console:
         if not any(isinstance(handler, RosStreamHandler) for handler in rosout.handlers):
             rosout.addHandler(RosStreamHandler())
             rosout.setLevel(logging.INFO)
-        for handler in rosout.handlers:
-            if isinstance(handler, RosStreamHandler):
-                handler.addFilter(_cut_traceback)
         for logger in (rosout, logging.getLogger()):
             for handler in list(logger.handlers):
                 # a RosStreamHandler writes into our streams, which do not block
@@ -92,6 +95,14 @@ class Console:
     def tell(self, level: str, text: str) -> None:
         """Write ``text`` as one line, whatever it quotes, at ``info``, ``warning`` or ``error``; from any thread."""
         getattr(self._logger, level)("behaviorController: %s", clean(text))
+
+    def tell_shortage(self, error: BaseException) -> None:
+        """Tell in one line that the machine gives no more, unless that was said a moment ago."""
+        now = time.monotonic()
+        if now - self._shortage_told >= SHORTAGE_SPAN:
+            self._shortage_told = now
+            self.tell("error", "the machine gives no more memory, threads or files: {}".format(
+                str(error) or type(error).__name__))
 
     def start_heartbeat(self, clock: Clock) -> None:
         """Show every ten seconds that the tick thread still runs its timers."""
@@ -138,12 +149,13 @@ class Console:
         self.tell("info", "ends: {} (exit code {})".format(event.outcome, event.exit_code))
 
 
-def _cut_traceback(record: logging.LogRecord) -> bool:
-    """Keep a traceback of rospy's off the terminal; the log file has it. A filter of the terminal's handler."""
+def _make_safe(record: logging.LogRecord) -> bool:
+    """Make a message of rospy's one clean line; a traceback goes to the log file alone. A filter of its logger."""
     head, found, _ = record.getMessage().partition("\nTraceback (most recent call last)")
     if found:
-        sys.stderr.write("[{}] [{:f}]: {} (details in the log file)\n".format(record.levelname, record.created, head))
-    return not found
+        logging.getLogger(FILE_ONLY).error("%s", record.getMessage())
+    record.msg, record.args = clean(head) + (" (details in the log file)" if found else ""), ()
+    return True
 
 
 def reason(failure: Any) -> str:
@@ -154,17 +166,12 @@ def reason(failure: Any) -> str:
 def report_internal_error(console: Console, error: BaseException) -> None:
     """Tell in one line of a mistake of ours, and where its traceback is; or that the machine gives no more."""
     if is_shortage(error):
-        console.tell("error", shortage(error))
+        console.tell_shortage(error)
         return
     text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
     place = console.keep_details("internal error\n" + text)
     console.tell("error", "internal error ({}: {}); please report it with the details in {}".format(
         type(error).__name__, error, place))
-
-
-def shortage(error: BaseException) -> str:
-    """Return the line for an error that ``is_shortage``."""
-    return "the machine gives no more memory, threads or files: {}".format(str(error) or type(error).__name__)
 
 
 def is_shortage(error: BaseException) -> bool:

@@ -13,7 +13,7 @@ import rospy
 from behavior_controller.gateway import Cause
 from behavior_controller.ros.connection import Trouble, ask, ask_master
 
-LOOK_LIMIT = 2.0
+LOOK_LIMIT = 1.5
 """Seconds after which a master that has not answered counts as away."""
 
 FAREWELL_LIMIT = 0.2
@@ -47,13 +47,22 @@ class Directory:
         self._is_registered = False
         self._registration = 0  # grows whenever the master turns out to have forgotten this node
         self._asked_at: Optional[float] = None  # when the question that is not answered yet was asked
-        self._is_silent = False
+        self._unanswered = 0  # questions since the last answer
 
     @property
     def is_away(self) -> bool:
         """Whether the master did not answer when it was looked at last, or has not answered for too long."""
+        return self._unanswered + self._is_late >= 1
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether that was so twice in a row: over a poor link one question in a hundred is lost."""
+        return self._unanswered + self._is_late >= 2
+
+    @property
+    def _is_late(self) -> bool:
         asked_at = self._asked_at
-        return self._is_silent or asked_at is not None and time.monotonic() - asked_at > LOOK_LIMIT
+        return asked_at is not None and time.monotonic() - asked_at > LOOK_LIMIT
 
     @property
     def forgotten(self) -> Set[str]:
@@ -65,9 +74,10 @@ class Directory:
 
     # -------------------------------------------------------------------------------------------------------- services
 
-    def service(self, name: str, seconds: float) -> Place:
-        """Return where the service ``name`` is. ``seconds`` bounds each step of asking.
+    def service(self, name: str, seconds: float, seconds_if_known: float = LOOK_LIMIT) -> Place:
+        """Return where the service ``name`` is, or was last if the master does not answer.
 
+        ``seconds`` bounds each step of asking; ``seconds_if_known`` does so for a service that was found before.
         Raises ``Trouble`` if no node offers it, or if the master does not answer and the service was never found.
         """
         with self._lock:
@@ -75,7 +85,7 @@ class Directory:
         if known and self.is_away:
             return Place(known[0], False)
         try:
-            uri = ask_master("lookupService", name, seconds=min(seconds, LOOK_LIMIT) if known else seconds)
+            uri = ask_master("lookupService", name, seconds=min(seconds, seconds_if_known) if known else seconds)
             if uri is None and known and self._is_unknown_to_master():
                 return Place(known[0], False)
         except Trouble:
@@ -133,10 +143,10 @@ class Directory:
         self._asked_at = time.monotonic()
         try:
             value = ask_master(method, *arguments, seconds=LOOK_LIMIT)
-            self._is_silent = False
+            self._unanswered = 0
             return value
         except Trouble:
-            self._is_silent = True
+            self._unanswered += 1
             raise
         finally:
             self._asked_at = None

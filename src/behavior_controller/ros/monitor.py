@@ -11,8 +11,9 @@ from typing import Callable, Dict, List, Tuple
 import rosgraph
 
 from behavior_controller.events import HealthChanged
-from behavior_controller.gateway import Topic
 from behavior_controller.health import GONE, NEW, SILENT, Health
+from behavior_controller.interface import Topic
+from behavior_controller.interface.document import SPEECH
 from behavior_controller.ros.connection import Connection, Trouble
 from behavior_controller.ros.directory import DIRECTORY
 from behavior_controller.ros.probe import PARTS, Part
@@ -22,9 +23,6 @@ from behavior_controller.ros.topics import Latch, RosTopics
 
 ROUND = 0.5
 """Seconds between two looks at topics and master, and between two attempts to reach a server that is gone."""
-
-CONTINUOUS = (Topic.FACES, Topic.ATTENTION)
-"""Topics that are published all the time: their silence means something."""
 
 SILENCE = 1.25
 """Seconds without a message after which a continuous topic is silent, unless its messages are rare."""
@@ -37,8 +35,11 @@ FIRST_SILENCE = 10.0
 
 ENOUGH = 5
 
-LONELY = 0.5
-"""Seconds without a connection after which a topic is gone: a connection that broke is first made again."""
+LONELY = 0.9
+"""Seconds without a connection after which a topic is gone: a connection that broke is first made again.
+
+Over a link of 100 ms that takes 0.85 s.
+"""
 
 CONNECT_ANEW = 3.0
 """Seconds between two new connections to a continuous topic that is silent although its publisher is connected."""
@@ -70,6 +71,7 @@ class Monitor:
             (part, topics.latches[part.offer]) for part in PARTS if isinstance(part.offer, Topic)]
         self._services = [part for part in PARTS if not isinstance(part.offer, Topic)]
         self._connections: Dict[Part, Connection] = {}
+        self._reported: Dict[Tuple[str, str], bool] = {}  # whether it was well, by name and respect
         self._closed = threading.Event()
         self._lonely: Dict[Part, float] = {}  # since when a topic has had no connection
         # when a topic that is silent was heard last, and after how much silence it is connected to anew
@@ -120,12 +122,18 @@ class Monitor:
             pass
         connection.hang_up()
 
+    def _report(self, respect: str, change: HealthChanged) -> None:
+        """Tell the health what has changed, and only that: it wakes the tree. Each thread has parts of its own."""
+        if self._reported.get((change.name, respect), True) is not change.is_well:
+            self._reported[change.name, respect] = change.is_well
+            self._health.report(respect, change)
+
     def _tell_gone(self, part: Part, reason: str) -> None:
-        self._health.report(GONE, HealthChanged(
+        self._report(GONE, HealthChanged(
             part.kind, part.name, part.node, False, "gone: " + reason, "until it is back, " + part.absence))
 
     def _tell_back(self, part: Part) -> None:
-        self._health.report(GONE, HealthChanged(part.kind, part.name, part.node, True, "there again", ""))
+        self._report(GONE, HealthChanged(part.kind, part.name, part.node, True, "there again", ""))
 
     # ----------------------------------------------------------------------------------------------- topics and master
 
@@ -133,26 +141,26 @@ class Monitor:
         while not self._closed.wait(ROUND):
             self._look_at_master()
             for part, latch in self._latches:
-                if part.offer is not Topic.SPEECH or self._is_asr_enabled():
+                if part.offer is not SPEECH or self._is_asr_enabled():
                     self._look_at(part, latch)
 
     def _look_at_master(self) -> None:
         """Tell whether the master answers, and whether it is one that does not know the robot's nodes."""
         name, forgotten = rosgraph.get_master_uri(), DIRECTORY.forgotten
-        if DIRECTORY.is_away:
-            self._health.report(GONE, HealthChanged("master", name, "", False, "does not answer", NO_MASTER))
+        if DIRECTORY.is_lost:
+            self._report(GONE, HealthChanged("master", name, "", False, "does not answer", NO_MASTER))
             return
         nodes = sorted({part.node for part in PARTS if part.name in forgotten})
         back = "another one answers" if nodes else "answers again"
-        self._health.report(GONE, HealthChanged("master", name, "", True, back, ""))
-        self._health.report(NEW, HealthChanged(
+        self._report(GONE, HealthChanged("master", name, "", True, back, ""))
+        self._report(NEW, HealthChanged(
             "master", name, "", not nodes, "a new one, or its memory was cleared: it does not know {}".format(
                 ", ".join(nodes)) if nodes else "knows the robot's nodes again", NEW_MASTER if nodes else ""))
 
     def _look_at(self, part: Part, latch: Latch) -> None:
         """Tell whether a topic is published at all, and whether it has been silent for too long."""
         if latch.count:
-            self._health.heard[part.name] = latch.last_arrival
+            self._health.hear(part.name, latch.last_arrival)
         now = time.monotonic()
         if not latch.is_connected:
             if now - self._lonely.setdefault(part, now) > LONELY:
@@ -160,7 +168,7 @@ class Monitor:
             return
         self._lonely.pop(part, None)
         self._tell_back(part)
-        if part.offer in CONTINUOUS:
+        if latch.is_continuous:
             self._look_at_silence(part, latch, now - latch.last_arrival)
 
     def _look_at_silence(self, part: Part, latch: Latch, silence: float) -> None:
@@ -176,7 +184,7 @@ class Monitor:
             self._silent.pop(part, None)
         else:
             self._silent[part] = latch.last_arrival, silence + CONNECT_ANEW
-        self._health.report(SILENT, HealthChanged(
+        self._report(SILENT, HealthChanged(
             part.kind, part.name, part.node, is_well, "heard again" if is_well else
             "silent for {:.1f} s".format(silence), "" if is_well else "until it is heard again, " + part.absence))
 

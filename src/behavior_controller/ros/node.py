@@ -21,8 +21,9 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, NodesMissing
 from behavior_controller.events import Events
-from behavior_controller.gateway import SAFE_STATE, Gateway, Topics
+from behavior_controller.gateway import Gateway, Topics
 from behavior_controller.health import Health
+from behavior_controller.interface.document import INTERFACE
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.leaves.vocabulary import registry
 from behavior_controller.ros.connection import Trouble, ask_master
@@ -33,7 +34,7 @@ from behavior_controller.ros.probe import StartUpCheck
 from behavior_controller.ros.services import RosGateway
 from behavior_controller.ros.signals import BROKEN, Signals, block_signals
 from behavior_controller.ros.topics import RosTopics
-from behavior_controller.runner import Runner, Running
+from behavior_controller.runner import Runner, Running, not_calm
 from behavior_controller.settings import split_arguments
 from behavior_controller.watch.board import Board
 from behavior_controller.watch.groot2 import Groot2Publisher
@@ -176,25 +177,29 @@ class _Node:
     def _carry_out(self) -> int:
         """Take the steps of the start in order, which raise what is wrong; run the mission and return the exit code."""
         console, wake, clock = self._console, self._wake, Clock()
-        silent_master = NodesMissing("the ROS master at {} does not answer any more: start it again".format(
-            rosgraph.get_master_uri()))
+        master = "the ROS master at {}".format(rosgraph.get_master_uri())
+        files = "configuration and mission (their files, or the parameters of the ROS master)"
+        silent_master = NodesMissing("{} does not answer any more: start it again".format(master))
         rospy.core.add_preshutdown_hook(self._ros_ends)
-        self._apart(lambda: _join_ros(self._argv), silent_master)
+        self._apart(lambda: _join_ros(self._argv), master, silent_master)
         console.attach()
-        plan = self._apart(lambda: read_plan(clock, wake, console.tell), _no_answer("configuration and mission"))
+        plan = self._apart(lambda: read_plan(clock, wake, console.tell), files, _no_answer(files))
         console.is_verbose = plan.settings.verbose_mode
-        topics = self._apart(lambda: RosTopics(wake.emit, lambda text: console.tell("warning", text)), silent_master)
+        topics = self._apart(lambda: RosTopics(wake.emit, lambda text: console.tell("warning", text)), master,
+                             silent_master)
         check = StartUpCheck(plan.settings.asr_enabled, plan.settings.startup_timeout, console.tell)
         if not check.run(wake, self._is_stopped):
             raise Stopped("stopped")
         self._run = _Run(plan, topics, console, self._signals)
-        self._apart(self._run.open_watchers, _no_answer("groot2Address, monitorAddress or recordDirectory"))
+        addresses = "groot2Address, monitorAddress or recordDirectory"
+        self._apart(self._run.open_watchers, addresses, _no_answer(addresses))
         return self._run.carry_out(lambda: self._stop_code)
 
-    def _apart(self, step: Callable[[], Any], late: Exception) -> Any:
-        """Take a step of the start, which may hang; raises ``late`` if it does, and ``Stopped``."""
+    def _apart(self, step: Callable[[], Any], what: str, late: Exception) -> Any:
+        """Take a step of the start, which may hang on ``what``; raises ``late`` if it does, and ``Stopped``."""
         try:
-            return run_apart(step, self._wake, self._is_stopped, START_LIMIT)
+            return run_apart(step, self._wake, self._is_stopped, START_LIMIT, lambda: self._console.tell(
+                "info", "waiting up to {:g} s for {}".format(START_LIMIT, what)))
         except Late:
             raise late
 
@@ -342,11 +347,14 @@ class _Run:
     def _calm(self) -> None:
         """Give up every call and ask for the safe state, for a second at the most."""
         self._robot.close()
-        calls = [self._robot.start(request) for request in SAFE_STATE]
+        calls = [self._robot.start(request) for request in INTERFACE.safe_state]
         ends = time.monotonic() + 1.0
         while any(call.result is None for call in calls) and time.monotonic() < ends:
             self._wake.wait(max(0.0, ends - time.monotonic()))
             self._wake.test_and_clear()
+            self._clock.run_posted()
+        for line in not_calm(calls):
+            self._console.tell("warning", line)
 
 
 def _url(address: str, port: int) -> str:

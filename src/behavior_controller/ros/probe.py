@@ -11,12 +11,13 @@ import rospy
 
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
-from behavior_controller.gateway import (Cause, GoTo, PerformGesture, Prompt, QueryKnowledge, Say, SetAnimation,
-                                         SetAttention, Topic)
+from behavior_controller.gateway import Cause
+from behavior_controller.interface import Service, Topic
+from behavior_controller.interface.document import INTERFACE, SPEECH
 from behavior_controller.ros.connection import Connection, Trouble, ask_master
-from behavior_controller.ros.services import ROUTES, open_service
+from behavior_controller.ros.services import open_service
 from behavior_controller.ros.subscription import STEP_LIMIT, open_publisher
-from behavior_controller.ros.topics import FEEDS
+from behavior_controller.ros.types import TYPES
 from behavior_controller.text import clean
 
 PROBE_LIMIT = 3.0
@@ -27,35 +28,32 @@ ROUND = 0.5
 
 
 class Part(NamedTuple):
-    """Something that one of the robot's nodes offers, and what its absence means."""
+    """A service or topic that one of the robot's nodes offers."""
 
-    offer: Union[type, Topic]  # a kind of request, or a topic
-    node: str
-    absence: str
+    offer: Union[Service, Topic]
 
     @property
     def name(self) -> str:
         """The resolved name of the service or topic."""
-        return rospy.resolve_name(self.offer.value if isinstance(self.offer, Topic) else self.offer.service)
+        return rospy.resolve_name(self.offer.name)
 
     @property
     def kind(self) -> str:
         """``service`` or ``topic``."""
         return "topic" if isinstance(self.offer, Topic) else "service"
 
+    @property
+    def node(self) -> str:
+        """The robot's node."""
+        return self.offer.node
 
-PARTS = (
-    Part(SetAnimation, "animateBehavior", "lifelike movement can be neither started nor stopped"),
-    Part(PerformGesture, "gestureExecution", "the robot makes no gestures"),
-    Part(QueryKnowledge, "knowledgeBase", "there are no exhibits and no way home"),
-    Part(SetAttention, "overtAttention", "the robot's gaze cannot be directed"),
-    Part(GoTo, "robotNavigation", "the robot cannot drive"),
-    Part(Prompt, "tabletEvent", "visitors cannot answer on the tablet"),
-    Part(Say, "textToSpeech", "the robot cannot speak"),
-    Part(Topic.FACES, "faceDetection", "visitors are not noticed"),
-    Part(Topic.ATTENTION, "overtAttention", "mutual gaze is not noticed"),
-    Part(Topic.SPEECH, "speechEvent", "what visitors say is not heard"),
-)
+    @property
+    def absence(self) -> str:
+        """What it means for the robot when this is not there."""
+        return self.offer.absence
+
+
+PARTS = tuple(map(Part, INTERFACE.offers))
 
 
 class Missing(NamedTuple):
@@ -87,7 +85,7 @@ def _examine_service(part: Part) -> Optional[str]:
     connection = Connection()
     answer = open_service(connection, part.name, "*", STEP_LIMIT, probe="1")
     connection.hang_up()
-    return _compare(answer, ROUTES[part.offer].type, "its server")
+    return _compare(answer, TYPES[part.offer], "its server")
 
 
 def _examine_topic(part: Part) -> Optional[str]:
@@ -117,7 +115,7 @@ def _examine_publisher(part: Part, node: str) -> Optional[str]:
         return "{}: node {} is listed as its publisher, but {}".format(trouble.cause.value, node, trouble)
     finally:
         connection.hang_up()
-    return _compare(answer, FEEDS[part.offer].type, "node " + node)
+    return _compare(answer, TYPES[part.offer], "node " + node)
 
 
 def _compare(answer: Any, wanted: Any, who: str) -> Optional[str]:
@@ -186,7 +184,7 @@ class StartUpCheck:
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
         """Return those without which the mission does not start: without speech recognition nobody listens."""
-        return [part for part in missing if self._asr_enabled or part.part.offer is not Topic.SPEECH]
+        return [part for part in missing if self._asr_enabled or part.part.offer is not SPEECH]
 
     def _report(self, missing: List[Missing]) -> None:
         """Warn of what can be done without, and raise for the rest."""

@@ -1,4 +1,4 @@
-"""The robot's seven services: a request record goes out as a srv message, and comes back as an Answer or a Failure.
+"""The robot's services: a request record goes out as a srv message, and comes back as an Answer or a Failure.
 
 Each call under way has a line of its own: a daemon thread with one persistent connection. A line whose call was
 answered waits for the next call to that service; a line whose call is given up (deadline passed, leaf halted) is cut,
@@ -6,47 +6,30 @@ which gives its thread and its socket back at once. So a server that hangs costs
 not hold the process. A request is sent once: only a connection found dead before the sending is made anew.
 """
 import io
-import math
 import queue
 import struct
 import threading
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Callable, Dict, List, NamedTuple, Optional, Tuple, Union
 
 import genpy
 import rospy
-from cssr_system.srv import (animateBehaviorService, gestureExecutionService, knowledgeBaseService,
-                             overtAttentionService, robotNavigationService, textService)
 
 from behavior_controller.bt.engine.clock import Clock, Timer
-from behavior_controller.gateway import (Answer, Call, Cause, Exhibit, Failure, Gateway, GoTo, Location, PerformGesture,
-                                         Point, Prompt, QueryKnowledge, Request, Say, SetAnimation, SetAttention)
+from behavior_controller.gateway import Call, Cause, Failure, Gateway
 from behavior_controller.health import SLOW_SHARE, Health
+from behavior_controller.interface import Service, Unusable
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import Answer, Request
 from behavior_controller.ros.connection import CONNECT_LIMIT, Connection, Trouble
 from behavior_controller.ros.directory import DIRECTORY, Place
+from behavior_controller.ros.types import TYPES
 
+HURRY = 0.3
+"""Seconds that the master has at a call to tell where a service is that was found before; then it is where it was.
 
-class Route(NamedTuple):
-    """How a kind of request travels: the srv type, its request fields in order, and what its success field means."""
-
-    type: Any
-    fields: Callable[[Any], tuple]
-    success: str
-    done: Any
-    refused: Any
-
-
-ROUTES: Dict[type, Route] = {
-    SetAnimation: Route(animateBehaviorService, lambda r: (r.state,), "success", "1", "0"),
-    PerformGesture: Route(gestureExecutionService,
-                          lambda r: (r.type, r.id, r.duration_ms, r.bow_nod_angle_deg) + tuple(r.target),
-                          "gesture_success", 1, 0),
-    QueryKnowledge: Route(knowledgeBaseService, lambda r: (r.what,), "success", True, False),
-    SetAttention: Route(overtAttentionService, lambda r: (r.state,) + tuple(r.target), "mode_set_success", 1, 0),
-    GoTo: Route(robotNavigationService, lambda r: tuple(r.goal), "navigation_goal_success", 1, 0),
-    Prompt: Route(textService, lambda r: ("|".join(r.options),), "success", True, False),
-    Say: Route(textService, lambda r: (r.text,), "success", True, False),
-}
+The safe state has a second, in which the master may freeze. ``Monitor`` looks up patiently what was started again.
+"""
 
 
 # ------------------------------------------------------------------------------------------------- finding the server
@@ -100,49 +83,42 @@ def _check_handshake(connection: Connection, answer: Dict[str, str], md5sum: str
 # ------------------------------------------------------------------------------------------------- requests and answers
 
 
-def encode(route: Route, request: Request) -> bytes:
+def encode(service: Service, request: Request) -> bytes:
     """Return ``request`` as TCPROS carries it: its length, then its fields. Raises ``Trouble`` if it does not fit."""
     buffer = io.BytesIO()
     try:
-        route.type._request_class(*route.fields(request)).serialize(buffer)
+        TYPES[service]._request_class(*service.fields(request)).serialize(buffer)
     except (genpy.SerializationError, struct.error, UnicodeError, TypeError) as error:
-        raise Trouble(Cause.TYPE_MISMATCH, "{} cannot be sent as {}: {}".format(request, route.type._type, error))
+        raise Trouble(Cause.TYPE_MISMATCH, "{} cannot be sent as {}: {}".format(request, service.type, error))
     return struct.pack("<I", buffer.tell()) + buffer.getvalue()
 
 
-def receive_response(route: Route, connection: Connection) -> genpy.Message:
+def receive_response(service: Service, connection: Connection) -> genpy.Message:
     """Read the server's answer: a byte that tells whether its handler ran through, a length, a message or an error."""
     ok, length = struct.unpack("<BI", connection.receive(5))
     body = connection.receive(length)
     if not ok:
         raise Trouble(Cause.HANDLER_EXCEPTION, body.decode("utf-8", "replace") or "its handler failed without a reason")
     try:
-        return route.type._response_class().deserialize(body)
+        return TYPES[service]._response_class().deserialize(body)
     except (genpy.DeserializationError, struct.error, UnicodeError) as error:
         connection.hang_up()
-        raise Trouble(Cause.UNUSABLE_ANSWER, "not a {}: {}".format(route.type._type, error))
+        raise Trouble(Cause.UNUSABLE_ANSWER, "not a {}: {}".format(service.type, error))
 
 
-def read_answer(route: Route, response: genpy.Message) -> Answer:
+def read_answer(service: Service, response: genpy.Message) -> Answer:
     """Return what a response says; raises ``Trouble`` if it is a refusal, or cannot be used."""
-    success = getattr(response, route.success)
-    if success == route.refused:
-        raise Trouble(Cause.REFUSED, "answered {} = {!r}".format(route.success, success))
-    if success != route.done:
+    field, done, refused = service.success
+    success = getattr(response, field)
+    if success == refused:
+        raise Trouble(Cause.REFUSED, "answered {} = {!r}".format(field, success))
+    if success != done:
         raise Trouble(Cause.UNUSABLE_ANSWER, "answered {} = {!r}: neither {!r} (done) nor {!r} (refused)".format(
-            route.success, success, route.done, route.refused))
-    return Answer(response=getattr(response, "response", ""),
-                  exhibits=tuple(_exhibit(place) for place in getattr(response, "exhibits", ())))
-
-
-def _exhibit(place: Any) -> Exhibit:
-    """Return an exhibitInfoMessage as plain data; raises ``Trouble`` if a coordinate is not a number."""
-    location = Location(place.location.x, place.location.y, place.location.theta)
-    gesture = Point(place.gesture.x, place.gesture.y, place.gesture.z)
-    if not all(math.isfinite(number) for number in location + gesture):
-        raise Trouble(Cause.UNUSABLE_ANSWER, "{!r} has a coordinate that is no number: {}, {}".format(
-            place.name, location, gesture))
-    return Exhibit(place.name, place.description1, place.description2, location, gesture)
+            field, success, done, refused))
+    try:
+        return service.answer(response)
+    except Unusable as unusable:
+        raise Trouble(Cause.UNUSABLE_ANSWER, str(unusable))
 
 
 # ---------------------------------------------------------------------------------------------------------------- lines
@@ -151,18 +127,18 @@ def _exhibit(place: Any) -> Exhibit:
 class Line:
     """A daemon thread with one connection to one service, which carries one request at a time until it is cut."""
 
-    def __init__(self, name: str, route: Route):
+    def __init__(self, name: str, service: Service):
         """``name`` is the resolved name of the service."""
         self._name = name
-        self._route = route
+        self._service = service
         self._connection = Connection()
         self._jobs: "queue.SimpleQueue[Optional[Tuple[Request, Callable]]]" = queue.SimpleQueue()
         self.is_asked = False
         """Whether the request under way may have reached the server."""
         threading.Thread(target=self._work, name="service " + name, daemon=True).start()
 
-    def carry(self, request: Request, done: Callable[[Union[Answer, Failure]], None]) -> None:
-        """Send ``request``, and call ``done`` with the result on the line's thread."""
+    def carry(self, request: Request, done: Callable[[Union[Answer, Failure], float], None]) -> None:
+        """Send ``request``, and call ``done`` with the result and its time (monotonic), on the line's thread."""
         self.is_asked = False
         self._jobs.put((request, done))
 
@@ -175,25 +151,27 @@ class Line:
         job = self._jobs.get()
         while job is not None:
             request, done = job
-            done(self._ask(request))
+            result = self._ask(request)
+            done(result, time.monotonic())
             job = self._jobs.get()
         self._connection.hang_up()
 
     def _ask(self, request: Request) -> Union[Answer, Failure]:
         """Return the answer, or why there is none."""
         try:
-            data = encode(self._route, request)
+            data = encode(self._service, request)
             self._connect()
             self.is_asked = True
             self._connection.send(data)
-            return read_answer(self._route, receive_response(self._route, self._connection))
+            return read_answer(self._service, receive_response(self._service, self._connection))
         except Trouble as trouble:
             return Failure(trouble.cause, str(trouble), self._name)
 
     def _connect(self) -> None:
         """See to it that the connection stands before anything is sent."""
         if not self._connection.is_open:
-            open_service(self._connection, self._name, self._route.type._md5sum, CONNECT_LIMIT, persistent="1")
+            open_service_at(DIRECTORY.service(self._name, CONNECT_LIMIT, HURRY), self._connection, self._name,
+                            TYPES[self._service]._md5sum, CONNECT_LIMIT, persistent="1")
             self._connection.wait_without_limit()
 
 
@@ -213,9 +191,9 @@ class _UnderWay(NamedTuple):
 class RosGateway(Gateway):
     """Calls the robot's services. ``start`` and ``Call.drop`` belong to the tick thread, and neither waits."""
 
-    def __init__(self, deadline: Callable[[str], float], clock: Clock, wake: Callable[[], None],
+    def __init__(self, deadline: Callable[[Service], float], clock: Clock, wake: Callable[[], None],
                  health: Optional[Health] = None):
-        """``deadline`` gives the seconds that a service (canonical name) may take; ``wake`` is told of each result.
+        """``deadline`` gives the seconds that a service may take; ``wake`` is told of each result.
 
         ``health`` is told how the services do.
         """
@@ -223,25 +201,30 @@ class RosGateway(Gateway):
         self._health = health or Health()
         self._clock = clock
         self._wake = wake
-        self._names = {kind: rospy.resolve_name(kind.service) for kind in ROUTES}
-        self._spare: Dict[type, List[Line]] = {kind: [] for kind in ROUTES}
+        self._names = {service: rospy.resolve_name(service.name) for service in INTERFACE.services}
+        self._spare: Dict[Service, List[Line]] = {service: [] for service in INTERFACE.services}
         self._under_way: Dict[Call, _UnderWay] = {}
 
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at the deadline of its service."""
-        kind = type(request)
+        service = INTERFACE.service(type(request))
+        name, deadline = self._names[service], self.deadline(service)
         call = Call(request, self._wake, lambda: self._give_up(call))
         try:
-            line = self._spare[kind].pop() if self._spare[kind] else Line(self._names[kind], ROUTES[kind])
+            line = self._spare[service].pop() if self._spare[service] else Line(name, service)
         except RuntimeError as error:
-            call.finish(Failure(Cause.NOT_REACHABLE, "no thread to ask with ({})".format(error), self._names[kind]))
+            call.finish(Failure(Cause.NOT_REACHABLE, "no thread to ask with ({})".format(error), name))
             return call
-        deadline = self.deadline(kind.service)
         timers = (self._clock.call_after(deadline, lambda: self._expire(call)),
-                  self._clock.call_after(deadline * SLOW_SHARE, lambda: self._health.slow(self._names[kind], deadline)))
+                  self._clock.call_after(deadline * SLOW_SHARE, lambda: self._health.slow(name, deadline)))
         self._under_way[call] = _UnderWay(line, timers, time.monotonic())
-        line.carry(request, lambda result: self._end(call, result))
+        line.carry(request, lambda result, at: self._hand_over(call, result, at))
         return call
+
+    def _hand_over(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
+        """Let the tick thread end ``call``; on the line's thread."""
+        self._clock.post(lambda: self._end(call, result, at))
+        self._wake()
 
     def close(self) -> None:
         """Give up every call under way and give back every thread and connection."""
@@ -251,19 +234,18 @@ class RosGateway(Gateway):
             while lines:
                 lines.pop().cut()
 
-    def _end(self, call: Call, result: Union[Answer, Failure]) -> None:
-        """Finish ``call``, on the line's thread, unless somebody has given it up meanwhile."""
-        held = self._under_way.pop(call, None)  # who gets it ends the call: nobody does it twice
+    def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
+        """Finish ``call``, which was answered ``at`` that time, unless it was given up meanwhile."""
+        held = self._under_way.pop(call, None)
         if held is not None:
             held.end()
-            self._spare[type(call.request)].append(held.line)
-            self._finish(call, held, result)
+            self._spare[INTERFACE.service(type(call.request))].append(held.line)
+            self._finish(call, result, at - held.since)
 
-    def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure]) -> None:
-        """Hand over the result, and tell the health of the service."""
-        kind = type(call.request)
-        self._health.ended(self._names[kind], time.monotonic() - held.since, self.deadline(kind.service),
-                           isinstance(result, Failure))
+    def _finish(self, call: Call, result: Union[Answer, Failure], seconds: float) -> None:
+        """Finish ``call``, which took so many seconds, and tell the health of the service."""
+        service = INTERFACE.service(type(call.request))
+        self._health.ended(self._names[service], seconds, self.deadline(service), isinstance(result, Failure))
         call.finish(result)
 
     def _give_up(self, call: Call) -> Optional[_UnderWay]:
@@ -279,7 +261,7 @@ class RosGateway(Gateway):
         """End ``call`` at its deadline."""
         held = self._give_up(call)
         if held is not None:
-            seconds = self.deadline(call.request.service)
+            service = INTERFACE.service(type(call.request))
             where = "" if held.line.is_asked else ", still connecting: nothing was asked"
-            self._finish(call, held, Failure(Cause.NO_ANSWER, "waited {:g} s{}".format(seconds, where),
-                                             self._names[type(call.request)]))
+            self._finish(call, Failure(Cause.NO_ANSWER, "waited {:g} s{}".format(self.deadline(service), where),
+                                       self._names[service]), time.monotonic() - held.since)

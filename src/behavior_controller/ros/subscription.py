@@ -17,7 +17,10 @@ STEP_LIMIT = 2.0
 """Seconds that a publisher has for each step: to say where it is, to take the connection, to shake hands."""
 
 RETRY = 0.5
-"""Seconds between the end of a connection, or of an attempt, and the next attempt."""
+"""Seconds between an attempt to connect and the next one."""
+
+AGAIN = 0.05
+"""Seconds between a connection that broke and the next attempt: a publisher may end each."""
 
 BUFFER_BYTES = 65536
 """What is read in one go; far more than a pause lets pile up."""
@@ -87,15 +90,17 @@ class Link:
     def _work(self) -> None:
         while not self._ended.is_set():
             self._connection = Connection()
+            has_stood = False
             try:
                 self._open()
+                has_stood = True
                 self._listen()
             except Trouble:
                 pass  # the monitor tells what it means when it lasts
             finally:
                 self.is_right, self.header = False, None
                 self._connection.hang_up()
-            self._ended.wait(RETRY)
+            self._ended.wait(AGAIN if has_stood else RETRY)
 
     def _open(self) -> None:
         """Connect and shake hands."""

@@ -1,4 +1,4 @@
-"""The newest message of the robot's three topics, as plain data with its time of arrival, at next to no cost.
+"""The newest message of the robot's topics, as plain data with its time of arrival, at next to no cost.
 
 The real overtAttention publishes the same status thousands of times per second. So messages are taken undecoded and
 decoded only when their bytes differ from those before, and in such a flood the receiving thread pauses a moment after
@@ -6,17 +6,18 @@ each message: what piles up meanwhile is read in one go, and all of it but the n
 """
 import threading
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Set
+from typing import Any, Callable, Dict, List, Optional, Sequence, Set
 
 import genpy
 import rospy
-from cssr_system.msg import faceDetectionMessage, overtAttentionMessage
-from std_msgs.msg import String
 
-from behavior_controller.gateway import AttentionStatus, Faces, Sample, Topic, Topics
+from behavior_controller.gateway import Sample, Topics
+from behavior_controller.interface import Topic
+from behavior_controller.interface.document import INTERFACE
 from behavior_controller.ros.connection import Trouble
 from behavior_controller.ros.directory import DIRECTORY
 from behavior_controller.ros.subscription import Link
+from behavior_controller.ros.types import TYPES
 
 ROUND = 0.5
 """Seconds between two looks at what the master knows."""
@@ -31,30 +32,17 @@ PAUSE_WHEN_AWAITED = 0.001
 """The same while an alarm is set: the longest delay of the message that rings it."""
 
 
-class Feed(NamedTuple):
-    """What travels on a topic, and how it reads as plain data."""
-
-    type: Any
-    read: Callable[[Any], Any]
-
-
-FEEDS: Dict[Topic, Feed] = {
-    Topic.FACES: Feed(faceDetectionMessage, lambda m: Faces(tuple(m.face_label_id), tuple(m.mutualGaze))),
-    Topic.ATTENTION: Feed(overtAttentionMessage, lambda m: AttentionStatus(m.state, m.value)),
-    Topic.SPEECH: Feed(String, lambda m: m.data),
-}
-
-
 class Latch:
     """The newest message of one topic, and the alarms that wait for one. Messages come on the threads of its links."""
 
     def __init__(self, topic: Topic, wake: Callable[[], None], warn: Callable[[str], None]):
         """``wake`` is called when an alarm rings; ``warn`` once for each publisher of unusable messages."""
-        self._feed = FEEDS[topic]
+        self._topic = topic
+        self._type = TYPES[topic]
         self._wake = wake
         self._warn = warn
         self._warned: Set[str] = set()
-        self.name = rospy.resolve_name(topic.value)
+        self.name = rospy.resolve_name(topic.name)
         self._links: Dict[str, Link] = {}  # by the publisher's address; replaced as a whole
         self.count = 0  # messages since there is a connection
         self.last_arrival = self._since = time.monotonic()  # of the last of them, and of the first
@@ -68,9 +56,14 @@ class Latch:
     # ------------------------------------------------------------------------------------------------------ publishers
 
     @property
+    def is_continuous(self) -> bool:
+        """Whether silence means something: see ``Topic``."""
+        return self._topic.is_continuous
+
+    @property
     def type_name(self) -> str:
         """The ROS type that is expected here."""
-        return self._feed.type._type
+        return self._topic.type
 
     @property
     def is_connected(self) -> bool:
@@ -100,7 +93,7 @@ class Latch:
         for uri in set(self._links).difference(links):
             self._links[uri].end()
         for uri in set(uris).difference(links):
-            links[uri] = Link(uri, self.name, self._feed.type, self._has_met, self._receive)
+            links[uri] = Link(uri, self.name, self._type, self._has_met, self._receive)
         self._links = links
 
     def connect_anew(self) -> None:
@@ -110,7 +103,7 @@ class Latch:
 
     def _has_met(self, header: Dict[str, str]) -> bool:
         """Return whether the publisher behind ``header`` sends the expected type."""
-        wanted = self._feed.type
+        wanted = self._type
         if header.get("md5sum") == wanted._md5sum:
             if not self.is_connected:
                 self.count = 0  # how often the topic speaks is learned anew: the silence before was none of its gaps
@@ -162,7 +155,7 @@ class Latch:
     def _decode(self, data: bytes) -> Any:
         """Return the plain data of a message, or None if the bytes are not one of its type."""
         try:
-            return self._feed.read(self._feed.type().deserialize(data))
+            return self._topic.read(self._type().deserialize(data))
         except (genpy.DeserializationError, UnicodeError) as error:
             self._warn_once("broken", "ignoring a message on {} that cannot be decoded: {}".format(self.name, error))
             return None
@@ -203,7 +196,7 @@ class RosTopics(Topics):
 
     def __init__(self, wake: Callable[[], None], warn: Callable[[str], None]):
         """See ``Latch``."""
-        self.latches = {topic: Latch(topic, wake, warn) for topic in Topic}
+        self.latches = {topic: Latch(topic, wake, warn) for topic in INTERFACE.topics}
         for latch in self.latches.values():
             DIRECTORY.subscribe(latch.name, latch.type_name)
         rospy.on_shutdown(DIRECTORY.sign_off)

@@ -7,13 +7,13 @@ from typing import Any, Deque, Dict, List, Optional
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.language.blackboard import Entry
 from behavior_controller.bt.registry import Kind, Registry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
                                         Retried, RunFinished, RunStarted)
-from behavior_controller.gateway import SERVICES, Cause, Topic
+from behavior_controller.gateway import Cause
 from behavior_controller.health import Health
+from behavior_controller.interface.document import INTERFACE
 from behavior_controller.text import clean
 
 LETTERS = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
@@ -54,9 +54,9 @@ class Board:
         self._state = health
         self._called, self._pulsed = 0, 0.0
         self._health: Dict[str, Dict[str, Any]] = {}
-        for kind, names in (("service", SERVICES), ("topic", [topic.value for topic in Topic])):
-            for name in names:
-                self._health[name] = {"kind": kind, "name": name, "well": True, "status": "", "consequence": ""}
+        for kind, offers in (("service", INTERFACE.services), ("topic", INTERFACE.topics)):
+            for offer in offers:
+                self._health[offer.name] = {"kind": kind, "name": offer.name, "well": True, "status": "", "consequence": ""}
         events.subscribe(self._take)
 
     def show(self, tree: Tree) -> None:
@@ -120,10 +120,11 @@ class Board:
 
     def look(self) -> None:
         """Notice what nobody tells: entries that were written, calls that ended, topics that grow older."""
-        if Entry.writes != self._writes:
-            self._writes = Entry.writes
+        writes = self._tree.blackboard.writes if self._tree is not None else 0
+        if writes != self._writes:
+            self._writes = writes
             self.versions["blackboard"] += 1
-        called = sum(count.calls for count in list(self._state.calls.values()))
+        called = sum(count.calls for count in self._state.calls.values())
         if called != self._called:
             self._called = called
             self.versions["health"] += 1

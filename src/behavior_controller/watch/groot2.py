@@ -16,6 +16,8 @@ from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
 import msgpack
+import zmq
+import zmq.asyncio
 from tornado.netutil import bind_sockets
 
 from behavior_controller.bt.checking.checks import CONDITIONS
@@ -25,9 +27,9 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.registry import NodeSpec
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.watch.front import Front
 from behavior_controller.watch.hooks import Hook, Hooks, read_fields
 from behavior_controller.watch.server import LoopThread
-from behavior_controller.watch.zmtp import PublishServer, ReplyServer
 
 PROTOCOL = 2
 CODES = {IDLE: 0, RUNNING: 1, SUCCESS: 2, FAILURE: 3}
@@ -43,6 +45,18 @@ LOOK_INTERVAL = 0.25
 
 PACE = 0.002
 """Seconds between requests that follow each other at once: a client that floods must not slow the mission."""
+
+MOST_REQUEST = 32 * 1024
+"""Bytes of a request."""
+
+MOST_SUBSCRIPTIONS = 4 * 1024
+"""Bytes of all that a client sends to the port of the breakpoints reached, which ZeroMQ keeps in a hundred times as many."""
+
+MOST_QUEUED = 2
+"""Requests and replies that ZeroMQ keeps for each client."""
+
+ZERO_COPY_RECV = 10
+"""libzmq's number of an option that pyzmq does not name: off, a small part does not keep 8 KB of its connection's input."""
 
 MOST_LINES = 20
 """Lines about hooks that the operator is told in a second."""
@@ -105,17 +119,23 @@ class Groot2Publisher:
     # ------------------------------------------------------------------------------------------ on the publisher's thread
 
     def _begin(self) -> None:
-        self._turn = asyncio.Lock()
-        self._publisher = PublishServer()
-        for server, sockets in zip((ReplyServer(self._answer), self._publisher), self._sockets):
-            server.add_sockets(sockets)
-        self._guard = asyncio.ensure_future(self._look_for_client())
+        self._context = zmq.asyncio.Context(1)
+        self._context.set(ZERO_COPY_RECV, 0)
+        self._requests, self._news = self._context.socket(zmq.ROUTER), self._context.socket(zmq.PUB)
+        self._requests.setsockopt(zmq.SNDHWM, MOST_QUEUED)
+        self._requests.setsockopt(zmq.RCVHWM, MOST_QUEUED)
+        self._front = Front(self._requests, MOST_REQUEST)
+        self._front.add_sockets(self._sockets[0])
+        Front(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
         # nothing may hold the robot once nothing looks for a client that is gone
         loop = asyncio.get_event_loop()
-        self._guard.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
+        self._tasks = [asyncio.ensure_future(endless) for endless in (self._serve(), self._look_for_client())]
+        for task in self._tasks:
+            task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
 
     def _end(self) -> None:
         self._close_sockets()
+        self._context.destroy(0)
         if self._shown is not None:
             self._shown.hooks.remove_all()
         if not self._is_closed:
@@ -136,19 +156,27 @@ class Groot2Publisher:
 
     def _publish(self, uid: int) -> None:
         header = struct.pack("<BBI", PROTOCOL, ord("N"), int.from_bytes(os.urandom(4), "little"))
-        self._publisher.publish([header, str(uid).encode()])
+        self._news.send_multipart([header, str(uid).encode()])
 
-    async def _answer(self, frames: List[bytes]) -> List[bytes]:
-        """Return the reply to one request, whatever it is; requests are carried out one by one, and not too fast."""
-        async with self._turn:
-            await asyncio.sleep(max(0.0, self._last_request + PACE - time.monotonic()))
+    async def _serve(self) -> None:
+        """Answer requests one by one, and not too fast; what stands before the empty part goes back to the sender."""
+        while True:
+            parts = await self._requests.recv_multipart()
             self._last_request = time.monotonic()
-            try:
-                return self._reply(frames, self._shown)
-            except Refused as refused:
-                return [b"error", str(refused).encode("utf-8", "replace")]
-            except Exception as error:  # what a client sends, or a value of the mission, must not end the service
-                return [b"error", "{}: {}".format(type(error).__name__, error).encode("utf-8", "replace")]
+            self._front.note_request(parts[0])
+            if b"" in parts[:-1]:
+                start = parts.index(b"") + 1
+                await self._requests.send_multipart(parts[:start] + self._answer(parts[start:]))
+            await asyncio.sleep(PACE)
+
+    def _answer(self, frames: List[bytes]) -> List[bytes]:
+        """Return the reply to one request, whatever it is."""
+        try:
+            return self._reply(frames, self._shown)
+        except Refused as refused:
+            return [b"error", str(refused).encode("utf-8", "replace")]
+        except Exception as error:  # what a client sends, or a value of the mission, must not end the service
+            return [b"error", "{}: {}".format(type(error).__name__, error).encode("utf-8", "replace")]
 
     def _reply(self, frames: List[bytes], shown: "Optional[_Shown]") -> List[bytes]:
         if len(frames[0]) != 6:

@@ -3,15 +3,17 @@
 The rules are BehaviorTree.CPP's (``Monitor::Hook`` of its Groot2 publisher), with one difference: a breakpoint of the
 library stops the ticking thread, ours stops the node, and everything else (stop, deadlines, topics) goes on. An operator
 is told of every hook that is set, acts, or goes: a robot that stands still for a hook must not look like a broken one.
-"""
-import functools
-import json
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
-from behavior_controller.bt.engine.leaf import SyncActionLeaf
-from behavior_controller.bt.engine.node import Node, Result
+``Hooks`` is the list that clients change, on the publisher's thread. Each change is posted to the tick thread, which
+alone sets hooks on nodes (``_NodeHooks``) and posts back which ones have gone by themselves.
+"""
+import collections
+import json
+from typing import Any, Callable, Deque, Dict, Iterable, List, NamedTuple, Optional, Tuple
+
+from behavior_controller.bt.engine.node import Node, NodeHook, Result
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 
 BEFORE, AFTER = 0, 1
 BREAKPOINT, REPLACE = 0, 1
@@ -46,24 +48,117 @@ _FIELDS: Dict[str, Tuple[type, Any, str]] = {
     "desired_status": (str, _STATUSES, ", ".join(_STATUSES))}
 
 
-class Hook:
+class Hook(NamedTuple):
     """One hook of one node. A ``desired_status`` other than SUCCESS and FAILURE has no influence."""
 
-    def __init__(self, uid: int, position: int, mode: int, once: bool, enabled: bool, desired_status: str):
-        self.uid, self.position = uid, position
-        self.mode, self.once, self.enabled, self.desired_status = mode, once, enabled, desired_status
+    uid: int
+    position: int
+    mode: int
+    once: bool
+    enabled: bool
+    desired_status: str
+
+    def as_dict(self) -> Dict[str, Any]:
+        """Return the hook as Groot2 reads it."""
+        return dict(sorted(self._asdict().items()))
+
+
+class Hooks:
+    """All hooks of one tree as its clients know them. Any thread may change them; the nodes follow at the next tick."""
+
+    def __init__(self, tree: Tree, reached: Callable[[int], None], tell: Callable[[str], None]):
+        """``reached`` is told the uid of a node that comes to a breakpoint, ``tell`` a line for the operator.
+
+        Both are called on the tick thread, and must not keep it.
+        """
+        self._clock, self._wake = tree.clock, tree.wake
+        self._nodes: Dict[int, _NodeHooks] = {}
+        self._listed: Dict[Tuple[int, int], Hook] = {}  # by position and uid
+        self._gone: Deque[Hook] = collections.deque()  # filled by the tick thread
+        for node in tree.nodes:
+            self._nodes[node.uid] = _NodeHooks(node, reached, tell, self._gone.append)
+
+    def __bool__(self) -> bool:
+        """Whether there is any."""
+        return bool(self.all())
+
+    def all(self) -> List[Hook]:
+        """Return every hook, those before their nodes first."""
+        self._take_gone_off()
+        return [hook for _, hook in sorted(list(self._listed.items()))]
+
+    def _take_gone_off(self) -> None:
+        """Forget what the tick thread has removed, unless another hook was set in its place meanwhile."""
+        try:
+            while True:
+                hook = self._gone.popleft()
+                if self._listed.get((hook.position, hook.uid)) is hook:
+                    self._listed.pop((hook.position, hook.uid), None)
+        except IndexError:
+            pass
+
+    def insert(self, hooks: Iterable[Hook]) -> None:
+        """Add each hook, or change the one at its place; a hook of an unknown node is passed over, as the library does."""
+        # of many for one place the last one counts: a client that floods shall not keep the tick thread
+        newest = {(hook.position, hook.uid): hook for hook in hooks if hook.uid in self._nodes}
+        self._listed.update(newest)
+        for hook in newest.values():
+            self._post(self._nodes[hook.uid].insert, hook)
+
+    def remove(self, position: int, uid: int, reason: str = "") -> bool:
+        """Remove a hook and let its node go on; return whether there was one. The operator is told the ``reason``."""
+        self._take_gone_off()
+        hook = self._listed.pop((position, uid), None)
+        if hook is not None:
+            self._post(self._nodes[uid].remove, hook, reason)
+        return hook is not None
+
+    def unlock(self, position: int, uid: int, desired_status: str, remove: bool) -> bool:
+        """Let a breakpoint go on with this result; return whether there is one."""
+        self._take_gone_off()
+        hook = self._listed.get((position, uid))
+        if hook is None:
+            return False
+        hook = self._listed[position, uid] = hook._replace(desired_status=desired_status, once=hook.once or remove)
+        self._post(self._nodes[uid].release, hook, "lets the node go on")
+        return True
+
+    def disable_all(self) -> None:
+        """Keep every hook, but have none do anything; every breakpoint lets its node go on."""
+        for hook in self.all():
+            disabled = self._listed[hook.position, hook.uid] = hook._replace(enabled=False)
+            self._post(self._nodes[hook.uid].release, disabled, "is disabled")
+
+    def remove_all(self, reason: str = "") -> None:
+        """Remove every hook."""
+        for hook in self.all():
+            self.remove(hook.position, hook.uid, reason)
+
+    def _post(self, change: Callable[..., None], *arguments: Any) -> None:
+        """Have the tick thread make a change, and soon."""
+        self._clock.post(lambda: change(*arguments))
+        self._wake.emit()
+
+
+# -------------------------------------------------------------------------------------------------- on the tick thread
+
+
+class _SetHook:
+    """A hook that is set on a node, and how far it has come."""
+
+    def __init__(self, hook: Hook):
+        self.hook = hook
         self.is_waiting = False  # a breakpoint that was reached
         self.is_unlocked = False
         self.is_told = False  # the operator knows that it decides results
 
-    def as_dict(self) -> Dict[str, Any]:
-        """Return the hook as Groot2 reads it."""
-        return {"desired_status": self.desired_status, "enabled": self.enabled, "mode": self.mode, "once": self.once,
-                "position": self.position, "uid": self.uid}
-
     def release(self) -> None:
         """Let a breakpoint go on."""
         self.is_unlocked = self.is_waiting
+
+    def begin_anew(self) -> None:
+        """Forget that the breakpoint was reached."""
+        self.is_waiting = self.is_unlocked = False
 
 
 class _Held(NamedTuple):
@@ -73,158 +168,115 @@ class _Held(NamedTuple):
     result: Optional[Result]
 
 
-class Hooks:
-    """All hooks of one tree. Insert, remove and the like come from the publisher's thread, ticks from the tree's."""
+class _NodeHooks(NodeHook):
+    """The hooks of one node, which knows them for as long as there is any."""
 
-    def __init__(self, tree: Tree, reached: Callable[[int], None], tell: Callable[[str], None]):
-        """``reached`` is told the uid of a node that comes to a breakpoint, ``tell`` a line for the operator.
-
-        Both are called on the tree's thread too, and must not keep it.
-        """
-        self._nodes: Dict[int, Node] = {node.uid: node for node in tree.nodes}
-        self._wake = tree.wake.emit
+    def __init__(self, node: Node, reached: Callable[[int], None], tell: Callable[[str], None],
+                 gone: Callable[[Hook], None]):
+        """``gone`` is told of each hook that has gone by itself."""
+        self._node = node
         self._reached = reached
         self._tell_line = tell
-        self._hooks: Dict[Tuple[int, int], Hook] = {}  # by position and uid
-        self._held: Dict[int, _Held] = {}
-        self._originals: Dict[int, Any] = {}
+        self._gone = gone
+        self._set: Dict[int, _SetHook] = {}  # by position
+        self._held: Optional[_Held] = None
 
-    def __bool__(self) -> bool:
-        """Whether there is any."""
-        return bool(self._hooks)
+    @property
+    def is_holding(self) -> bool:  # type: ignore[override]
+        """Whether the node waits at a breakpoint."""
+        return self._held is not None
 
-    def all(self) -> List[Hook]:
-        """Return every hook, those before their nodes first."""
-        return [hook for _, hook in sorted(list(self._hooks.items()))]
-
-    def insert(self, hooks: Iterable[Hook]) -> None:
-        """Add each hook, or change the one at its place; a hook of an unknown node is passed over, as the library does."""
-        for hook in hooks:
-            node = self._nodes.get(hook.uid)
-            if node is not None:
-                self._insert(hook, node)
-        self._wake()
-
-    def _insert(self, hook: Hook, node: Node) -> None:
-        before = self._hooks.get((hook.position, hook.uid))
-        if before is not None:
-            before.mode, before.once, before.desired_status = hook.mode, hook.once, hook.desired_status
-            before.enabled, before.is_told = hook.enabled, False
-            if not hook.enabled:
-                before.release()
-        else:
-            self._hooks[hook.position, hook.uid] = hook
-            self._attach(node)
+    def insert(self, hook: Hook) -> None:
+        """Set ``hook``, or change the one at its place."""
+        self._node.hook = self
+        found = self._set.setdefault(hook.position, _SetHook(hook))
+        found.is_told = False
+        found.hook = hook
+        if not hook.enabled:
+            found.release()
         self._tell(hook, "is set{}{}".format("" if hook.mode == BREAKPOINT else " to " + hook.desired_status,
                                              "" if hook.enabled else ", but disabled"))
 
-    def remove(self, position: int, uid: int, reason: str = "") -> bool:
-        """Remove a hook and let its node go on; return whether there was one. The operator is told the ``reason``."""
-        hook = self._hooks.pop((position, uid), None)
-        if hook is not None:
-            hook.enabled = False
-            hook.release()
-            self._wake()
+    def release(self, hook: Hook, text: str) -> None:
+        """Change the one at its place to ``hook`` and let a breakpoint go on; the operator is told ``text``."""
+        found = self._set.get(hook.position)
+        if found is None:
+            self._gone(hook)  # its turn to go by itself came first
+            return
+        found.hook = hook
+        found.release()
+        self._tell(hook, text)
+
+    def remove(self, hook: Hook, reason: str) -> None:
+        """Remove the hook at this one's place, and let the node go on."""
+        if self._set.pop(hook.position, None) is not None:
             self._tell(hook, "is removed" + reason)
-        return hook is not None
+            self._leave()
 
-    def unlock(self, position: int, uid: int, desired_status: str, remove: bool) -> bool:
-        """Let a breakpoint go on with this result; return whether there is one."""
-        hook = self._hooks.get((position, uid))
-        if hook is None:
-            return False
-        hook.desired_status = desired_status
-        hook.once = hook.once or remove
-        hook.release()
-        self._wake()
-        self._tell(hook, "lets the node go on")
-        return True
-
-    def disable_all(self) -> None:
-        """Keep every hook, but have none do anything; every breakpoint lets its node go on."""
-        for hook in self.all():
-            hook.enabled = False
-            hook.release()
-            self._tell(hook, "is disabled")
-        self._wake()
-
-    def remove_all(self, reason: str = "") -> None:
-        """Remove every hook."""
-        for hook in self.all():
-            self.remove(hook.position, hook.uid, reason)
+    def _leave(self) -> None:
+        """Leave the node alone if nothing is left to do."""
+        if not self._set and self._held is None:
+            self._node.hook = None
 
     def _tell(self, hook: Hook, text: str) -> None:
         self._tell_line("Groot2: {} {} {} {}".format(
             "breakpoint" if hook.mode == BREAKPOINT else "replacement", "before" if hook.position == BEFORE else "after",
-            self._nodes[hook.uid].full_path, text))
+            self._node.full_path, text))
 
-    # ------------------------------------------------------------------------------------------- on the tree's thread
+    def before(self, node: Node) -> Optional[Result]:
+        """Return what is decided in place of the node's rule, if anything; its own result if it waits with that."""
+        held, self._held = self._held, None
+        if held is not None and node.status is RUNNING:
+            waiting = self._set.get(BEFORE if held.result is None else AFTER)
+            if waiting is not None and waiting.is_waiting and not waiting.is_unlocked:
+                self._held = held
+                return RUNNING
+            node.status = held.status  # it has not run yet, or has its result already: RUNNING was ours
+            if held.result is not None:
+                return held.result
+        return self._ask(node, BEFORE, None)
 
-    def _attach(self, node: Node) -> None:
-        """Have ``node`` look at its hooks when it is ticked. It does so from then on; nodes without hooks never do."""
-        if node.uid in self._originals:
-            return
-        self._originals[node.uid] = node.update
-        node.update = functools.partial(self._update, node)  # type: ignore[method-assign]
-        if isinstance(node, SyncActionLeaf):  # whose execute refuses RUNNING, as a node at a breakpoint is
-            node.execute = functools.partial(Node.execute_with_conditions, node)  # type: ignore[method-assign]
-        halt = node.halt
-        node.halt = functools.partial(self._halt, node, halt)  # type: ignore[method-assign]
+    def after(self, node: Node, result: Result) -> Result:
+        """Return the result, or what is decided instead."""
+        if result is SUCCESS or result is FAILURE:
+            decided = self._ask(node, AFTER, result)
+            result = result if decided is None else decided
+        self._leave()
+        return result
 
-    def _update(self, node: Node) -> Result:
-        """Tick ``node`` as its hooks want it."""
-        held = self._held.get(node.uid)
-        if held is None or node.status is not RUNNING:
-            return self._begin(node)
-        hook = self._hooks.get((BEFORE if held.result is None else AFTER, node.uid))
-        if hook is not None and hook.is_waiting and not hook.is_unlocked:
-            return RUNNING
-        del self._held[node.uid]
-        node.status = held.status  # it has not run yet, or has its result already: RUNNING was ours
-        return self._begin(node) if held.result is None else self._finish(node, held.result)
-
-    def _begin(self, node: Node) -> Result:
-        decided = self._ask(node, BEFORE, None)
-        if decided is RUNNING:
-            return RUNNING
-        return self._finish(node, self._originals[node.uid]() if decided is SKIPPED else decided)
-
-    def _finish(self, node: Node, result: Result) -> Result:
-        if result is not SUCCESS and result is not FAILURE:
-            return result
-        decided = self._ask(node, AFTER, result)
-        return result if decided is SKIPPED else decided
-
-    def _ask(self, node: Node, position: int, result: Optional[Result]) -> Result:
-        """Return what a hook decides: SKIPPED for nothing, RUNNING for a breakpoint that waits."""
-        hook = self._hooks.get((position, node.uid))
-        if hook is None or not (hook.enabled or hook.is_unlocked):
-            return SKIPPED
-        if hook.mode == BREAKPOINT and not hook.is_unlocked:
-            if not hook.is_waiting:
-                hook.is_waiting = True
+    def _ask(self, node: Node, position: int, result: Optional[Result]) -> Optional[Result]:
+        """Return what a hook decides, if anything; RUNNING for a breakpoint that waits."""
+        found = self._set.get(position)
+        if found is None or not (found.hook.enabled or found.is_unlocked):
+            return None
+        if found.hook.mode == BREAKPOINT and not found.is_unlocked:
+            self._held = _Held(node.status, result)
+            if not found.is_waiting:
+                found.is_waiting = True
                 self._reached(node.uid)
-                self._tell(hook, "holds the node")
-            self._held[node.uid] = _Held(node.status, result)
+                self._tell(found.hook, "holds the node")
             return RUNNING
-        hook.is_waiting = hook.is_unlocked = False
-        decided = _RESULTS.get(hook.desired_status, SKIPPED) if hook.enabled else SKIPPED
-        if decided is not SKIPPED and not hook.is_told:
-            hook.is_told = hook.mode == REPLACE  # told once: it may decide at every tick
+        found.begin_anew()
+        return self._decide(found, result)
+
+    def _decide(self, found: _SetHook, result: Optional[Result]) -> Optional[Result]:
+        """Return the result that the hook wants, if any; one that acts once goes with it."""
+        hook = found.hook
+        decided = _RESULTS.get(hook.desired_status) if hook.enabled else None
+        if decided is not None and not found.is_told:
+            found.is_told = hook.mode == REPLACE  # told once: it may decide at every tick
             self._tell(hook, "decides {} {}".format(hook.desired_status, "and the node is not run" if result is None else
                                                     "instead of the node's {}".format(NAMES[result])))
-        if hook.once and self._hooks.pop((position, node.uid), None) is not None:
+        if hook.once:
+            del self._set[hook.position]
+            self._gone(hook)
             self._tell(hook, "is removed")
         return decided
 
-    def _halt(self, node: Node, halt: Callable[[], None]) -> None:
-        """Halt ``node``; one that waits at a breakpoint before its work has none to halt."""
-        held = self._held.pop(node.uid, None)
-        for position in (BEFORE, AFTER):
-            hook = self._hooks.get((position, node.uid))
-            if hook is not None:
-                hook.is_waiting = hook.is_unlocked = False
-        if held is not None and held.result is None and held.status is IDLE:
-            node.reset()
-        else:
-            halt()
+    def halt(self, node: Node) -> bool:
+        """Begin anew; return whether ``node`` has work to halt: one that waits at a breakpoint before it has none."""
+        held, self._held = self._held, None
+        for each in self._set.values():
+            each.begin_anew()
+        self._leave()
+        return held is None or held.result is not None or held.status is not IDLE

@@ -5,9 +5,6 @@ traversal that saw it, and each message in the traversal that looked at it. The 
 thread of its own makes lines of it, a little later, so that it competes with nothing that the robot waits for.
 """
 import collections
-import dataclasses
-import hashlib
-import json
 import os
 import shutil
 import threading
@@ -17,16 +14,15 @@ from typing import Any, BinaryIO, Callable, Deque, Dict, List, Optional, Tuple, 
 from behavior_controller import folders
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.language.document import LARGEST
-from behavior_controller.events import Event, RunStarted
-from behavior_controller.gateway import REQUESTS, Answer, Call, Failure, Gateway, Request, Sample, Topic, Topics
-from behavior_controller.text import Unreadable, read_bytes
-from behavior_controller.watch.board import LETTERS
+from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
+from behavior_controller.interface import Topic
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import Answer, Request
+from behavior_controller.watch.codec import (FORMAT, LETTERS, VERSION, Answered, Asked, Entry, Header, Letter, Lost,
+                                             Message, Tick, TreeNode, TreeShown, encode)
+from behavior_controller.watch.plain import Count
 
 FILE_NAME = "mission.jsonl"
-
-LOST = "Lost"
-"""The event that stands where lines did not fit into the queue."""
 
 MOST_BYTES = 50_000_000
 """No record is larger; a longer run is recorded up to there."""
@@ -61,9 +57,9 @@ class Record:
         self._clock = clock
         self._complain = complain
         self._lost = 0  # notes that did not fit since the last one that did
-        self._notes: Deque[Tuple[str, float, Dict[str, Any]]] = collections.deque()
+        self._notes: Deque[Tuple[float, Entry]] = collections.deque()
         self._is_over = threading.Event()
-        self._changes: List[Tuple[int, str]] = []  # of this traversal
+        self._changes: List[Tuple[int, Letter]] = []  # of this traversal
         self._is_first = self._is_traversing = False
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Optional[Sample]] = {}
@@ -89,20 +85,20 @@ class Record:
 
     # --------------------------------------------------------------------------------------------------------- writing
 
-    def _put(self, event_name: str, **fields: Any) -> None:
-        """Note what happened, and wake nobody; values that JSON does not know are made plain later."""
+    def __call__(self, entry: Entry) -> None:
+        """Note what happened, and wake nobody: a line is made of it later."""
         if self._thread is None:
             return
         if len(self._notes) >= MOST_WAITING:
             self._lost += 1
             return
         self._note_loss()
-        self._notes.append((event_name, time.time(), fields))
+        self._notes.append((time.time(), entry))
 
     def _note_loss(self) -> None:
         """Put a line where lines are missing."""
         if self._lost:
-            self._notes.append((LOST, time.time(), {"lines": self._lost}))
+            self._notes.append((time.time(), Lost(self._lost)))
             self._lost = 0
 
     def _write(self) -> None:
@@ -119,7 +115,8 @@ class Record:
         self._notes.clear()
 
     def _fill(self, file: BinaryIO) -> None:
-        is_last, written = False, 0
+        is_last = False
+        written = file.write(encode(time.time(), Header(FORMAT, VERSION, os.getpid())))
         while not is_last:
             is_last = self._is_over.wait(REST)
             while self._notes:
@@ -131,32 +128,21 @@ class Record:
                 file.write(line)
             file.flush()
 
-    def _line(self, name: str, when: float, fields: Dict[str, Any]) -> bytes:
-        if name == LOST:
+    def _line(self, when: float, entry: Entry) -> bytes:
+        if isinstance(entry, Lost):
             self._complain("the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
-                self.path, fields["lines"]))
-        if name == RunStarted.__name__:
-            fields["sha256"] = sha256(fields["mission"])
-        line = dict({"event": name, "time": when}, **{key: _plain(value) for key, value in fields.items()})
-        # a lone surrogate is written as JSON escapes it
-        return (json.dumps(line, ensure_ascii=False, default=str) + "\n").encode("utf-8", "backslashreplace")
+                self.path, entry.lines))
+        return encode(when, entry)
 
     # ----------------------------------------------------------------------------------------------------- what happens
-
-    def __call__(self, event: Event) -> None:
-        """Record an event."""
-        if isinstance(event, RunStarted):
-            self._put("RunStarted", pid=os.getpid(), **event._asdict())
-        else:
-            self._put(type(event).__name__, **event._asdict())
 
     def show(self, tree: Tree) -> None:
         """Record ``tree`` from now on."""
         tree.subscribe(self._observe)
         tree.traversals = self
-        self._put("Tree", id=tree.id, nodes=[
-            [node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0]
-            for node in tree.nodes])
+        self(TreeShown(tree.id, [
+            TreeNode(node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0)
+            for node in tree.nodes]))
 
     def begin(self, is_first: bool) -> None:
         """A traversal begins, the first one of a tick or a further one."""
@@ -167,7 +153,7 @@ class Record:
     def end(self) -> None:
         """The traversal is over."""
         self._is_traversing = False
-        self._put("Tick", at=self._clock.now(), first=self._is_first, changes=self._changes)
+        self(Tick(self._clock.now(), self._is_first, self._changes))
 
     def _observe(self, node: Any, old: Any, new: Any) -> None:
         if self._is_traversing:  # what is halted or reset between two traversals follows from what is recorded
@@ -184,20 +170,20 @@ class Record:
     def asked(self, request: Request) -> int:
         """Record a request and return its number."""
         self._calls += 1
-        self._put("Asked", call=self._calls, service=request.service, request=request)
+        self(Asked(Count(self._calls), INTERFACE.service(type(request)).name, request))
         return self._calls
 
     def answered(self, call: int, result: Union[Answer, Failure]) -> None:
         """Record that the mission saw the answer of a call."""
-        self._put("Answered", call=call, **{"failure" if isinstance(result, Failure) else "answer": result})
+        self(Answered(Count(call), result))
 
     def looked_at(self, topic: Topic, sample: Optional[Sample]) -> None:
         """Record that the mission looked at the newest message of a topic, if that was another one than last time."""
         self._reads[topic] = self._reads.get(topic, 0) + 1
         if sample is not self._seen.get(topic):
             self._seen[topic] = sample
-            self._put("Message", topic=topic.value, read=self._reads[topic], value=sample.value if sample else None,
-                      arrived=sample.arrived if sample else 0.0)
+            value, arrived = sample or (None, 0.0)
+            self(Message(topic.name, Count(self._reads[topic]), value, arrived))
 
 
 class _Gateway(Gateway):
@@ -253,25 +239,3 @@ class _Topics(Topics):
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
         """Set the alarm."""
         self._inner.wake_when(key, topic, wanted)
-
-
-def plain_request(request: Request) -> List[Any]:
-    """Return a request as JSON holds it: its kind and its fields."""
-    return [type(request).__name__, json.loads(json.dumps(dataclasses.asdict(request)))]
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON can hold it: failures as objects, other records as lists."""
-    if isinstance(value, REQUESTS):
-        return plain_request(value)
-    if isinstance(value, Failure):
-        return {"cause": value.cause.value, "message": value.message, "resource": value.resource}
-    return value
-
-
-def sha256(path: str) -> str:
-    """Return the hash of a file; empty if it cannot be read."""
-    try:
-        return hashlib.sha256(read_bytes(path, LARGEST)).hexdigest()
-    except Unreadable:
-        return ""

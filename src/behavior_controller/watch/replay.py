@@ -4,51 +4,47 @@ import glob
 import itertools
 import os
 import sys
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, TypeVar, Union
 
 from behavior_controller import folders, leaves, phrases, policy, settings
+from behavior_controller.bt.compiler import build, load_mission
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
-from behavior_controller.events import Events, HealthChanged
-from behavior_controller.gateway import (Answer, AttentionStatus, Call, Cause, Exhibit, Faces, Failure, Gateway,
-                                         Location, Point, Request, Sample, Topic, Topics)
+from behavior_controller.errors import BehaviorControllerError, Fault, FaultsFound, MissionError
+from behavior_controller.events import Events, HealthChanged, PassFinished, PassStarted, RunStarted
+from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
+from behavior_controller.interface import Topic
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import Answer, Request
 from behavior_controller.leaves.base import MissionContext
-from behavior_controller.leaves.vocabulary import load as load_mission
-from behavior_controller.text import Unreadable, clean, read_bytes
-from behavior_controller.watch.board import LETTERS
-from behavior_controller.watch.record import FILE_NAME, LOST, MOST_BYTES, plain_request, sha256
+from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.text import Source, Unreadable, clean, read_bytes
+from behavior_controller.watch.codec import (LETTERS, Answered, Asked, Entry, Line, Lost, Message, Tick, TreeNode,
+                                             TreeShown, decode)
+from behavior_controller.watch.record import FILE_NAME, MOST_BYTES
 from behavior_controller.watch.report import to_html
-from behavior_controller.watch.shape import RecordShape
+
+Part = TypeVar("Part")
 
 LATEST = "latest"
 """What is given for the newest record of the default folder."""
-
-Line = Dict[str, Any]
-READ = {
-    Topic.FACES: lambda value: Faces(tuple(value[0]), tuple(value[1])),
-    Topic.ATTENTION: lambda value: AttentionStatus(*value),
-    Topic.SPEECH: lambda value: value,
-}
 
 
 class Outcome(NamedTuple):
     """What a replay found. ``parting`` says where the paths part; empty: they are the same."""
 
-    mission: str
-    is_edited: bool
     passes: int
     changes: int
     parting: str = ""
 
     def __str__(self) -> str:
-        """Return the lines for a person."""
-        edited = "{} has changed since the record was made\n".format(clean(self.mission)) if self.is_edited else ""
+        """Return the line for a person."""
         if self.parting:
-            return edited + "the paths part {}".format(clean(self.parting))
-        return edited + "the same path: {} passes, {} changes of status".format(self.passes, self.changes)
+            return "the paths part {}".format(clean(self.parting))
+        return "the same path: {} passes, {} changes of status".format(self.passes, self.changes)
 
 
 class Parted(Exception):
@@ -67,102 +63,110 @@ def find_record(name: str) -> str:
 
 
 def read_record(path: str) -> List[Line]:
-    """Return the lines of a record, without a torn end. Raises MissionError, which names the first line that is none."""
+    """Return the lines of a record. Raises MissionError, which says why it cannot be read, or what is wrong with it."""
     try:
-        lines = read_bytes(path, MOST_BYTES).split(b"\n")
+        data = read_bytes(path, MOST_BYTES)
     except Unreadable as error:
         raise MissionError([Fault(path, 0, 0, "the record cannot be read: {}".format(error))]) from error
-    found: List[Line] = []
-    shape = RecordShape()
-    del lines[-1]  # what follows the last line's end was torn when the node was killed
-    for number, line in enumerate(lines, 1):
-        try:
-            found.append(shape.line(line))
-        except ValueError as error:
-            raise MissionError([Fault(path, number, 1, "this is no line of a record: {}".format(error),
-                                      "a record is written by the node")]) from error
-    if not shape.has_mission:
-        raise MissionError([Fault(path, 0, 0, "the record has no mission in it",
-                                  "was the node stopped before it began?")])
-    return found
+    return decode(data, path)
 
 
-def replay(lines: List[Line]) -> Outcome:
-    """Run the record again. Raises BehaviorControllerError if the mission cannot be read any more."""
+def replay(lines: List[Line], mission: Optional[str] = None) -> Outcome:
+    """Run the record again, with the file ``mission`` in place of each mission in it if one is given.
+
+    Raises BehaviorControllerError if that, or what the record holds, cannot be run.
+    """
     replaying: Optional[_Replay] = None
-    is_edited, passes, changes, mission = False, 0, 0, ""
-    tree: Line = {}
-    for line in lines:
-        if line["event"] == "Tree":
-            tree = line
-        if line["event"] == "RunStarted":
-            mission = line["mission"]
-            is_edited = is_edited or sha256(mission) != line["sha256"]
-            replaying = _Replay(line, [entry[0] for entry in tree["nodes"]])
+    passes, changes = 0, 0
+    nodes: List[TreeNode] = []
+    for _, entry in lines:
+        if isinstance(entry, TreeShown):
+            nodes = entry.nodes
+        elif isinstance(entry, RunStarted):
+            replaying = _Replay(entry, nodes, mission)
         elif replaying is not None:
-            passes += line["event"] == "PassFinished"
+            passes += isinstance(entry, PassFinished)
             try:
-                changes += replaying.take(line)
+                changes += replaying.take(entry)
             except Parted as parted:
-                return Outcome(mission, is_edited, passes, changes, "in pass {}, {}".format(passes + 1, parted))
-    return Outcome(mission, is_edited, passes, changes)
+                return Outcome(passes, changes, "in pass {}, {}".format(passes + 1, parted))
+    return Outcome(passes, changes)
+
+
+def _restored(what: str, read: Callable[[], Part]) -> Part:
+    """Return what a record holds. Raises MissionError, in one line, if this release cannot use it."""
+    try:
+        return read()
+    except FaultsFound as found:
+        more = len(found.faults) - 1
+        raise _unusable("its {} cannot be used: {}{}".format(
+            what, found.faults[0], "; and {} more".format(more) if more else "")) from found
+
+
+def _unusable(text: str) -> MissionError:
+    return MissionError([Fault("the record", 0, 0, text, "replay it with the release that wrote it")])
 
 
 class _Replay:
     """One mission of a record, and the world as it was told."""
 
-    def __init__(self, started: Line, paths: List[str]):
+    def __init__(self, started: RunStarted, nodes: List[TreeNode], mission: Optional[str]):
+        sources = started.sources
+        if sources.interface != INTERFACE.name:
+            raise _unusable("its interface is {}; this release has {}".format(sources.interface, INTERFACE.name))
         self.clock = ManualClock()
-        self.tree: Tree = load_mission(started["mission"], clock=self.clock)
-        self._paths = paths  # of the record's nodes, by uid - 1
+        self.tree = _restored("mission", lambda: self._built(sources.documents)) if mission is None else load_mission(
+            mission, registry(), clock=self.clock)
+        self._nodes = nodes  # of the record, by uid - 1
         self._world = _World()
         self._health = Health()
         self._began: Optional[float] = None
         self._now: List[Tuple[str, str]] = []
-        chosen = settings.recorded(started["settings"], "settings of the record")
-        events = Events()
+        chosen = _restored("configuration", lambda: settings.recorded(started.settings, "settings"))
+        spoken = _restored("phrases", lambda: phrases.read(sources.phrases))
+        rules = _restored("recovery policy", lambda: policy.read(sources.policy, leaves.SPECS))
         self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
         self._mission = MissionContext(
-            self._world, self._world, chosen, phrases.load(chosen.language),
-            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, events, self._health)
+            self._world, self._world, chosen, spoken, rules, self.clock, Events(), self._health)
         self.tree.setup(mission=self._mission)
 
-    def take(self, line: Line) -> int:
-        """Take in one line; a traversal is made again and compared. Return how many statuses it changed."""
-        kind = line["event"]
-        if kind in ("Asked", "Answered", "Message"):
-            self._world.take(line)
-        elif kind == LOST:
-            raise Parted("the record lacks {} lines".format(line["lines"]))
-        elif kind == "PassStarted":
-            self.clock._now = line["at"]
-            self._mission.begin_visit(self.tree.blackboard, line["at"])
-        elif kind == "HealthChanged":
-            change = HealthChanged(*(line[name] for name in HealthChanged._fields))
-            self._health.report(change.respect, change)
+    def _built(self, documents: Sequence[Source]) -> Tree:
+        return build([parse(text, file) for file, text in documents], registry(), clock=self.clock)
+
+    def take(self, entry: Entry) -> int:
+        """Take in one entry; a traversal is made again and compared. Return how many statuses it changed."""
+        if isinstance(entry, (Asked, Answered, Message)):
+            self._world.take(entry)
+        elif isinstance(entry, Lost):
+            raise Parted("the record lacks {} lines".format(entry.lines))
+        elif isinstance(entry, PassStarted):
+            self.clock.set_to(entry.at)
+            self._mission.begin_visit(self.tree.blackboard, entry.at)
+        elif isinstance(entry, HealthChanged):
+            self._health.report(entry.respect, entry)
             self._health.publish(Events())
-        elif kind == "Tick":
-            return self._traverse(line)
+        elif isinstance(entry, Tick):
+            return self._traverse(entry)
         return 0
 
-    def _traverse(self, line: Line) -> int:
-        self.clock._now = line["at"]
-        self._began = line["at"] if self._began is None else self._began
+    def _traverse(self, tick: Tick) -> int:
+        self.clock.set_to(tick.at)
+        self._began = tick.at if self._began is None else self._began
         self._now.clear()
         self._world.begin()
         result: Any = None
         try:
-            if line["first"]:
+            if tick.first:
                 self.clock.run_due()
             result = self.tree.root.execute()
         except BehaviorControllerError:
             pass  # it ended a pass of the recorded run too
-        self._compare([(self._paths[uid - 1], letter) for uid, letter in line["changes"]], line["at"] - self._began)
+        self._compare([(self._nodes[uid - 1].path, letter) for uid, letter in tick.changes], tick.at - self._began)
         if result is SUCCESS or result is FAILURE:
             self.tree.root.reset()
         elif result is not RUNNING:
             self.tree.halt()
-        return len(line["changes"])
+        return len(tick.changes)
 
     def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
         """Raise ``Parted`` at the first difference."""
@@ -196,23 +200,22 @@ class _World(Gateway, Topics):
 
     def __init__(self) -> None:
         self._calls: List[_Recorded] = []
-        self._wanted: List[Line] = []  # requests that the traversal is to make
+        self._wanted: List[Request] = []  # requests that the traversal is to make
         self._results: Dict[int, Union[Answer, Failure]] = {}
         self._messages: List[Tuple[Topic, int, Optional[Sample]]] = []
         self._newest: Dict[Topic, Optional[Sample]] = {}
         self._reads: Dict[Topic, int] = {}
         self._difference = ""  # between the requests that are made and the recorded ones
 
-    def take(self, line: Line) -> None:
+    def take(self, entry: Union[Asked, Answered, Message]) -> None:
         """Take in a request, an answer or a message of the traversal that follows."""
-        if line["event"] == "Asked":
-            self._wanted.append(line)
-        elif line["event"] == "Answered":
-            self._results[line["call"]] = _failure(line["failure"]) if "failure" in line else _answer(line["answer"])
+        if isinstance(entry, Asked):
+            self._wanted.append(entry.request)
+        elif isinstance(entry, Answered):
+            self._results[entry.call] = entry.result
         else:
-            topic = Topic(line["topic"])
-            sample = None if line["value"] is None else Sample(READ[topic](line["value"]), line["arrived"])
-            self._messages.append((topic, line["read"], sample))
+            sample = None if entry.value is None else Sample(entry.value, entry.arrived)
+            self._messages.append((INTERFACE.topic(entry.topic), entry.read, sample))
 
     def begin(self) -> None:
         """A traversal begins."""
@@ -226,17 +229,17 @@ class _World(Gateway, Topics):
         call = _Recorded(request)
         self._calls.append(call)
         recorded = self._wanted.pop(0) if self._wanted else None
-        if not self._difference and (recorded is None or recorded["request"] != plain_request(request)):
+        if not self._difference and recorded != request:
             self._difference = "recorded is {}, now it asks {} for {}".format(
-                "no request" if recorded is None else "the request {}".format(recorded["request"]), request.service,
-                plain_request(request))
+                "no request" if recorded is None else "the request {}".format(recorded),
+                INTERFACE.service(type(request)).name, request)
         call.result = self._results.pop(len(self._calls), None)
         return call
 
     def difference(self) -> str:
         """Return how the requests of the traversal differ from the recorded ones; empty if they do not."""
         if self._wanted and not self._difference:
-            return "recorded is the request {}, now there is none".format(self._wanted[0]["request"])
+            return "recorded is the request {}, now there is none".format(self._wanted[0])
         return self._difference
 
     def newest(self, topic: Topic) -> Optional[Sample]:
@@ -252,16 +255,6 @@ class _World(Gateway, Topics):
         """Nobody is to be woken: the record says when the tree was traversed."""
 
 
-def _failure(fields: Dict[str, str]) -> Failure:
-    return Failure(Cause(fields["cause"]), fields["message"], fields["resource"])
-
-
-def _answer(fields: List[Any]) -> Answer:
-    response, exhibits = fields
-    return Answer(response, tuple(Exhibit(name, first, second, Location(*place), Point(*target))
-                                  for name, first, second, place, target in exhibits))
-
-
 # ------------------------------------------------------------------------------------------------------- the command
 
 SAME, BAD_FILE, PARTED = 0, 2, 3
@@ -273,14 +266,17 @@ def main(arguments: Optional[List[str]] = None) -> int:
         prog="replayMission", description="Runs a recorded mission again and says whether it takes the same path.")
     parser.add_argument("record", help="mission.jsonl of a run, its folder, or {}: the newest in {}".format(
         LATEST, folders.records()))
-    parser.add_argument("--report", metavar="OUT.html", help="write a report of the recorded run as a web page instead")
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument("--mission", metavar="FILE",
+                         help="run this file, such as the edited mission, in place of the mission in the record")
+    instead.add_argument("--report", metavar="OUT.html", help="write a report of the recorded run as a web page instead")
     chosen = parser.parse_args(arguments)
     try:
         lines = read_record(find_record(chosen.record))
         if chosen.report:
             _write(chosen.report, to_html(lines))
             return SAME
-        outcome = replay(lines)
+        outcome = replay(lines, chosen.mission)
     except BehaviorControllerError as error:
         print(error, file=sys.stderr)
         return BAD_FILE

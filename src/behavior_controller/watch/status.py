@@ -6,10 +6,10 @@ import queue
 import sys
 import threading
 import time
-from typing import Any, Dict, Iterator, List, Optional, Union
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Union
 
 from behavior_controller.text import clean
-from behavior_controller.watch.expected import NUMBER, mismatch
+from behavior_controller.watch.plain import Wrong, form, inside
 
 SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
 WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure", "r": "was halted",
@@ -31,13 +31,15 @@ MOST_BYTES = 10_000_000
 MOST_WAITING = 100
 """Messages that may wait for a terminal that does not take them."""
 
-SHAPE = {
-    "mission": {"file": str, "nodes": [{"parent": int, "name": str, "kind": str}]},
-    "statuses": {"letters": str},
-    "passes": {"text": str, "ended": str},
-    "trouble": [{"time": str, "text": str}],
-    "health": [{"kind": str, "name": str, "well": bool, "status": str, "consequence": str}],
-    "alive": {"age": (NUMBER, type(None)), "hangs": bool},
+_Node = NamedTuple("_Node", [("parent", int), ("name", str), ("kind", str)])
+_Offer = NamedTuple("_Offer", [("kind", str), ("name", str), ("well", bool), ("status", str), ("consequence", str)])
+PARTS: Dict[str, Any] = {
+    "mission": NamedTuple("_Mission", [("file", str), ("nodes", List[_Node])]),
+    "statuses": NamedTuple("_Statuses", [("letters", str)]),
+    "passes": NamedTuple("_Passes", [("text", str), ("ended", str)]),
+    "trouble": List[NamedTuple("_Trouble", [("time", str), ("text", str)])],  # type: ignore[misc]
+    "health": List[_Offer],
+    "alive": NamedTuple("_Alive", [("age", Optional[float]), ("hangs", bool)]),
 }
 """The board, as far as it is printed."""
 
@@ -159,8 +161,11 @@ def _parsed(text: bytes) -> State:
         found = json.loads(text.decode("utf-8"))
     except (ValueError, RecursionError):
         raise ValueError("the answer is not JSON")
-    wrong = mismatch(found, {}) or mismatch(found, {name: shape for name, shape in SHAPE.items() if name in found})
-    if wrong:
+    try:
+        for name, value in form(Dict[str, Any]).read(found).items():
+            if name in PARTS:
+                inside(name, form(PARTS[name]).read, value)
+    except Wrong as wrong:
         raise ValueError("the answer is not a mission's: {}".format(wrong))
     return found
 
@@ -170,7 +175,7 @@ def _states(messages: _Messages, is_watching: bool) -> Iterator[State]:
     state = messages.get(LIMIT)
     if state is None:
         raise NoMission("no complete answer within {:g} s".format(LIMIT))
-    missing = set(SHAPE) - set(state)
+    missing = set(PARTS) - set(state)
     if missing:
         raise NoMission("the answer is not a mission's: {} is missing".format(min(missing)))
     heard = time.monotonic()

@@ -3,7 +3,7 @@ import json
 from typing import Any, NamedTuple, Tuple
 
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.gateway import Exhibit, Location, Point
+from behavior_controller.interface.records import Exhibit, Location, Point
 from behavior_controller.text import Unreadable, read_text
 
 

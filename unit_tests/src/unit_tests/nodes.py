@@ -3,25 +3,22 @@ import os
 import sys
 import threading
 import time
-from typing import Any, Callable, Dict
+from typing import Any
 
 import rosgraph
 import rospy
-from cssr_system.msg import (exhibitInfoMessage, faceDetectionMessage, gestureMessage, locationMessage,
-                             overtAttentionMessage)
-from cssr_system.srv import (animateBehaviorService, gestureExecutionService, knowledgeBaseService,
-                             overtAttentionService, robotNavigationService, textService)
+from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
 from geometry_msgs.msg import Point
-from std_msgs.msg import String
 
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.gateway import Exhibit
+from behavior_controller.interface.records import Exhibit
+from behavior_controller.ros.types import TYPES
 
 from unit_tests import parameters
 from unit_tests.arrivals import Arrivals
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG, Faults
 from unit_tests.journal import Journal, Line, now
-from unit_tests.robot import SERVICES, TOPICS, Fields
+from unit_tests.robot import SERVICES, TOPICS, Fields, Topic
 
 CRASHED = 9
 """Exit code of a node that dies on purpose; the launch file starts it again."""
@@ -31,13 +28,6 @@ SHORTEST_GAP = 0.001
 
 FACE_CENTRE = Point(320.0, 240.0, 1.5)
 """Where the visitor's face is seen: pixels, and metres from the camera."""
-
-SERVICE_TYPES = {
-    "animateBehavior": animateBehaviorService, "overtAttention": overtAttentionService,
-    "gestureExecution": gestureExecutionService, "textToSpeech": textService,
-    "robotNavigation": robotNavigationService, "knowledgeBase": knowledgeBaseService, "tabletEvent": textService,
-}
-TOPIC_TYPES = {"faceDetection": faceDetectionMessage, "overtAttention": overtAttentionMessage, "speechEvent": String}
 
 
 def main(name: str) -> None:
@@ -60,17 +50,10 @@ def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:
                               locationMessage(*exhibit.location), gestureMessage(*exhibit.gesture))
 
 
-def _faces_message(content: Fields) -> faceDetectionMessage:
-    labels = content["face_label_id"]
-    return faceDetectionMessage(labels, [FACE_CENTRE] * len(labels), content["mutualGaze"])
-
-
-MESSAGES: Dict[str, Callable[[Fields], Any]] = {
-    "faceDetection": _faces_message,
-    "overtAttention": lambda content: overtAttentionMessage(**content),
-    "speechEvent": lambda content: String(**content),
-}
-"""Node -> how its content becomes a message."""
+def _message(topic: Topic, content: Fields) -> Any:
+    """Return what ``topic`` publishes: the content, and for each face where it is seen."""
+    faces = {"centroids": [FACE_CENTRE] * len(content["face_label_id"])} if "face_label_id" in content else {}
+    return TYPES[topic.offer](**content, **faces)
 
 
 class Node:
@@ -96,7 +79,7 @@ class Node:
         """Serve and publish until ROS shuts down."""
         rospy.on_shutdown(self._stopped.set)
         if self._name in SERVICES:
-            rospy.Service(SERVICES[self._name].name, SERVICE_TYPES[self._name], self._handle)
+            rospy.Service(SERVICES[self._name].name, TYPES[SERVICES[self._name].offer], self._handle)
         if self._name in TOPICS:
             self._publish()
         self._stopped.wait()
@@ -146,18 +129,18 @@ class Node:
     def _response(self, answer: Fields) -> Any:
         exhibits = {key: [_exhibit_message(exhibit) for exhibit in value]
                     for key, value in answer.items() if key == "exhibits"}
-        return SERVICE_TYPES[self._name]._response_class(**dict(answer, **exhibits))
+        return TYPES[SERVICES[self._name].offer]._response_class(**dict(answer, **exhibits))
 
     # --------------------------------------------------------------------------------------------------------- topic
 
     def _publish(self) -> None:
         """Publish at Poisson times until ROS shuts down."""
-        name = TOPICS[self._name].name
-        publisher = rospy.Publisher(name, TOPIC_TYPES[self._name], queue_size=10, tcp_nodelay=True)
+        topic = TOPICS[self._name]
+        publisher = rospy.Publisher(topic.name, TYPES[topic.offer], queue_size=10, tcp_nodelay=True)
         for due in Arrivals(self._test.arrival_rate, self._seed("arrivals")).times(time.monotonic()):
             if self._stopped.wait(max(due - time.monotonic(), SHORTEST_GAP)):
                 return
-            publisher.publish(MESSAGES[self._name](self._content()))
+            publisher.publish(_message(topic, self._content()))
 
     def _content(self) -> Fields:
         """Return what the next message says; the journal gets what differs from the last."""

@@ -10,15 +10,17 @@ from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Event, Events, LeafFinished, PassFinished
-from behavior_controller.gateway import (Answer, AttentionStatus, Faces, FakeGateway, FakeTopics, GoTo, Prompt,
-                                         QueryKnowledge, Request, Say, SetAttention, Topic)
+from behavior_controller.gateway import FakeGateway, FakeTopics
+from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
+from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, Prompt, QueryKnowledge,
+                                                   Request, Say, SetAttention)
 from behavior_controller.leaves.base import MissionContext, MissionLeaf
 from behavior_controller.leaves.vocabulary import load as load_mission
 from behavior_controller.runner import Runner, Running
 
 from unit_tests.exhibits import Knowledge
 from unit_tests.journal import Line
-from unit_tests.robot import SERVICES, TOPICS, World
+from unit_tests.robot import TOPICS, World
 from unit_tests.visitor import Manners, Visitor
 
 STEP = 0.5
@@ -51,9 +53,9 @@ class _Stage(Runner):
         self.steps += 1
         self.clock.advance(STEP)
         faces = TOPICS["faceDetection"].content(self.world)
-        self.topics.publish(Topic.FACES, Faces(tuple(faces["face_label_id"]), tuple(faces["mutualGaze"])))
-        self.topics.publish(Topic.ATTENTION, AttentionStatus(**TOPICS["overtAttention"].content(self.world)))
-        self.topics.publish(Topic.SPEECH, TOPICS["speechEvent"].content(self.world)["data"])
+        self.topics.publish(FACES, Faces(tuple(faces["face_label_id"]), tuple(faces["mutualGaze"])))
+        self.topics.publish(ATTENTION, AttentionStatus(**TOPICS["overtAttention"].content(self.world)))
+        self.topics.publish(SPEECH, TOPICS["speechEvent"].content(self.world)["data"])
 
 
 def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: Knowledge) -> Optional[Rehearsal]:
@@ -84,8 +86,8 @@ def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: 
 
 def _answer(request: Request, world: World) -> Answer:
     """Do what the simulated nodes do with a request, and let the visitor see it."""
-    node = next(node for node, service in SERVICES.items() if service.name == request.service)
-    world.visitor.notice(Line(0.0, node, request.service, 1, _fields(request)))
+    service = INTERFACE.service(type(request))
+    world.visitor.notice(Line(0.0, service.node, service.name, 1, _fields(request)))
     if isinstance(request, QueryKnowledge):
         return Answer(exhibits=world.knowledge.query(request.what))
     if isinstance(request, Prompt):

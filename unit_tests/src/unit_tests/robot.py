@@ -1,8 +1,11 @@
 """What each of the nine simulated nodes does with a request and what it has to publish, as plain data."""
 import math
-from typing import Any, Callable, Dict, NamedTuple, Optional
+from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple
 
-from behavior_controller.gateway import Exhibit, Location, Point
+from behavior_controller import interface
+from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
+from behavior_controller.interface.records import (Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
+                                                   QueryKnowledge, Say, SetAnimation, SetAttention)
 
 from unit_tests.exhibits import Knowledge
 from unit_tests.visitor import GAZE_VALUES, Visitor
@@ -22,13 +25,18 @@ class World(NamedTuple):
 
 
 class Service(NamedTuple):
-    """A service. ``object_to`` says what is wrong with a request; ``answer`` is what success looks like."""
+    """A simulated service. ``object_to`` says what is wrong with a request; ``answer`` is what success looks like."""
 
-    name: str
+    offer: interface.Service
     object_to: Callable[[Fields], Optional[str]]
     answer: Callable[[Fields, World], Fields]
     refusal: Fields
     wrong: Optional[Fields] = None  # an answer of the right type that means nothing, if there is one
+
+    @property
+    def name(self) -> str:
+        """The canonical name."""
+        return self.offer.name
 
 
 def _allow(field: str, *values: str) -> Callable[[Fields], Optional[str]]:
@@ -72,24 +80,27 @@ def _press(request: Fields, world: World) -> Fields:
 NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
 """A place that cannot be driven to."""
 
-SERVICES: Dict[str, Service] = {
-    "animateBehavior": Service("/animateBehaviour/set_activation", _allow("state", "enabled", "disabled"),
-                               _fixed(success="1"), {"success": "0"}, {"success": "perhaps"}),
-    "overtAttention": Service("/overtAttention/set_mode",
-                              _allow("state", "disabled", "social", "scanning", "seeking", "location"),
-                              _fixed(mode_set_success=1), {"mode_set_success": 0}, {"mode_set_success": 7}),
-    "gestureExecution": Service("/gestureExecution/perform_gesture", _object_to_gesture,
-                                _fixed(gesture_success=1), {"gesture_success": 0}, {"gesture_success": 7}),
-    "textToSpeech": Service("/textToSpeech/say_text", _object_to_text,
-                            _fixed(success=True, response=""), {"success": False, "response": ""}),
-    "robotNavigation": Service("/robotNavigation/set_goal", _object_to_goal,
-                               _fixed(navigation_goal_success=1), {"navigation_goal_success": 0},
-                               {"navigation_goal_success": 7}),
-    "knowledgeBase": Service("/knowledgeBase/query", _object_to_query,
-                             _exhibits, {"success": False, "exhibits": []}, {"success": True, "exhibits": [NOWHERE]}),
-    "tabletEvent": Service("/tabletEvent/prompt_and_get_response", _object_to_text,
-                           _press, {"success": False, "response": ""}, {"success": True, "response": "Perhaps"}),
-}
+def _service(request: type, *behaviour: Any) -> Tuple[str, Service]:
+    offer = INTERFACE.service(request)
+    return offer.node, Service(offer, *behaviour)
+
+
+SERVICES: Dict[str, Service] = dict((
+    _service(SetAnimation, _allow("state", "enabled", "disabled"),
+             _fixed(success="1"), {"success": "0"}, {"success": "perhaps"}),
+    _service(SetAttention, _allow("state", "disabled", "social", "scanning", "seeking", "location"),
+             _fixed(mode_set_success=1), {"mode_set_success": 0}, {"mode_set_success": 7}),
+    _service(PerformGesture, _object_to_gesture,
+             _fixed(gesture_success=1), {"gesture_success": 0}, {"gesture_success": 7}),
+    _service(Say, _object_to_text,
+             _fixed(success=True, response=""), {"success": False, "response": ""}),
+    _service(GoTo, _object_to_goal,
+             _fixed(navigation_goal_success=1), {"navigation_goal_success": 0}, {"navigation_goal_success": 7}),
+    _service(QueryKnowledge, _object_to_query,
+             _exhibits, {"success": False, "exhibits": []}, {"success": True, "exhibits": [NOWHERE]}),
+    _service(Prompt, _object_to_text,
+             _press, {"success": False, "response": ""}, {"success": True, "response": "Perhaps"}),
+))
 """Node -> its service (table 3)."""
 
 
@@ -97,10 +108,15 @@ SERVICES: Dict[str, Service] = {
 
 
 class Topic(NamedTuple):
-    """A topic of the robot. ``content`` is the next message; a new content is worth a line in the journal."""
+    """A simulated topic. ``content`` is the next message; a new content is worth a line in the journal."""
 
-    name: str
+    offer: interface.Topic
     content: Callable[[World], Fields]
+
+    @property
+    def name(self) -> str:
+        """The canonical name."""
+        return self.offer.name
 
 
 def _faces(world: World) -> Fields:
@@ -123,12 +139,8 @@ def _utterance(world: World) -> Fields:
     return {"data": world.visitor.utterance()}
 
 
-TOPICS: Dict[str, Topic] = {
-    "faceDetection": Topic("/faceDetection/data", _faces),
-    "overtAttention": Topic("/overtAttention/mode", _attention),
-    "speechEvent": Topic("/speechEvent/text", _utterance),
-}
+TOPICS: Dict[str, Topic] = {topic.node: Topic(topic, content) for topic, content in (
+    (FACES, _faces), (ATTENTION, _attention), (SPEECH, _utterance))}
 """Node -> its topic (table 2)."""
 
-NODES = ("animateBehavior", "overtAttention", "gestureExecution", "textToSpeech", "robotNavigation", "knowledgeBase",
-         "tabletEvent", "speechEvent", "faceDetection")
+NODES = tuple(dict.fromkeys([*SERVICES, *TOPICS]))

@@ -6,7 +6,7 @@ of the mission seen to that had to be, and is every recorded failure one that wa
 from collections import Counter
 from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from behavior_controller.gateway import Exhibit
+from behavior_controller.interface.records import Exhibit
 from behavior_controller.text import clean
 
 from unit_tests.facts import Event, Facts, Pass, count, of, passes

@@ -4,8 +4,7 @@ import os
 import pytest
 
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.gateway import SERVICES as SERVICE_NAMES
-from behavior_controller.gateway import Topic
+from behavior_controller.interface.document import INTERFACE
 
 from unit_tests import configuration, exhibits
 from unit_tests.journal import Line
@@ -27,8 +26,7 @@ def world(behaviour=ENGAGES, mutual_gaze_value=1, *states):
 def test_the_nine_nodes_are_those_of_the_document():
     assert len(NODES) == len(set(NODES)) == 9
     assert set(SERVICES) | set(TOPICS) == set(NODES)
-    assert {service.name for service in SERVICES.values()} == set(SERVICE_NAMES)
-    assert {topic.name for topic in TOPICS.values()} == {topic.value for topic in Topic}
+    assert {offer for part in (SERVICES, TOPICS) for offer in (each.offer for each in part.values())} == set(INTERFACE.offers)
 
 
 @pytest.mark.parametrize("node, request_fields, answer", (

@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from behavior_controller.gateway import Exhibit, Location, Point
+from behavior_controller.interface.records import Exhibit, Location, Point
 
 from unit_tests import configuration
 from unit_tests.exhibits import Knowledge

@@ -1,35 +1,40 @@
-"""One clock for everything that waits: what time it is, and timers that the tick thread runs when they are due.
+"""One clock for everything that waits: what time it is, and what the tick thread runs when it is due.
 
 Timers run between ticks and never on a thread of their own, so what they do needs no lock and is exact under a
-``ManualClock``. Whoever waits (the runner, ``Tree.sleep``) waits until ``next_due()`` at the longest.
+``ManualClock``. Whoever waits (the runner, ``Tree.sleep``) waits until ``next_due()`` at the longest. What other threads
+have to say they ``post``, and wake the tree: it is carried out before the next traversal.
 """
+import collections
 import heapq
 import itertools
 import time
-from typing import Callable, List, Optional, Tuple
+from typing import Callable, Deque, List, Optional, Tuple
+
+from behavior_controller.bt.ownership import tick_thread_only
 
 
 class Timer:
     """A callback that is due at ``due`` seconds, unless it is cancelled before."""
 
-    __slots__ = ("due", "callback")
-
+    @tick_thread_only
     def __init__(self, due: float, callback: Callable[[], None]):
         self.due = due
         self.callback: Optional[Callable[[], None]] = callback
 
+    @tick_thread_only
     def cancel(self) -> None:
         """Make sure that the callback does not run (any more)."""
         self.callback = None
 
 
 class Clock:
-    """Monotonic seconds and a queue of timers. Used from the tick thread only, but for ``now``."""
+    """Monotonic seconds, a queue of timers, and what other threads posted. ``now`` and ``post`` are for any thread."""
 
     def __init__(self) -> None:
         self._held: Optional[float] = None
         self._queue: List[Tuple[float, int, Timer]] = []
         self._order = itertools.count()
+        self._posted: Deque[Callable[[], None]] = collections.deque()
 
     def now(self) -> float:
         """Return monotonic seconds; only differences mean something."""
@@ -44,20 +49,34 @@ class Clock:
         """Let time go on."""
         self._held = None
 
+    @tick_thread_only
     def call_after(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Run ``callback`` once, ``seconds`` from now, by whoever calls ``run_due`` then."""
         timer = Timer(self.now() + seconds, callback)
         heapq.heappush(self._queue, (timer.due, next(self._order), timer))
         return timer
 
+    def post(self, callback: Callable[[], None]) -> None:
+        """Have ``callback`` run soon on the tick thread, in the order of posting. The caller wakes the tree after it."""
+        self._posted.append(callback)
+
+    @tick_thread_only
+    def run_posted(self) -> None:
+        """Run what was posted."""
+        while self._posted:
+            self._posted.popleft()()
+
+    @tick_thread_only
     def next_due(self) -> Optional[float]:
         """Return when the next timer is due, or None when there is none."""
         while self._queue and self._queue[0][2].callback is None:
             heapq.heappop(self._queue)
         return self._queue[0][0] if self._queue else None
 
+    @tick_thread_only
     def run_due(self) -> None:
-        """Run every timer that is due, the earliest first."""
+        """Run what was posted, then every timer that is due, the earliest first."""
+        self.run_posted()
         if not self._queue:
             return
         now = self.now()
@@ -69,7 +88,7 @@ class Clock:
 
 
 class ManualClock(Clock):
-    """A clock that stands still until a test moves it."""
+    """A clock that stands still until a test or a replay moves it."""
 
     def __init__(self, now: float = 0.0):
         super().__init__()
@@ -79,8 +98,12 @@ class ManualClock(Clock):
         """It stands still anyway."""
 
     def now(self) -> float:
-        """Return the time that the test has set."""
+        """Return the time that was set."""
         return self._now
+
+    def set_to(self, moment: float) -> None:
+        """Let it be ``moment``; timers that are due then wait for ``run_due``."""
+        self._now = moment
 
     def advance(self, seconds: float) -> None:
         """Move on by ``seconds``; timers on the way run at their own time, in order."""

@@ -29,13 +29,9 @@ class Decorator(Node, decorators.Decorator):
     def execute(self) -> Result:
         """Tick, then reset a completed child."""
         result = Node.execute(self)
-        self._reset_completed()
-        return result
-
-    def execute_with_conditions(self) -> Result:
-        """Tick with conditions, then reset a completed child."""
-        result = Node.execute_with_conditions(self)
-        self._reset_completed()
+        status = self.decorated.status
+        if status is SUCCESS or status is FAILURE:
+            self.decorated.reset()
         return result
 
     def tick_child(self) -> Result:
@@ -44,11 +40,6 @@ class Decorator(Node, decorators.Decorator):
         if result is SUCCESS or result is FAILURE:
             self.decorated.reset()
         return result
-
-    def _reset_completed(self) -> None:
-        status = self.decorated.status
-        if status is SUCCESS or status is FAILURE:
-            self.decorated.reset()
 
     def begin(self) -> None:
         """Store RUNNING."""

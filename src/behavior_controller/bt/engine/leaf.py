@@ -43,22 +43,10 @@ class ActionLeaf(Node):
 
 
 class SyncActionLeaf(Node):
-    """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error."""
+    """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error, told once it is stored."""
 
-    def execute(self) -> Result:
-        """Tick; RUNNING has been stored by the time that it is refused, as in BT.CPP."""
-        return _not_running(Node.execute(self))
-
-    def execute_with_conditions(self) -> Result:
-        """Tick, with conditions."""
-        return _not_running(Node.execute_with_conditions(self))
+    is_instant = True
 
 
 class ConditionLeaf(Node):
     """A question that is asked anew at every tick, whatever the answer was before (BT.CPP ``ConditionNode``)."""
-
-
-def _not_running(result: Result) -> Result:
-    if result is RUNNING:
-        raise NodeError("SyncActionNode MUST never return RUNNING")
-    return result

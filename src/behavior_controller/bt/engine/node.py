@@ -2,10 +2,11 @@
 
 The rules are BehaviorTree.CPP's (``TreeNode::executeTick`` and ``haltNode``); the classes are py_trees behaviours, so
 that py_trees' display and visitor tools read them. ``execute`` ticks a node; py_trees' generator ``tick`` only adapts it.
+What comes between a node's ticks and its rule (conditions, a hook) is its ``Interception``; most nodes have none.
 """
 import logging
 import uuid
-from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple, Union
+from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, Union
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import BlackBoxLevel, Status
@@ -58,6 +59,81 @@ class Services:
         self.changes = 0  # what nodes have done, beside writing to entries, that may change what another tick would do
 
 
+class NodeHook:
+    """What may decide in place of a node's rule, or instead of its result, while it is the node's ``hook``."""
+
+    is_holding = False
+    """Whether the node is RUNNING because the hook says so."""
+
+    def before(self, node: "Node") -> Optional[Result]:
+        """Return what is the result in place of the rule's, or None: the rule is run."""
+        raise NotImplementedError
+
+    def after(self, node: "Node", result: Result) -> Result:
+        """Return the result of the tick, which would be ``result``."""
+        raise NotImplementedError
+
+    def halt(self, node: "Node") -> bool:
+        """Note that the node is halted; return whether it has begun anything that is to be halted."""
+        raise NotImplementedError
+
+
+class Interception:
+    """What comes between the ticks of one node and its rule: pre- and post-conditions, and inside these a hook.
+
+    Two calls around the rule and none around both: a deep tree needs no more Python frames for it.
+    """
+
+    def __init__(self) -> None:
+        self.conditions: Sequence[Tuple[str, Script]] = ()
+        self.scripts: Dict[str, Script] = {}
+        self.hook: Optional[NodeHook] = None
+        self._asks_hook = False  # after this tick's rule: no pre-condition has decided
+
+    def before(self, node: "Node") -> Optional[Result]:
+        """Return what a pre-condition or the hook decides, or None: the rule is run."""
+        result = self._check_before(node)
+        self._asks_hook = result is None and self.hook is not None
+        if self._asks_hook:
+            result = self.hook.before(node)  # type: ignore[union-attr]
+        return result
+
+    def after(self, node: "Node", result: Result) -> Result:
+        """Return the tick's result, which the hook may replace; post-conditions follow a completion."""
+        if self._asks_hook:
+            result = self.hook.after(node, result)  # type: ignore[union-attr]
+        if result is SUCCESS:
+            self.run(node, "_onSuccess", "_post")
+        elif result is FAILURE:
+            self.run(node, "_onFailure", "_post")
+        return result
+
+    def _check_before(self, node: "Node") -> Optional[Result]:
+        """Return the status that a pre-condition decides, or None (BT.CPP ``checkPreConditions``)."""
+        status = node.status
+        if status is IDLE:
+            for attribute, script in self.conditions:
+                if _is_true(script, node) is not (attribute == "_while"):
+                    return _DECISIONS[attribute]
+        elif status is RUNNING:
+            for attribute, script in self.conditions:
+                if attribute == "_while" and not _is_true(script, node):
+                    node.halt_node()
+                    return SKIPPED
+        return None
+
+    def run(self, node: "Node", *attributes: str) -> None:
+        """Run the scripts of these post-conditions."""
+        for attribute in attributes:
+            script = self.scripts.get(attribute)
+            if script is not None:
+                script.run(node.blackboard, node.services.enums)
+
+
+def _is_true(script: Script, node: "Node") -> bool:
+    return to_bool(script.run(node.blackboard, node.services.enums))
+
+
 class Node(Behaviour):
     """One node of a tree. Sub-classes give ``update``, the node's own rule; it returns a status or SKIPPED.
 
@@ -68,6 +144,9 @@ class Node(Behaviour):
     status: Status
     element: Any = None
     """The ``document.Element`` that the node was made from, if it was made from a file."""
+    interception: Optional[Interception] = None
+    is_instant = False
+    """Whether RUNNING is an error of the node's rule."""
 
     # py_trees' constructor makes a UUID and a logger for each node, which costs more than all the rest of a load;
     # here both are made when somebody asks
@@ -87,8 +166,6 @@ class Node(Behaviour):
         self.ports: Tuple[Port, ...] = ()
         self.attributes: Dict[str, str] = {}
         self.observer: Optional[Observer] = None
-        self.before: List[Tuple[str, Script]] = []
-        self.after: Dict[str, Script] = {}
 
     @property
     def id(self) -> uuid.UUID:
@@ -115,29 +192,31 @@ class Node(Behaviour):
     def configure(self) -> None:
         """Check what BT.CPP's constructors check. Called once, when all attributes are bound; raises ConfigureError."""
 
-    def set_conditions(self, before: List[Tuple[str, Script]], after: Dict[str, Script]) -> None:
+    def set_conditions(self, before: Sequence[Tuple[str, Script]], after: Dict[str, Script]) -> None:
         """Use these pre- and post-condition scripts, by attribute name; ``before`` in the order of PRE_CONDITIONS."""
-        self.before, self.after = before, after
-        if before or after:
-            self.execute = self.execute_with_conditions  # type: ignore[method-assign]
+        intercepted = self._intercepted()
+        intercepted.conditions, intercepted.scripts = before, after
+
+    @property
+    def hook(self) -> Optional[NodeHook]:
+        """What is run in place of the node's rule, or None. On the tick thread only."""
+        return self.interception.hook if self.interception is not None else None
+
+    @hook.setter
+    def hook(self, hook: Optional[NodeHook]) -> None:
+        self._intercepted().hook = hook
+
+    def _intercepted(self) -> Interception:
+        if self.interception is None:
+            self.interception = Interception()
+        return self.interception
 
     # ------------------------------------------------------------------------------------------------------- execution
 
     def execute(self) -> Result:
-        """Tick this node: run its rule and store the result (BT.CPP ``executeTick``, for a node without conditions)."""
-        try:
-            result = self.update()
-        except TickError:
-            raise
-        except Exception as error:
-            raise TickError(self, error) from error
-        if result is not SKIPPED and (result is not self.status or result is IDLE):
-            self.store(result)
-        return result
-
-    def execute_with_conditions(self) -> Result:
-        """Tick this node; a pre-condition may decide in its place, and post-conditions follow a completion."""
-        result = self._check_before()
+        """Tick this node: run its rule and store the result (BT.CPP ``executeTick``)."""
+        interception = self.interception
+        result = None if interception is None else interception.before(self)
         if result is None:
             try:
                 result = self.update()
@@ -145,36 +224,13 @@ class Node(Behaviour):
                 raise
             except Exception as error:
                 raise TickError(self, error) from error
-        if result is SUCCESS:
-            self._run_after("_onSuccess", "_post")
-        elif result is FAILURE:
-            self._run_after("_onFailure", "_post")
+        if interception is not None:
+            result = interception.after(self, result)
         if result is not SKIPPED and (result is not self.status or result is IDLE):
             self.store(result)
+        if result is RUNNING and self.is_instant and not (self.hook is not None and self.hook.is_holding):
+            raise NodeError("SyncActionNode MUST never return RUNNING")
         return result
-
-    def _check_before(self) -> Optional[Result]:
-        """Return the status that a pre-condition decides, or None (BT.CPP ``checkPreConditions``)."""
-        status = self.status
-        if status is IDLE:
-            for attribute, script in self.before:
-                if self._is_true(script) is not (attribute == "_while"):
-                    return _DECISIONS[attribute]
-        elif status is RUNNING:
-            for attribute, script in self.before:
-                if attribute == "_while" and not self._is_true(script):
-                    self.halt_node()
-                    return SKIPPED
-        return None
-
-    def _is_true(self, script: Script) -> bool:
-        return to_bool(script.run(self.blackboard, self.services.enums))
-
-    def _run_after(self, *attributes: str) -> None:
-        for attribute in attributes:
-            script = self.after.get(attribute)
-            if script is not None:
-                script.run(self.blackboard, self.services.enums)
 
     def store(self, status: Status) -> None:
         """Make ``status`` the node's status and tell the observer. Raises NodeError or TickError for what is none."""
@@ -207,16 +263,25 @@ class Node(Behaviour):
         """Interrupt the node's own work. Sub-classes extend it."""
         self.reset()
 
+    def interrupt(self) -> None:
+        """Halt without a script; a node that its hook kept from beginning has nothing to halt."""
+        if self.hook is None or self.hook.halt(self):
+            self.halt()
+        else:
+            self.reset()
+
     def halt_node(self) -> None:
-        """Halt, then run the ``_onHalted`` script, whether the node was running or not (BT.CPP ``haltNode``)."""
-        self.halt()
-        self._run_after("_onHalted")
+        """Interrupt, then run the ``_onHalted`` script, whether the node was running or not (BT.CPP ``haltNode``)."""
+        self.interrupt()
+        if self.interception is not None:
+            self.interception.run(self, "_onHalted")
 
     def halt_children(self) -> None:
         """Halt each child that is RUNNING and reset all (BT.CPP ``resetChildren``), in order."""
         for child in self.children:
-            if child.status is not IDLE:
-                halt_child(child)
+            if child.status is RUNNING:  # as ``halt_child``, with a Python frame less a level
+                child.halt_node()
+            child.reset()
 
     # ------------------------------------------------------------------------------------------------------------ ports
 

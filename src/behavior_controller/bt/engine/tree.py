@@ -1,10 +1,12 @@
 """A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
-from typing import Any, Dict, List, Sequence
+from typing import Any, Dict, List, Sequence, Tuple
 
 from behavior_controller.bt.engine.node import Node, Observer, Result, Services
-from behavior_controller.bt.language.blackboard import Blackboard, Entry
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault
+from behavior_controller.text import Source
 
 # tick_once goes round at most so often before it hands control back, so that a mission that spins can be stopped
 ROUNDS_PER_TICK = 1000
@@ -14,7 +16,8 @@ class Tree:
     """The unfolded tree ``id``. ``nodes`` in order of uid; ``blackboards`` by path of the subtree, "" is the root's."""
 
     def __init__(self, id: str, nodes: List[Node], blackboards: Dict[str, Blackboard], services: Services,
-                 warnings: Sequence[Fault] = ()):
+                 warnings: Sequence[Fault] = (), sources: Tuple[Source, ...] = ()):
+        """``sources`` are the texts that it was built from, the mission's the last."""
         self.id = id
         self.nodes = nodes
         self.root = nodes[0]
@@ -24,6 +27,7 @@ class Tree:
         self.clock = services.clock
         self.wake = services.wake
         self.warnings = list(warnings)
+        self.sources = sources
         self.spins = False  # the last tick_once was cut short: the mission goes round without ever waiting
         self.traversals: Any = None
         """Told of each traversal, ``begin(is_first)`` and ``end()``: the record listens."""
@@ -50,7 +54,7 @@ class Tree:
 
         A RUNNING tree whose tick changed nothing does the same again until a wake-up: nobody need tick it before.
         """
-        return self.services.changes + Entry.writes
+        return self.services.changes + self.blackboard.writes
 
     def tick_exactly_once(self) -> Result:
         """Traverse the tree once; the wake-up signal is not looked at."""
@@ -69,8 +73,9 @@ class Tree:
         self.spins = rounds == ROUNDS_PER_TICK
         return self._completed(result)
 
+    @tick_thread_only
     def _traverse(self, is_first: bool) -> Result:
-        """Traverse the tree, at one moment of its clock; the first time of a tick timers that are due run before."""
+        """Traverse the tree, at one moment of its clock. What was posted, and at first what is due, runs before."""
         clock = self.clock
         clock.hold()
         try:
@@ -78,6 +83,8 @@ class Tree:
                 self.traversals.begin(is_first)
             if is_first:
                 clock.run_due()
+            else:
+                clock.run_posted()
             return self.root.execute()
         finally:
             if self.traversals is not None:
@@ -110,6 +117,7 @@ class Tree:
             self.root.reset()
         return result
 
+    @tick_thread_only
     def halt(self) -> None:
         """Halt everything (BT.CPP ``haltTree``: every node's ``_onHalted`` script runs, running or not)."""
         self.root.halt_node()

@@ -5,17 +5,26 @@ from behavior_controller.bt.language import values
 from behavior_controller.bt.language.values import ANY, BT_ANY, GENERIC, TEXT, TYPES, ValueFault
 
 
+class WriteCount:
+    """How often entries of one tree were written: a tick that writes may change what another tick would do."""
+
+    __slots__ = ("number",)
+
+    def __init__(self) -> None:
+        self.number = 0
+
+
 class Entry:
     """One entry. ``value`` None is empty; ``origin`` is the type the value had when it was first stored."""
 
-    __slots__ = ("type", "value", "origin", "sequence")
-    writes = 0  # of all entries: a tick that wrote something may have changed what another tick would do
+    __slots__ = ("type", "value", "origin", "sequence", "_count")
 
-    def __init__(self, entry_type: str = ANY):
+    def __init__(self, entry_type: str, count: WriteCount):
         self.type = entry_type
         self.value: Any = None
         self.origin = ""
         self.sequence = 0  # grows by 1 with every write, same value or not
+        self._count = count
 
     @property
     def is_generic(self) -> bool:
@@ -38,7 +47,7 @@ class Entry:
 
     def _written(self) -> None:
         self.sequence += 1
-        Entry.writes += 1
+        self._count.number += 1
 
     def from_text(self, text: str) -> Any:
         """Return ``text`` in the entry's type, or None if the type has no conversion. Raises ValueFault."""
@@ -51,9 +60,15 @@ class Blackboard:
 
     def __init__(self, parent: Optional["Blackboard"] = None):
         self.parent = parent
+        self._count: WriteCount = parent._count if parent is not None else WriteCount()
         self.local: Dict[str, Entry] = {}
         self.remapping: Dict[str, str] = {}
         self.autoremap = False
+
+    @property
+    def writes(self) -> int:
+        """How often entries of this tree were written or removed so far."""
+        return self._count.number
 
     def root(self) -> "Blackboard":
         """Return the topmost parent."""
@@ -96,7 +111,7 @@ class Blackboard:
         board, key = self._home(key)
         entry = board.local.get(key)
         if entry is None:
-            entry = board.local[key] = Entry(entry_type)
+            entry = board.local[key] = Entry(entry_type, self._count)
         elif entry.type != entry_type and not entry.is_generic and entry_type not in GENERIC:
             raise ValueFault("Blackboard entry [{}]: once declared, the type of a port shall not change. "
                              "Previously declared type [{}], current type [{}]".format(key, entry.type, entry_type))
@@ -144,7 +159,7 @@ class Blackboard:
     def unset(self, key: str) -> None:
         """Remove ``key`` from the storage here, and from nowhere else; nothing happens if it is not there."""
         if self.local.pop(key, None) is not None:
-            Entry.writes += 1
+            self._count.number += 1
 
 
 def _natural_type(value: Any) -> str:

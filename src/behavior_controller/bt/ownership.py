@@ -1,0 +1,37 @@
+"""The debug check of the thread rule: what belongs to the tick thread fails in the hands of another, at that line.
+
+On if ``BEHAVIOR_CONTROLLER_CHECK_THREADS`` is set in the environment when this is imported, as the tests do; else free.
+"""
+import functools
+import os
+import threading
+from typing import Any, Callable, TypeVar, cast
+
+VARIABLE = "BEHAVIOR_CONTROLLER_CHECK_THREADS"
+IS_CHECKED = bool(os.environ.get(VARIABLE))
+
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+class WrongThread(AssertionError):
+    """A mistake in the program: a thread uses what belongs to another, which it should ``post`` to."""
+
+
+def tick_thread_only(method: Method) -> Method:
+    """Let the first thread that calls such a method of an object be the only one, for as long as it lives."""
+    return checked(method) if IS_CHECKED else method
+
+
+def checked(method: Method) -> Method:
+    """Return ``method`` with the check, which raises WrongThread."""
+    @functools.wraps(method)
+    def check(self: Any, *arguments: Any, **named: Any) -> Any:
+        here = threading.current_thread()
+        owner = self.__dict__.setdefault("_owner_thread", here)
+        if owner is not here:
+            if owner.is_alive():
+                raise WrongThread("{} on the thread {!r}: it belongs to {!r}".format(
+                    method.__qualname__, here.name, owner.name))
+            self._owner_thread = here
+        return method(self, *arguments, **named)
+    return cast(Method, check)

@@ -1,0 +1,110 @@
+"""What a robot offers, one declaration for each service and topic.
+
+The ROS edge, the start-up check, the monitoring, the configuration's deadlines and the simulated robot take from these
+declarations all that they need to know of a service or topic.
+"""
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, NamedTuple, Tuple, Union
+
+from behavior_controller.interface.records import Answer, Request
+
+
+class Unusable(ValueError):
+    """A positive answer has content that cannot be used; the text says which."""
+
+
+class Success(NamedTuple):
+    """The response's field that tells the outcome, and its values for done and refused. Any other is unusable."""
+
+    field: str
+    done: Any
+    refused: Any
+
+
+def _nothing(response: Any) -> Answer:
+    return Answer()
+
+
+@dataclass(frozen=True, eq=False)
+class Service:
+    """A service of the robot.
+
+    ``request`` is the kind of record that it carries out, ``fields`` gives the values of the srv request in order;
+    ``answer`` reads a positive response and raises ``Unusable``. ``name`` is the canonical name, ``node`` the robot's
+    node that offers it, ``type`` its ``package/Type``. ``deadline`` is the default, in seconds. ``absence`` says what
+    the robot cannot do without it.
+    """
+
+    request: type
+    name: str
+    node: str
+    type: str
+    fields: Callable[[Any], Tuple[Any, ...]]
+    success: Success
+    deadline: float
+    absence: str
+    answer: Callable[[Any], Answer] = _nothing
+
+    @property
+    def deadline_key(self) -> str:
+        """The configuration's key for the deadline."""
+        return self.node + "Deadline"
+
+
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """A topic of the robot. ``read`` turns a message into plain data of the kind ``value``.
+
+    ``is_continuous``: it is published all the time, so that silence means something and an old message counts as
+    absent. The other fields: see ``Service``.
+    """
+
+    name: str
+    node: str
+    type: str
+    value: Any  # a type
+    read: Callable[[Any], Any]
+    absence: str
+    is_continuous: bool
+
+
+class Interface:
+    """All services and topics of one robot, and the requests that leave it in the safe state.
+
+    ``name`` tells it from others in a record. Raises ValueError where two services carry out the same kind of request.
+    """
+
+    def __init__(self, name: str, services: Tuple[Service, ...], topics: Tuple[Topic, ...],
+                 safe_state: Tuple[Request, ...]):
+        self.name = name
+        self.services = services
+        self.topics = topics
+        self.safe_state = safe_state
+        self._by_request: Dict[type, Service] = {}
+        for service in services:
+            other = self._by_request.setdefault(service.request, service)
+            if other is not service:
+                raise ValueError("{} and {} are both declared for {}".format(
+                    other.name, service.name, service.request.__name__))
+        for request in safe_state:
+            self.service(type(request))
+
+    @property
+    def offers(self) -> Tuple[Union[Service, Topic], ...]:
+        """All services and topics."""
+        return self.services + self.topics
+
+    def service(self, request: type) -> Service:
+        """Return the service for a kind of request. Raises LookupError, which names it, if none is declared."""
+        try:
+            return self._by_request[request]
+        except KeyError:
+            raise LookupError("no service is declared for the request {}: declare it in behavior_controller.interface"
+                              .format(request.__name__)) from None
+
+    def topic(self, name: str) -> Topic:
+        """Return the topic of that canonical name. Raises LookupError if none is declared."""
+        for topic in self.topics:
+            if topic.name == name:
+                return topic
+        raise LookupError("no topic {} is declared".format(name))

@@ -1,0 +1,214 @@
+"""The lines of a record: what each holds, and how it is written, read and checked.
+
+The first line is a ``Header``. Each other one is an event of the run or an entry that is declared here: an object with
+the kind as ``event``, Unix seconds as ``time``, and the fields. A change of what stands in a line is a new ``VERSION``.
+"""
+import json
+from typing import Any, Dict, List, Literal, NamedTuple, Optional, Tuple, Union, get_args
+
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.errors import Fault, MissionError
+from behavior_controller.events import Event, RunStarted
+from behavior_controller.gateway import Failure
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import Answer, Request
+from behavior_controller.watch.plain import Count, Wrong, form, inside
+
+FORMAT = "behaviorController record"
+VERSION = 1
+
+LATEST = 1e11
+"""Unix seconds that no record reaches: a date in the year 5138."""
+
+LONGEST_NUMBER = 18
+"""Digits of a whole number: Python takes quadratic time for long ones."""
+
+Letter = Literal["-", "R", "S", "F"]
+LETTERS: Dict[Any, Letter] = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
+
+
+class Header(NamedTuple):
+    """What the file is, and which process writes it."""
+
+    format: str
+    version: int
+    pid: int
+
+
+class TreeNode(NamedTuple):
+    """One node of a tree. ``parent`` is its parent's number, counted from 1 in the tree's order; the root's is 0."""
+
+    path: str
+    type: str
+    name: str
+    parent: int
+
+
+class TreeShown(NamedTuple):
+    """The nodes of the mission that runs from the next ``RunStarted`` on."""
+
+    id: str
+    nodes: List[TreeNode]
+
+
+class Tick(NamedTuple):
+    """A traversal of the tree, at a time of its clock: the first of a tick or not, and number and status of nodes."""
+
+    at: float
+    first: bool
+    changes: List[Tuple[int, Letter]]
+
+
+class Asked(NamedTuple):
+    """A request, in the traversal that follows; ``call`` is its number."""
+
+    call: Count
+    service: str
+    request: Request
+
+
+class Answered(NamedTuple):
+    """What came of a call, before the traversal that saw it."""
+
+    call: Count
+    result: Union[Answer, Failure]
+
+
+class Message(NamedTuple):
+    """What a topic had for the ``read``-th look in the traversal that follows; ``value`` None: nothing yet."""
+
+    topic: str
+    read: Count
+    value: Any  # of the topic's kind
+    arrived: float
+
+
+class Lost(NamedTuple):
+    """So many lines are missing here: they did not fit into the queue."""
+
+    lines: int
+
+
+Entry = Union[Event, TreeShown, Tick, Asked, Answered, Message, Lost]
+KINDS: Dict[str, Any] = {kind.__name__: kind for kind in get_args(Entry)}
+
+
+class Line(NamedTuple):
+    """An entry and when it was made, in Unix seconds."""
+
+    time: float
+    entry: Entry
+
+
+def encode(time: float, entry: Union[Header, Entry]) -> bytes:
+    """Return a line with its end."""
+    plain = dict({"event": type(entry).__name__, "time": time}, **form(type(entry)).write(entry))
+    # a lone surrogate is written as JSON escapes it
+    return (json.dumps(plain, ensure_ascii=False, default=str) + "\n").encode("utf-8", "backslashreplace")
+
+
+def decode(data: bytes, file: str) -> List[Line]:
+    """Return the lines of a record after its header, without a torn end.
+
+    Raises MissionError: with the version if it is another one, else with the first line that the node cannot have written.
+    """
+    lines = data.split(b"\n")
+    del lines[-1]  # what follows the last line's end was torn when the node was killed
+    found: List[Line] = []
+    order = _Order()
+    for number, text in enumerate(lines, 1):
+        try:
+            plain = _parsed(text)
+            if number == 1:
+                _check_header(plain, file)
+            else:
+                found.append(order.checked(_line(plain)))
+        except ValueError as error:
+            raise MissionError([Fault(file, number, 1, "this is no line of a record: {}".format(error),
+                                      "a record is written by the node")]) from error
+    if not order.has_mission:
+        raise MissionError([Fault(file, 0, 0, "the record has no mission in it",
+                                  "was the node stopped before it began?")])
+    return found
+
+
+def _parsed(data: bytes) -> Dict[str, Any]:
+    try:
+        plain = json.loads(data.decode("utf-8-sig"), parse_int=_whole)
+    except UnicodeDecodeError as error:
+        raise ValueError("it is not UTF-8 text") from error
+    except json.JSONDecodeError as error:
+        raise ValueError("it is not JSON: {} at column {}".format(error.msg, error.colno)) from error
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+    if not isinstance(plain, dict) or not isinstance(plain.get("event"), str):
+        raise ValueError("it has no event")
+    return plain
+
+
+def _whole(text: str) -> int:
+    if len(text) > LONGEST_NUMBER:
+        raise ValueError("a whole number has more than {} digits".format(LONGEST_NUMBER))
+    return int(text)
+
+
+def _check_header(plain: Dict[str, Any], file: str) -> None:
+    version = plain.get("version") if plain["event"] == Header.__name__ else None
+    if version != VERSION:
+        named = "the version {}".format(version) if isinstance(version, int) else "no version"
+        raise MissionError([Fault(file, 1, 1, "the record has {}; this release reads version {}".format(named, VERSION),
+                                  "replay it with the release that wrote it")])
+    header = form(Header).read(plain)
+    if header.format != FORMAT:
+        raise Wrong("is not {}".format(FORMAT), "format")
+
+
+def _line(plain: Dict[str, Any]) -> Line:
+    kind = KINDS.get(plain["event"])
+    if kind is None:
+        raise ValueError("the event {} is unknown".format(plain["event"]))
+    entry = form(kind).read(plain)
+    time = inside(".time", form(float).read, plain.get("time"))
+    if not 0 <= time <= LATEST:
+        raise Wrong("is no time", "time")
+    if isinstance(entry, Message):
+        entry = entry._replace(value=_value(entry))
+    return Line(time, entry)
+
+
+def _value(message: Message) -> Any:
+    try:
+        topic = INTERFACE.topic(message.topic)
+    except LookupError as error:
+        raise Wrong("is not one of the interface's", "topic") from error
+    return inside(".value", form(Optional[topic.value]).read, message.value)
+
+
+class _Order:
+    """Checks what the lines before it decide about a line."""
+
+    def __init__(self) -> None:
+        self.has_mission = False
+        self._shown = self._running = 0  # nodes of the newest tree, and of the running mission's
+
+    def checked(self, line: Line) -> Line:
+        """Return the next line. Raises ValueError if it cannot stand here."""
+        entry = line.entry
+        if isinstance(entry, TreeShown):
+            _check_parents(entry.nodes)
+            self._shown = len(entry.nodes)
+        elif isinstance(entry, RunStarted):
+            if not self._shown:
+                raise ValueError("no tree comes before it")
+            if not entry.sources.documents:
+                raise Wrong("is empty", "sources.documents")
+            self.has_mission, self._running = True, self._shown
+        elif isinstance(entry, Tick) and self.has_mission:
+            if not all(0 < uid <= self._running for uid, _ in entry.changes):
+                raise ValueError("the tree has only {} nodes".format(self._running))
+        return line
+
+
+def _check_parents(nodes: List[TreeNode]) -> None:
+    if not nodes or nodes[0].parent or not all(0 < node.parent <= number for number, node in enumerate(nodes[1:], 1)):
+        raise ValueError("a node's parent does not come before it")

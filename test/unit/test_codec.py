@@ -1,0 +1,44 @@
+"""What is written into a record comes back as it was, whatever the interface has to ask and to tell."""
+import pytest
+
+from behavior_controller.events import PassFinished, RunStarted, Sources
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
+                                                   PerformGesture, Point, Prompt, QueryKnowledge, Say, SetAnimation,
+                                                   SetAttention)
+from behavior_controller.text import Source
+from behavior_controller.watch.codec import (FORMAT, VERSION, Answered, Asked, Header, Line, Message, Tick, TreeNode,
+                                             TreeShown, decode, encode)
+
+REQUESTS = [SetAnimation("enabled"), PerformGesture("deictic", 3, 2000, Point(1.0, -2.5, 0.0)), QueryKnowledge("home"),
+            SetAttention("location", Point(0.1, 0.2, 1e300)), GoTo(Location(1.5, -0.0, 90.0)), Prompt(("yes", "no")),
+            Say("a \ud800 b\u2028\n")]
+MESSAGES = [Message("/faceDetection/data", 1, Faces(("7", ""), (True, False)), 12.5),
+            Message("/overtAttention/mode", 2, AttentionStatus("seeking", 2), 0.0),
+            Message("/speechEvent/text", 3, "yes", 1.0), Message("/speechEvent/text", 1, None, 0.0)]
+PLACE = Exhibit("cup", "a cup", "", Location(1.0, 2.0, 3.0), Point(4.0, 5.0, 6.0))
+RESULTS = [Answer(), Answer("1", (PLACE, PLACE)), Failure(Cause.NO_ANSWER, "late", "/x")]
+BEGIN = [TreeShown("M", [TreeNode("a", "A", "a", 0), TreeNode("b::2", "B", "B", 1)]),
+         RunStarted("/m.xml", [["b::2", "B"]], {"asrEnabled": True, "missionRuns": 2, "topicMaxAge": 0.5, "language": "x"},
+                    Sources((Source("/i.xml", "<i/>"), Source("/m.xml", "<m/>")), Source("p", "a"), Source("r", ""), "R"))]
+
+
+def written(entries, version=VERSION):
+    return encode(0.5, Header(FORMAT, version, 7)) + b"".join(encode(1.5, entry) for entry in entries)
+
+
+@pytest.mark.parametrize("entry", [Asked(1, "/s", request) for request in REQUESTS] + MESSAGES + [
+    Answered(2, result) for result in RESULTS] + [Tick(1.5, False, [(1, "R"), (2, "-")]), PassFinished(1, "FAILURE", 2.0)],
+    ids=str)
+def test_each_entry_comes_back_as_it_was(entry):
+    lines = decode(written(BEGIN + [entry]), "r")
+    assert lines == [Line(1.5, each) for each in BEGIN + [entry]]
+    assert type(lines[-1].entry) is type(entry)
+
+
+def test_all_that_the_interface_asks_and_tells_can_be_recorded():
+    assert {type(request) for request in REQUESTS} == {service.request for service in INTERFACE.services}
+    assert {message.topic for message in MESSAGES} == {topic.name for topic in INTERFACE.topics}
+    for message in MESSAGES[:-1]:
+        assert type(message.value) is INTERFACE.topic(message.topic).value
