@@ -195,23 +195,21 @@ def hung(bench, count, seconds):
 
 def hung_ticks(seconds):
     """Return how long each tick of a mission took whose seven leaves wait for servers that do not answer."""
+    from behavior_controller import mission, settings
+    from behavior_controller.bt.language.document import parse
     from behavior_controller.events import Events
-    from behavior_controller.leaves.base import MissionContext
-    from behavior_controller.ros.services import RosGateway
-    from behavior_controller import settings, folders, phrases, policy, leaves
-    from behavior_controller.bt.compiler import load_text
+    from behavior_controller.gateway import FakeTopics
     from behavior_controller.interface.records import Location
     from behavior_controller.leaves.base import TARGET_LOCATION
-    from behavior_controller.leaves.vocabulary import registry
+    from behavior_controller.ros.services import RosGateway
     calls = ("<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/><LookUpHome/>"
              "<PressYesNoDialogue/><Navigate/>")
-    tree = load_text(MISSION.format("<Parallel>{}<Repeat num_cycles=\"-1\"><Sleep msec=\"5\"/></Repeat></Parallel>".format(
-        calls)), registry())
+    loaded = mission.load(settings.defaults(), documents=[parse(MISSION.format(
+        "<Parallel>{}<Repeat num_cycles=\"-1\"><Sleep msec=\"5\"/></Repeat></Parallel>".format(calls)))])
+    tree = loaded.tree
     tree.blackboard.set(TARGET_LOCATION, Location(1.0, 2.0, 3.0))
     gateway = RosGateway(lambda service: 60.0, tree.clock, tree.wake.emit)
-    tree.setup(mission=MissionContext(
-        gateway, None, settings.defaults(), phrases.load("English"),
-        policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), tree.clock, Events()))
+    tree.setup(mission=loaded.context(gateway, FakeTopics(tree.clock.now), Events()))
     taken, ends = [], time.monotonic() + seconds
     while time.monotonic() < ends:
         began = time.perf_counter()

@@ -65,6 +65,7 @@ def suites() -> Iterator[Suite]:
         yield pytest_suite(name, folders, OWN, sys.executable, dict(os.environ))
         for version in others:
             yield other_python(name, folders, version)
+    yield types_suite()
     yield pytest_suite("network", NETWORK, OWN, sys.executable, dict(os.environ))
     for test in sorted(glob.glob("test/rostest/*.test")) + sorted(glob.glob("unit_tests/test/rostest/*.test")):
         yield rostest_suite(test)
@@ -76,6 +77,13 @@ def pytest_suite(name: str, folders: List[str], version: str, python: str, envir
     results = os.path.join(LOGS, "{}-{}".format(name.replace(" ", "-"), version))
     command = [python, "-m", "pytest", "-q", "-rfE", "--junit-xml", os.path.join(results, "pytest.xml")] + folders
     return Suite("{}, Python {}".format(name, version), command, results, PYTEST_LIMIT, environment, missing)
+
+
+def types_suite() -> Suite:
+    """Return the suite that checks the types, as mypy.ini says."""
+    results = os.path.join(LOGS, "types")
+    command = [sys.executable, "-m", "mypy", "--junit-xml", os.path.join(results, "mypy.xml")]
+    return Suite("types", command, results, PYTEST_LIMIT, dict(os.environ))
 
 
 def other_python(name: str, folders: List[str], version: str) -> Suite:

@@ -9,14 +9,12 @@ try:
     import behavior_controller.bt
 except ImportError as error:  # py-trees-render would show a traceback
     sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
-from behavior_controller import folders, leaves
+from behavior_controller import exits, folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
 from behavior_controller.errors import Fault, MissionError
-from behavior_controller.leaves import vocabulary
+from behavior_controller.mission import load_tree
 from behavior_controller.text import clean
-
-GOOD, BAD = 0, 2
 
 
 def validate(argv: Optional[List[str]] = None) -> int:
@@ -35,7 +33,7 @@ def validate(argv: Optional[List[str]] = None) -> int:
             _print_judgement(path, faults, nodes)
     if options.json:
         print(json.dumps([fault._asdict() for fault in found], indent=1))
-    return BAD if any(not fault.is_warning for fault in found) else GOOD
+    return exits.WRONG_INPUT if any(not fault.is_warning for fault in found) else exits.SUCCESS
 
 
 def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
@@ -46,7 +44,7 @@ def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
 def _judged(path: str) -> Tuple[List[Fault], int]:
     """Return the faults of a mission, and how many nodes it unfolds to if it can be run."""
     try:
-        tree = vocabulary.load(path)
+        tree = load_tree(path)
     except MissionError as error:
         return list(error.faults), 0
     return tree.warnings, len(tree.nodes)
@@ -74,7 +72,7 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
     parser.parse_args(_without_ros_arguments(argv))
     print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n{}\n</root>'.format(
         tree_nodes_model(leaves.SPECS, indent="  ")))
-    return GOOD
+    return exits.SUCCESS
 
 
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:
@@ -85,11 +83,12 @@ def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any
     """
     path = mission if mission.endswith(".xml") or os.sep in mission else folders.mission(mission)
     try:
-        tree = vocabulary.load(path, main_tree=subtree)
+        tree = load_tree(path, main_tree=subtree)
     except MissionError as error:
         sys.exit(str(error))
     for node in tree.nodes:
         node.name = " ".join(label(node))  # a colon would be a port in the dot language
-        node.memory = False  # else py_trees puts a sign before the name that few fonts have; the label tells the type
+        # else py_trees puts a sign before the name that few fonts have; the label tells the type
+        setattr(node, "memory", False)
     tree.root.name = subtree or os.path.splitext(os.path.basename(path))[0]
     return tree.root

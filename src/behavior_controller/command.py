@@ -3,15 +3,13 @@ import os
 import sys
 from typing import Callable, Optional
 
-CANNOT_RUN = 1
-"""The exit code of a tool whose result cannot be written, or that has too little memory."""
-
+from behavior_controller import exits
 
 def run(name: str, main: Callable[[], int]) -> int:
-    """Return the exit code of ``main``, or ``CANNOT_RUN`` with a line on the terminal. The streams are open."""
+    """Return the exit code of ``main``, or ``UNAVAILABLE`` with a line on the terminal. The streams are open."""
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
-    code = CANNOT_RUN
+    code = exits.UNAVAILABLE
     reason: Optional[str] = None
     try:
         try:
@@ -24,7 +22,7 @@ def run(name: str, main: Callable[[], int]) -> int:
         reason = "there is too little memory for this"
     if reason:
         _discard(sys.stdout.fileno())
-        code = CANNOT_RUN
+        code = exits.UNAVAILABLE
         _complain("{}: {}\n".format(name, reason))
     return code
 

@@ -5,26 +5,36 @@ A leaf hands a request record to ``Gateway.start`` and gets a ``Call``, which is
 ``FakeGateway`` and ``FakeTopics`` are for tests, rendering and replay.
 """
 import enum
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
+from dataclasses import dataclass
+from typing import Callable, Dict, Generic, Hashable, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller.bt.ownership import tick_thread_only
-from behavior_controller.interface import Topic
+from behavior_controller.interface import Topic, Value
 from behavior_controller.interface.records import Answer, Request
 
 
 class Cause(enum.Enum):
-    """Why a leaf failed; the values are what an operator reads and what the recovery policy is written in."""
+    """Why a leaf failed. The value is the word of policy and record, ``text`` is what an operator reads."""
+
+    text: str
 
     REFUSED = "refused"
-    HANDLER_EXCEPTION = "exception in the server"
-    NO_ANSWER = "no answer in time"
-    CONNECTION_LOST = "connection lost"
-    NOT_REACHABLE = "not reachable"
-    NOT_ADVERTISED = "not advertised"
-    TYPE_MISMATCH = "type mismatch"
-    UNUSABLE_ANSWER = "unusable answer"
-    MISSING_DATA = "missing data"
-    CONDITION_FALSE = "condition false"
+    HANDLER_EXCEPTION = "exception", "exception in the server"
+    NO_ANSWER = "no-answer", "no answer in time"
+    CONNECTION_LOST = "connection-lost"
+    NOT_REACHABLE = "not-reachable"
+    NOT_ADVERTISED = "not-advertised"
+    TYPE_MISMATCH = "type-mismatch"
+    UNUSABLE_ANSWER = "unusable-answer"
+    MISSING_DATA = "missing-data"
+    CONDITION_FALSE = "condition-false"
+
+    def __new__(cls, word: str, text: str = "") -> "Cause":
+        """Make the cause called ``word``; without a ``text`` it reads as the word does."""
+        cause = object.__new__(cls)
+        cause._value_ = word
+        cause.text = text or word.replace("-", " ")
+        return cause
 
 
 class Failure(NamedTuple):
@@ -39,7 +49,7 @@ class Call:
     """One request under way. Finished exactly once, on the tick thread; later results are dropped."""
 
     @tick_thread_only
-    def __init__(self, request: Request, wake: Callable[[], None], abandon: Optional[Callable[[], None]] = None):
+    def __init__(self, request: Request, wake: Callable[[], None], abandon: Optional[Callable[[], object]] = None):
         """``wake`` is called when the result is there; ``abandon`` gives back what the call holds when it is dropped."""
         self.request = request
         self.result: Optional[Union[Answer, Failure]] = None
@@ -61,10 +71,11 @@ class Call:
             abandon()
 
 
-class Sample(NamedTuple):
+@dataclass(frozen=True)
+class Sample(Generic[Value]):
     """The newest message of a topic, as plain data, and when it arrived (monotonic seconds)."""
 
-    value: Any
+    value: Value
     arrived: float
 
 
@@ -79,11 +90,11 @@ class Gateway:
 class Topics:
     """The newest message of each topic, and one-shot alarms."""
 
-    def newest(self, topic: Topic) -> Optional[Sample]:
+    def newest(self, topic: Topic[Value]) -> Optional[Sample[Value]]:
         """Return the newest message, or None before the first."""
         raise NotImplementedError
 
-    def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
+    def wake_when(self, key: Hashable, topic: Topic[Value], wanted: Callable[[Value], bool]) -> None:
         """Wake the tree once, at the next message whose value is ``wanted``; a second alarm under ``key`` replaces it.
 
         ``wanted`` runs on the thread that receives messages, possibly thousands of times a second: it must be cheap.
@@ -122,9 +133,9 @@ class FakeTopics(Topics):
         self._now = now
         self._wake = wake
         self._newest: Dict[Topic, Sample] = {}
-        self._alarms: Dict[Any, Tuple[Topic, Callable[[Any], bool]]] = {}
+        self._alarms: Dict[Hashable, Tuple[Topic, Callable[..., bool]]] = {}  # type: ignore  # of topics of any kind
 
-    def publish(self, topic: Topic, value: Any) -> None:
+    def publish(self, topic: Topic[Value], value: Value) -> None:
         """Let ``value`` arrive on ``topic`` now."""
         self._newest[topic] = Sample(value, self._now())
         for key, (alarmed, wanted) in list(self._alarms.items()):
@@ -132,10 +143,10 @@ class FakeTopics(Topics):
                 del self._alarms[key]
                 self._wake()
 
-    def newest(self, topic: Topic) -> Optional[Sample]:
+    def newest(self, topic: Topic[Value]) -> Optional[Sample[Value]]:
         """Return the newest message, or None before the first."""
         return self._newest.get(topic)
 
-    def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
+    def wake_when(self, key: Hashable, topic: Topic[Value], wanted: Callable[[Value], bool]) -> None:
         """Set the alarm ``key``."""
         self._alarms[key] = (topic, wanted)

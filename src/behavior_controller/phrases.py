@@ -6,12 +6,13 @@ import glob
 import itertools
 import os
 import re
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from dataclasses import dataclass, field
+from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from behavior_controller import folders
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.settings import REQUIRED, Key, configured, read_source
+from behavior_controller.keys import REQUIRED, Key, Reader, configured, read_source
 from behavior_controller.text import Source
 
 
@@ -39,6 +40,9 @@ YES, NO, UNCLEAR = "yes", "no", "unclear"
 _WORD = re.compile(r"[^\W_]+(?:['’][^\W_]+)*")
 
 
+Words = Tuple[str, ...]
+
+
 def _text(text: str) -> str:
     if not text:
         raise ValueError(text)
@@ -51,44 +55,57 @@ def _label(text: str) -> str:
     return text
 
 
-def _sentence(text: str) -> Tuple[str, ...]:
+def _sentence(text: str) -> Words:
     return tuple(_WORD.findall(text.lower().replace("’", "'")))
 
 
-def _phrase_list(text: str) -> List[Tuple[str, ...]]:
-    found = [_sentence(part) for part in text.split(",")]
+def _phrase_list(text: str) -> Tuple[Words, ...]:
+    found = tuple(_sentence(part) for part in text.split(","))
     if not text or () in found:
         raise ValueError(text)
     return found
 
 
-KEYS = tuple(
-    Key(speech.node, _text, "the text to say", REQUIRED, "what {} says".format(speech.node)) for speech in SPEECHES
-) + tuple(
-    Key(name, _label, "a label without |", REQUIRED, "a button on the tablet") for name in ("tabletYes", "tabletNo")
-) + (
-    Key(YES, _phrase_list, "words with commas between them", REQUIRED, "what means yes"),
-    Key(NO, _phrase_list, "words with commas between them", REQUIRED, "what means no"),
-    Key(UNCLEAR, _phrase_list, "words with commas between them", (), "what is no answer although it sounds like one"),
+_TEXT = Reader("the text to say", _text)
+_LABEL = Reader("a label without |", _label)
+_PHRASES = Reader("words with commas between them", _phrase_list)
+
+KEYS = tuple(Key(speech.node, _TEXT, REQUIRED, "what {} says".format(speech.node)) for speech in SPEECHES) + (
+    Key("tabletYes", _LABEL, REQUIRED, "a button on the tablet"),
+    Key("tabletNo", _LABEL, REQUIRED, "a button on the tablet"),
+    Key(YES, _PHRASES, REQUIRED, "what means yes"),
+    Key(NO, _PHRASES, REQUIRED, "what means no"),
+    Key(UNCLEAR, _PHRASES, (), "what is no answer although it sounds like one"),
 )
 
 
+@dataclass(frozen=True)
 class Phrases:
-    """One language. ``source`` is the file that it was read from."""
+    """One language: the text of each speech, the labels of yes and no, and the phrases of visitors by what they mean.
 
-    def __init__(self, values: Dict[str, Any], source: Source):
-        self._values = values
-        self.source = source
-        self.tablet_options = (values["tabletYes"], values["tabletNo"])
-        meanings = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES) for phrase in values[meaning]]
-        self._meanings: Dict[str, List[Tuple[Tuple[str, ...], str]]] = {}  # by the first word: utterances may be long
-        # the longest phrase first, so that "why not" is not taken for its "not"
-        for phrase, meaning in sorted(meanings, key=lambda pair: -len(pair[0])):
-            self._meanings.setdefault(phrase[0], []).append((phrase, meaning))
+    ``source`` is the file that it was read from.
+    """
+
+    speeches: Mapping[str, str]
+    tablet_options: Tuple[str, str]
+    meanings: Mapping[str, Tuple[Words, ...]]
+    source: Source = Source("", "")
+    _by_first: Mapping[str, List[Tuple[Words, str]]] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Sort the phrases by their first word, since utterances may be long.
+
+        The longest phrase comes first, so that "why not" is not taken for its "not".
+        """
+        found = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES) for phrase in self.meanings[meaning]]
+        by_first: Dict[str, List[Tuple[Words, str]]] = {}
+        for phrase, meaning in sorted(found, key=lambda pair: -len(pair[0])):
+            by_first.setdefault(phrase[0], []).append((phrase, meaning))
+        object.__setattr__(self, "_by_first", by_first)
 
     def speech(self, node: str) -> str:
         """Return the text that a mission node says."""
-        return self._values[node]
+        return self.speeches[node]
 
     def spoken_answer(self, utterance: str) -> Optional[str]:
         """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes; ``Error…`` is no answer."""
@@ -97,10 +114,10 @@ class Phrases:
         heard = self._heard(_sentence(utterance))
         return NO if NO in heard else YES if YES in heard else None
 
-    def _heard(self, sentence: Tuple[str, ...]) -> List[str]:
+    def _heard(self, sentence: Words) -> List[str]:
         heard, at = [], 0
         while at < len(sentence):
-            for phrase, meaning in self._meanings.get(sentence[at], ()):
+            for phrase, meaning in self._by_first.get(sentence[at], ()):
                 if sentence[at:at + len(phrase)] == phrase:
                     heard.append(meaning)
                     at += len(phrase)
@@ -143,4 +160,5 @@ def read(source: Source) -> Phrases:
               for phrase in sorted(set(values[one]) & set(values[other]))]
     if faults:
         raise ConfigurationError(faults)
-    return Phrases(values, source)
+    return Phrases({speech.node: values[speech.node] for speech in SPEECHES}, (values["tabletYes"], values["tabletNo"]),
+                   {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)}, source)

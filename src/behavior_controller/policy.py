@@ -1,21 +1,16 @@
 """The recovery policy: what to do about which failure, read from ``config/recoveryPolicy.ini``, checked as a whole."""
 import itertools
 import re
+from dataclasses import dataclass
 from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.registry import NodeSpec, did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.gateway import Cause
-from behavior_controller.settings import MOST_FAULTS, read_source, too_many_faults
+from behavior_controller.keys import MOST_FAULTS, read_source, too_many_faults
 from behavior_controller.text import Source
 
-CAUSES = {
-    "refused": Cause.REFUSED, "exception": Cause.HANDLER_EXCEPTION, "no-answer": Cause.NO_ANSWER,
-    "connection-lost": Cause.CONNECTION_LOST, "not-reachable": Cause.NOT_REACHABLE,
-    "not-advertised": Cause.NOT_ADVERTISED, "type-mismatch": Cause.TYPE_MISMATCH,
-    "unusable-answer": Cause.UNUSABLE_ANSWER, "missing-data": Cause.MISSING_DATA,
-    "condition-false": Cause.CONDITION_FALSE,
-}
+CAUSES = [cause.value for cause in Cause]
 SKIP, GIVE_UP = "skip", "giveUp"
 NEVER_SKIPPED = ("Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome")
 
@@ -40,7 +35,8 @@ class Rule(NamedTuple):
         return retry + instead + ("skip" if self.then == SKIP else "give up")
 
 
-class Policy(NamedTuple):
+@dataclass(frozen=True)
+class Policy:
     """The rules in order, and the budget: at most ``most`` recoveries in ``seconds``; and the file that says so."""
 
     rules: Tuple[Rule, ...]
@@ -51,7 +47,7 @@ class Policy(NamedTuple):
     def rule(self, node: str, cause: Cause) -> Rule:
         """Return the first rule that fits; without one, a failure is given up."""
         for rule in self.rules:
-            if rule.node in ("*", node) and (rule.cause == "*" or CAUSES[rule.cause] is cause):
+            if rule.node in ("*", node) and rule.cause in ("*", cause.value):
                 if rule.then == SKIP and node in NEVER_SKIPPED:
                     return rule._replace(then=GIVE_UP, substitute=None)
                 return rule

@@ -1,15 +1,16 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
-from typing import Any, Callable, Dict, Iterable, Iterator, NamedTuple, Optional
+from typing import Callable, Iterable, Iterator, NamedTuple, Optional
 
+from behavior_controller import exits
+from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted, Sources
 from behavior_controller.gateway import Call, Failure
 from behavior_controller.interface.document import INTERFACE
+from behavior_controller.leaves.base import MissionContext
 
-EXIT_CODES: Dict[str, int] = {"SUCCESS": 0}
-FAILED = 3
 SHORTEST_PASS = 1.0
 """Seconds: a pass that ends sooner is followed by a pause of that length, lest a mission that fails at once spins."""
 
@@ -27,7 +28,7 @@ class Running(NamedTuple):
     """What runs: ``mission`` is the leaves' context, whose gateway, events, health and settings the runner uses too."""
 
     tree: Tree
-    mission: Any
+    mission: MissionContext
     mission_file: str
     runs: int  # passes; 0 is for ever
 
@@ -53,7 +54,7 @@ class Runner:
         self._rounds = 0  # ticks since the last wait
 
     def run(self) -> int:
-        """Run and return the exit code: ``stop_code``, or 0 if the last pass was a SUCCESS (or none ended), else 3."""
+        """Run and return the exit code: ``stop_code``, or that of the last pass; if none ended, of a SUCCESS."""
         self._begin()
         while not self.is_stopped() and (self.runs == 0 or self._number < self.runs):
             self._pass()
@@ -66,7 +67,7 @@ class Runner:
             self._stop()
         code = self._stop_code()
         if code is None:
-            code = EXIT_CODES.get(self._outcome or "SUCCESS", FAILED)
+            code = exits.SUCCESS if self._outcome in (None, "SUCCESS") else exits.FAILURE
         ended = "stopped" if self.is_stopped() else "all passes are done"
         self.mission.events.emit(RunFinished("{}; last pass: {}".format(ended, self._outcome or "none"), code))
         return code
@@ -83,7 +84,7 @@ class Runner:
         began = self.clock.now()
         self.mission.begin_visit(self.tree.blackboard, began)
         self.mission.events.emit(PassStarted(self._number + 1, began))
-        result: Any = RUNNING
+        result: Result = RUNNING
         while result is RUNNING and not self.is_stopped():
             self.tree.wake.test_and_clear()
             changes = self.tree.changes
@@ -99,7 +100,7 @@ class Runner:
         if seconds < SHORTEST_PASS and self._number != self.runs:
             self._pause(SHORTEST_PASS)
 
-    def _tick(self) -> Any:
+    def _tick(self) -> Result:
         """Tell what has changed about the robot, and tick once; an exception in a node ends the pass, not the node."""
         self.mission.health.publish(self.mission.events)
         try:
@@ -132,8 +133,8 @@ class Runner:
             self.wait(PACE)
 
     def wait(self, seconds: Optional[float]) -> None:
-        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run what is due before and after."""
-        self.clock.run_due()  # what was posted for a wake-up that is cleared already
+        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run what is posted or due."""
+        self.clock.run_posted()  # for a wake-up that is cleared already; a timer that is due must end the wait
         due = self.clock.next_due()
         limits = [limit for limit in (seconds, None if due is None else due - self.clock.now()) if limit is not None]
         self.tree.wake.wait(max(0.0, min(limits)) if limits else None)
@@ -176,4 +177,4 @@ def not_calm(calls: Iterable[Call]) -> Iterator[str]:
             yield "{} did not answer while stopping".format(INTERFACE.service(type(call.request)).name)
         elif isinstance(call.result, Failure):
             yield "{} failed while stopping: {}: {}".format(
-                INTERFACE.service(type(call.request)).name, call.result.cause.value, call.result.message)
+                INTERFACE.service(type(call.request)).name, call.result.cause.text, call.result.message)

@@ -27,7 +27,7 @@ LEFT_OUT = "behaviorController: %d lines left out: %s did not take them in time"
 class Sink:
     """A daemon thread that writes what is put into its queue. ``put`` never waits; what does not fit is counted."""
 
-    def __init__(self, name: str, write: Callable[[Any], None], left_out: Callable[[int], Any],
+    def __init__(self, name: str, write: Callable[[Any], object], left_out: Callable[[int], Any],
                  most: int = MOST_WAITING):
         """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread."""
         self._write = write
@@ -97,7 +97,7 @@ class LineStream(io.TextIOBase):
         with self._lock:
             whole, newline, self._part = (self._part + text).rpartition("\n")
             for line in whole.split("\n") if newline else []:
-                colours = COLOURS.match(line).group()
+                colours = COLOURS.match(line).group()  # type: ignore[union-attr]
                 line = colours + clean(line[len(colours):], LONGEST_LINE) + newline
                 self._sink.put(line.encode(self._original.encoding, "backslashreplace"))
         return len(text)

@@ -232,7 +232,7 @@ class TestStartUp(unittest.TestCase):
     def test_help_is_printed_by_the_installed_command(self):
         text = subprocess.check_output(["rosrun", "cssr_system", "behaviorController", "--help"],
                                        universal_newlines=True, timeout=20)
-        for word in ("usage", "exit codes", "behaviorControllerConfiguration.ini"):
+        for word in ("usage", "exit codes", "behaviorControllerConfiguration.ini", "seconds to wait for missing robot nodes"):
             self.assertIn(word, text)
 
     def test_an_argument_that_it_does_not_know(self):

@@ -4,16 +4,14 @@ import random
 
 import pytest
 
-from behavior_controller import events, folders, leaves, phrases, policy, runner, settings
-from behavior_controller.bt.compiler import load_mission, load_text
-from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller import events, folders, runner, settings
+from behavior_controller import mission as missions
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.registry import Registry
+from behavior_controller.bt.language.document import parse, read, with_includes
 from behavior_controller.gateway import Cause, Failure, FakeGateway, FakeTopics
 from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, Location, Point,
                                                    QueryKnowledge, SetAttention)
-from behavior_controller.leaves.base import MissionContext
 from behavior_controller.watch.record import Record
 
 EXHIBITS = tuple(
@@ -28,21 +26,15 @@ ASKS_WITHOUT_START_OF_TREE = """<Sequence><QueryTourSpeech/><ForceSuccess><React
 <IsVisitorResponseYes/><LookUpEntrance/><Navigate/></Sequence>"""
 
 
-def registry():
-    """Return all node types."""
-    found = Registry(builtin_specs())
-    found.extend(leaves.SPECS)
-    return found
-
-
 class Rig:
     """``answer(request)`` returns a Failure, an Answer, None (never answers) or NotImplemented (the usual answer)."""
 
     def __init__(self, mission="lab_tour", answer=lambda request: NotImplemented, **changed):
         self.clock = ManualClock(1000.0)
-        load = load_text if mission.lstrip().startswith("<") else lambda name, *rest, **more: load_mission(
-            folders.mission(name), *rest, **more)
-        self.tree = load(mission, registry(), clock=self.clock)
+        self.settings = settings.defaults(**changed)
+        loaded = missions.load(self.settings, self.clock, documents=with_includes(
+            parse(mission) if mission.lstrip().startswith("<") else read(folders.mission(mission))))
+        self.tree = loaded.tree
         self.answer = answer
         self.seen = []
         self.mission_file = "lab_tour.xml"
@@ -50,10 +42,7 @@ class Rig:
         log.subscribe(self.seen.append)
         self.gateway = FakeGateway(self.tree.wake.emit, self._reply)
         self.topics = FakeTopics(self.clock.now, self.tree.wake.emit)
-        self.settings = settings.defaults(**changed)
-        self.mission = MissionContext(
-            self.gateway, self.topics, self.settings, phrases.load(self.settings.language),
-            policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS), self.clock, log)
+        self.mission = loaded.context(self.gateway, self.topics, log)
 
     def _reply(self, request):
         answer = self.answer(request)

@@ -10,7 +10,7 @@ from behavior_controller.events import HealthChanged, Noticed, PassFinished, Run
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, PerformGesture, Say
-from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.leaves import registry
 from behavior_controller.text import Source
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import status

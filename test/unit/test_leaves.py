@@ -8,7 +8,7 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves.base import FailureLog
-from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, registry, service_of, write
+from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
 TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
 FollowMeSpeech GoodbyeGesture HandleFallBack HereIsTheDoorSpeech IsASREnabled IsListWithExhibit IsMutualGazeDiscovered
@@ -298,7 +298,7 @@ def test_the_failure_log_finds_the_newest_in_a_range():
 
 
 def test_every_leaf_can_be_made_without_anything_running():
-    for spec in registry().all():
+    for spec in leaves.registry().all():
         assert spec.factory("name") is not None
 
 

@@ -14,7 +14,9 @@ from behavior_controller.bt.checking.outcomes import FAILS, SUCCEEDS, outcomes
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
-from behavior_controller.leaves import vocabulary
+from behavior_controller.leaves import registry as mission_registry
+from behavior_controller.leaves.vocabulary import VOCABULARY as KNOWN
+from behavior_controller.mission import load_tree
 
 REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Act", Kind.ACTION, AlwaysSuccess),
@@ -204,7 +206,7 @@ def test_a_mission_with_faults_is_not_linted():
 
 
 def test_the_lab_tour_has_no_warning():
-    assert vocabulary.load(folders.mission("lab_tour")).warnings == []
+    assert load_tree(folders.mission("lab_tour")).warnings == []
 
 
 def mission(*leaves):
@@ -222,12 +224,12 @@ def mission(*leaves):
 ])
 def test_what_the_mission_needs(tmp_path, leaves, words):
     (tmp_path / "m.xml").write_text(mission(*leaves), encoding="utf-8")
-    found = vocabulary.load(str(tmp_path / "m.xml")).warnings
+    found = load_tree(str(tmp_path / "m.xml")).warnings
     assert [words in str(fault) for fault in found] == ([] if words is None else [True])
 
 
 def test_every_leaf_that_the_vocabulary_names_exists():
-    registry, known = vocabulary.registry(), vocabulary.VOCABULARY
+    registry, known = mission_registry(), KNOWN
     named = set(known.ends) | set(known.needs) | set(known.recoveries)
     named |= {leaf for leaves, _ in known.needs.values() for leaf in leaves}
     assert {name for name in named if registry.find(name) is None} == set()
@@ -301,7 +303,7 @@ def test_a_name_that_chooses_nothing_although_it_looks_so_is_told(tmp_path, name
     path = tmp_path / "m.xml"
     path.write_text("""<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><RetrieveListOfExhibits/><SelectExhibit/>
  <DescribeExhibitSpeech name="{}"/><WelcomeSpeech name="3"/></Sequence></BehaviorTree></root>""".format(name))
-    assert [str(fault) for fault in vocabulary.load(str(path)).warnings] == is_told * [
+    assert [str(fault) for fault in load_tree(str(path)).warnings] == is_told * [
         "{}:2:25: warning: the name {} chooses nothing; DescribeExhibitSpeech knows the names 1 and 2 (Describes the "
         "current exhibit: name 1 or 2 chooses the part, any other says both.)".format(path, name)]
 
@@ -310,4 +312,4 @@ def test_an_alias_that_says_what_it_does_may_have_any_name(tmp_path):
     path = tmp_path / "m.xml"
     path.write_text("""<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><RetrieveListOfExhibits/><SelectExhibit/>
  <DescribeExhibitSpeech_1 name="3"/></Sequence></BehaviorTree></root>""")
-    assert vocabulary.load(str(path)).warnings == []
+    assert load_tree(str(path)).warnings == []

@@ -2,16 +2,17 @@
 from behavior_controller import folders
 from behavior_controller.bt.checking.models import stale_models
 from behavior_controller.bt.language.document import parse, read
-from behavior_controller.leaves import vocabulary
+from behavior_controller.leaves import registry
+from behavior_controller.mission import load_tree
 
 
 def warnings(models):
     text = "<root BTCPP_format='4'>\n<BehaviorTree ID='M'><AlwaysSuccess/></BehaviorTree>\n<TreeNodesModel>\n{}</TreeNodesModel></root>"
-    return [str(fault) for fault in stale_models([parse(text.format(models), "m.xml")], vocabulary.registry())]
+    return [str(fault) for fault in stale_models([parse(text.format(models), "m.xml")], registry())]
 
 
 def test_the_delivered_mission_has_a_true_palette():
-    assert stale_models([read(folders.mission("lab_tour"))], vocabulary.registry()) == []
+    assert stale_models([read(folders.mission("lab_tour"))], registry()) == []
 
 
 def test_a_node_that_is_not_there():
@@ -39,4 +40,4 @@ def test_the_mission_loader_warns(tmp_path):
     path = tmp_path / "m.xml"
     path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><AlwaysSuccess/></BehaviorTree>"
                     "<TreeNodesModel><Action ID='Nothing'/></TreeNodesModel></root>")
-    assert any("a node Nothing that there is not" in str(fault) for fault in vocabulary.load(str(path)).warnings)
+    assert any("a node Nothing that there is not" in str(fault) for fault in load_tree(str(path)).warnings)

@@ -17,7 +17,7 @@ import pytest
 from behavior_controller.events import HealthChanged, RunFinished
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, PerformGesture, Say
-from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.leaves import registry
 from behavior_controller.watch.board import PARTS, Board
 from behavior_controller.watch.page import Page
 from browser import open_browser

@@ -1,4 +1,6 @@
 """HandleFallBack and its policy: what is retried, left out, given up, and when the budget is spent."""
+import dataclasses
+
 import pytest
 
 from behavior_controller import folders, leaves, policy
@@ -169,7 +171,7 @@ def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
 
 def test_the_budget_ends_endless_recovery():
     rig = one_leaf("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>", failing(9999, Cause.NO_ANSWER))
-    rig.mission.policy = rig.mission.policy._replace(most=2, seconds=100.0)
+    rig.mission.policy = dataclasses.replace(rig.mission.policy, most=2, seconds=100.0)
     assert [to_the_end(rig) for _ in range(3)] == [SUCCESS, SUCCESS, FAILURE]
     rig.clock.advance(99.0)
     assert to_the_end(rig) is FAILURE
@@ -179,11 +181,11 @@ def test_the_budget_ends_endless_recovery():
 
 def test_beyond_the_budget_nothing_is_retried():
     rig = fallback("<WelcomeSpeech/>", failing(9999, Cause.REFUSED))
-    rig.mission.policy = rig.mission.policy._replace(most=0, seconds=60.0)
+    rig.mission.policy = dataclasses.replace(rig.mission.policy, most=0, seconds=60.0)
     assert to_the_end(rig) is FAILURE
     assert rig.requests[1:] == SAFE
     assert [event.policy for event in rig.of(Recovered)] == ["give up: the budget of 0 recoveries in 60 s is spent"]
-    rig.mission.policy = rig.mission.policy._replace(most=99)
+    rig.mission.policy = dataclasses.replace(rig.mission.policy, most=99)
     assert to_the_end(rig) is SUCCESS
     assert rig.of(Recovered)[-1].policy == "retry 1x, then skip"
 

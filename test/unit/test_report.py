@@ -128,7 +128,7 @@ def test_failures_recoveries_and_notices_are_told_in_order_with_their_causes():
                  "policy": "retry 1x, then skip", "attempts": 1, "success": True, "outcome": "skipped"}
     text = page_of(lines_of(
         finished(101.0), finished(102.0, "FAILURE", failure=FAILED),
-        finished(102.5, "FAILURE", failure=dict(FAILED, cause="condition false")),
+        finished(102.5, "FAILURE", failure=dict(FAILED, cause="condition-false")),
         {"event": "Retried", "time": 103.0, "node": "A", "path": "A::1", "attempt": 1, "failure": FAILED}, recovered,
         gone(105.0),
         {"event": "Noticed", "time": 106.0, "level": "warning", "text": "the mission goes round and round"},
@@ -272,7 +272,9 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
 @pytest.mark.parametrize("lines, expected", [
     (lines_of({"event": "PassFinished", "time": 1, "number": EVIL, "outcome": "S", "seconds": 1}),
      "r.jsonl:4:1: this is no line of a record: number is not an integer"),
+    (lines_of({"event": "PassFinished", "time": 1, "number": True, "outcome": "S", "seconds": 1}), "number is not an int"),
     (lines_of({"event": "PassFinished", "time": 1, "number": 1, "outcome": "S"}), "seconds is missing"),
+    (lines_of()[:1] + [changed(lines_of()[1], ("sources", "documents"), [])], "sources.documents is empty"),
     (lines_of({"event": ["Tick"]}), "it has no event"),
     (lines_of(tick([2, "S"])), "the tree has only 1 nodes"),
     (lines_of(tick([1, "s"])), "changes[0][1] is not one of -, R, S, F"),

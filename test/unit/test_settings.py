@@ -1,10 +1,12 @@
 """The configuration: every fault in one pass, each with its line, what is allowed, and a suggestion."""
+import dataclasses
 import os
+import re
 import time
 
 import pytest
 
-from behavior_controller import folders, leaves, policy, settings
+from behavior_controller import folders, keys, leaves, phrases, policy, settings
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import GoTo, Say
@@ -67,10 +69,10 @@ def test_the_mission_with_an_extension_is_tolerated(tmp_path, value, expected):
 @pytest.mark.parametrize("line, expected", [
     ("asrEnable true", "test.ini:4:1: unknown key asrEnable (did you mean asrEnabled?)"),
     ("asrEnabled false", "test.ini:4:1: the key asrEnabled stands in line 3 already"),
-    ("missionRuns many", "test.ini:4:13: missionRuns cannot be \"many\" (allowed: a whole number, 0 or more)"),
-    ("missionRuns -1", "test.ini:4:13: missionRuns cannot be \"-1\" (allowed: a whole number, 0 or more)"),
-    ("startupTimeout nan", "test.ini:4:16: startupTimeout cannot be \"nan\" (allowed: a number of seconds, 0 or more)"),
-    ("startupTimeout inf", "test.ini:4:16: startupTimeout cannot be \"inf\" (allowed: a number of seconds, 0 or more)"),
+    ("missionRuns many", "test.ini:4:13: missionRuns cannot be \"many\" (allowed: a whole number from 0 to 1000000000)"),
+    ("missionRuns -1", "test.ini:4:13: missionRuns cannot be \"-1\" (allowed: a whole number from 0 to 1000000000)"),
+    ("startupTimeout nan", "test.ini:4:16: startupTimeout cannot be \"nan\" (allowed: a number of seconds from 0 to 86400)"),
+    ("startupTimeout inf", "test.ini:4:16: startupTimeout cannot be \"inf\" (allowed: a number of seconds from 0 to 86400)"),
     ("mutualGazeValue 3", "test.ini:4:17: mutualGazeValue cannot be \"3\" (allowed: 1 or 2)"),
     ("welcomeGestureId 256",
      "test.ini:4:18: welcomeGestureId cannot be \"256\" (allowed: a whole number from 0 to 255)"),
@@ -118,11 +120,11 @@ def test_ways_to_write_a_number(tmp_path, text, value):
 
 
 def test_only_who_allows_it_takes_infinity():
-    assert settings.number(1.0, infinite=True)("inf") == float("inf")
+    assert keys.number(1.0, infinite=True)("inf") == float("inf")
     with pytest.raises(ValueError):
-        settings.number(1.0)("inf")
+        keys.number(1.0)("inf")
     with pytest.raises(ValueError):
-        settings.number(1.0, infinite=True)("-inf")
+        keys.number(1.0, infinite=True)("-inf")
 
 
 def test_a_byte_order_mark_and_foreign_line_ends_are_tolerated(tmp_path):
@@ -131,13 +133,12 @@ def test_a_byte_order_mark_and_foreign_line_ends_are_tolerated(tmp_path):
 
 def test_settings_are_frozen():
     found = settings.defaults()
-    with pytest.raises(AttributeError, match="settings are fixed: asr_enabled"):
+    with pytest.raises(AttributeError):
         found.asr_enabled = False
     with pytest.raises(TypeError):
-        found.values["asrEnabled"] = False
-    with pytest.raises(AttributeError, match="no setting asr_enable$"):
-        found.asr_enable
-    assert found.asr_enabled is True
+        found.deadlines[INTERFACE.services[0]] = 1.0
+    found.values["asrEnabled"] = False
+    assert found.asr_enabled is found.values["asrEnabled"] is True
 
 
 def test_all_faults_come_at_once(tmp_path):
@@ -186,7 +187,7 @@ def test_a_policy_is_read_as_the_configuration_is(tmp_path, encoding):
     (tmp_path / "policy.ini").write_bytes(text.replace("\n", "\r\n").encode(encoding))
     expected = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
     found = policy.load(str(tmp_path / "policy.ini"), leaves.SPECS)
-    assert found == expected._replace(source=found.source) and found.source.text == text
+    assert found == dataclasses.replace(expected, source=found.source) and found.source.text == text
 
 
 def test_a_fault_is_one_line_whatever_the_file_says(tmp_path):
@@ -256,3 +257,40 @@ def test_each_service_has_its_deadline(tmp_path):
     found = load(tmp_path, GOOD + "robotNavigationDeadline 42\n")
     assert found.deadline(INTERFACE.service(GoTo)) == 42.0
     assert found.deadline(INTERFACE.service(Say)) == 60.0
+
+
+# ------------------------------------------------------------------------------------- what is said of a key is so, once
+
+
+ALL_KEYS = settings.KEYS + phrases.KEYS
+LIMITS = re.compile(r"from ([0-9.]+) to ([0-9.]+)|^([0-9]+) or ([0-9]+)$")
+
+
+@pytest.mark.parametrize("key", [key for key in ALL_KEYS if LIMITS.search(key.allowed)], ids=lambda key: key.name)
+def test_a_key_takes_just_the_numbers_that_it_says(key):
+    low, high = [text for text in LIMITS.search(key.allowed).groups() if text]
+    assert [key.read(text) for text in (low, high)] == [float(low), float(high)]
+    step = 0.0001 if key.allowed.startswith("a number") else 1
+    if "port" in key.allowed:
+        assert key.read("0") == 0
+        low = "0"
+    for outside in (float(low) - step, float(high) + step):
+        with pytest.raises(ValueError):
+            key.read("{:.10g}".format(outside))
+
+
+@pytest.mark.parametrize("key", [key for key in ALL_KEYS if key.default not in (keys.REQUIRED, ())], ids=lambda key: key.name)
+def test_each_default_is_a_value_that_its_key_takes(key):
+    assert key.read(keys.to_text(key.default)) == key.default
+
+
+def readme_table(heading):
+    """Return the rows of the table below a heading of the README, without the marks of code."""
+    with open(os.path.join(folders.share(), "README.md"), encoding="utf-8") as file:
+        below = file.read().split(heading + "\n", 1)[1]
+    rows = [line.strip("|").split("|") for line in re.split(r"\n\|[-|]+\|\n", below, 1)[1].split("\n\n")[0].splitlines()]
+    return [tuple(cell.strip().replace("`", "") for cell in row) for row in rows]
+
+
+def test_the_readme_has_each_key_with_its_default_and_meaning():
+    assert readme_table("### Configuration") == [(key.name, key.default_text, key.meaning) for key in settings.KEYS]

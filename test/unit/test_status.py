@@ -14,7 +14,7 @@ import pytest
 from behavior_controller.events import HealthChanged, RunFinished
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, Say
-from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.leaves import registry
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
 from mission_rig import Rig, one_leaf

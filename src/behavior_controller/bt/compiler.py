@@ -3,6 +3,8 @@ import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.bt.checking.checks import CONDITIONS, Checked, check, is_port_name
+from behavior_controller.bt.checking.lint import Vocabulary, lint
+from behavior_controller.bt.checking.models import stale_models
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import PRE_CONDITIONS, ConfigureError, Node, Services
 from behavior_controller.bt.engine.substitution import Substitutions, TestNode, substitutions
@@ -22,10 +24,7 @@ _FRAMES_PER_LEVEL = 4
 
 
 def load_mission(path: str, registry: Registry, **options: Any) -> Tree:
-    """Read a mission file and what it includes, check it and build its tree. Raises MissionError with every fault.
-
-    Options are those of ``build``.
-    """
+    """Read a mission file and what it includes, and ``build`` it with ``options``. Raises MissionError."""
     return build(with_includes(read(path)), registry, **options)
 
 
@@ -37,12 +36,12 @@ def load_text(text: str, registry: Registry, file: str = "<text>", **options: An
 def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clock] = None,
           blackboard: Optional[Blackboard] = None, main_tree: Optional[str] = None, strict: bool = False,
           enums: Optional[Dict[str, int]] = None, rules: Optional[Dict[str, Any]] = None,
-          wake: Optional[WakeUp] = None) -> Tree:
-    """Check ``documents`` (the mission last) and build the tree. Raises MissionError with every fault.
+          wake: Optional[WakeUp] = None, vocabulary: Optional[Vocabulary] = None) -> Tree:
+    """Check ``documents`` (the mission last), and build the tree. Raises MissionError with every fault.
 
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``;
     ``enums`` are names of integers for scripts; ``rules`` are substitution rules; ``clock`` and ``wake`` are those of
-    a tree whose place the new one takes.
+    a tree whose place the new one takes; with a ``vocabulary`` the linter looks at the mission too.
     """
     with collector_at_rest():
         checked = check(documents, registry, main_tree, strict)
@@ -51,9 +50,16 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
             compiler.unfold(blackboard if blackboard is not None else Blackboard())
     faults = list(dict.fromkeys(checked.faults + compiler.faults))
     if any(not fault.is_warning for fault in faults):
-        raise MissionError(sorted(faults, key=lambda fault: (fault.file, fault.line, fault.column)))
+        raise MissionError(sorted(faults, key=_by_place))
+    if vocabulary is not None:
+        faults += stale_models(documents, registry) + lint(documents, checked, registry, vocabulary)
+        faults.sort(key=_by_place)
     return Tree(checked.main, compiler.nodes, compiler.blackboards, compiler.services, faults,
                 tuple(Source(document.file, document.text) for document in documents))
+
+
+def _by_place(fault: Fault) -> Tuple[str, int, int]:
+    return fault.file, fault.line, fault.column
 
 
 class _Place(NamedTuple):
@@ -134,7 +140,8 @@ class _Compiler:
         if self.rules.rules:
             target = self.rules.target(name, type_id, path)
             if target in self.rules.configs:
-                return NodeSpec(target, Kind.ACTION, TestNode), TestNode(name, self.rules.configs[target])
+                config = self.rules.configs[target]
+                return NodeSpec(target, Kind.ACTION, lambda name: TestNode(name, config)), TestNode(name, config)
             if target is not None:
                 replacement = self.registry.find(target)
                 if replacement is None:

@@ -4,9 +4,17 @@ The ROS edge, the start-up check, the monitoring, the configuration's deadlines 
 declarations all that they need to know of a service or topic.
 """
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, NamedTuple, Tuple, Union
+from typing import Any, Callable, Dict, Generic, NamedTuple, Tuple, Type, TypeVar, Union
 
 from behavior_controller.interface.records import Answer, Request
+
+
+Message = Any  # type: ignore
+"""A message or response as ROS makes it; these classes are generated and have no types."""
+
+Asked = TypeVar("Asked")
+Value = TypeVar("Value")
+Plain = Union[bool, int, float, str]
 
 
 class Unusable(ValueError):
@@ -17,16 +25,16 @@ class Success(NamedTuple):
     """The response's field that tells the outcome, and its values for done and refused. Any other is unusable."""
 
     field: str
-    done: Any
-    refused: Any
+    done: Plain
+    refused: Plain
 
 
-def _nothing(response: Any) -> Answer:
+def _nothing(response: Message) -> Answer:
     return Answer()
 
 
 @dataclass(frozen=True, eq=False)
-class Service:
+class Service(Generic[Asked]):
     """A service of the robot.
 
     ``request`` is the kind of record that it carries out, ``fields`` gives the values of the srv request in order;
@@ -35,15 +43,15 @@ class Service:
     the robot cannot do without it.
     """
 
-    request: type
+    request: Type[Asked]
     name: str
     node: str
     type: str
-    fields: Callable[[Any], Tuple[Any, ...]]
+    fields: Callable[[Asked], Tuple[object, ...]]
     success: Success
     deadline: float
     absence: str
-    answer: Callable[[Any], Answer] = _nothing
+    answer: Callable[[Message], Answer] = _nothing
 
     @property
     def deadline_key(self) -> str:
@@ -52,7 +60,7 @@ class Service:
 
 
 @dataclass(frozen=True, eq=False)
-class Topic:
+class Topic(Generic[Value]):
     """A topic of the robot. ``read`` turns a message into plain data of the kind ``value``.
 
     ``is_continuous``: it is published all the time, so that silence means something and an old message counts as
@@ -62,8 +70,8 @@ class Topic:
     name: str
     node: str
     type: str
-    value: Any  # a type
-    read: Callable[[Any], Any]
+    value: Type[Value]
+    read: Callable[[Message], Value]
     absence: str
     is_continuous: bool
 

@@ -1,22 +1,22 @@
 """The robot of D5.4.3 (tables 2 and 3): the interface that missions run against by default."""
 import math
-from typing import Any, Tuple
+from typing import Tuple
 
-from behavior_controller.interface import Interface, Service, Success, Topic, Unusable
+from behavior_controller.interface import Interface, Message, Service, Success, Topic, Unusable
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
                                                    PerformGesture, Point, Prompt, QueryKnowledge, Say, SetAnimation,
                                                    SetAttention)
 
 
-def _gesture(request: PerformGesture) -> Tuple[Any, ...]:
+def _gesture(request: PerformGesture) -> Tuple[object, ...]:
     return (request.type, request.id, request.duration_ms, request.bow_nod_angle_deg) + tuple(request.target)
 
 
-def _places(response: Any) -> Answer:
+def _places(response: Message) -> Answer:
     return Answer(exhibits=tuple(_exhibit(place) for place in response.exhibits))
 
 
-def _exhibit(place: Any) -> Exhibit:
+def _exhibit(place: Message) -> Exhibit:
     location = Location(place.location.x, place.location.y, place.location.theta)
     gesture = Point(place.gesture.x, place.gesture.y, place.gesture.z)
     if not all(math.isfinite(number) for number in location + gesture):
@@ -24,7 +24,7 @@ def _exhibit(place: Any) -> Exhibit:
     return Exhibit(place.name, place.description1, place.description2, location, gesture)
 
 
-def _pressed(response: Any) -> Answer:
+def _pressed(response: Message) -> Answer:
     return Answer(response=response.response)
 
 

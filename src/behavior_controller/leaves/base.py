@@ -19,6 +19,9 @@ from behavior_controller.health import Health
 from behavior_controller.interface import Topic
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import Answer, Request
+from behavior_controller.phrases import Phrases
+from behavior_controller.policy import Policy
+from behavior_controller.settings import Settings
 
 # ------------------------------------------------------------------------------- keys on the root blackboard (README)
 
@@ -73,8 +76,8 @@ class FailureLog:
 class MissionContext:
     """What the leaves of a running mission share. ``setup(mission=…)`` hands it to each."""
 
-    def __init__(self, gateway: Gateway, topics: Topics, settings: Any, phrases: Any, policy: Any, clock: Clock,
-                 events: Events, health: Optional[Health] = None):
+    def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases, policy: Policy,
+                 clock: Clock, events: Events, health: Optional[Health] = None):
         """``health`` tells what is known of the robot's nodes; without it they count as well."""
         self.gateway = gateway
         self.topics = topics
@@ -217,7 +220,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
     attempt: Optional[Attempt] = None
 
     @property
-    def resource(self) -> str:  # type: ignore[override]
+    def resource(self) -> str:
         """The service's canonical name."""
         return INTERFACE.service(self.asks).name
 
@@ -283,7 +286,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     _told: Tuple[str, float] = ("", 0.0)  # the failure reported last, and what a message had to be newer than then
 
     @property
-    def resource(self) -> str:  # type: ignore[override]
+    def resource(self) -> str:
         """The topic's canonical name."""
         return self.topic.name
 

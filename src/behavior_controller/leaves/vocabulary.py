@@ -1,16 +1,6 @@
-"""The node types that missions are read with, and what the linter must know of the mission's own leaves."""
-from typing import Any
-
-from behavior_controller import leaves
-from behavior_controller.bt.checking.checks import check
-from behavior_controller.bt.checking.lint import Vocabulary, lint
-from behavior_controller.bt.checking.models import stale_models
+"""What the linter must know of the mission's own leaves."""
+from behavior_controller.bt.checking.lint import Vocabulary
 from behavior_controller.bt.checking.outcomes import SUCCEEDS
-from behavior_controller.bt.compiler import build
-from behavior_controller.bt.engine.builtins import builtin_specs
-from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.language.document import read, with_includes
-from behavior_controller.bt.registry import Registry
 from behavior_controller.leaves.base import OF_ONE_VISITOR
 
 _TARGET = ("SelectExhibit", "LookUpEntrance", "LookUpHome")
@@ -29,21 +19,3 @@ VOCABULARY = Vocabulary(
     },
     recoveries=("HandleFallBack", "HandleFallback"),
 )
-
-
-def registry() -> Registry:
-    """Return the node types that a mission may use: BehaviorTree.CPP's own and the mission's."""
-    return Registry(builtin_specs() + list(leaves.SPECS))
-
-
-def load(path: str, **options: Any) -> Tree:
-    """Return the tree of a mission file; ``tree.warnings`` has those of the linter too. Raises MissionError.
-
-    Options are those of ``bt.compiler.build``.
-    """
-    documents, types = with_includes(read(path)), registry()
-    tree = build(documents, types, **options)
-    checked = check(documents, types, options.get("main_tree"))
-    tree.warnings += stale_models(documents, types) + lint(documents, checked, types, VOCABULARY)
-    tree.warnings.sort(key=lambda fault: (fault.file, fault.line, fault.column))
-    return tree

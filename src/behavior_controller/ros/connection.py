@@ -118,7 +118,7 @@ class Connection:
 
     def _connect(self, host: str, port: int, seconds: float) -> None:
         """Connect to the first of the host's addresses that takes the connection."""
-        error: Optional[OSError] = None
+        error: Optional[Exception] = None
         try:
             for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
                 error = self._try(socket.socket(family, kind, protocol), address, seconds)
@@ -170,7 +170,7 @@ class Connection:
     def send(self, data: bytes) -> None:
         """Send ``data``. After ``Trouble`` it is not known whether the peer has got it."""
         try:
-            self._socket.sendall(data)
+            self._connected().sendall(data)
         except OSError as error:
             self._lose(error)
 
@@ -186,12 +186,15 @@ class Connection:
     def receive_some(self, most: int) -> bytes:
         """Read what is there, at least one byte and ``most`` at the most."""
         try:
-            chunk = self._socket.recv(most)
+            chunk = self._connected().recv(most)
         except OSError as error:
             self._lose(error)
         if not chunk:
             self._lose("closed by the peer")
         return chunk
+
+    def _connected(self) -> socket.socket:
+        return self._socket or self._lose("it is not open")
 
     def _lose(self, reason: Any) -> NoReturn:
         """Give the socket back and raise."""

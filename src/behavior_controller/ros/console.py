@@ -160,7 +160,7 @@ def _make_safe(record: logging.LogRecord) -> bool:
 
 def reason(failure: Any) -> str:
     """Return cause and message of a ``Failure`` on one line; empty for None."""
-    return "{}: {}".format(failure.cause.value, " ".join(failure.message.split())) if failure is not None else ""
+    return "{}: {}".format(failure.cause.text, " ".join(failure.message.split())) if failure is not None else ""
 
 
 def report_internal_error(console: Console, error: BaseException) -> None:

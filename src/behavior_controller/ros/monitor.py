@@ -97,7 +97,7 @@ class Monitor:
             try:
                 self._hold(part)
             except Trouble as trouble:
-                self._tell_gone(part, "{}: {}".format(trouble.cause.value, trouble))
+                self._tell_gone(part, "{}: {}".format(trouble.cause.text, trouble))
                 self._closed.wait(ROUND)
 
     def _hold(self, part: Part) -> None:

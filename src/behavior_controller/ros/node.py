@@ -16,6 +16,7 @@ import rospkg
 import rospy
 from rospy.impl.paramserver import get_param_server_cache
 
+from behavior_controller import exits
 from behavior_controller.apart import Late, Stopped, run_apart, run_together
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -24,25 +25,25 @@ from behavior_controller.events import Events
 from behavior_controller.gateway import Gateway, Topics
 from behavior_controller.health import Health
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.leaves.base import MissionContext
-from behavior_controller.leaves.vocabulary import registry
+from behavior_controller.keys import help_lines
+from behavior_controller.leaves import registry
+from behavior_controller.mission import Mission
 from behavior_controller.ros.connection import Trouble, ask_master
 from behavior_controller.ros.console import Console, report_internal_error
 from behavior_controller.ros.monitor import Monitor
-from behavior_controller.ros.plan import Plan, read_plan, tell_faults
+from behavior_controller.ros.plan import read_plan, tell_faults
 from behavior_controller.ros.probe import StartUpCheck
 from behavior_controller.ros.services import RosGateway
-from behavior_controller.ros.signals import BROKEN, Signals, block_signals
+from behavior_controller.ros.signals import Signals, block_signals
 from behavior_controller.ros.topics import RosTopics
 from behavior_controller.runner import Runner, Running, not_calm
-from behavior_controller.settings import split_arguments
+from behavior_controller.settings import KEYS, split_arguments
 from behavior_controller.watch.board import Board
 from behavior_controller.watch.groot2 import Groot2Publisher
 from behavior_controller.watch.page import Page
 from behavior_controller.watch.record import Record, new_folder
 
 NAME = "behaviorController"
-SUCCESS, NODES_MISSING, BAD_FILES = 0, 1, 2
 
 NO_TOPICS_IN_ROSOUT = "/rosout_disable_topics_generation"
 
@@ -105,9 +106,12 @@ def leave(code: int) -> None:
 def _explain(arguments: List[str]) -> int:
     """Print what can be said on the command line; the exit code tells whether that was asked for."""
     is_asked = arguments[0] in ("-h", "--help")
-    print(USAGE if is_asked else "behaviorController: unknown argument {!r}\n{}".format(arguments[0], USAGE),
-          file=sys.stdout if is_asked else sys.stderr)
-    return SUCCESS if is_asked else BAD_FILES
+    if is_asked:
+        print("\n".join([USAGE, "", "keys, their defaults and meanings:"] + help_lines(
+            KEYS, {key.name: key.default_text for key in KEYS})))
+    else:
+        print("behaviorController: unknown argument {!r}\n{}".format(arguments[0], USAGE), file=sys.stderr)
+    return exits.SUCCESS if is_asked else exits.WRONG_INPUT
 
 
 # ----------------------------------------------------------------------------------------------------------------- ROS
@@ -156,23 +160,23 @@ class _Node:
     def run(self) -> int:
         """Do everything, and return the exit code. Raises nothing."""
         console = self._console
-        threading.excepthook = lambda failed: report_internal_error(console, failed.exc_value)
+        threading.excepthook = lambda failed: report_internal_error(console, failed.exc_value or failed.exc_type())
         self._signals.wake(self._wake.emit)
         try:
             return self._carry_out()
         except Stopped:
             console.tell("info", "stopped before the mission began")
-            return NODES_MISSING if self._stop_code is None else self._stop_code
+            return exits.UNAVAILABLE if self._stop_code is None else self._stop_code
         except FaultsFound as found:
             tell_faults(found, console.tell, "nothing was started")
-            return BAD_FILES
+            return exits.WRONG_INPUT
         except NodesMissing as missing:
             for line in str(missing).split("\n"):
                 console.tell("error", line)
-            return NODES_MISSING
+            return exits.UNAVAILABLE
         except Exception as error:  # the last resort: an operator never sees a traceback
             report_internal_error(console, error)
-            return BROKEN
+            return exits.BROKEN
 
     def _carry_out(self) -> int:
         """Take the steps of the start in order, which raise what is wrong; run the mission and return the exit code."""
@@ -211,11 +215,11 @@ class _Node:
         if reason == PARTING:
             return
         if NAME_IS_TAKEN in reason:
-            self._stop_code = SUCCESS  # no supervisor shall start this one again: it would end the other
+            self._stop_code = exits.SUCCESS  # no supervisor shall start this one again: it would end the other
             self._console.tell("warning", "another node was started under the name {}: that one stays, this one ends"
                                .format(rospy.get_name()))
         elif not reason.startswith(REQUESTED):
-            self._stop_code = BROKEN
+            self._stop_code = exits.BROKEN
             report_internal_error(self._console, RuntimeError(reason))
         self._signals.request_stop()
 
@@ -239,9 +243,9 @@ def _no_answer(what: str) -> ConfigurationError:
 class _Run:
     """A mission under way, and the one that was read anew to follow it."""
 
-    def __init__(self, plan: Plan, topics: RosTopics, console: Console, signals: Signals):
+    def __init__(self, plan: Mission, topics: RosTopics, console: Console, signals: Signals):
         self._plan = plan
-        self._following: Deque[Plan] = collections.deque(maxlen=1)  # filled by the thread that reads
+        self._following: Deque[Mission] = collections.deque(maxlen=1)  # filled by the thread that reads
         self._reading: Optional[threading.Thread] = None
         self._clock, self._wake = plan.tree.clock, plan.tree.wake
         self._topics: Topics = topics
@@ -268,7 +272,7 @@ class _Run:
         except Exception as error:  # a mistake of ours must not leave the robot as it happens to be
             report_internal_error(console, error)
             self._calm()
-            return BROKEN
+            return exits.BROKEN
         finally:
             if self._record is not None and self._record.is_kept:
                 console.tell("info", "record of this run: {}".format(self._record.path))
@@ -306,9 +310,8 @@ class _Run:
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
-        context = MissionContext(self._gateway, self._topics, plan.settings, plan.phrases, plan.policy, self._clock,
-                                 self._events, self._health)
-        return Running(plan.tree, context, plan.mission, plan.settings.mission_runs)
+        context = plan.context(self._gateway, self._topics, self._events, self._health)
+        return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
 
     def _reload(self) -> None:
         """Have the files read again, on a thread of its own: a disk or the master may hang. On the signals' thread."""

@@ -77,7 +77,7 @@ def _examine(part: Part) -> Optional[str]:
         look = _examine_topic if isinstance(part.offer, Topic) else _examine_service
         return look(part)
     except Trouble as trouble:
-        return "{}: {}".format(trouble.cause.value, trouble)
+        return "{}: {}".format(trouble.cause.text, trouble)
 
 
 def _examine_service(part: Part) -> Optional[str]:
@@ -112,7 +112,7 @@ def _examine_publisher(part: Part, node: str) -> Optional[str]:
         answer = open_publisher(connection, uri, part.name, {
             "type": "*", "callerid": rospy.get_name() + "_start_up_check"})
     except Trouble as trouble:
-        return "{}: node {} is listed as its publisher, but {}".format(trouble.cause.value, node, trouble)
+        return "{}: node {} is listed as its publisher, but {}".format(trouble.cause.text, node, trouble)
     finally:
         connection.hang_up()
     return _compare(answer, TYPES[part.offer], "node " + node)
@@ -121,11 +121,11 @@ def _examine_publisher(part: Part, node: str) -> Optional[str]:
 def _compare(answer: Any, wanted: Any, who: str) -> Optional[str]:
     """Return how the type in a handshake differs from ours, or None."""
     if "error" in answer:
-        return "{}: {} says: {}".format(Cause.NOT_REACHABLE.value, who, answer["error"])
+        return "{}: {} says: {}".format(Cause.NOT_REACHABLE.text, who, answer["error"])
     if answer.get("md5sum") == wanted._md5sum:
         return None
     return "{}: {} has {} (md5 {}), expected is {} (md5 {}); build both from the same srv and msg files".format(
-        Cause.TYPE_MISMATCH.value, who, answer.get("type"), answer.get("md5sum"), wanted._type, wanted._md5sum)
+        Cause.TYPE_MISMATCH.text, who, answer.get("type"), answer.get("md5sum"), wanted._type, wanted._md5sum)
 
 
 # -------------------------------------------------------------------------------------------------- all of them at once
@@ -148,7 +148,7 @@ def find_missing(parts: Sequence[Part], wake: WakeUp, is_stopped: Callable[[], b
     while len(reasons) < len(parts) and time.monotonic() < ends and not is_stopped():
         wake.wait(max(0.0, ends - time.monotonic()))
         wake.test_and_clear()
-    found = {part: reasons.get(part, "{}: not in {:g} s".format(Cause.NO_ANSWER.value, PROBE_LIMIT)) for part in parts}
+    found = {part: reasons.get(part, "{}: not in {:g} s".format(Cause.NO_ANSWER.text, PROBE_LIMIT)) for part in parts}
     return [Missing(part, reason) for part, reason in found.items() if reason is not None]
 
 

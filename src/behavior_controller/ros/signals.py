@@ -10,13 +10,13 @@ import threading
 import time
 from typing import Callable, List
 
+from behavior_controller import exits
 from behavior_controller.ros.console import Console
 
 STOP_LIMIT = 1.8
 """Seconds after the first signal at which the process ends, whatever it is doing (the limit is 2 s)."""
 
 NOT_STOPPED = "did not stop in time: ending now; make sure that the robot has stopped too"
-BROKEN = 4
 
 TAKEN = {signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP}
 
@@ -81,7 +81,7 @@ class Signals:
         if not self.is_over:
             self._console.tell("error", NOT_STOPPED)
             self._console.drain(0.1)
-            os._exit(BROKEN)
+            os._exit(exits.BROKEN)
 
 
 def _terminal_answers() -> bool:

@@ -139,14 +139,15 @@ class Latch:
     def _store(self, data: bytes, arrived: float) -> bool:
         """Keep the newest message and ring its alarms; return whether it says something new."""
         with self._lock:
+            newest = self._sample
             is_news = data != self._bytes
-            if is_news:
+            if newest is None or is_news:
                 value = self._decode(data)
                 if value is None:
                     return False
                 self._bytes = data
             else:
-                value = self._sample.value
+                value = newest.value
             self._sample = Sample(value, arrived)
             if self._alarms and (is_news or self._is_alarm_new):
                 self._ring(value)
@@ -178,7 +179,7 @@ class Latch:
         with self._lock:
             self._alarms[key] = wanted
             self._is_alarm_new = True
-            if self._sample is not self._seen:
+            if self._sample is not None and self._sample is not self._seen:
                 self._ring(self._sample.value)
 
     def clear_alarm(self, key: Any) -> None:

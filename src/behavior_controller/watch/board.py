@@ -193,12 +193,12 @@ def _line(event: Event) -> str:
         failure = event.failure
         if failure is None or failure.cause is Cause.CONDITION_FALSE or event.node.lower() == "handlefallback":
             return ""
-        return "{} failed: {}: {}".format(event.path, failure.cause.value, failure.message)
+        return "{} failed: {}: {}".format(event.path, failure.cause.text, failure.message)
     if isinstance(event, Retried):
-        return "{}: retry {} failed: {}".format(event.path, event.attempt, event.failure.cause.value)
+        return "{}: retry {} failed: {}".format(event.path, event.attempt, event.failure.cause.text)
     if isinstance(event, Recovered):
         return "{}: recovery: {} ({}), for {}: {}".format(event.path, event.outcome, event.policy,
-                                                          event.failure.cause.value, event.failure.message)
+                                                          event.failure.cause.text, event.failure.message)
     return event.text if isinstance(event, Noticed) and event.level != "info" else ""
 
 

@@ -102,7 +102,8 @@ class Line(NamedTuple):
 
 def encode(time: float, entry: Union[Header, Entry]) -> bytes:
     """Return a line with its end."""
-    plain = dict({"event": type(entry).__name__, "time": time}, **form(type(entry)).write(entry))
+    kind: Any = type(entry)
+    plain = dict({"event": kind.__name__, "time": time}, **form(kind).write(entry))
     # a lone surrogate is written as JSON escapes it
     return (json.dumps(plain, ensure_ascii=False, default=str) + "\n").encode("utf-8", "backslashreplace")
 

@@ -10,8 +10,9 @@ import os
 import re
 import socket
 import time
-from typing import Any, Callable, Dict, Optional, Set
+from typing import Any, Callable, Dict, Optional, Set, cast
 
+from tornado.http1connection import HTTP1Connection
 from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPServerRequest
 from tornado.iostream import IOStream, StreamClosedError
@@ -125,8 +126,13 @@ class _Hosts:
         host = match.group(1).lower()
         if host in self._names or _is_loopback(host):
             return True
-        stream = request.connection.stream
+        stream = _stream(request)
         return _ip(host) is not None and not stream.closed() and _ip(host) == _ip(stream.socket.getsockname()[0])
+
+
+def _stream(request: HTTPServerRequest) -> IOStream:
+    """Return the connection that a request came on."""
+    return cast(HTTP1Connection, request.connection).stream
 
 
 def _ip(text: str) -> Any:
@@ -153,7 +159,7 @@ class _Quiet(RequestHandler):
 
     def note_use(self) -> None:
         """Keep the connection's place."""
-        self.page.connections.use(self.request.connection.stream)
+        self.page.connections.use(_stream(self.request))
 
     def prepare(self) -> None:
         """Refuse a request for another computer's name."""
@@ -213,7 +219,7 @@ class _Stream(_Quiet):
         except StreamClosedError:
             pass
         except asyncio.TimeoutError:
-            self.request.connection.stream.close()
+            _stream(self.request).close()
         finally:
             self.page.streams.discard(self)
 

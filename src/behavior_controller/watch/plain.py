@@ -5,11 +5,10 @@ Where several kinds of records may stand, it is ``[kind, record]``. What is read
 """
 import dataclasses
 import enum
-import functools
 import itertools
 import math
-from typing import (Any, Callable, Dict, Iterable, List, Literal, NamedTuple, NewType, Sequence, Tuple, Union, get_args,
-                    get_origin, get_type_hints)
+from typing import (Any, Callable, Dict, Iterable, List, Literal, NamedTuple, NewType, Sequence, Tuple, Union, cast,
+                    get_args, get_origin, get_type_hints)
 
 Count = NewType("Count", int)
 """A whole number from 1 on."""
@@ -39,17 +38,21 @@ def inside(place: str, read: Callable[[Any], Any], value: Any) -> Any:
         raise Wrong(wrong.text, place + wrong.place) from None
 
 
-@functools.lru_cache(maxsize=None)
 def form(kind: Any) -> Form:
     """Return how values of a type are written and read."""
-    if kind in _SIMPLE:
-        return _SIMPLE[kind]
+    found = _FORMS.get(kind)
+    if found is None:
+        found = _FORMS[kind] = _made(kind)
+    return found
+
+
+def _made(kind: Any) -> Form:
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Union:
         return _any_of(inner)
     if origin is Literal:
         return _word({word: word for word in inner})
-    if origin is list or inner[1:] == (...,):
+    if origin is not None and (origin is list or inner[1:] == (...,)):
         return _list(origin, form(inner[0]))
     if origin is tuple:
         return _row([form(part) for part in inner])
@@ -82,31 +85,26 @@ _SIMPLE: Dict[Any, Form] = {
     int: _simple(_is_integer, "an integer"),
     float: _simple(lambda value: _is_integer(value) or isinstance(value, float) and math.isfinite(value), "a number"),
     Count: _simple(lambda value: _is_integer(value) and value > 0, "an integer from 1 on"),
-    Any: Form(lambda value: form(type(value)).write(value), _as_it_is),
+    Any: Form(lambda value: form(cast(Any, type(value))).write(value), _as_it_is),
     type(None): _simple(lambda value: value is None, "null"),
 }
+_FORMS = dict(_SIMPLE)  # those that were made stay
 
 
 def _any_of(kinds: Sequence[Any]) -> Form:
     """Return the form of one of several kinds: records, simple values, or one of either and None."""
     records = {kind.__name__: form(kind) for kind in kinds if kind not in _SIMPLE}
-    simple = [form(kind) for kind in sorted(kinds, key=lambda kind: kind is not type(None)) if kind in _SIMPLE]
-    tagged = _tagged(records) if len(records) > 1 else None
-    choices = simple + ([tagged] if tagged else list(records.values()))
-
-    def write(value: Any) -> Any:
-        if type(value).__name__ not in records:
-            return value
-        return tagged.write(value) if tagged else records[type(value).__name__].write(value)
+    *choices, last = [form(kind) for kind in sorted(kinds, key=lambda kind: kind is not type(None)) if kind in _SIMPLE] + (
+        [_tagged(records)] if len(records) > 1 else list(records.values()))
 
     def read(value: Any) -> Any:
-        for number, choice in enumerate(choices, 1):
+        for choice in choices:
             try:
                 return choice.read(value)
             except Wrong:
-                if number == len(choices):
-                    raise
-    return Form(write, read)
+                continue
+        return last.read(value)
+    return Form(lambda value: last.write(value) if type(value).__name__ in records else value, read)
 
 
 def _tagged(records: Dict[str, Form]) -> Form:

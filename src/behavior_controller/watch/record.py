@@ -111,8 +111,9 @@ class Record:
                 self._fill(file)
         except (OSError, ValueError) as error:
             self._tell(getattr(error, "strerror", None) or error)
-        self._thread = None
-        self._notes.clear()
+        finally:
+            self._thread = None
+            self._notes.clear()
 
     def _fill(self, file: BinaryIO) -> None:
         is_last = False
@@ -182,7 +183,7 @@ class Record:
         self._reads[topic] = self._reads.get(topic, 0) + 1
         if sample is not self._seen.get(topic):
             self._seen[topic] = sample
-            value, arrived = sample or (None, 0.0)
+            value, arrived = (None, 0.0) if sample is None else (sample.value, sample.arrived)
             self(Message(topic.name, Count(self._reads[topic]), value, arrived))
 
 

@@ -4,12 +4,10 @@ import glob
 import itertools
 import os
 import sys
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, TypeVar, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, TypeVar, Union
 
-from behavior_controller import folders, leaves, phrases, policy, settings
-from behavior_controller.bt.compiler import build, load_mission
+from behavior_controller import exits, folders, leaves, phrases, policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, FaultsFound, MissionError
@@ -19,9 +17,8 @@ from behavior_controller.health import Health
 from behavior_controller.interface import Topic
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import Answer, Request
-from behavior_controller.leaves.base import MissionContext
-from behavior_controller.leaves.vocabulary import registry
-from behavior_controller.text import Source, Unreadable, clean, read_bytes
+from behavior_controller.mission import Mission, build_tree, load_tree
+from behavior_controller.text import Unreadable, clean, read_bytes
 from behavior_controller.watch.codec import (LETTERS, Answered, Asked, Entry, Line, Lost, Message, Tick, TreeNode,
                                              TreeShown, decode)
 from behavior_controller.watch.record import FILE_NAME, MOST_BYTES
@@ -115,8 +112,8 @@ class _Replay:
         if sources.interface != INTERFACE.name:
             raise _unusable("its interface is {}; this release has {}".format(sources.interface, INTERFACE.name))
         self.clock = ManualClock()
-        self.tree = _restored("mission", lambda: self._built(sources.documents)) if mission is None else load_mission(
-            mission, registry(), clock=self.clock)
+        self.tree = load_tree(mission, clock=self.clock) if mission is not None else _restored(
+            "mission", lambda: build_tree([parse(text, file) for file, text in sources.documents], clock=self.clock))
         self._nodes = nodes  # of the record, by uid - 1
         self._world = _World()
         self._health = Health()
@@ -126,12 +123,9 @@ class _Replay:
         spoken = _restored("phrases", lambda: phrases.read(sources.phrases))
         rules = _restored("recovery policy", lambda: policy.read(sources.policy, leaves.SPECS))
         self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
-        self._mission = MissionContext(
-            self._world, self._world, chosen, spoken, rules, self.clock, Events(), self._health)
+        restored = Mission(chosen, started.mission, spoken, rules, self.tree)
+        self._mission = restored.context(self._world, self._world, Events(), self._health)
         self.tree.setup(mission=self._mission)
-
-    def _built(self, documents: Sequence[Source]) -> Tree:
-        return build([parse(text, file) for file, text in documents], registry(), clock=self.clock)
 
     def take(self, entry: Entry) -> int:
         """Take in one entry; a traversal is made again and compared. Return how many statuses it changed."""
@@ -257,8 +251,6 @@ class _World(Gateway, Topics):
 
 # ------------------------------------------------------------------------------------------------------- the command
 
-SAME, BAD_FILE, PARTED = 0, 2, 3
-
 
 def main(arguments: Optional[List[str]] = None) -> int:
     """Return the exit code of ``replayMission``: 0 the same path, 3 another one, 2 the record cannot be replayed."""
@@ -275,13 +267,13 @@ def main(arguments: Optional[List[str]] = None) -> int:
         lines = read_record(find_record(chosen.record))
         if chosen.report:
             _write(chosen.report, to_html(lines))
-            return SAME
+            return exits.SUCCESS
         outcome = replay(lines, chosen.mission)
     except BehaviorControllerError as error:
         print(error, file=sys.stderr)
-        return BAD_FILE
+        return exits.WRONG_INPUT
     print(outcome)
-    return PARTED if outcome.parting else SAME
+    return exits.FAILURE if outcome.parting else exits.SUCCESS
 
 
 def _write(path: str, text: str) -> None:

@@ -142,7 +142,7 @@ class _Tour:
 
 
 def _why(failure: Failure) -> str:
-    return "{}: {}".format(failure.cause.value, failure.message)
+    return "{}: {}".format(failure.cause.text, failure.message)
 
 
 def _decisions(lines: List[Line], began: float) -> str:
@@ -157,7 +157,7 @@ def _decision(entry: Entry) -> str:
     if isinstance(entry, LeafFinished) and entry.failure and _is_worth_telling(entry.node, entry.failure):
         return "{} failed: {}".format(entry.path, _why(entry.failure))
     if isinstance(entry, Retried):
-        return "{}: retry {} failed: {}".format(entry.path, entry.attempt, entry.failure.cause.value)
+        return "{}: retry {} failed: {}".format(entry.path, entry.attempt, entry.failure.cause.text)
     if isinstance(entry, Recovered):
         return "{}: recovery: {} ({}), for {}".format(entry.path, entry.outcome, entry.policy, _why(entry.failure))
     if isinstance(entry, HealthChanged):
@@ -216,14 +216,14 @@ def _tree(nodes: List[TreeNode], entries: List[Entry]) -> str:
     found: List[str] = []
     waiting: List[Tuple[Union[int, str], int]] = [(1, 1)]  # a node, or what closes one, and its level
     while waiting:
-        entry, level = waiting.pop()
-        if isinstance(entry, str):
-            found.append(entry)
+        item, level = waiting.pop()
+        if isinstance(item, str):
+            found.append(item)
             continue
-        is_nested = bool(children[entry]) and level < DEEPEST
-        opening, closing = _item(nodes[entry - 1], counts[entry - 1], is_nested)
+        is_nested = bool(children[item]) and level < DEEPEST
+        opening, closing = _item(nodes[item - 1], counts[item - 1], is_nested)
         found.append(opening)
-        inner = [(child, level + 1) for child in reversed(children[entry])]
+        inner: List[Tuple[Union[int, str], int]] = [(child, level + 1) for child in reversed(children[item])]
         waiting += [(closing, level)] + inner if is_nested else inner + [(closing, level)]
     return '<h2>Tree</h2><div class="tree"><ul>{}</ul></div>'.format("".join(found))
 

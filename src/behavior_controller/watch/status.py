@@ -8,6 +8,7 @@ import threading
 import time
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Union
 
+from behavior_controller import exits
 from behavior_controller.text import clean
 from behavior_controller.watch.plain import Wrong, form, inside
 
@@ -43,7 +44,6 @@ PARTS: Dict[str, Any] = {
 }
 """The board, as far as it is printed."""
 
-SHOWN, NOT_THERE = 0, 1
 EXIT_CODES = """exit code: 0: the mission was shown (with --watch: until it ended); 1: no mission answers there, what
 answers is no mission, the connection is lost, or nothing can be printed; 2: wrong arguments"""
 
@@ -68,16 +68,16 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 _print(text, chosen.watch)
             if chosen.watch and state["passes"]["ended"]:
                 print("missionStatus: the mission has ended: " + clean(state["passes"]["ended"]))
-                return SHOWN
+                return exits.SUCCESS
     except NoMission as reason:
         what = "missionStatus: the connection to {} is lost ({})" if shown else (
             "missionStatus: no mission answers at {} ({}): does behaviorController run, with this monitorPort?")
         print(what.format(place, clean(str(reason))), file=sys.stderr)
-        return NOT_THERE
+        return exits.UNAVAILABLE
     except OSError as error:
         print("missionStatus: cannot print: {}".format(error.strerror), file=sys.stderr)
-        return NOT_THERE
-    return SHOWN
+        return exits.UNAVAILABLE
+    return exits.SUCCESS
 
 
 def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:

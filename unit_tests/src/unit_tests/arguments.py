@@ -1,11 +1,11 @@
 """The arguments of a test: every key of both configurations, and what concerns the test as a whole."""
 import os
-from typing import Dict, Iterable, List, Mapping, Sequence
+from typing import Dict, List, Mapping, Sequence
 
-from behavior_controller import folders, phrases, settings
+from behavior_controller import folders, keys, phrases, settings
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
-from behavior_controller.settings import Key, boolean, words
+from behavior_controller.keys import Key, Reader, boolean
 
 from unit_tests import configuration
 from unit_tests.faults import PlannedFault
@@ -19,8 +19,8 @@ SHORT = {"mission": "scenarioSpecification", "scenario": "visitorBehaviour", "se
 
 USE_REAL = "use_real_"
 
-OWN = (Key("outputFile", words, "a file", "", "where the report is written"),) + tuple(
-    Key(USE_REAL + node, boolean, "true or false", False, "the real {} is running; it is not simulated".format(node))
+OWN = (Key("outputFile", Reader("a file", str), "", "where the report is written"),) + tuple(
+    Key(USE_REAL + node, boolean, False, "the real {} is running; it is not simulated".format(node))
     for node in NODES)
 """Arguments that are in neither configuration."""
 
@@ -31,7 +31,7 @@ INTERNAL = (FOLDER, DRAWN, REPORT)
 CONTROLLER = {key.name for key in settings.KEYS}
 TEST = {key.name for key in configuration.KEYS}
 
-CONTROLLER_FILE = "behaviorControllerConfiguration.ini"
+CONTROLLER_FILE = settings.FILE_NAME
 
 NO_RECORD = "none"
 """The value of ``recordDirectory`` with which the controller records nothing."""
@@ -125,26 +125,22 @@ def usage() -> str:
              configuration.FILE_NAME + ":"]
     lines += _table(configuration.KEYS, test)
     lines += ["", CONTROLLER_FILE + " (verboseMode and missionRuns, which it has too, are as above):"]
-    lines += _table((key for key in settings.KEYS if key.name not in TEST), controller)
+    lines += _table([key for key in settings.KEYS if key.name not in TEST], controller)
     lines += ["", "the test as a whole:"] + _table(OWN, {key.name: key.default for key in OWN})
     return "\n".join(lines + ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())])
 
 
-def _table(keys: Iterable[Key], values: Mapping[str, object]) -> List[str]:
-    return ["  {:<26} {:<12} {}".format(key.name, to_text(values[key.name]) or "-", key.meaning) for key in keys]
+def _table(chosen: Sequence[Key], values: Mapping[str, object]) -> List[str]:
+    return keys.help_lines(chosen, {name: to_text(value) for name, value in values.items()})
 
 
 def to_text(value: object) -> str:
     """Return a value of a configuration as an argument gives it."""
-    if value is None:
-        return ""
     if isinstance(value, PlannedFault):
         return ":".join(map(str, value))
     if isinstance(value, tuple):
         return ",".join(map(to_text, value))
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "{:g}".format(value) if isinstance(value, float) else str(value)
+    return keys.to_text(value)
 
 
 # ---------------------------------------------------------------------------------------------------------- roslaunch

@@ -3,7 +3,7 @@ import os
 import re
 from typing import List, Mapping, NamedTuple, Optional, Tuple
 
-from behavior_controller.settings import REQUIRED, Key, boolean, integer, number, one_of, read_configuration
+from behavior_controller.keys import REQUIRED, Key, Reader, boolean, integer, number, one_of, read_configuration
 
 from unit_tests.faults import KINDS, REFUSED, PlannedFault, parse_planned_fault
 from unit_tests.robot import SERVICES
@@ -27,35 +27,40 @@ def _kinds(text: str) -> Tuple[str, ...]:
     return kinds
 
 
+_BEHAVIOURS = one_of(*BEHAVIOURS, RANDOM, *ALIASES)
+
+
 def _behaviour(text: str) -> str:
-    return ALIASES.get(text) or one_of(RANDOM, *BEHAVIOURS)(text)
+    return ALIASES.get(text) or _BEHAVIOURS(text)
 
 
 def _planned_faults(text: str) -> Tuple[PlannedFault, ...]:
     return tuple(parse_planned_fault(item, tuple(SERVICES)) for item in _items(text))
 
 
+_SEED = integer(0, SEEDS - 1)
+
+
 def _seed(text: str) -> Optional[int]:
-    return integer(0, SEEDS - 1)(text) if text else None
+    return _SEED(text) if text else None
 
 
 KEYS = (
-    Key("failureRate", number(0, 1), "a number from 0 to 1", 0.1, "share of the service calls that go wrong"),
-    Key("arrivalRate", number(1, infinite=True), "a number of messages per minute, 1 or more, or inf", REQUIRED,
+    Key("failureRate", number(0, 1), 0.1, "share of the service calls that go wrong"),
+    Key("arrivalRate", number(1, infinite=True, of="messages per minute"), REQUIRED,
         "average rate of the messages on each topic"),
-    Key("verboseMode", boolean, "true or false", REQUIRED, "a line for every request and for every new message"),
-    Key("visitorBehaviour", _behaviour, "one of {}".format(", ".join(BEHAVIOURS + (RANDOM,) + tuple(ALIASES))), ENGAGES,
-        "what the visitor does"),
-    Key("missionRuns", integer(1, 10 ** 6), "a whole number, 1 or more", 1, "passes (visitors) until the test ends"),
-    Key("randomSeed", _seed, "a whole number from 0 to {}, or nothing".format(SEEDS - 1), None,
+    Key("verboseMode", boolean, REQUIRED, "a line for every request and for every new message"),
+    Key("visitorBehaviour", Reader(_BEHAVIOURS.allowed, _behaviour), ENGAGES, "what the visitor does"),
+    Key("missionRuns", integer(1, 10 ** 6), 1, "passes (visitors) until the test ends"),
+    Key("randomSeed", Reader(_SEED.allowed + ", or nothing", _seed), None,
         "the same seed, the same faults and gaps; nothing: it is drawn"),
-    Key("faultKinds", _kinds, "some of {}, with commas between them".format(", ".join(KINDS)), (REFUSED,),
+    Key("faultKinds", Reader("some of {}, with commas between them".format(", ".join(KINDS)), _kinds), (REFUSED,),
         "in which ways calls go wrong"),
-    Key("plannedFaults", _planned_faults, "node:call or node:call:kind, with commas between them, where node is one "
-        "of {}, call counts from 1 and kind is one of {}".format(", ".join(SERVICES), ", ".join(KINDS)), (),
+    Key("plannedFaults", Reader(
+        "node:call or node:call:kind, with commas between them, where node is one of {}, call counts from 1 and kind is "
+        "one of {}".format(", ".join(SERVICES), ", ".join(KINDS)), _planned_faults), (),
         "calls that go wrong in any case"),
-    Key("testTimeout", number(1, 10 ** 6), "a number of seconds, 1 or more", 900.0,
-        "a mission that has not ended by then has failed"),
+    Key("testTimeout", number(1, 10 ** 6, of="seconds"), 900.0, "a mission that has not ended by then has failed"),
 )
 
 

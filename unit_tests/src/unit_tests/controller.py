@@ -5,14 +5,12 @@ import signal
 import subprocess
 from typing import List, Optional
 
+from behavior_controller import exits
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.settings import split_arguments
 from behavior_controller.watch.record import FILE_NAME as RECORD
 
 from unit_tests import arguments, configuration, parameters
-
-LAST_PASS_FAILED = 3
-"""The controller's exit code that tells of the mission alone."""
 
 EXIT_CODE = "exitCode"
 """File in the folder of the run."""
@@ -33,7 +31,7 @@ def main(command: List[str]) -> int:
     with open(os.path.join(folder, EXIT_CODE), "w") as file:
         file.write("{}\n".format(code))
     _keep_record(folder)
-    if code == LAST_PASS_FAILED:
+    if code == exits.FAILURE:
         return 0  # roslaunch would call it a death; whether it is right is the verdict's matter
     return code if code >= 0 else 128 - code
 

@@ -10,6 +10,7 @@ import rospy
 from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
 from geometry_msgs.msg import Point
 
+from behavior_controller import exits
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.interface.records import Exhibit
 from behavior_controller.ros.types import TYPES
@@ -41,7 +42,7 @@ def main(name: str) -> None:
     except BehaviorControllerError as error:
         if not parameters.is_launched():
             print(error)
-            sys.exit(2)
+            sys.exit(exits.WRONG_INPUT)
         rospy.spin()  # the report tells of it, once for all nodes, and ends the launch
 
 

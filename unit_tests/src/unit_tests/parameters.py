@@ -9,7 +9,8 @@ import sys
 from typing import Dict, FrozenSet, List
 
 from behavior_controller import phrases
-from behavior_controller.settings import boolean, split_arguments
+from behavior_controller.keys import boolean
+from behavior_controller.settings import split_arguments
 
 from unit_tests import arguments, configuration, exhibits
 from unit_tests.robot import NODES, World

@@ -4,18 +4,19 @@ The mission is played by the engine itself, but not by the node under test: not 
 """
 from typing import Any, Dict, FrozenSet, List, NamedTuple, Optional, Tuple, Union
 
-from behavior_controller import folders, leaves, phrases, policy, settings
+from behavior_controller import mission as missions
+from behavior_controller import settings
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.document import read, with_includes
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Event, Events, LeafFinished, PassFinished
 from behavior_controller.gateway import FakeGateway, FakeTopics
 from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
 from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, Prompt, QueryKnowledge,
                                                    Request, Say, SetAttention)
-from behavior_controller.leaves.base import MissionContext, MissionLeaf
-from behavior_controller.leaves.vocabulary import load as load_mission
+from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.runner import Runner, Running
 
 from unit_tests.exhibits import Knowledge
@@ -62,18 +63,18 @@ def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: 
     """Return how one pass of ``mission`` goes with the configuration ``chosen``; None if that cannot be told."""
     try:
         clock = ManualClock(1000.0)
-        tree = load_mission(mission, clock=clock)
         given = settings.defaults(**{key: value for key, value in chosen.items() if key != "recordDirectory"})
-        speech, rules = phrases.load(given.language), policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
+        loaded = missions.load(given, clock, documents=with_includes(read(mission)))
     except (BehaviorControllerError, OSError, TypeError):
         return None
     world = World(Visitor(manners), knowledge, given.mutual_gaze_value)
     events = Events()
     seen: List[Event] = []
     events.subscribe(seen.append)
+    tree = loaded.tree
     topics = FakeTopics(clock.now, tree.wake.emit)
     gateway = FakeGateway(tree.wake.emit, lambda request: _answer(request, world))
-    context = MissionContext(gateway, topics, given, speech, rules, clock, events)
+    context = loaded.context(gateway, topics, events)
     stage = _Stage(Running(tree, context, mission, 1), lambda: stage.steps >= MOST_STEPS)
     stage.world, stage.topics = world, topics
     stage.run()

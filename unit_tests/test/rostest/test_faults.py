@@ -28,9 +28,9 @@ class TestFaults(MissionRun):
     def test_the_record_names_the_causes(self):
         failed = [(event["node"], event["failure"]["cause"]) for event in self.events
                   if event["event"] == "LeafFinished" and event["status"] == "FAILURE"
-                  and event["failure"]["cause"] != "condition false"]
+                  and event["failure"]["cause"] != "condition-false"]
         self.assertEqual(failed, [
-            ("EnableAnimateBehavior", "no answer in time"), ("RetrieveListOfExhibits", "exception in the server"),
+            ("EnableAnimateBehavior", "no-answer"), ("RetrieveListOfExhibits", "exception"),
             ("FollowMeSpeech", "refused"), ("Navigate", "refused")])
 
 

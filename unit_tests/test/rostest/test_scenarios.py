@@ -40,7 +40,7 @@ class TestScenarios(unittest.TestCase):
         causes = {event["node"]: event["failure"]["cause"] for event in result.record
                   if event["event"] == "LeafFinished" and event["status"] == "FAILURE"}
         self.assertEqual([causes[node] for node in ("Navigate", "LookUpEntrance")],
-                         ["connection lost", "unusable answer"])
+                         ["connection-lost", "unusable-answer"])
 
     def test_the_same_seed_gives_the_same_record(self):
         first, second = (run_test("randomSeed:=3", "failureRate:=0.2", "visitorBehaviour:=random",
@@ -57,7 +57,7 @@ def story(record):
     """
     found = {}
     for event in record:
-        if event["event"] in ("LeafFinished", "Recovered") and (event["failure"] or {}).get("cause") != "condition false":
+        if event["event"] in ("LeafFinished", "Recovered") and (event["failure"] or {}).get("cause") != "condition-false":
             found.setdefault(event["path"], []).append(
                 (event["event"], event.get("status") or event["outcome"], (event["failure"] or {}).get("cause")))
     return found

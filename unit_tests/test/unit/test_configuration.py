@@ -51,7 +51,7 @@ def test_arguments_override_the_file(given, field, value):
     ({"verboseMode": "yes"}, "true or false"),
     ({"visitorBehaviour": "shouts"}, "one of engages, silent, unclear, declines, leaves, noGaze, random, complete, "
      "partial01"),
-    ({"missionRuns": "0"}, "1 or more"),
+    ({"missionRuns": "0"}, "a whole number from 1 to 1000000"),
     ({"randomSeed": "1000000000"}, "from 0 to 999999999, or nothing"),
     ({"faultKinds": ""}, "some of refused, exception, unanswered"),
     ({"faultKinds": "slow"}, "some of refused, exception, unanswered"),

@@ -153,7 +153,7 @@ class Node(Behaviour):
     def __init__(self, name: str):
         self.name = name
         self.status = IDLE
-        self.parent: Optional["Node"] = None  # type: ignore[assignment]
+        self.parent: Optional["Node"] = None
         self.children: List[Any] = []
         self.feedback_message = ""
         self.blackbox_level = BlackBoxLevel.NOT_A_BLACKBOX
@@ -318,7 +318,7 @@ class Node(Behaviour):
 
     # ----------------------------------------------------------------------------------------------------- for py_trees
 
-    def update(self) -> Result:  # type: ignore[override]
+    def update(self) -> Result:
         """Run the node's own rule and return its result."""
         raise NotImplementedError
 
