@@ -1,9 +1,9 @@
 """Mutations as changes of the syntax tree, so that they outlive any formatting: named rules, and a seeded sample."""
 import ast
 import copy
+import os
 import random
 from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
-
 
 
 class Place(NamedTuple):
@@ -36,12 +36,17 @@ class Mutation(NamedTuple):
     line: int
     old: str
     new: str
-    source: str
+    source: str  # of the whole module, changed at this place alone
 
     @property
     def key(self) -> Tuple[str, str, str, str]:
         """What tells the mutation from others, wherever its line has gone."""
         return self.file, self.scope, self.old, self.new
+
+    def difference(self) -> str:
+        """Return where ``old`` and ``new`` differ, and what is around it."""
+        start = max(len(os.path.commonprefix([self.old, self.new])) - 40, 0)
+        return "  ->  ".join(" ".join(code[start:start + 80].split()) for code in (self.old, self.new))
 
 
 class Stale(Exception):
@@ -120,9 +125,9 @@ def _mutation(file: str, source: str, number: int) -> Mutation:
     module = ast.parse(source)
     scope, statement, node = _sites(module)[number]
     old = _code(statement)
-    _break(node)
-    return Mutation(file, scope, statement.lineno, old, _code(statement),
-                    ast.unparse(ast.fix_missing_locations(module)))
+    start, end, code = _break(node, source.encode())
+    changed = source.encode()[:start] + code.encode() + source.encode()[end:]
+    return Mutation(file, scope, statement.lineno, old, _code(statement), changed.decode())
 
 
 def _code(statement: ast.stmt) -> str:
@@ -131,10 +136,7 @@ def _code(statement: ast.stmt) -> str:
     for field in ("body", "orelse", "finalbody", "handlers"):
         if isinstance(getattr(bare, field, None), list):
             setattr(bare, field, [ast.Pass()] if field == "body" else [])
-    try:
-        return ast.unparse(ast.fix_missing_locations(bare))
-    except (AttributeError, TypeError):
-        return ast.dump(bare)
+    return ast.unparse(bare)
 
 
 def _sites(module: ast.Module) -> List[Tuple[str, ast.stmt, ast.AST]]:
@@ -168,12 +170,27 @@ def _can_break(node: ast.AST) -> bool:
         return isinstance(node.value, (bool, int)) and not isinstance(node.value, str)
     if isinstance(node, ast.Expr):
         return isinstance(node.value, ast.Call)
-    return isinstance(node, (ast.BoolOp, ast.If, ast.IfExp)) or (
-        isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+    if isinstance(node, (ast.If, ast.IfExp)):
+        return not _is_not(node.test)  # that is a place of its own
+    return isinstance(node, ast.BoolOp) or _is_not(node)
 
 
-def _break(node: ast.AST) -> None:
-    """Change ``node`` in place."""
+def _is_not(node: ast.AST) -> bool:
+    return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
+
+
+def _break(node: ast.AST, source: bytes) -> Tuple[int, int, str]:
+    """Change ``node`` in place. Return the bytes of the source to replace (start, end), and by which code."""
+    changed: ast.AST = node
+    if isinstance(node, (ast.If, ast.IfExp)):
+        changed = node.test
+    elif isinstance(node, ast.Expr):
+        changed = node.value
+    starts = [0]
+    for line in source.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    start = starts[changed.lineno - 1] + changed.col_offset
+    end = starts[changed.end_lineno - 1] + changed.end_col_offset
     if isinstance(node, ast.Compare):
         node.ops = [_COMPARISONS[type(node.ops[0])]()]
     elif isinstance(node, ast.BinOp):
@@ -182,9 +199,10 @@ def _break(node: ast.AST) -> None:
         node.op = ast.Or() if isinstance(node.op, ast.And) else ast.And()
     elif isinstance(node, ast.Constant):
         node.value = not node.value if isinstance(node.value, bool) else node.value + 1
-    elif isinstance(node, ast.Expr):
-        node.value = ast.Constant(None)  # the call is left out
     elif isinstance(node, ast.UnaryOp):
-        node.operand, node.op = ast.UnaryOp(ast.Not(), node.operand), ast.Not()
+        node.operand = ast.UnaryOp(ast.Not(), node.operand)
+    elif isinstance(node, ast.Expr):
+        node.value = changed = ast.Constant(None)  # the call is left out
     elif isinstance(node, (ast.If, ast.IfExp)):
-        node.test = ast.UnaryOp(ast.Not(), node.test)
+        node.test = changed = ast.UnaryOp(ast.Not(), node.test)
+    return start, end, "({})".format(ast.unparse(changed))

@@ -7,29 +7,29 @@ nothing are listed with the reason in ``changes_nothing.json``. Exit code 0 only
 """
 import argparse
 import ast
-import concurrent.futures
 import json
 import os
-import queue
+import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 from typing import Dict, List, NamedTuple, Set, Tuple
 
 from mutate import Mutation, Stale, broken, sample
+from reached import SETTINGS, Reached
 from rules import RULES
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 VECTORS = os.path.join(ROOT, "test", "conformance")
 ENGINE = os.path.join("src", "behavior_controller", "bt", "engine")
-COPIED = ("src", "unit_tests", "test", "data", "config", "docs", "srv", "msg", "launch", "conftest.py", "pytest.ini",
-          "README.md", "setup.py", "package.xml", "CMakeLists.txt", "Makefile")
+EDGE = os.path.join("src", "behavior_controller", "ros")
+NOT_COPIED = (".git", "build", "__pycache__", ".pytest_cache")
 ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rospkg", "rospy", "std_msgs"}
 WANTED_SHARE = 0.95
-SIDE_BY_SIDE = 2
-TEST_LIMIT = 900.0  # seconds
+RUN_LIMIT = 1800.0  # seconds
 CHANGES_NOTHING = os.path.join(HERE, "changes_nothing.json")
 
 
@@ -40,6 +40,9 @@ def main(arguments: List[str]) -> int:
     parser.add_argument("--count", type=int, default=200, help="size of the sample (default %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="which sample (default %(default)s)")
     chosen = parser.parse_args(arguments)
+    if sys.version_info < (3, 9):
+        print("mutations need Python 3.9, which writes a syntax tree as code; this is {}.{}".format(*sys.version_info))
+        return 2
     parts = chosen.parts or ["rules", "sample"]
     codes = []
     if "rules" in parts:
@@ -110,40 +113,52 @@ class Judged(NamedTuple):
 def break_sample(count: int, seed: int) -> int:
     """Break a sample of the other pure modules. Return the exit code."""
     excused = {tuple(entry["key"]): entry["reason"] for entry in json.loads(_read(CHANGES_NOTHING))}
-    mutations = sample([(path, _read(os.path.join(ROOT, path))) for path in pure_modules()], count, seed)
-    with tempfile.TemporaryDirectory() as scratch:
-        places: "queue.Queue[str]" = queue.Queue()
-        for number in range(SIDE_BY_SIDE):
-            place = os.path.join(scratch, str(number))
-            _copy(place)
-            places.put(place)
-        reached = Reached(os.path.join(scratch, "0"))
-        with concurrent.futures.ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-            judged = []
-            for result in pool.map(lambda mutation: _judge(mutation, reached, places), mutations):
-                judged.append(result)
-                _show(result, excused)
+    judged = []
+    with tempfile.TemporaryDirectory() as place:
+        shutil.copytree(ROOT, place, ignore=shutil.ignore_patterns(*NOT_COPIED), dirs_exist_ok=True)
+        measured, failing = measure(place)
+        for mutation in sample([(path, _read(os.path.join(ROOT, path))) for path in pure_modules()], count, seed):
+            judged.append(Judged(mutation, judge(place, mutation, measured, failing)))
+            _show(judged[-1], excused)
     return _sum(judged, excused)
 
 
-def _judge(mutation: Mutation, reached: "Reached", places: "queue.Queue[str]") -> Judged:
-    place = places.get()
+def measure(place: str) -> Tuple[Reached, Set[str]]:
+    """Run all tests once below ``place``. Return which lines they run, and those that fail before any mutation."""
+    settings = os.path.join(place, "coverage.ini")
+    os.mkdir(os.path.join(place, "notes"))
+    _write(settings, SETTINGS.format(place=place))
+    code, output = _pytest(place, [], COVERAGE_PROCESS_START=settings)
+    if code not in (0, 1):
+        sys.exit("the tests cannot be run:\n" + output[-3000:])
+    failing = set(_failures(output))
+    for test in sorted(failing):
+        print("left out, since it fails before any mutation: {}".format(test), flush=True)
+    return Reached(place), failing
+
+
+def judge(place: str, mutation: Mutation, measured: Reached, failing: Set[str]) -> str:
+    """Return the test that notices the mutation, or an empty text."""
+    tests = [test for test in measured.tests(mutation.file, mutation.line) if test not in failing]
+    if not tests:
+        return ""
     path = os.path.join(place, mutation.file)
     source = _read(path)
+    _write(path, mutation.source)
     try:
-        _write(path, mutation.source)
-        return Judged(mutation, _tests_notice(place, reached.tests(mutation.file, mutation.line)))
+        code, output = _pytest(place, ["-x"] + tests)
     finally:
         _write(path, source)
-        places.put(place)
+    if code == 0:
+        return ""
+    return "no end" if code == -signal.SIGALRM else (_failures(output) + ["exit code {}".format(code)])[0]
 
 
 def _show(result: Judged, excused: Dict[Tuple[str, ...], str]) -> None:
     mutation, noticed = result
     word = "noticed" if noticed else "excused" if mutation.key in excused else "MISSED "
-    print("{} {}:{} {}: {}  ->  {}  {}".format(
-        word, mutation.file, mutation.line, mutation.scope, " ".join(mutation.old.split())[:100],
-        " ".join(mutation.new.split())[:100], noticed), flush=True)
+    print("{} {}:{} {}: {}  {}".format(
+        word, mutation.file, mutation.line, mutation.scope, mutation.difference(), noticed), flush=True)
 
 
 def _sum(judged: List[Judged], excused: Dict[Tuple[str, ...], str]) -> int:
@@ -156,12 +171,12 @@ def _sum(judged: List[Judged], excused: Dict[Tuple[str, ...], str]) -> int:
 
 
 def pure_modules() -> List[str]:
-    """Return the modules of both packages that import no ROS and do not belong to the engine's rules."""
+    """Return the modules of both packages that are neither the engine, which has rules, nor at ROS, which rostest tests."""
     found = []
     for start in ("src", os.path.join("unit_tests", "src")):
         for place, _, names in os.walk(os.path.join(ROOT, start)):
             paths = [os.path.relpath(os.path.join(place, name), ROOT) for name in names if name.endswith(".py")]
-            found += [path for path in paths if not path.startswith(ENGINE) and not _imports(path) & ROS]
+            found += [path for path in paths if not path.startswith((ENGINE, EDGE)) and not _imports(path) & ROS]
     return sorted(found)
 
 
@@ -175,73 +190,38 @@ def _imports(path: str) -> Set[str]:
     return found
 
 
-def _copy(place: str) -> None:
-    for name in COPIED:
-        source, target = os.path.join(ROOT, name), os.path.join(place, name)
-        if os.path.isdir(source):
-            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
-        elif os.path.exists(source):
-            os.makedirs(place, exist_ok=True)
-            shutil.copy(source, target)
-
-
-def _pytest(place: str, *arguments: str, **more: str) -> "subprocess.CompletedProcess[str]":
+def _pytest(place: str, arguments: List[str], **more: str) -> Tuple[int, str]:
+    """Run tests below ``place``. Return the exit code and what was printed."""
     environment = dict(os.environ, PYTHONDONTWRITEBYTECODE="1", MISSION_MUTANTS="30", **more)
-    environment["PYTHONPATH"] = os.pathsep.join([os.path.join(place, "src"), os.path.join(place, "unit_tests", "src"),
-                                                 environment.get("PYTHONPATH", "")])
-    return subprocess.run([sys.executable, "-m"] + list(arguments), cwd=place, env=environment, check=False, text=True,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=TEST_LIMIT)
+    environment["PYTHONPATH"] = os.pathsep.join(
+        [os.path.join(place, "src"), os.path.join(place, "unit_tests", "src"), HERE, environment.get("PYTHONPATH", "")])
+    command = [sys.executable, "-m", "pytest", "-q", "-rfE", "-p", "no:cacheprovider", "-p", "reached"] + arguments
+    with tempfile.TemporaryFile("w+", errors="replace") as output:
+        tests = subprocess.Popen(command, cwd=place, env=environment, stdout=output, stderr=subprocess.STDOUT,
+                                 start_new_session=True)
+        try:
+            code = tests.wait(RUN_LIMIT)
+        except subprocess.TimeoutExpired:
+            code = -signal.SIGALRM
+        finally:
+            _end(tests)
+        output.seek(0)
+        return code, output.read()
 
 
-def _tests_notice(place: str, tests: List[str]) -> str:
-    """Return the first test that fails, or an empty text."""
-    if not tests:
-        return ""
+def _end(tests: "subprocess.Popen[bytes]") -> None:
+    """End the tests and what they started."""
     try:
-        done = _pytest(place, "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests)
-    except subprocess.TimeoutExpired:
-        return "no end"
-    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return "" if done.returncode == 0 else failed[0][:100] if failed else "exit code {}".format(done.returncode)
+        os.killpg(tests.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass  # nothing is left
+    tests.wait()
 
 
-class Reached:
-    """Which tests run which line, as coverage saw it once on the unbroken code."""
-
-    def __init__(self, place: str):
-        settings = os.path.join(place, "coverage.ini")
-        data = os.path.join(place, "coverage.data")
-        _write(settings, "[run]\ndynamic_context = test_function\ndata_file = {}\nsource =\n  src\n  unit_tests/src\n"
-               .format(data))
-        done = _pytest(place, "coverage", "run", "--rcfile", settings, "-m", "pytest", "-q", "-p", "no:cacheprovider")
-        if done.returncode != 0:
-            sys.exit("the tests fail before any mutation:\n" + done.stdout[-3000:])
-        self._place = place
-        self._files = {os.path.splitext(name)[0]: os.path.relpath(os.path.join(folder, name), place)
-                       for folder, _, names in os.walk(place) for name in names
-                       if name.startswith("test_") and name.endswith(".py")}
-        self._by_line = self._load(data)
-
-    def _load(self, data: str) -> Dict[Tuple[str, int], Set[str]]:
-        from coverage import CoverageData  # the tests themselves do without it
-        measured = CoverageData(data)
-        measured.read()
-        found: Dict[Tuple[str, int], Set[str]] = {}
-        for file in measured.measured_files():
-            name = os.path.relpath(file, self._place)
-            for line, contexts in measured.contexts_by_lineno(file).items():
-                found[name, line] = {context for context in contexts if context}
-        return found
-
-    def tests(self, file: str, line: int) -> List[str]:
-        """Return the tests that run the line, those of few lines first; of the whole module, if none does."""
-        contexts = self._by_line.get((file, line)) or {
-            context for (name, _), tests in self._by_line.items() if name == file for context in tests}
-        return sorted(filter(None, map(self._node_id, contexts)))
-
-    def _node_id(self, context: str) -> str:
-        module, _, name = context.partition(".")
-        return "{}::{}".format(self._files[module], name.replace(".", "::")) if module in self._files else ""
+def _failures(output: str) -> List[str]:
+    """Return the tests that failed, without their parameters."""
+    return [re.split(r"[\[ ]", line.split(" ", 1)[1])[0] for line in output.splitlines()
+            if line.startswith(("FAILED ", "ERROR "))]
 
 
 def _read(path: str) -> str:

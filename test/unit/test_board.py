@@ -15,8 +15,7 @@ from behavior_controller.text import Source
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
-from mission_rig import Rig, refusal, service_of, visitor_who
-from test_leaves import one_leaf
+from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "it cannot drive")
 

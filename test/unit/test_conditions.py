@@ -5,8 +5,7 @@ from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.events import Noticed
 from behavior_controller.interface.document import ATTENTION, FACES, SPEECH
 from behavior_controller.interface.records import Answer, AttentionStatus, Faces
-from mission_rig import refusal
-from test_leaves import one_leaf
+from mission_rig import one_leaf, refusal
 
 FACE, NOBODY = Faces(("7",), (False,)), Faces((), ())
 

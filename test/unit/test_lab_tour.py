@@ -11,8 +11,7 @@ from behavior_controller.interface.document import ATTENTION, FACES
 from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, PerformGesture, Point, Prompt,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves.recovery import HandleFallBack
-from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, service_of, visitor_who
-from test_leaves import one_leaf
+from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, one_leaf, refusal, service_of, visitor_who
 
 SAYS = {
     "Welcome": "welcome", "Query": "would you like", "SayYesNo": "only understand yes or no",

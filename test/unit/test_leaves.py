@@ -17,7 +17,7 @@ from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Locati
 from behavior_controller.leaves import reference, registry
 from behavior_controller.leaves.base import FailureLog
 from behavior_controller.leaves.speech import FixedSpeech
-from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, refusal, service_of
+from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
 TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
 FollowMeSpeech GoodbyeGesture HandleFallBack HereIsTheDoorSpeech IsASREnabled IsListWithExhibit IsMutualGazeDiscovered
@@ -29,18 +29,7 @@ EXTENSIONS = """SeekOvertAttentionMode SeekingOvertAttentionMode LocationOvertAt
 DescribeExhibitSpeech_2 SayGoodBye HandleFallback""".split()
 
 
-def one_leaf(element, answer=lambda request: NotImplemented, **changed):
-    """Return a rig whose mission is this one element."""
-    text = "<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(element)
-    return Rig(text, answer, **changed)
-
-
-def write(rig, **entries):
-    for key, value in entries.items():
-        rig.tree.blackboard.set(key, value)
-
-
-def test_the_vocabulary_has_table_4_and_the_documented_extensions():
+def test_the_vocabulary_is_table_4_and_the_documented_extensions():
     assert len(TABLE_4) == 32
     assert {spec.id for spec in leaves.SPECS} >= set(TABLE_4 + EXTENSIONS)
     conditions = {spec.id for spec in leaves.SPECS if spec.kind.value == "Condition"}

@@ -10,7 +10,7 @@ from behavior_controller.gateway import Call, Cause, Failure
 from behavior_controller.health import GONE, Health
 from behavior_controller.interface.records import Answer, Say
 from behavior_controller.watch.hooks import Hook, Hooks
-from test_leaves import one_leaf
+from mission_rig import one_leaf
 
 CHANGE = HealthChanged("service", "/say", "", False, "gone", "")
 

@@ -21,8 +21,7 @@ from behavior_controller.leaves import registry
 from behavior_controller.watch.board import PARTS, Board
 from behavior_controller.watch.page import Page
 from browser import open_browser
-from mission_rig import Rig, refusal, visitor_who
-from test_leaves import one_leaf
+from mission_rig import Rig, one_leaf, refusal, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 
@@ -238,7 +237,7 @@ def is_stale(browser):
 
 SERVED = """
 import sys, threading, time
-from test_leaves import one_leaf
+from mission_rig import one_leaf
 from test_page import Show
 from behavior_controller.interface.document import FACES
 rig = one_leaf("<Sleep msec='900000'/>")

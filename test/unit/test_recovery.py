@@ -12,8 +12,7 @@ from behavior_controller.health import GONE
 from behavior_controller.interface.records import (Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation,
                                                    SetAttention)
 from behavior_controller.leaves.data import TARGET_LOCATION
-from mission_rig import EXHIBITS, refusal, service_of
-from test_leaves import one_leaf, write
+from mission_rig import EXHIBITS, one_leaf, refusal, service_of, write
 
 SPEC = {spec.id: spec for spec in leaves.SPECS}
 NODES = list(SPEC)

@@ -1,7 +1,6 @@
 """A recorded run takes the same path again, and a mission that was edited says where it parts."""
 import json
 import os
-import random
 import shutil
 import subprocess
 import sys
@@ -18,12 +17,9 @@ from behavior_controller.interface.records import AttentionStatus, Faces, GoTo, 
 from behavior_controller.watch.codec import Answered, Asked, Line, Lost, Tick
 from behavior_controller.watch.record import Record, new_folder
 from behavior_controller.watch.replay import main, read_record, replay
-from mission_rig import Rig, service_of, visitor_who
-from test_runner import ASKS_WITHOUT_START_OF_TREE
+from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
-CAUSES = [Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION,
-          Cause.TYPE_MISMATCH]
 
 
 def visitors():
@@ -40,28 +36,6 @@ def visitors():
     return [("engages", visitor_who(says="yes"), True), ("by tablet", visitor_who(), False),
             ("declines", visitor_who(says="no"), True), ("silent", visitor_who(), True),
             ("noGaze", visitor_who(gazes=False), True), ("leaves", leaving, True)]
-
-
-def recorded(folder, visitor, by_voice=True, failure_rate=0.0, seed=0, mission=None, runs=1):
-    """Run the lab tour, record it, and return the path of the record."""
-    draw = random.Random(seed)
-    mission = mission or folders.mission("lab_tour")
-
-    def answer(request):
-        if draw.random() < failure_rate:
-            return Failure(draw.choice(CAUSES), "drawn", service_of(request))
-        return NotImplemented
-
-    rig = Rig(mission, answer=answer, asrEnabled=by_voice) if mission.lstrip().startswith("<") else Rig(
-        os.path.splitext(os.path.basename(mission))[0], answer=answer, asrEnabled=by_voice)
-    record = Record(str(folder), rig.clock, pytest.fail)
-    rig.mission.events.subscribe(record)
-    record.show(rig.tree)
-    rig.mission.gateway, rig.mission.topics = record.gateway(rig.gateway), record.topics(rig.topics)
-    rig.mission_file = mission
-    rig.run(visitor, runs=runs)
-    record.close()
-    return record.path
 
 
 @pytest.fixture

@@ -10,8 +10,7 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.document import ATTENTION, SPEECH
 from behavior_controller.interface.records import Answer, AttentionStatus, GoTo, Say, SetAnimation, SetAttention
 from behavior_controller.runner import Runner, Running
-from mission_rig import refusal
-from test_leaves import one_leaf
+from mission_rig import ASKS_WITHOUT_START_OF_TREE, one_leaf, refusal
 
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
@@ -271,11 +270,6 @@ def test_what_changed_about_the_robot_is_told_at_a_tick():
 
     rig.run(act)
     assert rig.of(HealthChanged) == [change]
-
-
-ASKS_WITHOUT_START_OF_TREE = """<Sequence><QueryTourSpeech/><ForceSuccess><ReactiveFallback>
-<IsYesNoUttered/><ForceFailure><Sleep msec='2000'/></ForceFailure></ReactiveFallback></ForceSuccess>
-<IsVisitorResponseYes/><LookUpEntrance/><Navigate/></Sequence>"""
 
 
 def test_what_a_visitor_said_ends_with_the_pass_without_start_of_tree_too():

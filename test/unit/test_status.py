@@ -17,8 +17,7 @@ from behavior_controller.interface.records import Answer, Say
 from behavior_controller.leaves import registry
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
-from mission_rig import Rig
-from test_leaves import one_leaf
+from mission_rig import Rig, one_leaf
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 

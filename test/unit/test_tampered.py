@@ -9,7 +9,7 @@ import pytest
 from behavior_controller.events import HealthChanged, Noticed, Retried, RunFinished
 from behavior_controller.watch import replay
 from behavior_controller.watch.codec import KINDS
-from test_replay import recorded, visitor_who
+from mission_rig import recorded, visitor_who
 
 SCRIPT = "<script>alert(1)</script>\"'\x1b[31m\n\u202e"
 

@@ -1,0 +1,103 @@
+"""What the processes of a test are given, and how the controller is started for it."""
+
+import pytest
+
+from behavior_controller.errors import ConfigurationError
+
+from unit_tests import configuration, controller, exhibits, parameters
+
+def test_what_a_process_was_given(given, tmp_path):
+    assert parameters.given() == {} and not parameters.is_launched()
+    assert parameters.folder() == str(tmp_path / "ros" / "unit_tests")
+    given("folder:=/x", "failureRate:=0.5")
+    assert parameters.given() == {"folder": "/x", "failureRate": "0.5"} and parameters.is_launched()
+    assert parameters.folder() == "/x"
+    assert parameters.for_rospy() == ["node", "__name:=node"]
+
+
+def test_where_ros_writes(monkeypatch):
+    monkeypatch.setenv("HOME", "/home/of/test")
+    monkeypatch.delenv("ROS_HOME", raising=False)
+    assert parameters.ros_home() == "/home/of/test/.ros"
+    monkeypatch.setenv("ROS_HOME", "/elsewhere")
+    assert parameters.ros_home() == "/elsewhere"
+
+
+def test_the_seed_is_the_users_then_the_launch_files_then_drawn(given):
+    assert 0 <= parameters.read_configuration().random_seed < configuration.SEEDS
+    given("drawn:=5")
+    assert parameters.read_configuration().random_seed == 5
+    given("drawn:=5", "randomSeed:=0")
+    assert parameters.read_configuration().random_seed == 0
+
+
+def test_a_random_visitor_is_the_same_for_all_processes_of_a_seed(given):
+    given("visitorBehaviour:=random", "randomSeed:=4")
+    drawn = {parameters.read_configuration().visitor_behaviour for _ in range(5)}
+    assert len(drawn) == 1 and drawn < {"engages", "silent", "unclear", "declines", "leaves", "noGaze"}
+    given("visitorBehaviour:=leaves", "randomSeed:=4")
+    assert parameters.read_configuration().visitor_behaviour == "leaves"
+
+
+def test_a_wrong_argument_is_a_fault_in_every_process(given):
+    given("failureRate:=7")
+    with pytest.raises(ConfigurationError, match="failureRate"):
+        parameters.read_configuration()
+
+
+def test_the_nodes_that_are_real(given):
+    assert parameters.real_nodes() == frozenset()
+    given("use_real_textToSpeech:=true", "use_real_faceDetection:=false")
+    assert parameters.real_nodes() == {"textToSpeech"}
+
+
+def test_the_simulated_world_follows_the_configuration(given):
+    given("visitorBehaviour:=silent", "mutualGazeValue:=2", "randomSeed:=1")
+    world = parameters.read_world(parameters.read_configuration())
+    assert (parameters.read_manners(parameters.read_configuration(), world.knowledge).behaviour) == "silent"
+
+
+@pytest.mark.parametrize("end, noted, returned", [
+    ("sys.exit(0)", 0, 0), ("sys.exit(1)", 1, 1), ("sys.exit(3)", 3, 0), ("sys.exit(4)", 4, 4),
+    ("os.kill(os.getpid(), signal.SIGKILL)", -9, 137)])
+def test_how_the_controller_ended_is_noted(given, program, tmp_path, end, noted, returned):
+    copies = tmp_path / "copies"
+    folder = tmp_path / "run" / "folder"
+    given("folder:={}".format(folder), "recordDirectory:={}".format(copies), "missionRuns:=2", "verboseMode:=true")
+    assert controller.main([program("controller", end), "__name:=behaviorController"]) == returned
+    assert controller.read_exit_code(str(folder)) == noted
+    assert (copies / "mission.jsonl").read_text() == "a record\n"
+    words = (folder / "words").read_text().splitlines()
+    assert words[0] == "__name:=behaviorController"
+    assert {"_missionRuns:=2", "_verboseMode:=true", "_startupTimeout:=30"} < set(words)
+
+
+def test_a_copy_of_the_record_that_fails_is_one_line(given, program, tmp_path, capfd):
+    (tmp_path / "file").write_text("")
+    given("folder:={}".format(tmp_path / "run"), "recordDirectory:={}".format(tmp_path / "file"))
+    assert controller.main([program("controller", "pass")]) == 0
+    assert capfd.readouterr().out == "no record in {}: File exists\n".format(tmp_path / "file")
+
+
+def test_the_controller_is_not_started_for_a_wrong_test(given, program, tmp_path):
+    given("failureRate:=7", "folder:={}".format(tmp_path / "run"))
+    assert controller.main([program("controller", "pass")]) == 0
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("text, expected", [(None, None), ("", None), ("3", None), ("3\n", 3), ("-9\n", -9)])
+def test_an_exit_code_counts_when_it_is_written_to_its_end(tmp_path, text, expected):
+    if text is not None:
+        (tmp_path / controller.EXIT_CODE).write_text(text)
+    assert controller.read_exit_code(str(tmp_path)) == expected
+
+
+def test_a_place_needs_a_name_and_a_location_alone(tmp_path):
+    (tmp_path / "places.json").write_text("""{"exhibits": [{"name": "a", "location": [1, 2, 3], "gesture": [4, 5, 6],
+        "description1": "one", "description2": "two"}], "entrance": {"name": "b", "location": [1, 2, 3]},
+        "home": {"name": "c", "location": [0, 0, 0]}}""")
+    knowledge = exhibits.load(str(tmp_path / "places.json"))
+    first, = knowledge.exhibits
+    assert (first.description1, first.description2) == ("one", "two")
+    assert (first.location, first.gesture) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+    assert (knowledge.home.gesture, knowledge.home.description1) == ((0.0, 0.0, 0.0), "")
