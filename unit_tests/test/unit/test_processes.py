@@ -16,9 +16,9 @@ def test_what_a_process_was_given(given, tmp_path):
 
 
 def test_where_ros_writes(monkeypatch):
-    monkeypatch.setenv("HOME", "/home/of/test")
+    monkeypatch.setenv("HOME", "/srv/of/test")
     monkeypatch.delenv("ROS_HOME", raising=False)
-    assert parameters.ros_home() == "/home/of/test/.ros"
+    assert parameters.ros_home() == "/srv/of/test/.ros"
     monkeypatch.setenv("ROS_HOME", "/elsewhere")
     assert parameters.ros_home() == "/elsewhere"
 
