@@ -152,7 +152,7 @@ class TestMission(unittest.TestCase):
     def test_a_mistake_of_ours_is_one_line_and_leaves_the_robot_safe(self):
         self.package.write("src/behavior_controller/runner.py", SPOILT_RUNNER)
         robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
-        self.assertEqual(controller.wait(20), 3)
+        self.assertEqual(controller.wait(20), 4)
         lines = self.lines(controller)
         self.assertRegex(lines[-1], r"^ERROR internal error \(KeyError: 'spoilt'\); .* details in (\S+)$")
         self.assertNotIn("Traceback", controller.lines.text())
