@@ -111,11 +111,7 @@ def test_a_part_of_the_safe_state_that_fails_is_told():
                    Answer() if isinstance(request, SetAttention) else Failure(Cause.NOT_REACHABLE, "no way", "/x"))
     rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped))
     assert [event.text for event in rig.of(Noticed)] == [
-<<<<<<< HEAD
-        "/animateBehaviour/set_activation failed while stopping: {}: no way".format(Cause.NOT_REACHABLE.text)]
-=======
         "/animateBehaviour/set_activation failed while stopping: not reachable: no way"]
->>>>>>> verify
 
 
 def test_a_run_that_ends_by_itself_asks_for_nothing_more():
