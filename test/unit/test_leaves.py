@@ -15,7 +15,7 @@ from behavior_controller.interface.document import SPEECH
 from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves import reference, registry
-from behavior_controller.leaves.base import FailureLog
+from behavior_controller.leaves.base import FailureLog, ServiceLeaf
 from behavior_controller.leaves.speech import FixedSpeech
 from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
@@ -396,6 +396,11 @@ def test_requests_and_topics_of_a_node_type_are_those_of_its_leaf():
     assert (spec["SelectExhibit"].calls, spec["HandleFallBack"].calls) == ((), ())
 
 
+def test_each_leaf_that_calls_a_service_says_what_it_asks_for():
+    calling = {spec.id: type(spec.factory("name")) for spec in leaves.SPECS if spec.calls}
+    assert [node for node, leaf in calling.items() if leaf.request is ServiceLeaf.request] == []
+
+
 def test_a_leaf_that_is_declared_without_its_facts_is_refused_at_load():
     types = registry()
     types.extend([NodeSpec("Bare", Kind.ACTION, partial(FixedSpeech, phrase="WelcomeSpeech"))])
@@ -407,4 +412,5 @@ def test_the_readme_has_the_reference_of_nodes_and_data():
     with open(os.path.join(os.path.dirname(folders.config("")), os.pardir, "README.md"), encoding="utf-8") as file:
         text = file.read()
     for table in (reference.nodes(leaves.SPECS), reference.entries()):
-        assert table in text, "print them with python3 -m behavior_controller.leaves.reference"
+        missing = [row for row in table.split("\n") if row not in text]
+        assert table in text, "\n".join(missing + ["print the tables with python3 -m behavior_controller.leaves.reference"])

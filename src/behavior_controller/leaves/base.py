@@ -397,5 +397,5 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
         node_id, Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION,
         partial(leaf, **arguments) if arguments else leaf, leaf.PORTS + ports, description,
         is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
-        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
+        calls=(INTERFACE.service(leaf.asks).request,) if issubclass(leaf, ServiceLeaf) else (),
         listens=(leaf.topic,) if issubclass(leaf, TopicCondition) else (), **facts)

@@ -23,10 +23,14 @@ def world(behaviour=ENGAGES, mutual_gaze_value=1, *states):
     return World(person, KNOWLEDGE, mutual_gaze_value)
 
 
-def test_the_nine_nodes_are_those_of_the_document():
-    assert len(NODES) == len(set(NODES)) == 9
-    assert set(SERVICES) | set(TOPICS) == set(NODES)
-    assert {offer for part in (SERVICES, TOPICS) for offer in (each.offer for each in part.values())} == set(INTERFACE.offers)
+def test_each_declared_service_and_topic_has_its_simulated_node():
+    assert len(NODES) == len(set(NODES)) and set(SERVICES) | set(TOPICS) == set(NODES)
+    simulated = {each.name for part in (SERVICES, TOPICS) for each in part.values()}
+    assert {offer.name for offer in INTERFACE.offers} ^ simulated == set()
+
+
+def test_each_simulated_node_has_its_executable():
+    assert set(NODES) - set(os.listdir(os.path.join(configuration.share(), "nodes"))) == set()
 
 
 @pytest.mark.parametrize("node, request_fields, answer", (
