@@ -49,7 +49,7 @@ class Health:
         self._changes: List[HealthChanged] = []
         self.calls: Mapping[str, CallCount] = {}
         self.heard: Mapping[str, float] = {}
-        """When each topic was heard last (monotonic seconds), as far as anybody has looked."""
+        """When each topic was heard last (monotonic seconds), as of the last look."""
 
     def report(self, respect: str, change: HealthChanged) -> None:
         """Tell how something is in one respect, from any thread; only a change is handed on."""

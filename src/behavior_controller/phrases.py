@@ -137,7 +137,7 @@ class Phrases:
 
 
 def languages() -> List[str]:
-    """Return the languages that there are."""
+    """Return the languages that have a file of phrases."""
     paths = glob.glob(folders.data("phrases_*.ini"))
     return sorted(os.path.basename(path)[len("phrases_"):-len(".ini")] for path in paths)
 

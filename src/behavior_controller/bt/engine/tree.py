@@ -52,7 +52,7 @@ class Tree:
     def changes(self) -> int:
         """A number that grows when a tick changes what the next one may do: an action completed, an entry was written.
 
-        A RUNNING tree whose tick changed nothing does the same again until a wake-up: nobody need tick it before.
+        A RUNNING tree whose tick changed nothing does the same again until a wake-up: it need not be ticked before.
         """
         return self.services.changes + self.blackboard.writes
 
