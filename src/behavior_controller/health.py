@@ -32,7 +32,7 @@ class CallCount(NamedTuple):
 
 
 class Health:
-    """The state of each service and topic, by resolved name, in each respect that is watched (``GONE`` …).
+    """The state of each service and topic, by resolved name, in each respect that is monitored (``GONE`` …).
 
     ``report`` and ``hear`` are for any thread and only queue what they are given, which ``publish`` takes. All else
     belongs to the tick thread, but ``calls`` and ``heard`` are replaced as a whole: any thread may read them.

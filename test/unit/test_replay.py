@@ -200,7 +200,7 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
         elif states["gone"]:
             states["gone"] += 1
             if states["gone"] == 12:
-                rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", True, "there again", "", ""))
+                rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", True, "back", "", ""))
         visitor_who(says="yes")(rig)
 
     rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", service_of(GoTo))
@@ -271,7 +271,7 @@ def test_the_command(tmp_path, mission):
     edited(mission, "<WelcomeSpeech/>", "<AlwaysSuccess/>")
     assert command(path) == (0, printed)
     code, printed = command("--mission", mission, path)
-    assert code == 3 and printed.startswith("the paths part in pass 1")
+    assert code == 3 and printed.startswith("the runs diverge in pass 1")
     assert command("--mission", mission, str(tmp_path))[0] == 3  # the record's folder
     code, printed = command(str(tmp_path / "none.jsonl"))
     assert code == 2 and printed.count("\n") == 1

@@ -80,8 +80,8 @@ class Monitor:
     def start(self) -> None:
         """Start the threads."""
         for part in self._services:
-            threading.Thread(target=self._watch, args=(part,), daemon=True, name="watch " + part.name).start()
-        threading.Thread(target=self._look_around, daemon=True, name="watch topics and master").start()
+            threading.Thread(target=self._watch, args=(part,), daemon=True, name="monitor " + part.name).start()
+        threading.Thread(target=self._look_around, daemon=True, name="monitor topics and master").start()
 
     def close(self) -> None:
         """Let the threads end; does not wait for them."""
@@ -133,7 +133,7 @@ class Monitor:
             part.kind, part.name, part.node, False, "gone: " + reason, "until it is back, " + part.absence))
 
     def _tell_back(self, part: Part) -> None:
-        self._report(GONE, HealthChanged(part.kind, part.name, part.node, True, "there again", ""))
+        self._report(GONE, HealthChanged(part.kind, part.name, part.node, True, "available again", ""))
 
     # ----------------------------------------------------------------------------------------------- topics and master
 

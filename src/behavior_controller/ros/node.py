@@ -314,12 +314,12 @@ class _Run:
         return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
 
     def _reload(self) -> None:
-        """Have the files read again, on a thread of its own: a disk or the master may hang. On the signals' thread."""
+        """Reload the files on a thread of its own: a disk or the master may hang. On the signals' thread."""
         if self._reading is not None and self._reading.is_alive():
             self._console.tell("warning", "SIGHUP ignored: the files are still being read since the one before; "
                                "if that does not end, a disk or the master hangs")
             return
-        self._reading = threading.Thread(target=self._read_again, name="read again", daemon=True)
+        self._reading = threading.Thread(target=self._read_again, name="reload", daemon=True)
         try:
             self._reading.start()
         except RuntimeError as error:
@@ -329,7 +329,7 @@ class _Run:
         """Read the files; what is right follows the running mission after its pass."""
         try:
             self._following.append(read_plan(self._clock, self._wake, self._console.tell))
-            self._console.tell("info", "read again: this follows when the visitor's pass is over")
+            self._console.tell("info", "reloaded: this mission follows when the visitor's pass is over")
         except FaultsFound as found:
             tell_faults(found, self._console.tell, "refused, the running mission stays")
         except NodesMissing as missing:

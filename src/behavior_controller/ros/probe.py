@@ -156,7 +156,7 @@ class StartUpCheck:
     """Waits for the robot's nodes as long as the configuration allows."""
 
     def __init__(self, asr_enabled: bool, patience: float, tell: Callable[[str, str], None]):
-        """``patience`` is ``startupTimeout`` in seconds; ``tell`` takes a level and a line for the operator."""
+        """``patience`` is ``startupTimeout`` in seconds; ``tell`` takes a severity and a line for the operator."""
         self._asr_enabled = asr_enabled
         self._patience = patience
         self._tell = tell

@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
     def __str__(self) -> str:
         """Return the line for the operator."""
         if self.divergence:
-            return "the paths part {}".format(clean(self.divergence))
+            return "the runs diverge {}".format(clean(self.divergence))
         return "the same path: {} passes, {} changes of status".format(self.passes, self.changes)
 
 

@@ -285,7 +285,7 @@ def reached(facts: Facts) -> Set[str]:
 QUESTIONS: Tuple[Tuple[str, Callable[[Facts], Iterable[str]]], ...] = (
     ("the controller ran the mission to its end", _ended),
     ("each pass ended as the visitor's behaviour predicts", _outcomes),
-    ("each exhibit was seen to, and nobody had a tour who wanted none", _exhibits),
+    ("each exhibit was seen to, and no visitor had an unwanted tour", _exhibits),
     ("each leaf was reached that should be", _unreached),
     ("each request made sense to the node that got it", _objections),
     ("the failures on record are those that were injected", lambda facts: Matching(facts).objections()),
