@@ -150,7 +150,8 @@ class TestMission(unittest.TestCase):
     # ------------------------------------------------------------------------------------------------ our mistakes
 
     def test_a_mistake_of_ours_is_one_line_and_leaves_the_robot_safe(self):
-        self.package.write("src/behavior_controller/runner.py", SPOILT_RUNNER)
+        with open(self.package.path("src/behavior_controller/runner.py")) as file:
+            self.package.write("src/behavior_controller/runner.py", file.read() + SPOILT)
         robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
         self.assertEqual(controller.wait(20), 4)
         lines = self.lines(controller)
@@ -162,23 +163,14 @@ class TestMission(unittest.TestCase):
                          [(ANIMATION, "disabled"), (ATTENTION, "disabled")])
 
 
-SPOILT_RUNNER = '''"""A runner with a mistake in it."""
+SPOILT = """
+
+def _spoilt(self):
+    raise KeyError("spoilt")
 
 
-def Running(*everything):
-    """Take everything."""
-
-
-class Runner:
-    """Takes everything and fails."""
-
-    def __init__(self, *everything):
-        pass
-
-    def run(self):
-        """Fail."""
-        return {}["spoilt"]
-'''
+Runner.run = _spoilt
+"""
 
 if __name__ == "__main__":
     rostest.rosrun("cssr_system", "mission", TestMission)

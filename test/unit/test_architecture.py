@@ -179,3 +179,12 @@ def test_no_file_names_a_place_on_somebodys_machine():
             with open(os.path.join(ROOT, path), encoding="utf-8", errors="replace") as file:
                 found += ["{}: {}".format(path, match.group()) for match in MACHINE_PATH.finditer(file.read())]
     assert found == []
+
+
+def test_the_architecture_document_names_what_is_there():
+    with open(os.path.join(ROOT, "docs", "architecture.md"), encoding="utf-8") as file:
+        named = set(re.findall(r"`([\w/]+(?:\.py|/))`", file.read()))
+    places = (os.path.join("src", PRODUCT), os.path.join("unit_tests", "src", "unit_tests"), "unit_tests", ".",
+              os.path.join("test", "unit"), os.path.join("unit_tests", "test", "unit"))
+    assert len(named) > 20
+    assert {name for name in named if not any(os.path.exists(os.path.join(ROOT, place, name)) for place in places)} == set()

@@ -1,6 +1,6 @@
 """The data of a mission: each entry that leaves share on the root blackboard, and the types of records in them."""
 import math
-from typing import Callable, NamedTuple, Type
+from typing import Any, Callable, NamedTuple
 
 from behavior_controller.bt.language.values import TEXT, ValueFault, add_type, shown, whole_real
 from behavior_controller.bt.registry import Direction, Port
@@ -8,7 +8,7 @@ from behavior_controller.interface.records import Location, Point
 from behavior_controller.mission_spec import whole_mission
 
 
-def _reader(record: Type[NamedTuple], form: str) -> Callable[[str], object]:
+def _reader(record: Any, form: str) -> Callable[[str], object]:
     def read(text: str) -> object:
         numbers = [whole_real(part.strip()) for part in text.split(";")]
         if len(numbers) != len(record._fields) or not all(
