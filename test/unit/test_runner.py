@@ -130,7 +130,7 @@ def test_an_error_in_a_node_ends_the_pass_with_one_line_and_the_next_one_runs():
     assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE", "FAILURE"]
 
 
-def test_a_mission_that_spins_can_be_stopped_and_is_named():
+def test_a_mission_that_busy_loops_can_be_stopped_and_is_named():
     rounds = []
 
     def is_stopped():
