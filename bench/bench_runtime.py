@@ -91,16 +91,16 @@ class Bench:
         return taken
 
     def watched_reaction(self):
-        """Return the reaction times to a visitor while Groot2 and a browser look on and the run is recorded."""
+        """Return the reaction times to a visitor while Groot2 and a browser monitor the run and it is recorded."""
         self.start(VISITOR, groot2Port="21667", monitorPort="28080", recordDirectory=os.path.join(self.folder, "record"))
-        onlookers = subprocess.Popen([sys.executable, os.path.join(HERE, "onlookers.py"), "21667", "28080"],
-                                     stdout=subprocess.PIPE)
-        onlookers.stdout.readline()
+        clients = subprocess.Popen([sys.executable, os.path.join(HERE, "monitoring_clients.py"), "21667", "28080"],
+                                   stdout=subprocess.PIPE)
+        clients.stdout.readline()
         time.sleep(0.5)
         taken = [self.next_request(SAY, FACES, *(NO_FACE if turn % 2 else A_FACE)) for turn in range(ROUNDS)]
-        onlookers.kill()
-        onlookers.wait()
-        onlookers.stdout.close()
+        clients.kill()
+        clients.wait()
+        clients.stdout.close()
         self.stop()
         return taken
 

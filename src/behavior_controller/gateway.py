@@ -65,7 +65,7 @@ class Call:
 
     @tick_thread_only
     def drop(self) -> None:
-        """Nobody waits for the result any more (the leaf was halted, or the deadline has passed)."""
+        """Give up waiting for the result (the leaf was halted, or the deadline has passed)."""
         if self._abandon is not None:
             abandon, self._abandon = self._abandon, None
             abandon()

@@ -32,7 +32,7 @@ class CallCount(NamedTuple):
 
 
 class Health:
-    """The state of each service and topic, by resolved name, in each respect that is watched (``GONE`` …).
+    """The state of each service and topic, by resolved name, in each respect that is monitored (``GONE`` …).
 
     ``report`` and ``hear`` are for any thread and only queue what they are given, which ``publish`` takes. All else
     belongs to the tick thread, but ``calls`` and ``heard`` are replaced as a whole: any thread may read them.
@@ -49,7 +49,7 @@ class Health:
         self._changes: List[HealthChanged] = []
         self.calls: Mapping[str, CallCount] = {}
         self.heard: Mapping[str, float] = {}
-        """When each topic was heard last (monotonic seconds), as far as anybody has looked."""
+        """When each topic was heard last (monotonic seconds), as of the last look."""
 
     def report(self, respect: str, change: HealthChanged) -> None:
         """Tell how something is in one respect, from any thread; only a change is handed on."""

@@ -31,7 +31,7 @@ SPEECHES = (
     Speech("SayYesNoSpeech", True, "Says that it only understands yes or no."),
     Speech("PressYesNoSpeech", True, "Asks to press yes or no on the tablet."),
     Speech("FollowMeSpeech", False, "Asks the visitor to follow."),
-    Speech("MaybeAnotherTimeSpeech", False, "Lets a visitor go who wants no tour."),
+    Speech("MaybeAnotherTimeSpeech", False, "Lets a visitor go without a tour."),
     Speech("EndTourSpeech", False, "Closes the tour after the last exhibit.", True),
     Speech("HereIsTheDoorSpeech", False, "Shows the way out in words.", True),
     Speech("SayGoodByeSpeech", False, "Says goodbye.", True),
@@ -137,7 +137,7 @@ class Phrases:
 
 
 def languages() -> List[str]:
-    """Return the languages that there are."""
+    """Return the languages that have a file of phrases."""
     paths = glob.glob(folders.data("phrases_*.ini"))
     return sorted(os.path.basename(path)[len("phrases_"):-len(".ini")] for path in paths)
 

@@ -12,7 +12,7 @@ from behavior_controller.interface.document import INTERFACE
 from behavior_controller.leaves.base import MissionContext
 
 SHORTEST_PASS = 1.0
-"""Seconds: a pass that ends sooner is followed by a pause of that length, lest a mission that fails at once spins."""
+"""Seconds: a pass that ends sooner is followed by a pause of that length, lest a mission that fails at once busy-loops."""
 
 ROUNDS_AT_ONCE = 100
 """Ticks that may follow each other without a wait."""
@@ -109,10 +109,10 @@ class Runner:
             self.mission.events.emit(Noticed("error", " ".join(str(error).split())))
             self._halt()
             return FAILURE
-        if self.tree.spins and not self._warned:
+        if self.tree.busy_loops and not self._warned:
             self._warned = True
-            self.mission.events.emit(Noticed("warning", "the mission goes round and round without waiting for "
-                                             "anything: put a Sleep or a Delay into its loop"))
+            self.mission.events.emit(Noticed(
+                "warning", "the mission busy-loops, it never waits: put a Sleep or a Delay into its loop"))
         if result not in (RUNNING, SUCCESS, FAILURE):
             self._halt()  # a root that was SKIPPED may still hold running nodes
         return result

@@ -36,9 +36,9 @@ class Settings:
     gesture_duration: int = key(integer(1, 600000, "milliseconds"), 3000, "how long a gesture takes, in ms")
     groot2_port: int = key(port(65534), 1667, "where Groot2 connects, with the port after it; 0: Groot2 cannot connect")
     groot2_address: str = key(
-        bind_address, "127.0.0.1", "from where Groot2 may connect: 127.0.0.1 this computer alone, 0.0.0.0 all networks")
+        bind_address, "127.0.0.1", "bind address for Groot2: 127.0.0.1 serves this computer alone, 0.0.0.0 all networks")
     monitor_port: int = key(port(65535), 8080, "where a browser shows the mission; 0: there is no page")
-    monitor_address: str = key(bind_address, "127.0.0.1", "from where a browser may connect, as groot2Address")
+    monitor_address: str = key(bind_address, "127.0.0.1", "bind address for the page, as groot2Address")
     record_directory: str = key(
         folder, "", "folder for the record mission.jsonl; empty: a new one among ROS' logs; none: no record")
 

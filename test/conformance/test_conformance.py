@@ -45,4 +45,4 @@ def test_a_mission_that_never_waits_returns_and_says_so():
         case = json.load(opened)
     tree = conformance._build(case, [])
     assert tree.tick_once() is conformance.BY_NAME["RUNNING"]
-    assert tree.spins
+    assert tree.busy_loops

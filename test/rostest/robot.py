@@ -181,11 +181,11 @@ class Package:
             file.write(text)
 
     def configure(self, **values):
-        """Write the configuration: the required keys with working values, and ``values``; nobody looks on by default."""
+        """Write the configuration: the required keys with working values, and ``values``; no monitoring by default."""
         keys = dict(scenarioSpecification="lab_tour", verboseMode="false", asrEnabled="true")
         keys.update(values)
-        for key, nobody in (("groot2Port", 0), ("monitorPort", 0), ("recordDirectory", "none")):
-            keys.setdefault(key, nobody)
+        for key, off in (("groot2Port", 0), ("monitorPort", 0), ("recordDirectory", "none")):
+            keys.setdefault(key, off)
         self.write("config/behaviorControllerConfiguration.ini", "".join(
             "{} {}\n".format(key, value) for key, value in keys.items()))
 

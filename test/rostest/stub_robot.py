@@ -64,7 +64,7 @@ class StubService:
             rospy.Service(name, self.type, self.answer)
 
     def set_mode(self, mode):
-        """Behave otherwise from now on; whoever hangs goes on."""
+        """Behave otherwise from now on; calls that hang go on."""
         with self._changed:
             self.mode = mode
             self._changed.notify_all()

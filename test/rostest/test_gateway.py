@@ -249,7 +249,7 @@ class TestGateway(unittest.TestCase):
 
     # ------------------------------------------------------------------------------------------------ time
 
-    def test_a_call_that_hangs_ends_at_its_deadline_and_blocks_nobody(self):
+    def test_a_call_that_hangs_ends_at_its_deadline_and_blocks_no_other(self):
         robot = self.robot({"/textToSpeech/say_text": "hang"})
         self.deadline = 0.5
         result, seconds = self.finish(self.gateway.start(Say("first")))
@@ -318,16 +318,16 @@ class TestGateway(unittest.TestCase):
             self.assertIsInstance(self.ask(Say("hello")), Answer)
         self.assert_at_rest(1, 0.0)
 
-    def assert_at_rest(self, lines, seconds):
-        """Expect that within ``seconds`` no more than ``lines`` threads talk to services."""
+    def assert_at_rest(self, threads, seconds):
+        """Expect that within ``seconds`` no more than ``threads`` threads talk to services."""
         def count():
             return sum(thread.name.startswith("service /") for thread in threading.enumerate())
 
         ends = time.monotonic() + seconds
         for thread in threading.enumerate():
-            if thread.name.startswith("service /") and count() > lines:
+            if thread.name.startswith("service /") and count() > threads:
                 thread.join(max(0.0, ends - time.monotonic()))
-        self.assertEqual(count(), lines)
+        self.assertEqual(count(), threads)
 
     # ------------------------------------------------------------------------------------------------ connections
 

@@ -75,7 +75,7 @@ class TestMonitor(unittest.TestCase):
         self.robot()
         back = time.monotonic()
         for name in (SAY, DRIVE, KNOWLEDGE, FACES, ATTENTION):
-            took = self.wait_for(controller, back, name, "there again")
+            took = self.wait_for(controller, back, name, "available again")
         print("return seen after {:.2f} s".format(took))
         self.assertIsNone(controller.process.poll())
         self.assertNotIn("Traceback", controller.lines.text())
@@ -196,7 +196,7 @@ class TestMonitor(unittest.TestCase):
         controller.lines.wait_for(lambda line: "other.xml starts" in line, 5)
         controller.lines.wait_for(lambda line: "FollowMeSpeech" in line and "SUCCESS" in line, 5)
         self.assertEqual(controller.stop()[0], 0)
-        self.assertEqual(controller.lines.text().count("read again"), 1)
+        self.assertEqual(controller.lines.text().count("reloaded:"), 1)
 
     def test_a_faulty_mission_is_refused_and_the_running_one_stays(self):
         robot = self.robot()

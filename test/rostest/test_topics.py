@@ -60,7 +60,7 @@ class TestTopics(unittest.TestCase):
         time.sleep(0.1)  # what is under way arrives
 
     def wait_until(self, is_so, seconds=10.0):
-        """rospy tells nobody when it has connected: look until it has."""
+        """rospy does not tell when it has connected: look until it has."""
         ends = time.monotonic() + seconds
         while not is_so():
             self.assertLess(time.monotonic(), ends)
@@ -88,7 +88,7 @@ class TestTopics(unittest.TestCase):
             self.assertLessEqual(sent, sample.arrived)
             self.assertLessEqual(sample.arrived, time.monotonic())
 
-    def test_a_connection_that_breaks_is_made_anew(self):
+    def test_a_connection_that_breaks_is_made_again(self):
         latch = self.topics.latches[SPEECH]
         monitor = Monitor(self.topics, Health(), lambda: True)
         monitor.start()
@@ -156,7 +156,7 @@ class TestTopics(unittest.TestCase):
     def test_what_a_latching_publisher_sends_first_is_no_news(self):
         latch = self.topics.latches[SPEECH]
         publisher = rospy.Publisher("/speechEvent/text", String, queue_size=10, latch=True)
-        publisher.publish("yes")  # long before anybody asks
+        publisher.publish("yes")  # long before it is read
         before = self.topics.newest(SPEECH)
         self.topics.wake_when("answer", SPEECH, lambda text: True)
         for _ in range(2):
@@ -164,7 +164,7 @@ class TestTopics(unittest.TestCase):
             self.wake.wait(0.5)
             self.assertFalse(self.wake.test_and_clear(), "an answer before the question")
             self.assertIs(self.topics.newest(SPEECH), before)
-            latch.connect_anew()
+            latch.reconnect()
             self.wait_until(lambda: rospy.get_name() not in latch.connected_nodes)
         self.wait_until(lambda: rospy.get_name() in latch.connected_nodes)
         time.sleep(0.2)

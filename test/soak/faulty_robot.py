@@ -105,7 +105,7 @@ class FaultyRobot:
             for publisher, message in zip(publishers, messages):
                 publisher.publish(message)
 
-    # ------------------------------------------------------------------------------------------------- who is registered
+    # ------------------------------------------------------------------------------------------------- registrations
 
     def _register(self, process):
         assert process.ready.wait(20), "a server did not start"

@@ -1,4 +1,4 @@
-"""The shape of the code, read from the files with ``ast``: who may import whom, what a module owes its reader."""
+"""The shape of the code, read from the files with ``ast``: which layer imports which, what a module owes its reader."""
 import ast
 import importlib
 import os

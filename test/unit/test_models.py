@@ -17,7 +17,7 @@ def test_the_delivered_mission_has_a_true_palette():
 
 def test_a_node_that_is_not_there():
     assert warnings("<Action ID='WelcomSpeech'/>") == [
-        "m.xml:4:9: warning: the palette has a node WelcomSpeech that there is not (did you mean WelcomeSpeech?)"]
+        "m.xml:4:9: warning: the palette has an unknown node WelcomSpeech (did you mean WelcomeSpeech?)"]
 
 
 def test_another_kind():
@@ -27,7 +27,7 @@ def test_another_kind():
 
 def test_other_ports():
     assert warnings("<Action ID='Sleep'><input_port name='msecs'/><output_port name='msec'/></Action>") == [
-        "m.xml:4:32: warning: the palette has a port msecs of Sleep that there is not (did you mean msec?)",
+        "m.xml:4:32: warning: the palette has an unknown port msecs of Sleep (did you mean msec?)",
         "m.xml:4:46: warning: the port msec of Sleep is an input_port, not an output_port"]
 
 
@@ -40,4 +40,4 @@ def test_the_mission_loader_warns(tmp_path):
     path = tmp_path / "m.xml"
     path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><AlwaysSuccess/></BehaviorTree>"
                     "<TreeNodesModel><Action ID='Nothing'/></TreeNodesModel></root>")
-    assert any("a node Nothing that there is not" in str(fault) for fault in load_tree(str(path)).warnings)
+    assert any("an unknown node Nothing" in str(fault) for fault in load_tree(str(path)).warnings)

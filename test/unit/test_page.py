@@ -88,7 +88,7 @@ def browser():
 
 
 def wait_until(is_so, seconds=8.0):
-    """The browser tells nobody what it has drawn: look until it has."""
+    """The browser does not tell what it has drawn: look until it has."""
     ends = time.monotonic() + seconds
     while time.monotonic() < ends:
         if is_so():

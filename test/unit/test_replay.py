@@ -52,7 +52,7 @@ def mission(tmp_path, monkeypatch):
 def test_a_recorded_run_takes_the_same_path(tmp_path, kind, visitor, by_voice, failure_rate, seed):
     path = recorded(tmp_path, visitor, by_voice, failure_rate, seed, runs=2)
     outcome = replay(read_record(path))
-    assert (outcome.parting, outcome.passes) == ("", 2)
+    assert (outcome.divergence, outcome.passes) == ("", 2)
     changes = sum(len(entry.changes) for _, entry in read_record(path) if isinstance(entry, Tick))
     assert outcome.changes == changes > 50
 
@@ -81,7 +81,7 @@ def test_a_replay_needs_no_file_but_the_record(tmp_path, mission, monkeypatch):
     shutil.rmtree(data)
     monkeypatch.setattr(folders, "share", lambda: str(tmp_path / "nowhere"))
     outcome = replay(lines)
-    assert outcome.parting == "" and outcome.passes == 1 and outcome.changes > 50
+    assert outcome.divergence == "" and outcome.passes == 1 and outcome.changes > 50
 
 
 def started_with(lines, **sources):
@@ -96,9 +96,9 @@ def started_with(lines, **sources):
 def test_phrases_and_policy_are_those_of_the_record(tmp_path, part, old, new, expected):
     lines = read_record(recorded(tmp_path, visitor_who(says="yes"), failure_rate=1.0))
     source = getattr(next(entry for _, entry in lines if isinstance(entry, RunStarted)).sources, part)
-    assert old in source.text and replay(lines).parting == ""
+    assert old in source.text and replay(lines).divergence == ""
     changed_text = source._replace(text=source.text.replace(old, new, 1))
-    assert expected in replay(started_with(lines, **{part: changed_text})).parting
+    assert expected in replay(started_with(lines, **{part: changed_text})).divergence
 
 
 def test_a_record_of_another_interface_is_refused(tmp_path):
@@ -120,13 +120,13 @@ def test_an_edited_mission_says_where_it_parts(tmp_path, mission, old, new, wher
     path = recorded(tmp_path, visitor_who(says="yes"), mission=mission)
     edited(mission, old, new)
     lines = read_record(path)
-    assert replay(lines).parting == ""  # of what the record holds
+    assert replay(lines).divergence == ""  # of what the record holds
     outcome = replay(lines, mission)
     if where is None:
-        assert outcome.parting == ""  # three attempts were not needed
+        assert outcome.divergence == ""  # three attempts were not needed
     else:
-        assert where in outcome.parting and outcome.parting.startswith("in pass 1, ")
-        assert "recorded is" in outcome.parting and ", now " in outcome.parting
+        assert where in outcome.divergence and outcome.divergence.startswith("in pass 1, ")
+        assert "recorded is" in outcome.divergence and ", now " in outcome.divergence
 
 
 def test_a_replay_forgets_each_visitor_when_the_run_did(tmp_path, mission):
@@ -138,9 +138,9 @@ def test_a_replay_forgets_each_visitor_when_the_run_did(tmp_path, mission):
 
     lines = read_record(recorded(tmp_path, says_yes_in_the_first_pass, mission=mission, runs=2))
     assert [entry.outcome for _, entry in lines if isinstance(entry, PassFinished)] == ["SUCCESS", "FAILURE"]
-    assert replay(lines).parting == ""
+    assert replay(lines).divergence == ""
     # the second visitor would be taken for one who has said yes
-    assert "in pass 2" in replay([line for line in lines if not isinstance(line.entry, PassStarted)]).parting
+    assert "in pass 2" in replay([line for line in lines if not isinstance(line.entry, PassStarted)]).divergence
 
 
 def test_another_answer_in_the_record_leads_elsewhere(tmp_path):
@@ -150,7 +150,7 @@ def test_another_answer_in_the_record_leads_elsewhere(tmp_path):
     place = next(place for place, (_, entry) in enumerate(lines) if isinstance(entry, Answered) and entry.call == call)
     failure = Failure(Cause.TYPE_MISMATCH, "-", "/robotNavigation/set_goal")
     lines[place] = lines[place]._replace(entry=Answered(call, failure))
-    assert "Navigate" in replay(lines).parting
+    assert "Navigate" in replay(lines).divergence
 
 
 def changed(lines, kind, change, number):
@@ -170,23 +170,23 @@ def changed(lines, kind, change, number):
 ])
 def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, number, change, expected):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    parting = replay(changed(lines, kind, change, number)).parting
-    assert parting.startswith("in pass 1, ") and expected in parting
+    divergence = replay(changed(lines, kind, change, number)).divergence
+    assert divergence.startswith("in pass 1, ") and expected in divergence
     if kind is Tick:
-        assert "request" not in parting and "it asks" not in parting
+        assert "request" not in divergence and "it asks" not in divergence
 
 
 def test_a_request_that_is_no_longer_made_is_another_path(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
     place = [place for place, (_, entry) in enumerate(lines) if isinstance(entry, Tick)][5]
     more = Line(1.0, Asked(99, "/x", Say("x")))
-    parting = replay(lines[:place] + [more] + lines[place:]).parting
-    assert "recorded is the request Say(text='x'), now there is none" in parting
+    divergence = replay(lines[:place] + [more] + lines[place:]).divergence
+    assert "recorded is the request Say(text='x'), now there is none" in divergence
 
 
 def test_a_record_that_lacks_lines_says_so(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    assert "the record lacks 7 lines" in replay(lines[:-1] + [Line(1.0, Lost(7))] + lines[-1:]).parting
+    assert "the record lacks 7 lines" in replay(lines[:-1] + [Line(1.0, Lost(7))] + lines[-1:]).divergence
 
 
 def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
@@ -200,7 +200,7 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
         elif states["gone"]:
             states["gone"] += 1
             if states["gone"] == 12:
-                rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", True, "there again", "", ""))
+                rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", True, "back", "", ""))
         visitor_who(says="yes")(rig)
 
     rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", service_of(GoTo))
@@ -213,8 +213,8 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
     assert rig.run(visitor) == 0
     record.close()
     lines = read_record(record.path)
-    assert replay(lines).parting == ""
-    assert replay([line for line in lines if not isinstance(line.entry, HealthChanged)]).parting != ""
+    assert replay(lines).divergence == ""
+    assert replay([line for line in lines if not isinstance(line.entry, HealthChanged)]).divergence != ""
 
 
 def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
@@ -224,7 +224,7 @@ def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     with open(path, "wb") as file:
         file.write(data[:data.index(b"PassFinished")])
     outcome = replay(read_record(path))
-    assert outcome.parting == "" and outcome.passes == 0 and outcome.changes > 50
+    assert outcome.divergence == "" and outcome.passes == 0 and outcome.changes > 50
 
 
 HEADER = '{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": 1, "pid": 7}\n'
@@ -271,7 +271,7 @@ def test_the_command(tmp_path, mission):
     edited(mission, "<WelcomeSpeech/>", "<AlwaysSuccess/>")
     assert command(path) == (0, printed)
     code, printed = command("--mission", mission, path)
-    assert code == 3 and printed.startswith("the paths part in pass 1")
+    assert code == 3 and printed.startswith("the runs diverge in pass 1")
     assert command("--mission", mission, str(tmp_path))[0] == 3  # the record's folder
     code, printed = command(str(tmp_path / "none.jsonl"))
     assert code == 2 and printed.count("\n") == 1

@@ -132,12 +132,12 @@ def test_failures_recoveries_and_notices_are_told_in_order_with_their_causes():
         finished(102.5, "FAILURE", failure=dict(FAILED, cause="condition-false")),
         {"event": "Retried", "time": 103.0, "node": "A", "path": "A::1", "attempt": 1, "failure": FAILED}, recovered,
         handled, gone(105.0),
-        {"event": "Noticed", "time": 106.0, "level": "warning", "text": "the mission goes round and round"},
+        {"event": "Noticed", "time": 106.0, "level": "warning", "text": "the mission busy-loops"},
         tick()))
     assert table(text, "what") == [
         ["2.0 s", "A::1 failed: refused: a chair is in the way"], ["3.0 s", "A::1: retry 1 failed: refused"],
         ["4.0 s", "A::1: recovery: skipped (retry 1x, then skip), for refused: a chair is in the way"],
-        ["5.0 s", "service /s: gone"], ["6.0 s", "warning: the mission goes round and round"]]
+        ["5.0 s", "service /s: gone"], ["6.0 s", "warning: the mission busy-loops"]]
 
 
 def test_each_node_has_the_count_of_its_results():

@@ -130,7 +130,7 @@ def test_an_error_in_a_node_ends_the_pass_with_one_line_and_the_next_one_runs():
     assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE", "FAILURE"]
 
 
-def test_a_mission_that_spins_can_be_stopped_and_is_named():
+def test_a_mission_that_busy_loops_can_be_stopped_and_is_named():
     rounds = []
 
     def is_stopped():
@@ -140,7 +140,7 @@ def test_a_mission_that_spins_can_be_stopped_and_is_named():
     rig = one_leaf("<Repeat num_cycles='-1'><AlwaysSuccess/></Repeat>")
     rig.run(lambda rig: None, runs=0, is_stopped=is_stopped)
     assert [event.text for event in rig.of(Noticed)] == [
-        "the mission goes round and round without waiting for anything: put a Sleep or a Delay into its loop"]
+        "the mission busy-loops, it never waits: put a Sleep or a Delay into its loop"]
 
 
 def test_waiting_ends_at_the_next_timer():

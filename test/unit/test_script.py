@@ -1,4 +1,4 @@
-"""Scripts do what BehaviorTree.CPP's do (section 11), and no text of a script can harm who reads or runs it."""
+"""Scripts do what BehaviorTree.CPP's do (section 11), and no text of a script can harm the process."""
 import glob
 import json
 import math

@@ -1,4 +1,4 @@
-"""The wake-up flag wakes who waits, is kept until it is cleared, and may be set by a signal handler at any moment."""
+"""The wake-up flag wakes the waiting thread, is kept until it is cleared, and may be set by a signal handler."""
 import os
 import signal
 import threading

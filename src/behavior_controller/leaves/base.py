@@ -266,7 +266,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
 
 def is_asked_again(node: Any) -> bool:
-    """Return whether a control asks this node anew while a later one runs, which it would halt if it were RUNNING."""
+    """Return whether a control asks this node again while a later one runs, which it would halt if it were RUNNING."""
     while node.parent is not None:
         parent, is_last = node.parent, node is node.parent.children[-1]
         if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and not is_last:

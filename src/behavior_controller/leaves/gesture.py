@@ -16,7 +16,6 @@ class IconicGesture(ServiceLeaf):
         self.setting = setting
 
     def request(self) -> Request:
-        """Perform it."""
         settings = self.mission.settings
         return PerformGesture("iconic", getattr(settings, self.setting), settings.gesture_duration)
 
@@ -28,7 +27,6 @@ class PerformDeicticGesture(ServiceLeaf):
     PORTS = (GESTURE_TARGET.read("target"),)
 
     def request(self) -> Optional[Request]:
-        """Point."""
         target = self.get_input("target")
         if target == Point(0.0, 0.0, 0.0):
             return None

@@ -15,7 +15,6 @@ class RetrieveListOfExhibits(ServiceLeaf):
     PORTS = (EXHIBITS.written(), NEXT_EXHIBIT.written(), LEFT_OUT.written())
 
     def request(self) -> Request:
-        """Ask."""
         return QueryKnowledge("exhibits")
 
     def accept(self, answer: Answer) -> Optional[Failure]:
@@ -46,7 +45,6 @@ class SelectExhibit(InstantAction):
              GESTURE_TARGET.written(), DESCRIPTION_1.written(), DESCRIPTION_2.written())
 
     def act(self) -> Optional[Failure]:
-        """Select."""
         exhibits, index = self.get_input("exhibits"), self.get_input_or("nextExhibit", 0)
         if index >= len(exhibits):
             return Failure(Cause.MISSING_DATA, "no exhibit is left to select")
@@ -98,7 +96,6 @@ class LookUp(ServiceLeaf):
         self.has_gesture = has_gesture
 
     def request(self) -> Request:
-        """Ask."""
         return QueryKnowledge(self.place)
 
     def accept(self, answer: Answer) -> Optional[Failure]:

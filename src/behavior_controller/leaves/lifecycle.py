@@ -23,7 +23,6 @@ class IsASREnabled(InstantCondition):
     otherwise = "asrEnabled is false"
 
     def holds(self) -> bool:
-        """Return the setting."""
         return self.mission.settings.asr_enabled
 
 

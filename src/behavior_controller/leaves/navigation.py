@@ -12,7 +12,6 @@ class Navigate(ServiceLeaf):
     PORTS = (TARGET_LOCATION.read("target"),)
 
     def request(self) -> Request:
-        """Drive."""
         return GoTo(self.get_input("target"))
 
 

@@ -81,7 +81,7 @@ def ask_master(method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> 
 class Connection:
     """One TCPROS connection. Used by one thread; ``close`` may be called from any other and ends what it waits for.
 
-    Whatever goes wrong is raised as ``Trouble``; then the connection is open no longer, and may be opened anew.
+    Whatever goes wrong is raised as ``Trouble``; then the connection is no longer open, and may be opened again.
     """
 
     def __init__(self) -> None:
@@ -99,7 +99,7 @@ class Connection:
             return True
         except OSError:
             pass
-        # the end of the stream, or bytes that nobody asked for: of no use either way
+        # the end of the stream, or unrequested bytes: of no use either way
         self.hang_up()
         return False
 
@@ -210,7 +210,7 @@ class Connection:
             self._socket = None
 
     def close(self) -> None:
-        """End the connection for good, from any thread: what its user waits for fails at once, and he gives it back.
+        """End the connection for good, from any thread: what its user waits for fails at once, and the user frees it.
 
         The socket is shut down but not closed here: its number must not be reused while the other thread reads from it.
         """

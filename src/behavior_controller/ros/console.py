@@ -92,12 +92,12 @@ class Console:
         """Write the line of ``event``, if it has one."""
         self._lines[type(event)](event)
 
-    def tell(self, level: str, text: str) -> None:
+    def tell(self, severity: str, text: str) -> None:
         """Write ``text`` as one line, whatever it quotes, at ``info``, ``warning`` or ``error``; from any thread."""
-        getattr(self._logger, level)("behaviorController: %s", clean(text))
+        getattr(self._logger, severity)("behaviorController: %s", clean(text))
 
     def tell_shortage(self, error: BaseException) -> None:
-        """Tell in one line that the machine gives no more, unless that was said a moment ago."""
+        """Tell in one line that memory, threads or files are used up, unless that was said a moment ago."""
         now = time.monotonic()
         if now - self._shortage_told >= SHORTAGE_SPAN:
             self._shortage_told = now
@@ -139,8 +139,8 @@ class Console:
             "; " + event.consequence if event.consequence else ""))
 
     def _pass_finished(self, event: PassFinished) -> None:
-        level = "info" if event.outcome == "SUCCESS" else "warning"
-        self.tell(level, "pass {}: {} after {:.1f} s".format(event.number, event.outcome, event.seconds))
+        severity = "info" if event.outcome == "SUCCESS" else "warning"
+        self.tell(severity, "pass {}: {} after {:.1f} s".format(event.number, event.outcome, event.seconds))
 
     def _noticed(self, event: Noticed) -> None:
         self.tell(event.level, event.text)
@@ -164,7 +164,7 @@ def reason(failure: Any) -> str:
 
 
 def report_internal_error(console: Console, error: BaseException) -> None:
-    """Tell in one line of a mistake of ours, and where its traceback is; or that the machine gives no more."""
+    """Tell in one line of a mistake of ours, and where its traceback is; or that a resource is used up."""
     if is_shortage(error):
         console.tell_shortage(error)
         return

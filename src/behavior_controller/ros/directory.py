@@ -1,6 +1,6 @@
 """Where services and publishers are: what the ROS master says, and what it said before it went away or was replaced.
 
-A master that is started anew knows none of the nodes that run. What it has forgotten is looked for where it was last,
+A restarted master knows none of the running nodes. What it has forgotten is looked for where it was last,
 and this node's registrations are made again. Every contact is bounded in time, and rospy's own registrations are not
 used for it: they wait for a master without a limit, and hold rospy's locks while they do.
 """

@@ -1,4 +1,4 @@
-"""Watches the robot while the mission runs: which node is gone or back, which topic silent, whether there is a master.
+"""Monitors the robot while the mission runs: which node is gone or back, which topic silent, whether a master answers.
 
 Each service has a thread that holds an idle connection to its server: its end tells at once that the server is gone,
 and costs nothing while it is there. Topics and master are judged twice a second by what ``RosTopics`` and ``Directory``
@@ -41,7 +41,7 @@ LONELY = 0.9
 Over a link of 100 ms that takes 0.85 s.
 """
 
-CONNECT_ANEW = 3.0
+RECONNECT = 3.0
 """Seconds between two new connections to a continuous topic that is silent although its publisher is connected."""
 
 RETURN_LIMIT = 1.3
@@ -61,10 +61,10 @@ NEW_MASTER = ("the mission goes on with them where they were last, as long as th
 
 
 class Monitor:
-    """Watches ``PARTS`` and the master from ``start`` to ``close``."""
+    """Monitors ``PARTS`` and the master from ``start`` to ``close``."""
 
     def __init__(self, topics: RosTopics, health: Health, is_asr_enabled: Callable[[], bool]):
-        """While ``is_asr_enabled()`` is false nobody listens to speech, and its topic is not watched."""
+        """While ``is_asr_enabled()`` is false speech is of no use, and its topic is not monitored."""
         self._health = health
         self._is_asr_enabled = is_asr_enabled
         self._latches: List[Tuple[Part, Latch]] = [
@@ -74,17 +74,17 @@ class Monitor:
         self._reported: Dict[Tuple[str, str], bool] = {}  # whether it was well, by name and respect
         self._closed = threading.Event()
         self._lonely: Dict[Part, float] = {}  # since when a topic has had no connection
-        # when a topic that is silent was heard last, and after how much silence it is connected to anew
+        # when a topic that is silent was heard last, and after how much silence it is connected to again
         self._silent: Dict[Part, Tuple[float, float]] = {}
 
     def start(self) -> None:
-        """Begin to watch."""
+        """Start the threads."""
         for part in self._services:
-            threading.Thread(target=self._watch, args=(part,), daemon=True, name="watch " + part.name).start()
-        threading.Thread(target=self._look_around, daemon=True, name="watch topics and master").start()
+            threading.Thread(target=self._watch, args=(part,), daemon=True, name="monitor " + part.name).start()
+        threading.Thread(target=self._look_around, daemon=True, name="monitor topics and master").start()
 
     def close(self) -> None:
-        """Stop watching; threads end by themselves."""
+        """Let the threads end; does not wait for them."""
         self._closed.set()
         for connection in list(self._connections.values()):
             connection.close()
@@ -133,7 +133,7 @@ class Monitor:
             part.kind, part.name, part.node, False, "gone: " + reason, "until it is back, " + part.absence))
 
     def _tell_back(self, part: Part) -> None:
-        self._report(GONE, HealthChanged(part.kind, part.name, part.node, True, "there again", ""))
+        self._report(GONE, HealthChanged(part.kind, part.name, part.node, True, "available again", ""))
 
     # ----------------------------------------------------------------------------------------------- topics and master
 
@@ -172,18 +172,18 @@ class Monitor:
             self._look_at_silence(part, latch, now - latch.last_arrival)
 
     def _look_at_silence(self, part: Part, latch: Latch, silence: float) -> None:
-        """Tell when a continuous topic falls silent, and connect to its publisher anew while it stays so."""
-        heard, anew_at = self._silent.get(part, (0.0, 0.0))
+        """Tell when a continuous topic falls silent, and reconnect to its publisher while it stays so."""
+        heard, again_at = self._silent.get(part, (0.0, 0.0))
         if heard == latch.last_arrival:  # still: a new connection alone is no sign of life
-            if silence >= anew_at:
-                self._silent[part] = heard, silence + CONNECT_ANEW
-                latch.connect_anew()
+            if silence >= again_at:
+                self._silent[part] = heard, silence + RECONNECT
+                latch.reconnect()
             return
         is_well = silence <= patience(latch.count, latch.usual_gap)
         if is_well:
             self._silent.pop(part, None)
         else:
-            self._silent[part] = latch.last_arrival, silence + CONNECT_ANEW
+            self._silent[part] = latch.last_arrival, silence + RECONNECT
         self._report(SILENT, HealthChanged(
             part.kind, part.name, part.node, is_well, "heard again" if is_well else
             "silent for {:.1f} s".format(silence), "" if is_well else "until it is heard again, " + part.absence))

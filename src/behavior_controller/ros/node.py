@@ -1,4 +1,4 @@
-"""The main program: checks everything, then runs the mission until it is over or somebody stops it.
+"""The main program: checks everything, then runs the mission until it is over or stopped.
 
 Nothing moves before the configuration, the mission and the robot's nodes have been found right. Whatever is wrong is
 told in full, in lines for an operator, and the exit code says of which kind it was.
@@ -241,7 +241,7 @@ def _no_answer(what: str) -> ConfigurationError:
 
 
 class _Run:
-    """A mission under way, and the one that was read anew to follow it."""
+    """A mission under way, and the one that was reloaded to follow it."""
 
     def __init__(self, plan: Mission, topics: RosTopics, console: Console, signals: Signals):
         self._plan = plan
@@ -306,7 +306,7 @@ class _Run:
             self._gateway, self._topics = record.gateway(self._gateway), record.topics(self._topics)
 
     def _running(self) -> Running:
-        """Return the plan as the runner wants it, and show it to who looks on."""
+        """Return the plan as the runner wants it, and show it to the monitoring."""
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
@@ -314,12 +314,12 @@ class _Run:
         return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
 
     def _reload(self) -> None:
-        """Have the files read again, on a thread of its own: a disk or the master may hang. On the signals' thread."""
+        """Reload the files on a thread of its own: a disk or the master may hang. On the signals' thread."""
         if self._reading is not None and self._reading.is_alive():
             self._console.tell("warning", "SIGHUP ignored: the files are still being read since the one before; "
                                "if that does not end, a disk or the master hangs")
             return
-        self._reading = threading.Thread(target=self._read_again, name="read again", daemon=True)
+        self._reading = threading.Thread(target=self._read_again, name="reload", daemon=True)
         try:
             self._reading.start()
         except RuntimeError as error:
@@ -329,7 +329,7 @@ class _Run:
         """Read the files; what is right follows the running mission after its pass."""
         try:
             self._following.append(read_plan(self._clock, self._wake, self._console.tell))
-            self._console.tell("info", "read again: this follows when the visitor's pass is over")
+            self._console.tell("info", "reloaded: this mission follows when the visitor's pass is over")
         except FaultsFound as found:
             tell_faults(found, self._console.tell, "refused, the running mission stays")
         except NodesMissing as missing:
@@ -338,7 +338,7 @@ class _Run:
             report_internal_error(self._console, error)
 
     def _successor(self) -> Optional[Running]:
-        """Return what was read anew since the last pass."""
+        """Return what was reloaded since the last pass."""
         if not self._following:
             return None
         following = self._following.pop()

@@ -118,14 +118,14 @@ def _examine_publisher(part: Part, node: str) -> Optional[str]:
     return _compare(answer, TYPES[part.offer], "node " + node)
 
 
-def _compare(answer: Any, wanted: Any, who: str) -> Optional[str]:
+def _compare(answer: Any, wanted: Any, peer: str) -> Optional[str]:
     """Return how the type in a handshake differs from ours, or None."""
     if "error" in answer:
-        return "{}: {} says: {}".format(Cause.NOT_REACHABLE.text, who, answer["error"])
+        return "{}: {} says: {}".format(Cause.NOT_REACHABLE.text, peer, answer["error"])
     if answer.get("md5sum") == wanted._md5sum:
         return None
     return "{}: {} has {} (md5 {}), expected is {} (md5 {}); build both from the same srv and msg files".format(
-        Cause.TYPE_MISMATCH.text, who, answer.get("type"), answer.get("md5sum"), wanted._type, wanted._md5sum)
+        Cause.TYPE_MISMATCH.text, peer, answer.get("type"), answer.get("md5sum"), wanted._type, wanted._md5sum)
 
 
 # -------------------------------------------------------------------------------------------------- all of them at once
@@ -156,7 +156,7 @@ class StartUpCheck:
     """Waits for the robot's nodes as long as the configuration allows."""
 
     def __init__(self, asr_enabled: bool, patience: float, tell: Callable[[str, str], None]):
-        """``patience`` is ``startupTimeout`` in seconds; ``tell`` takes a level and a line for the operator."""
+        """``patience`` is ``startupTimeout`` in seconds; ``tell`` takes a severity and a line for the operator."""
         self._asr_enabled = asr_enabled
         self._patience = patience
         self._tell = tell
@@ -183,7 +183,7 @@ class StartUpCheck:
         return True
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
-        """Return those without which the mission does not start: without speech recognition nobody listens."""
+        """Return those without which the mission does not start: without speech recognition its topic is optional."""
         return [part for part in missing if self._asr_enabled or part.part.offer is not SPEECH]
 
     def _report(self, missing: List[Missing]) -> None:

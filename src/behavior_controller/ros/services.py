@@ -1,9 +1,9 @@
 """The robot's services: a request record goes out as a srv message, and comes back as an Answer or a Failure.
 
-Each call under way has a line of its own: a daemon thread with one persistent connection. A line whose call was
-answered waits for the next call to that service; a line whose call is given up (deadline passed, leaf halted) is cut,
-which gives its thread and its socket back at once. So a server that hangs costs nothing, blocks no later call and does
-not hold the process. A request is sent once: only a connection found dead before the sending is made anew.
+Each call under way has a daemon thread of its own with one persistent connection, a ``ServiceThread``. After an answer
+it waits for the next call to that service. When its call is given up (deadline passed, leaf halted) it is cut: thread
+and socket are freed at once. So a server that hangs costs nothing, blocks no later call and does not hold the process.
+A request is sent once: only a connection found dead before the sending is opened again.
 """
 import io
 import queue
@@ -121,10 +121,10 @@ def read_answer(service: Service, response: genpy.Message) -> Answer:
         raise Trouble(Cause.UNUSABLE_ANSWER, str(unusable))
 
 
-# ---------------------------------------------------------------------------------------------------------------- lines
+# -------------------------------------------------------------------------------------------------------------- threads
 
 
-class Line:
+class ServiceThread:
     """A daemon thread with one connection to one service, which carries one request at a time until it is cut."""
 
     def __init__(self, name: str, service: Service):
@@ -138,12 +138,12 @@ class Line:
         threading.Thread(target=self._work, name="service " + name, daemon=True).start()
 
     def carry(self, request: Request, done: Callable[[Union[Answer, Failure], float], None]) -> None:
-        """Send ``request``, and call ``done`` with the result and its time (monotonic), on the line's thread."""
+        """Send ``request``, and call ``done`` with the result and its time (monotonic), on this thread."""
         self.is_asked = False
         self._jobs.put((request, done))
 
     def cut(self) -> None:
-        """Give up what is under way; the thread and the socket come back at once. Any thread may call it."""
+        """Give up what is under way; the thread and the socket are freed at once. Any thread may call it."""
         self._connection.close()
         self._jobs.put(None)
 
@@ -178,7 +178,7 @@ class Line:
 class _UnderWay(NamedTuple):
     """What a call holds until it ends."""
 
-    line: Line
+    thread: ServiceThread
     timers: Tuple[Timer, ...]
     since: float
 
@@ -202,7 +202,7 @@ class RosGateway(Gateway):
         self._clock = clock
         self._wake = wake
         self._names = {service: rospy.resolve_name(service.name) for service in INTERFACE.services}
-        self._spare: Dict[Service, List[Line]] = {service: [] for service in INTERFACE.services}
+        self._spare: Dict[Service, List[ServiceThread]] = {service: [] for service in INTERFACE.services}
         self._under_way: Dict[Call, _UnderWay] = {}
 
     def start(self, request: Request) -> Call:
@@ -211,18 +211,18 @@ class RosGateway(Gateway):
         name, deadline = self._names[service], self.deadline(service)
         call = Call(request, self._wake, lambda: self._give_up(call))
         try:
-            line = self._spare[service].pop() if self._spare[service] else Line(name, service)
+            thread = self._spare[service].pop() if self._spare[service] else ServiceThread(name, service)
         except RuntimeError as error:
             call.finish(Failure(Cause.NOT_REACHABLE, "no thread to ask with ({})".format(error), name))
             return call
         timers = (self._clock.call_after(deadline, lambda: self._expire(call)),
                   self._clock.call_after(deadline * SLOW_SHARE, lambda: self._health.slow(name, deadline)))
-        self._under_way[call] = _UnderWay(line, timers, time.monotonic())
-        line.carry(request, lambda result, at: self._hand_over(call, result, at))
+        self._under_way[call] = _UnderWay(thread, timers, time.monotonic())
+        thread.carry(request, lambda result, at: self._hand_over(call, result, at))
         return call
 
     def _hand_over(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
-        """Let the tick thread end ``call``; on the line's thread."""
+        """Let the tick thread end ``call``; on the service's thread."""
         self._clock.post(lambda: self._end(call, result, at))
         self._wake()
 
@@ -230,16 +230,16 @@ class RosGateway(Gateway):
         """Give up every call under way and give back every thread and connection."""
         for call in list(self._under_way):
             self._give_up(call)
-        for lines in self._spare.values():
-            while lines:
-                lines.pop().cut()
+        for threads in self._spare.values():
+            while threads:
+                threads.pop().cut()
 
     def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
         """Finish ``call``, which was answered ``at`` that time, unless it was given up meanwhile."""
         held = self._under_way.pop(call, None)
         if held is not None:
             held.end()
-            self._spare[INTERFACE.service(type(call.request))].append(held.line)
+            self._spare[INTERFACE.service(type(call.request))].append(held.thread)
             self._finish(call, result, at - held.since)
 
     def _finish(self, call: Call, result: Union[Answer, Failure], seconds: float) -> None:
@@ -249,12 +249,12 @@ class RosGateway(Gateway):
         call.finish(result)
 
     def _give_up(self, call: Call) -> Optional[_UnderWay]:
-        """Cut the line of ``call`` and return what it held; None if the call has ended before."""
+        """Cut the thread of ``call`` and return what it held; None if the call has ended before."""
         held = self._under_way.pop(call, None)
         if held is None:
             return None
         held.end()
-        held.line.cut()
+        held.thread.cut()
         return held
 
     def _expire(self, call: Call) -> None:
@@ -262,6 +262,6 @@ class RosGateway(Gateway):
         held = self._give_up(call)
         if held is not None:
             service = INTERFACE.service(type(call.request))
-            where = "" if held.line.is_asked else ", still connecting: nothing was asked"
+            where = "" if held.thread.is_asked else ", still connecting: nothing was asked"
             self._finish(call, Failure(Cause.NO_ANSWER, "waited {:g} s{}".format(self.deadline(service), where),
                                        self._names[service]), time.monotonic() - held.since)

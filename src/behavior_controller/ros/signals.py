@@ -1,4 +1,4 @@
-"""Takes the signals: somebody wants the node to stop, or to read its files again.
+"""Takes the signals: requests to stop the node, or to read its files again.
 
 The signals are blocked and taken by a thread that does nothing else. A Python signal handler would not do: it runs on
 the main thread, and not before that thread wakes if the signal comes in the moment before it falls asleep. Nothing on
@@ -48,7 +48,7 @@ class Signals:
         threading.Thread(target=self._take, name="signals", daemon=True).start()
 
     def wake(self, callback: Callable[[], None]) -> None:
-        """Have ``callback`` called, on another thread, when somebody wants us to stop; at once if he does already."""
+        """Have ``callback`` called, on another thread, at the first request to stop; at once if there was one."""
         with self._lock:
             self._wakes.append(callback)
             is_late = self.stop_requested
@@ -67,7 +67,7 @@ class Signals:
         self._stop()
 
     def _is_hang_up(self) -> bool:
-        """Whether the terminal that the operator started us from has gone away, and he did not mean us to stay."""
+        """Whether the terminal that the operator started us from has gone away, and ``nohup`` was not used."""
         return self._has_terminal and not self._outlives_terminal and not _terminal_answers()
 
     def _stop(self) -> None:

@@ -82,7 +82,7 @@ class Link:
         self._ended.set()
         self._connection.close()
 
-    def connect_anew(self) -> None:
+    def reconnect(self) -> None:
         """End the connection that stands, and make another one."""
         if self.header is not None:
             self._connection.close()

@@ -26,7 +26,7 @@ FLOOD_GAP = 0.006
 """Seconds: the same message again within so short a time is a flood."""
 
 PAUSE = 0.004
-"""Seconds that a flood is left alone after a message that nobody waits for."""
+"""Seconds that a flood is left alone after a message without an alarm."""
 
 PAUSE_WHEN_AWAITED = 0.001
 """The same while an alarm is set: the longest delay of the message that rings it."""
@@ -96,17 +96,17 @@ class Latch:
             links[uri] = Link(uri, self.name, self._type, self._has_met, self._receive)
         self._links = links
 
-    def connect_anew(self) -> None:
+    def reconnect(self) -> None:
         """Replace the connections: one that looks alive may have been given up by the other side."""
         for link in self._links.values():
-            link.connect_anew()
+            link.reconnect()
 
     def _has_met(self, header: Dict[str, str]) -> bool:
         """Return whether the publisher behind ``header`` sends the expected type."""
         wanted = self._type
         if header.get("md5sum") == wanted._md5sum:
             if not self.is_connected:
-                self.count = 0  # how often the topic speaks is learned anew: the silence before was none of its gaps
+                self.count = 0  # how often the topic speaks is learned again: the silence before was none of its gaps
             return True
         sender = _sender(header)
         self._warn_once(sender, "ignoring what {} publishes on {}: it is {} (md5 {}), expected is {} (md5 {})".format(
@@ -170,7 +170,7 @@ class Latch:
                 self._wake()
 
     def newest(self) -> Optional[Sample]:
-        """Return the newest message, or None; whoever sets an alarm next has seen it."""
+        """Return the newest message, or None; the next alarm takes it for seen."""
         self._seen = self._sample
         return self._seen
 

@@ -1,1 +1,1 @@
-"""Who looks on while a mission runs: Groot2, the page in the browser, the record."""
+"""Monitoring of a running mission: Groot2, the page in the browser, the record."""

@@ -29,11 +29,11 @@ HANGS = 3.0
 """Seconds without a sign of the tick thread after which it hangs."""
 
 PARTS = ("mission", "statuses", "passes", "blackboard", "trouble", "health", "alive")
-"""The parts of the board; each is sent anew when it has changed, the last one with every ``PULSE``."""
+"""The parts of the board; each is sent again when it has changed, the last one with every ``PULSE``."""
 
 
 class Board:
-    """Collects what happens on the tick thread, and wakes nobody there; ``part`` may be asked from any other.
+    """Collects what happens on the tick thread, and wakes no other; ``part`` may be called from any thread.
 
     ``versions`` counts the changes of each part.
     """
@@ -133,7 +133,7 @@ class Board:
         return getattr(self, "_part_" + name)()
 
     def look(self) -> None:
-        """Notice what nobody tells: entries that were written, calls that ended, topics that grow older."""
+        """Notice changes without an event: entries that were written, calls that ended, topics that grow older."""
         writes = self._tree.blackboard.writes if self._tree is not None else 0
         if writes != self._writes:
             self._writes = writes

@@ -130,7 +130,6 @@ class Hooks:
             self._post(self._nodes[hook.uid].release, disabled, "is disabled")
 
     def remove_all(self, reason: str = "") -> None:
-        """Remove every hook."""
         for hook in self.all():
             self.remove(hook.position, hook.uid, reason)
 
@@ -156,7 +155,7 @@ class _SetHook:
         """Let a breakpoint go on."""
         self.is_unlocked = self.is_waiting
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Forget that the breakpoint was reached."""
         self.is_waiting = self.is_unlocked = False
 
@@ -256,7 +255,7 @@ class _NodeHooks(NodeHook):
                 self._reached(node.uid)
                 self._tell(found.hook, "holds the node")
             return RUNNING
-        found.begin_anew()
+        found.reset()
         return self._decide(found, result)
 
     def _decide(self, found: _SetHook, result: Optional[Result]) -> Optional[Result]:
@@ -274,9 +273,9 @@ class _NodeHooks(NodeHook):
         return decided
 
     def halt(self, node: Node) -> bool:
-        """Begin anew; return whether ``node`` has work to halt: one that waits at a breakpoint before it has none."""
+        """Reset the hooks; return whether ``node`` has work to halt: at a breakpoint before it, it has none."""
         held, self._held = self._held, None
         for each in self._set.values():
-            each.begin_anew()
+            each.reset()
         self._leave()
         return held is None or held.result is not None or held.status is not IDLE

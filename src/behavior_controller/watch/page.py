@@ -1,4 +1,4 @@
-"""The live page: serves the running mission to browsers and pushes every change; nobody can change anything through it.
+"""The live page: serves the running mission to browsers and pushes every change; it is read-only.
 
 tornado, which rosbridge uses on robots too, serves; changes travel as server-sent events, for which every browser connects
 again by itself. The page needs nothing from elsewhere: HTML, CSS and script lie beside this module.
@@ -25,7 +25,7 @@ from behavior_controller.watch.server import Connections, LoopThread
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.1
-"""Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake nobody."""
+"""Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake no other."""
 
 FAREWELL = 0.3
 """Seconds that browsers have at the end to take what came last."""
@@ -40,7 +40,7 @@ class Page:
     """Serves ``board`` at ``http://address:port/`` on a thread of its own."""
 
     def __init__(self, address: str, port: int, board: Board, warn: Callable[[str], None]):
-        """Start to serve; a port that is taken is told to ``warn`` in one line, and nobody is served."""
+        """Start to serve; a port that is taken is told to ``warn`` in one line, and nothing is served."""
         self.board = board
         self.streams: Set[_Stream] = set()
         self.hosts = _Hosts(address)
@@ -61,7 +61,7 @@ class Page:
         return self._thread is not None
 
     def show(self, tree: Tree) -> None:
-        """Show ``tree`` from now on, also to who looks already."""
+        """Show ``tree`` from now on, also to browsers already connected."""
         self.board.show(tree)
 
     def close(self) -> None:
@@ -154,7 +154,6 @@ class _Quiet(RequestHandler):
 
     @property
     def page(self) -> Page:
-        """The page that is served."""
         return self.settings["page"]
 
     def note_use(self) -> None:

@@ -86,7 +86,7 @@ class Record:
     # --------------------------------------------------------------------------------------------------------- writing
 
     def __call__(self, entry: Entry) -> None:
-        """Note what happened, and wake nobody: a line is made of it later."""
+        """Note what happened without waking a thread: the line is made later."""
         if self._thread is None:
             return
         if len(self._notes) >= MOST_WAITING:
@@ -195,7 +195,6 @@ class _Gateway(Gateway):
         self._record = record
 
     def start(self, request: Request) -> Call:
-        """Send ``request``."""
         number = self._record.asked(request)
         return _Call(self._inner.start(request), number, self._record)
 
@@ -220,7 +219,7 @@ class _Call(Call):
         return result
 
     def drop(self) -> None:
-        """Nobody waits any more."""
+        """Pass on that the result is no longer awaited."""
         self._inner.drop()
 
 
@@ -232,11 +231,9 @@ class _Topics(Topics):
         self._record = record
 
     def newest(self, topic: Topic) -> Optional[Sample]:
-        """Return the newest message."""
         sample = self._inner.newest(topic)
         self._record.looked_at(topic, sample)
         return sample
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
-        """Set the alarm."""
         self._inner.wake_when(key, topic, wanted)

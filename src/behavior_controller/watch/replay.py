@@ -31,21 +31,21 @@ LATEST = "latest"
 
 
 class Outcome(NamedTuple):
-    """What a replay found. ``parting`` says where the paths part; empty: they are the same."""
+    """What a replay found. ``divergence`` says where the runs diverge; empty: nowhere."""
 
     passes: int
     changes: int
-    parting: str = ""
+    divergence: str = ""
 
     def __str__(self) -> str:
-        """Return the line for a person."""
-        if self.parting:
-            return "the paths part {}".format(clean(self.parting))
+        """Return the line for the operator."""
+        if self.divergence:
+            return "the runs diverge {}".format(clean(self.divergence))
         return "the same path: {} passes, {} changes of status".format(self.passes, self.changes)
 
 
-class Parted(Exception):
-    """The replay went another way than the record; the text says where."""
+class Diverged(Exception):
+    """The replay differs from the record; the text says where."""
 
 
 def find_record(name: str) -> str:
@@ -85,8 +85,8 @@ def replay(lines: List[Line], mission: Optional[str] = None) -> Outcome:
             passes += isinstance(entry, PassFinished)
             try:
                 changes += replaying.take(entry)
-            except Parted as parted:
-                return Outcome(passes, changes, "in pass {}, {}".format(passes + 1, parted))
+            except Diverged as diverged:
+                return Outcome(passes, changes, "in pass {}, {}".format(passes + 1, diverged))
     return Outcome(passes, changes)
 
 
@@ -132,7 +132,7 @@ class _Replay:
         if isinstance(entry, (Asked, Answered, Message)):
             self._world.take(entry)
         elif isinstance(entry, Lost):
-            raise Parted("the record lacks {} lines".format(entry.lines))
+            raise Diverged("the record lacks {} lines".format(entry.lines))
         elif isinstance(entry, PassStarted):
             self.clock.set_to(entry.at)
             self._mission.begin_visit(self.tree.blackboard, entry.at)
@@ -163,14 +163,14 @@ class _Replay:
         return len(tick.changes)
 
     def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
-        """Raise ``Parted`` at the first difference."""
+        """Raise ``Diverged`` at the first difference."""
         differences = [self._world.difference()]
         for was, now in itertools.zip_longest(recorded, self._now):
             if was != now:
                 differences.insert(0, "recorded is {}, now it is {}".format(_words(was), _words(now)))
                 break
         if any(differences):
-            raise Parted("{:.1f} s after its mission began: {}".format(seconds, "; ".join(filter(None, differences))))
+            raise Diverged("{:.1f} s after its mission began: {}".format(seconds, "; ".join(filter(None, differences))))
 
 
 def _words(change: Optional[Tuple[str, str]]) -> str:
@@ -186,7 +186,7 @@ class _Recorded(Call):
         self.result = None
 
     def drop(self) -> None:
-        """Nobody waits any more."""
+        """Do nothing: the recorded result comes anyway."""
 
 
 class _World(Gateway, Topics):
@@ -246,7 +246,7 @@ class _World(Gateway, Topics):
         return self._newest.get(topic)
 
     def wake_when(self, key: Any, topic: Topic, wanted: Any) -> None:
-        """Nobody is to be woken: the record says when the tree was traversed."""
+        """Do nothing: the record says when the tree was traversed."""
 
 
 # ------------------------------------------------------------------------------------------------------- the command
@@ -273,7 +273,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print(error, file=sys.stderr)
         return exits.WRONG_INPUT
     print(outcome)
-    return exits.FAILURE if outcome.parting else exits.SUCCESS
+    return exits.FAILURE if outcome.divergence else exits.SUCCESS
 
 
 def _write(path: str, text: str) -> None:

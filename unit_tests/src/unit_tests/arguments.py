@@ -58,7 +58,7 @@ def read(given: Sequence[str]) -> Dict[str, str]:
             text, hint = "this is not of the form name:=value", "--help lists the names"
         elif key not in names() and key not in INTERNAL:
             text = "unknown"
-            hint = did_you_mean(name.lstrip("_"), names()) or "rosrun unit_tests runTest --help lists all that there are"
+            hint = did_you_mean(name.lstrip("_"), names()) or "rosrun unit_tests runTest --help lists all"
         elif key in values:
             text, hint = "{} is given twice".format(key), "leave out all but one"
         elif not value:

@@ -18,7 +18,7 @@ class Facts(NamedTuple):
     behaviour: str
     runs: int
     knowledge: Knowledge
-    cut_off: str = ""  # why nobody waited for the end
+    cut_off: str = ""  # why the end was not awaited
     rehearsal: Optional[Rehearsal] = None  # the same mission with a robot that never fails
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
 
@@ -38,7 +38,6 @@ def of(events: Sequence[Event], kind: str) -> List[Event]:
 
 
 def passes(facts: Facts) -> Iterator[Pass]:
-    """Yield each pass that ended."""
     began = 0.0
     for end in of(facts.events, "PassFinished"):
         yield Pass(end["number"], end["outcome"],

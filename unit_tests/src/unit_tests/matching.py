@@ -76,7 +76,7 @@ class Matching:
             and self._facts.behaviour == SILENT)
 
     def _is_away(self, event: Event) -> bool:
-        """Whether nobody simulates the service that failed: a real node does it, or it has crashed and is not back."""
+        """Whether the service that failed is not simulated: a real node does it, or it has crashed and is not back."""
         lines = [line for line in self._facts.journal if line.resource == event["failure"]["resource"] and line.call]
         if not lines:
             return any(SERVICES[node].name == event["failure"]["resource"] for node in self._facts.real & set(SERVICES))

@@ -48,7 +48,7 @@ def read_configuration() -> configuration.Configuration:
     arguments.check(given())
     test = arguments.load_test(given())
     if test.random_seed is None:
-        # a node that runs alone has nobody to share its seed with
+        # a node that runs alone shares its seed with no other
         test = test._replace(random_seed=int(given().get(arguments.DRAWN) or random.randrange(configuration.SEEDS)))
     if test.visitor_behaviour == RANDOM:
         behaviour = random.Random("{}/behaviour".format(test.random_seed)).choice(BEHAVIOURS)

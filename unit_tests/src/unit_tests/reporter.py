@@ -131,7 +131,7 @@ def _rehearse(events: List[Dict[str, Any]], test: configuration.Configuration,
 
 def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]], None] = lambda events: None
                  ) -> Tuple[List[Dict[str, Any]], Optional[int], str]:
-    """Return the controller's record, its exit code once it has ended, and else why nobody waits any longer.
+    """Return the controller's record, its exit code once it has ended, and else why the wait is over.
 
     ``show`` is given the record again and again meanwhile.
     """

@@ -31,7 +31,7 @@ TOUR = (_nodes(lambda spec: spec.writes(data.EXHIBITS.name)),
 """Mission nodes of which one of each kind leads to exhibits."""
 
 GAZE = _nodes(lambda spec: ATTENTION in spec.listens)
-"""Mission nodes that a visitor who never looks back fails; that ends the pass, for there is nobody to speak to."""
+"""Mission nodes that a visitor who never looks back fails; that ends the pass, for no visitor is there to speak to."""
 
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines", LEAVES: "leaves",
         NO_GAZE: "never looks back"}
@@ -39,7 +39,7 @@ DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES
 GOODBYE = _nodes(lambda spec: spec.is_farewell)
 
 JUDGED_BY = {"robotNavigation", "textToSpeech", "knowledgeBase", "overtAttention"}
-"""Simulated nodes without whose journal nobody can say which exhibits were seen to."""
+"""Simulated nodes whose journals tell which exhibits were seen to."""
 
 
 class Verdict(NamedTuple):
@@ -55,7 +55,6 @@ class Verdict(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether the test passed."""
         return not self.objections
 
     def __str__(self) -> str:
@@ -66,7 +65,6 @@ class Verdict(NamedTuple):
 
 
 def judge(facts: Facts) -> Verdict:
-    """Return the verdict."""
     answers = tuple((question, tuple(map(clean, answer(facts)))) for question, answer in QUESTIONS)
     ended = len(of(facts.events, "PassFinished"))
     calls = [line for line in facts.journal if line.call > 0]
@@ -129,7 +127,7 @@ def _is_never_met(facts: Facts) -> bool:
 
 
 def _is_deserted(facts: Facts) -> bool:
-    """Whether the visitor leaves before the last exhibit of a mission that looks for him: the tour is broken off."""
+    """Whether the visitor leaves before the last exhibit of a mission that seeks visitors: the tour is broken off."""
     nodes = _mission_nodes(facts)
     return (facts.behaviour == LEAVES and _has_tour(nodes) and bool(GAZE & nodes)
             and len(facts.knowledge.exhibits) > EXHIBITS_BEFORE_LEAVING)
@@ -181,7 +179,7 @@ def _hint(*group: Pass) -> str:
 
 
 def _exhibits(facts: Facts) -> Iterator[str]:
-    """Object to exhibits that were left out, or visited though nobody wanted a tour."""
+    """Object to exhibits that were left out, or visited though no visitor wanted a tour."""
     nodes = _mission_nodes(facts)
     if not _has_tour(nodes) or facts.real & JUDGED_BY:
         return
@@ -252,7 +250,7 @@ def _is_described(exhibit: Exhibit, stop: Sequence[Line]) -> bool:
 
 
 def _could_not_seek(stop: Sequence[Line]) -> bool:
-    """Whether every attempt to seek the visitor's gaze was made to fail, so that there was nobody to describe to."""
+    """Whether every attempt to seek the visitor's gaze was made to fail, so that no visitor was found."""
     tries = [line for line in stop
              if line.node == "overtAttention" and line.call > 0 and line.content["state"] == "seeking"]
     return bool(tries) and not any(line.done for line in tries)
@@ -287,7 +285,7 @@ def reached(facts: Facts) -> Set[str]:
 QUESTIONS: Tuple[Tuple[str, Callable[[Facts], Iterable[str]]], ...] = (
     ("the controller ran the mission to its end", _ended),
     ("each pass ended as the visitor's behaviour predicts", _outcomes),
-    ("each exhibit was seen to, and nobody had a tour who wanted none", _exhibits),
+    ("each exhibit was seen to, and no visitor had an unwanted tour", _exhibits),
     ("each leaf was reached that should be", _unreached),
     ("each request made sense to the node that got it", _objections),
     ("the failures on record are those that were injected", lambda facts: Matching(facts).objections()),

@@ -105,7 +105,7 @@ class Visitor:
 
     @property
     def looks_back(self) -> bool:
-        """Whether the visitor is somebody who returns the gaze of a robot that seeks it."""
+        """Whether the visitor returns the gaze of a robot that seeks it."""
         return self.is_here and self._manners.behaviour != NO_GAZE
 
     def gaze(self) -> str:
@@ -130,7 +130,7 @@ class Visitor:
     def press(self, options: Sequence[str]) -> str:
         """Return which of the tablet's options is pressed, yes being the first and no the last; nothing if silent.
 
-        There is nothing unclear to press, so who is unclear presses no.
+        There is nothing unclear to press, so an unclear visitor presses no.
         """
         yes, no = options[0], options[-1]
         pressed = {ENGAGES: yes, LEAVES: yes, NO_GAZE: yes, DECLINES: no, UNCLEAR: no}

@@ -37,7 +37,7 @@ def test_every_word_that_is_not_understood_is_named():
         "argument _failureRate:=1: unknown (did you mean failureRate?)",
         "argument failureRate=1: this is not of the form name:=value (--help lists the names)",
         "argument randomSeed:=: it has no value (leave it out, and the configuration decides)",
-        "argument colour:=red: unknown (rosrun unit_tests runTest --help lists all that there are)",
+        "argument colour:=red: unknown (rosrun unit_tests runTest --help lists all)",
         "argument seed:=1: randomSeed is given twice (leave out all but one)"]
 
 

@@ -122,7 +122,6 @@ class _Faults:
             self.unrecorded += 1
 
     def warn(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
-        """Record a warning."""
         if len(self.warnings) < MOST_FAULTS:
             self.warnings.append(element.fault(text, hint, attribute, is_warning=True))
 
@@ -148,7 +147,7 @@ class _Faults:
 
 
 class _Index(_Faults):
-    """Collects the trees and models of all documents, and sees who calls whom."""
+    """Collects the trees and models of all documents, and their calls."""
 
     def __init__(self, registry: Registry, tolerated: str):
         super().__init__()
@@ -262,7 +261,7 @@ class _Index(_Faults):
             return True
         return False
 
-    # ------------------------------------------------------------------------------------------------ who calls whom
+    # -------------------------------------------------------------------------------------- the calls between trees
 
     def main_tree(self, document: Document, wanted: Optional[str], guess: bool) -> str:
         """Return the ID of the main tree, or an empty text if there is a fault."""
@@ -390,7 +389,7 @@ class _Nodes:
         (self.fault if self.is_used else self.warn)(element, text, hint, attribute)
 
     def _identified(self, element: Element) -> Optional[_Known]:
-        """Return the type of an element that is not plainly one; None if there is nothing more to check."""
+        """Return the node type that an element names; None if there is nothing more to check."""
         if element.tag == "SubTree":
             self._subtree(element)
             return None

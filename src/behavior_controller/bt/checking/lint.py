@@ -70,7 +70,6 @@ class _Linter:
         self._comparisons = _COMPARISONS
 
     def warn(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
-        """Record a warning."""
         if len(self.faults) < _MOST_WARNINGS:
             self.faults.append(element.fault(text, hint, attribute, is_warning=True))
 

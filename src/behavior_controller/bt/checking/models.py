@@ -29,7 +29,7 @@ def _compared(model: Element, registry: Registry) -> List[Fault]:
     spec = registry.find(node_id)
     if spec is None:
         hint = did_you_mean(node_id, [known.id for known in registry.all()])
-        return [model.fault("the palette has a node {} that there is not".format(node_id), hint, "ID", is_warning=True)]
+        return [model.fault("the palette has an unknown node {}".format(node_id), hint, "ID", is_warning=True)]
     found = []
     if model.tag != spec.kind.value:
         found.append(model.fault("the palette has {} as {} {}; it is {} {}".format(
@@ -50,7 +50,7 @@ def _compared_ports(model: Element, spec: NodeSpec) -> List[Fault]:
         name = element.attributes.get("name", "")
         port = known.get(name)
         if port is None:
-            found.append(element.fault("the palette has a port {} of {} that there is not".format(name, spec.id),
+            found.append(element.fault("the palette has an unknown port {} of {}".format(name, spec.id),
                                        did_you_mean(name, known) or "its ports: {}".format(", ".join(known) or "none"),
                                        "name", is_warning=True))
         elif port.direction is not _DIRECTIONS[element.tag]:

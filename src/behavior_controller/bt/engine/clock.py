@@ -1,7 +1,7 @@
 """One clock for everything that waits: what time it is, and what the tick thread runs when it is due.
 
 Timers run between ticks and never on a thread of their own, so what they do needs no lock and is exact under a
-``ManualClock``. Whoever waits (the runner, ``Tree.sleep``) waits until ``next_due()`` at the longest. What other threads
+``ManualClock``. The runner and ``Tree.sleep`` wait until ``next_due()`` at the longest. What other threads
 have to say they ``post``, and wake the tree: it is carried out before the next traversal.
 """
 import collections
@@ -51,7 +51,7 @@ class Clock:
 
     @tick_thread_only
     def call_after(self, seconds: float, callback: Callable[[], None]) -> Timer:
-        """Run ``callback`` once, ``seconds`` from now, by whoever calls ``run_due`` then."""
+        """Run ``callback`` once, ``seconds`` from now, in the next ``run_due`` after that."""
         timer = Timer(self.now() + seconds, callback)
         heapq.heappush(self._queue, (timer.due, next(self._order), timer))
         return timer
@@ -62,7 +62,6 @@ class Clock:
 
     @tick_thread_only
     def run_posted(self) -> None:
-        """Run what was posted."""
         while self._posted:
             self._posted.popleft()()
 

@@ -20,7 +20,6 @@ class Control(Node):
         Node.__init__(self, name)
 
     def add_child(self, child: Node) -> None:
-        """Append ``child``."""
         child.parent = self
         self.children.append(child)
 
@@ -107,7 +106,7 @@ class _InOrder(Control):
         return SKIPPED if all_skipped else self.goes_on_at
 
     def halt(self) -> None:
-        """Start anew next time."""
+        """Forget how far the round came."""
         self.index = self.skipped = 0
         super().halt()
 
@@ -228,7 +227,7 @@ class _Side(Control, composites.Parallel):
         return result
 
     def halt(self) -> None:
-        """Start anew next time."""
+        """Forget how far the round came."""
         self.clear()
         Control.halt(self)
 
@@ -355,7 +354,7 @@ class Switch(Control, composites.Composite):
         self.running: Optional[int] = None
 
     def update(self) -> Result:
-        """Choose anew at every tick; a RUNNING child that is no longer chosen is halted."""
+        """Choose again at every tick; a RUNNING child that is no longer chosen is halted."""
         if len(self.children) != self.cases + 1:
             raise NodeError("Wrong number of children in SwitchNode; must be (num_cases + default)")
         chosen = self._choose()

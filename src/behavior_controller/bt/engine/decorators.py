@@ -13,7 +13,7 @@ from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCE
 
 
 class Decorator(Node, decorators.Decorator):
-    """A node with exactly one child. A completed child is reset after every tick, whoever decided the result."""
+    """A node with exactly one child. A completed child is reset after every tick, whatever decided the result."""
 
     decorated: Any = None
 
@@ -21,7 +21,6 @@ class Decorator(Node, decorators.Decorator):
         Node.__init__(self, name)
 
     def add_child(self, child: Node) -> None:
-        """Take ``child``."""
         child.parent = self
         self.decorated = child
         self.children = [child]

@@ -49,4 +49,4 @@ class SyncActionLeaf(Node):
 
 
 class ConditionLeaf(Node):
-    """A question that is asked anew at every tick, whatever the answer was before (BT.CPP ``ConditionNode``)."""
+    """A question that is asked again at every tick, whatever the answer was before (BT.CPP ``ConditionNode``)."""

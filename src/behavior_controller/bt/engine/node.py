@@ -149,7 +149,7 @@ class Node(Behaviour):
     """Whether RUNNING is an error of the node's rule."""
 
     # py_trees' constructor makes a UUID and a logger for each node, which costs more than all the rest of a load;
-    # here both are made when somebody asks
+    # here both are made on first use
     def __init__(self, name: str):
         self.name = name
         self.status = IDLE

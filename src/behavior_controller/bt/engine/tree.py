@@ -8,7 +8,7 @@ from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault
 from behavior_controller.text import Source
 
-# tick_once goes round at most so often before it hands control back, so that a mission that spins can be stopped
+# tick_once goes round at most so often before it hands control back, so that a mission that busy-loops can be stopped
 ROUNDS_PER_TICK = 1000
 
 
@@ -28,7 +28,7 @@ class Tree:
         self.wake = services.wake
         self.warnings = list(warnings)
         self.sources = sources
-        self.spins = False  # the last tick_once was cut short: the mission goes round without ever waiting
+        self.busy_loops = False  # the last tick_once was cut short: the mission never waits
         self.traversals: Any = None
         """Told of each traversal, ``begin(is_first)`` and ``end()``: the record listens."""
         self._observers: List[Observer] = []
@@ -52,7 +52,7 @@ class Tree:
     def changes(self) -> int:
         """A number that grows when a tick changes what the next one may do: an action completed, an entry was written.
 
-        A RUNNING tree whose tick changed nothing does the same again until a wake-up: nobody need tick it before.
+        A RUNNING tree whose tick changed nothing does the same again until a wake-up: it need not be ticked before.
         """
         return self.services.changes + self.blackboard.writes
 
@@ -70,7 +70,7 @@ class Tree:
                 break
             rounds += 1
             result = self._traverse(False)
-        self.spins = rounds == ROUNDS_PER_TICK
+        self.busy_loops = rounds == ROUNDS_PER_TICK
         return self._completed(result)
 
     @tick_thread_only

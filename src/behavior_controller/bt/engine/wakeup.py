@@ -14,7 +14,7 @@ class WakeUp:
         self._signalled = False
 
     def emit(self) -> None:
-        """Set the flag and wake who waits."""
+        """Set the flag and wake the waiting thread."""
         if not self._signalled:
             self._signalled = True
             self._queue.put(None)

@@ -12,7 +12,7 @@ let follow = true;
 let opened = new Set();  // items that only the running leaf has unfolded
 
 const LATE = 2;      // seconds without a message after which what is shown may be old; the node sends one every second
-const RETRY = 10;    // seconds without a message after which the connection is made anew
+const RETRY = 10;    // seconds without a message after which the page connects again
 let source = null;
 let heard = seconds();    // when the last message came
 let lastTry = seconds();

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A Groot2 client and a browser, as far as the node can tell: ``onlookers.py GROOT2_PORT MONITOR_PORT``."""
+"""A Groot2 client and a browser, as far as the node can tell: ``monitoring_clients.py GROOT2_PORT MONITOR_PORT``."""
 import struct
 import sys
 import threading
@@ -19,7 +19,7 @@ def browse(port):
 
 
 def main(groot2, monitor):
-    """Look on until killed."""
+    """Monitor until killed."""
     threading.Thread(target=browse, args=(monitor,), daemon=True).start()
     client = zmq.Context().socket(zmq.REQ)
     client.connect("tcp://127.0.0.1:{}".format(groot2))
