@@ -135,7 +135,7 @@ def look_at_the_time_after(trial, node, ended, beyond):
     """Are all topics heard, is a speech said again, and is all told to be back that was ``beyond`` the cut?"""
     for leaf in ("WelcomeSpeech", *HEARS):
         trial.within("{} again".format(leaf), when(node, leaf + r" \(.*SUCCESS", ended, PATIENCE), TOLD_LIMIT)
-    back = max(when(node, name + r".*: (?:there|answers) again", ended, PATIENCE) for name in beyond)
+    back = max(when(node, name + r".*: (?:available|answers) again", ended, PATIENCE) for name in beyond)
     trial.within("all back is said", back, TOLD_LIMIT)
 
 
