@@ -68,13 +68,18 @@ class TestWatch(unittest.TestCase):
                                   [self.package.path("src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep))))
         return done.returncode, done.stdout
 
-    def test_it_is_seen_while_it_runs_and_replayed_afterwards(self):
-        self.start()
+    def groot2_client(self):
+        """Return a ZeroMQ socket that asks as Groot2 does."""
         context = zmq.Context()
         self.addCleanup(context.destroy, 0)
         client = context.socket(zmq.REQ)
         client.setsockopt(zmq.RCVTIMEO, 5000)
         client.connect("tcp://127.0.0.1:{}".format(self.groot2))
+        return client
+
+    def test_it_is_seen_while_it_runs_and_replayed_afterwards(self):
+        self.start()
+        client = self.groot2_client()
         client.send(struct.pack("<BBI", 2, ord("S"), 1))
         statuses = dict(struct.iter_unpack("<HB", client.recv_multipart()[1]))
         self.assertEqual(statuses, {1: 1, 2: 2, 3: 2, 4: 2, 5: 1})
@@ -127,11 +132,7 @@ class TestWatch(unittest.TestCase):
 
     def test_the_operator_reads_what_groot2_does(self):
         self.start()
-        context = zmq.Context()
-        self.addCleanup(context.destroy, 0)
-        client = context.socket(zmq.REQ)
-        client.setsockopt(zmq.RCVTIMEO, 5000)
-        client.connect("tcp://127.0.0.1:{}".format(self.groot2))
+        client = self.groot2_client()
         hook = {"enabled": True, "uid": 5, "mode": 1, "once": False, "desired_status": "FAILURE", "position": 1}
         client.send_multipart([struct.pack("<BBI", 2, ord("I"), 1), json.dumps(hook).encode()])
         client.recv_multipart()
