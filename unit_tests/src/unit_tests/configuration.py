@@ -6,7 +6,7 @@ from typing import List, Mapping, NamedTuple, Optional, Tuple
 from behavior_controller.keys import REQUIRED, Key, Reader, boolean, integer, number, one_of, read_configuration
 
 from unit_tests.faults import KINDS, REFUSED, PlannedFault, parse_planned_fault
-from unit_tests.robot import SERVICES
+from unit_tests.robot import SERVERS
 from unit_tests.visitor import ALIASES, BEHAVIOURS, ENGAGES, RANDOM
 
 FILE_NAME = "behaviorControllerTestConfiguration.ini"
@@ -35,7 +35,7 @@ def _behaviour(text: str) -> str:
 
 
 def _planned_faults(text: str) -> Tuple[PlannedFault, ...]:
-    return tuple(parse_planned_fault(item, tuple(SERVICES)) for item in _items(text))
+    return tuple(parse_planned_fault(item, SERVERS) for item in _items(text))
 
 
 _SEED = integer(0, SEEDS - 1)
@@ -58,7 +58,7 @@ KEYS = (
         "in which ways calls go wrong"),
     Key("plannedFaults", Reader(
         "node:call or node:call:kind, with commas between them, where node is one of {}, call counts from 1 and kind is "
-        "one of {}".format(", ".join(SERVICES), ", ".join(KINDS)), _planned_faults), (),
+        "one of {}".format(", ".join(SERVERS), ", ".join(KINDS)), _planned_faults), (),
         "calls that go wrong in any case"),
     Key("testTimeout", number(1, 10 ** 6, of="seconds"), 900.0, "a mission that has not ended by then has failed"),
 )

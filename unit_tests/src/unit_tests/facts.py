@@ -1,6 +1,9 @@
 """What is known at the end of a test: the controller's record and the journal of the simulated nodes."""
 from typing import Any, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence
 
+from behavior_controller.interface import Interface
+from behavior_controller.interface.robots import DEFAULT
+
 from unit_tests.exhibits import Knowledge
 from unit_tests.journal import Line
 from unit_tests.rehearsal import Rehearsal
@@ -21,6 +24,7 @@ class Facts(NamedTuple):
     cut_off: str = ""  # why the end was not awaited
     rehearsal: Optional[Rehearsal] = None  # the same mission with a robot that never fails
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
+    interface: Interface = DEFAULT  # what the simulated robot spoke
 
 
 class Pass(NamedTuple):

@@ -8,7 +8,6 @@ from behavior_controller.interface.records import Prompt
 from unit_tests.facts import Event, Facts
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
 from unit_tests.journal import Line
-from unit_tests.robot import SERVICES
 from unit_tests.visitor import SILENT
 
 CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.value, UNANSWERED: Cause.NO_ANSWER.value,
@@ -20,9 +19,6 @@ AWAY = {Cause.NOT_REACHABLE.value, Cause.CONNECTION_LOST.value}
 
 RECOVERY = {spec.id for spec in leaves.SPECS if spec.is_recovery}
 PROMPTS = {spec.id for spec in leaves.SPECS if Prompt in spec.calls}
-
-SAFE_STATE = ("overtAttention", "animateBehavior")
-"""Simulated nodes that are asked to be quiet when a recovery is given up; the record does not tell how that went."""
 
 
 class Matching:
@@ -79,7 +75,8 @@ class Matching:
         """Whether the service that failed is not simulated: a real node does it, or it has crashed and is not back."""
         lines = [line for line in self._facts.journal if line.resource == event["failure"]["resource"] and line.call]
         if not lines:
-            return any(SERVICES[node].name == event["failure"]["resource"] for node in self._facts.real & set(SERVICES))
+            return any(service.name == event["failure"]["resource"] and service.node in self._facts.real
+                       for service in self._facts.interface.services)
         before = [line for line in lines if line.time <= event["time"]]
         return bool(before) and before[-1].fault == CRASH and before[-1] not in self._open \
             and event["failure"]["cause"] in AWAY
@@ -96,8 +93,10 @@ class Matching:
         return False
 
     def _gave_up(self, event: Event) -> None:
+        """Match the faults of the requests for the safe state; the record does not tell how those went."""
         began = self._failed_at.get(event["path"], 0.0)
-        for resource in sorted({line.resource for line in self._open if line.node in SAFE_STATE}):
+        quiet = {self._facts.interface.service(type(request)).node for request in self._facts.interface.safe_state}
+        for resource in sorted({line.resource for line in self._open if line.node in quiet}):
             self.in_recovery += [(line, event) for line in self._take(resource, began, event["time"], 1)]
 
     def _take(self, resource: str, after: float, until: float, most: int) -> List[Line]:

@@ -1,9 +1,10 @@
-"""The nine simulated nodes as ROS nodes: a service, a topic, or both, behind each name."""
+"""The simulated nodes as ROS nodes: services, a topic, or both, behind each name."""
 import os
 import sys
 import threading
 import time
-from typing import Any
+from functools import partial
+from typing import Any, Optional
 
 import rosgraph
 import rospy
@@ -12,14 +13,15 @@ from geometry_msgs.msg import Point
 
 from behavior_controller import exits
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.interface.records import Exhibit
+from behavior_controller.interface import Service, Topic
+from behavior_controller.interface.records import Answer, Exhibit
 from behavior_controller.ros.types import TYPES
 
-from unit_tests import parameters
+from unit_tests import parameters, robot
 from unit_tests.arrivals import Arrivals
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG, Faults
 from unit_tests.journal import Journal, Line, now
-from unit_tests.robot import SERVICES, TOPICS, Fields, Topic
+from unit_tests.robot import SERVICES, TOPICS, Fields
 
 CRASHED = 9
 """Exit code of a node that dies on purpose; the launch file starts it again."""
@@ -54,7 +56,7 @@ def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:
 def _message(topic: Topic, content: Fields) -> Any:
     """Return what ``topic`` publishes: the content, and for each face where it is seen."""
     faces = {"centroids": [FACE_CENTRE] * len(content["face_label_id"])} if "face_label_id" in content else {}
-    return TYPES[topic.offer](**content, **faces)
+    return TYPES[topic](**content, **faces)
 
 
 class Node:
@@ -64,6 +66,9 @@ class Node:
         self._name = name
         self._test = parameters.read_configuration()
         self._world = parameters.read_world(self._test)
+        interface = self._world.settings.interface
+        self._services = [service for service in interface.services if service.node == name]
+        self._topic = next((topic for topic in interface.topics if topic.node == name), None)
         self._journal = Journal(parameters.folder())
         if not parameters.is_launched():
             self._journal.skip()  # of an earlier day; in a launch it is what was before a crash
@@ -79,10 +84,10 @@ class Node:
     def run(self) -> None:
         """Serve and publish until ROS shuts down."""
         rospy.on_shutdown(self._stopped.set)
-        if self._name in SERVICES:
-            rospy.Service(SERVICES[self._name].name, TYPES[SERVICES[self._name].offer], self._handle)
-        if self._name in TOPICS:
-            self._publish()
+        for service in self._services:
+            rospy.Service(service.name, TYPES[service], partial(self._handle, service))
+        if self._topic is not None:
+            self._publish(self._topic)
         self._stopped.wait()
 
     def _seed(self, purpose: str) -> str:
@@ -105,52 +110,72 @@ class Node:
 
     # ------------------------------------------------------------------------------------------------------- service
 
-    def _handle(self, request: Any) -> Any:
+    def _handle(self, service: Service, request: Any) -> Any:
         """Answer one request; it stands in the journal before its answer is sent."""
-        service = SERVICES[self._name]
         fields = {slot: getattr(request, slot) for slot in request.__slots__}
         with self._lock:
             fault = self._faults.next()
-            if fault == WRONG and service.wrong is None:
+            if fault == WRONG and not _has_nonsense(service):
                 fault = REFUSED
             line = Line(now(), self._name, rospy.resolve_name(service.name), self._faults.calls, fields, fault,
-                        service.object_to(fields))
+                        SERVICES[service.request].object_to(fields))
             self._write(line)
-            answer = service.answer(fields, self._world) if line.done else (
-                service.wrong if fault == WRONG else service.refusal)
-        self._tell("call", line.call, fields, "->", fault or line.objection or answer)
+            answer = SERVICES[service.request].answer(fields, self._world) if line.done else None
+        self._tell("call", line.call, fields, "->", fault or line.objection or answer or "no")
         if fault == EXCEPTION:
             raise rospy.ServiceException("call {} of {} fails on purpose".format(line.call, self._name))
         if fault == CRASH:
             os._exit(CRASHED)
         if fault == UNANSWERED:
             self._stopped.wait()
-        return self._response(answer)
-
-    def _response(self, answer: Fields) -> Any:
-        exhibits = {key: [_exhibit_message(exhibit) for exhibit in value]
-                    for key, value in answer.items() if key == "exhibits"}
-        return TYPES[SERVICES[self._name].offer]._response_class(**dict(answer, **exhibits))
+        return _nonsense(service) if fault == WRONG else _response(service, answer)
 
     # --------------------------------------------------------------------------------------------------------- topic
 
-    def _publish(self) -> None:
+    def _publish(self, topic: Topic) -> None:
         """Publish at Poisson times until ROS shuts down."""
-        topic = TOPICS[self._name]
-        publisher = rospy.Publisher(topic.name, TYPES[topic.offer], queue_size=10, tcp_nodelay=True)
+        publisher = rospy.Publisher(topic.name, TYPES[topic], queue_size=10, tcp_nodelay=True)
         for due in Arrivals(self._test.arrival_rate, self._seed("arrivals")).times(time.monotonic()):
             if self._stopped.wait(max(due - time.monotonic(), SHORTEST_GAP)):
                 return
-            publisher.publish(_message(topic, self._content()))
+            content = self._content(topic)
+            if content is not None:
+                publisher.publish(_message(topic, content))
 
-    def _content(self) -> Fields:
+    def _content(self, topic: Topic) -> Optional[Fields]:
         """Return what the next message says; the journal gets what differs from the last."""
-        topic = TOPICS[self._name]
         with self._lock:
             self._look_around()
-            content = topic.content(self._world)
-            if content != self._published:
+            value = TOPICS[topic.value].content(self._world)
+            content = None if value is None else TOPICS[topic.value].fields(value)
+            if content not in (None, self._published):
                 self._published = content
                 self._write(Line(now(), self._name, rospy.resolve_name(topic.name), 0, content))
                 self._tell("says", content)
         return content
+
+
+# ----------------------------------------------------------------------------------------------------------- responses
+
+
+def _response(service: Service, answer: Optional[Answer], outcome: Any = None) -> Any:
+    """Return the response that brings ``answer``, or, without it, that says no."""
+    response = TYPES[service]._response_class()
+    for slot in response.__slots__:
+        if slot == service.success.field:
+            value = service.success.refused if answer is None else service.success.done
+            setattr(response, slot, value if outcome is None else outcome)
+        elif slot == "exhibits":
+            response.exhibits = [_exhibit_message(exhibit) for exhibit in (answer or Answer()).exhibits]
+        else:
+            setattr(response, slot, (answer or Answer()).response)
+    return response
+
+
+def _has_nonsense(service: Service) -> bool:
+    brings = set(TYPES[service]._response_class.__slots__) - {service.success.field}
+    return bool(brings) and SERVICES[service.request].nonsense is not None or robot.nonsense(service.success) is not None
+
+
+def _nonsense(service: Service) -> Any:
+    return _response(service, SERVICES[service.request].nonsense or Answer(), robot.nonsense(service.success))

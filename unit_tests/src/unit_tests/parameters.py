@@ -64,8 +64,7 @@ def real_nodes() -> FrozenSet[str]:
 def read_world(test: configuration.Configuration) -> World:
     """Return the world before the robot's first move. Raises ConfigurationError."""
     knowledge = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
-    return World(Visitor(read_manners(test, knowledge)), knowledge,
-                 arguments.load_controller(given()).mutual_gaze_value)
+    return World(Visitor(read_manners(test, knowledge)), knowledge, arguments.load_controller(given()))
 
 
 def read_manners(test: configuration.Configuration, knowledge: exhibits.Knowledge) -> Manners:

@@ -12,16 +12,14 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.document import read, with_includes
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Event, Events, LeafFinished, PassFinished
-from behavior_controller.gateway import FakeGateway, FakeTopics
-from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
-from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, Prompt, QueryKnowledge,
-                                                   Request, Say, SetAttention)
+from behavior_controller.gateway import Cause, Failure, FakeGateway, FakeTopics
+from behavior_controller.interface.records import (Answer, GoTo, Prompt, QueryKnowledge, Request, Say, SetAttention)
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.runner import Runner, Running
 
 from unit_tests.exhibits import Knowledge
 from unit_tests.journal import Line
-from unit_tests.robot import TOPICS, World
+from unit_tests.robot import SERVICES, TOPICS, Fields, World
 from unit_tests.visitor import Manners, Visitor
 
 STEP = 0.5
@@ -53,10 +51,10 @@ class _Stage(Runner):
         """Let time pass, and every topic be published."""
         self.steps += 1
         self.clock.advance(STEP)
-        faces = TOPICS["faceDetection"].content(self.world)
-        self.topics.publish(FACES, Faces(tuple(faces["face_label_id"]), tuple(faces["mutualGaze"])))
-        self.topics.publish(ATTENTION, AttentionStatus(**TOPICS["overtAttention"].content(self.world)))
-        self.topics.publish(SPEECH, TOPICS["speechEvent"].content(self.world)["data"])
+        for topic in self.world.settings.interface.topics:
+            value = TOPICS[topic.value].content(self.world)
+            if value is not None:
+                self.topics.publish(topic, value)
 
 
 def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: Knowledge) -> Optional[Rehearsal]:
@@ -67,7 +65,7 @@ def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: 
         loaded = missions.load(given, clock, documents=with_includes(read(mission)))
     except (BehaviorControllerError, OSError, TypeError):
         return None
-    world = World(Visitor(manners), knowledge, given.mutual_gaze_value)
+    world = World(Visitor(manners), knowledge, given)
     events = Events()
     seen: List[Event] = []
     events.subscribe(seen.append)
@@ -85,25 +83,26 @@ def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: 
     return Rehearsal(outcomes[-1], reached, branches(tree))
 
 
-def _answer(request: Request, world: World) -> Answer:
+def _answer(request: Request, world: World) -> Union[Answer, Failure]:
     """Do what the simulated nodes do with a request, and let the visitor see it."""
-    service = INTERFACE.service(type(request))
-    world.visitor.notice(Line(0.0, service.node, service.name, 1, _fields(request)))
-    if isinstance(request, QueryKnowledge):
-        return Answer(exhibits=world.knowledge.query(request.what))
-    if isinstance(request, Prompt):
-        return Answer(response=world.visitor.press(request.options))
-    return Answer()
+    service, fields = world.settings.interface.service(type(request)), _fields(request)
+    world.visitor.notice(Line(0.0, service.node, service.name, 1, fields))
+    answer = SERVICES[type(request)].answer(fields, world)
+    return answer or Failure(Cause.REFUSED, "the visitor's answer is no", service.name)
 
 
-def _fields(request: Request) -> Dict[str, Union[str, float]]:
-    """Return what a visitor sees of a request."""
+def _fields(request: Request) -> Fields:
+    """Return what a visitor sees of a request and what its answer rests on."""
     if isinstance(request, SetAttention):
         return {"state": request.state}
     if isinstance(request, Say):
         return {"message": request.text}
     if isinstance(request, GoTo):
         return {"goal_x": request.goal.x, "goal_y": request.goal.y}
+    if isinstance(request, QueryKnowledge):
+        return {"parameters": request.what}
+    if isinstance(request, Prompt):
+        return {"message": "|".join(request.options)}
     return {}
 
 

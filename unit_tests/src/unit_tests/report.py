@@ -12,7 +12,7 @@ from unit_tests.arguments import to_text
 from unit_tests.configuration import KEYS, Configuration
 from unit_tests.facts import Facts, count, of
 from unit_tests.matching import CAUSE_OF, Matching
-from unit_tests.robot import SERVICES
+from unit_tests.robot import servers
 from unit_tests.verdict import Verdict, judge, reached
 
 
@@ -63,7 +63,7 @@ def summary_lines(facts: Facts) -> List[str]:
     lines = ["{:<28} {:>6} {:>8}".format("mission node", "ran", "failed")]
     lines += ["{:<28} {:>6} {:>8}".format(node, ran[node], failed[node]) for node in sorted(ran)]
     lines += ["", "{:<28} {:>6} {:>8}".format("simulated node", "calls", "injected")]
-    for node in SERVICES:
+    for node in servers(facts.interface):
         calls = [line for line in facts.journal if line.node == node and line.call > 0]
         lines.append("{:<28} {:>6} {:>8}".format(node, len(calls), sum(line.fault is not None for line in calls)))
     return lines + [""] + recovery_lines(facts) + coverage_lines(facts)

@@ -71,7 +71,8 @@ def _test() -> int:
     began = time.monotonic()
     events, exit_code, cut_off = wait_for_end(folder, test.test_timeout, Progress(folder).show)
     facts = Facts(events, Journal(folder).news(), exit_code, test.visitor_behaviour, test.mission_runs,
-                  world.knowledge, cut_off, _rehearse(events, test, world.knowledge), parameters.real_nodes())
+                  world.knowledge, cut_off, _rehearse(events, test, world.knowledge), parameters.real_nodes(),
+                  world.settings.interface)
     heading = title(facts, test, datetime.datetime.now())
     verdict, text = write(facts, heading)
     print("\n" + text, flush=True)

@@ -1,14 +1,16 @@
-"""What each of the nine simulated nodes does with a request and what it has to publish, as plain data."""
+"""What the simulated nodes do with each kind of request and what they have to publish, whichever interface they speak."""
 import math
-from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Union
 
-from behavior_controller import interface
-from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
-from behavior_controller.interface.records import (Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
-                                                   QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.interface import Interface, Plain, Sense, Success
+from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
+                                                   PerformGesture, Point, Prompt, QueryKnowledge, Say, SetAnimation,
+                                                   SetAttention)
+from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.settings import Settings
 
 from unit_tests.exhibits import Knowledge
-from unit_tests.visitor import GAZE_VALUES, Visitor
+from unit_tests.visitor import FOUND, GAZE_VALUES, LOOKED_FOR, NOTHING_HEARD, Visitor
 
 Fields = Dict[str, Any]
 
@@ -18,25 +20,22 @@ class World(NamedTuple):
 
     visitor: Visitor
     knowledge: Knowledge
-    mutual_gaze_value: int  # the convention for which the controller is configured
+    settings: Settings  # the controller's: which interface the robot has, and what a gaze status means
 
 
 # ------------------------------------------------------------------------------------------------------------- services
 
 
 class Service(NamedTuple):
-    """A simulated service. ``object_to`` says what is wrong with a request; ``answer`` is what success looks like."""
+    """What the robot does with one kind of request, of which it is given the fields of the srv request.
 
-    offer: interface.Service
+    ``object_to`` says what is wrong with a request. ``answer`` is what a positive answer brings; None: the answer is no,
+    because the visitor's is. ``nonsense`` is of the right type and means nothing, where an answer brings something.
+    """
+
     object_to: Callable[[Fields], Optional[str]]
-    answer: Callable[[Fields, World], Fields]
-    refusal: Fields
-    wrong: Optional[Fields] = None  # an answer of the right type that means nothing, if there is one
-
-    @property
-    def name(self) -> str:
-        """The canonical name."""
-        return self.offer.name
+    answer: Callable[[Fields, World], Optional[Answer]] = lambda request, world: Answer()
+    nonsense: Optional[Answer] = None
 
 
 def _allow(field: str, *values: str) -> Callable[[Fields], Optional[str]]:
@@ -53,8 +52,8 @@ def _object_to_gesture(request: Fields) -> Optional[str]:
     return _allow("gesture_type", "deictic", "iconic", "symbolic", "bow", "nod")(request)
 
 
-def _object_to_goal(request: Fields) -> Optional[str]:
-    return None if all(map(math.isfinite, request.values())) else "the goal {} is no place".format(request)
+def _object_to_place(request: Fields) -> Optional[str]:
+    return None if all(map(math.isfinite, request.values())) else "{} is no place".format(request)
 
 
 def _object_to_query(request: Fields) -> Optional[str]:
@@ -65,82 +64,95 @@ def _object_to_text(request: Fields) -> Optional[str]:
     return None if request["message"].strip() else "there is no text"
 
 
-def _fixed(**answer: Any) -> Callable[[Fields, World], Fields]:
-    return lambda request, world: answer
+def _places(request: Fields, world: World) -> Answer:
+    return Answer(exhibits=world.knowledge.query(request["parameters"]))
 
 
-def _exhibits(request: Fields, world: World) -> Fields:
-    return {"success": True, "exhibits": list(world.knowledge.query(request["parameters"]))}
-
-
-def _press(request: Fields, world: World) -> Fields:
-    return {"success": True, "response": world.visitor.press(request["message"].split("|"))}
+def _press(request: Fields, world: World) -> Answer:
+    return Answer(response=world.visitor.press(request["message"].split("|")))
 
 
 NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
 """A place that cannot be driven to."""
 
-def _service(request: type, *behaviour: Any) -> Tuple[str, Service]:
-    offer = INTERFACE.service(request)
-    return offer.node, Service(offer, *behaviour)
+SERVICES: Mapping[type, Service] = {
+    SetAnimation: Service(_allow("state", "enabled", "disabled")),
+    SetAttention: Service(_allow("state", "disabled", "social", "scanning", "seeking", "location")),
+    PerformGesture: Service(_object_to_gesture),
+    Say: Service(_object_to_text),
+    GoTo: Service(_object_to_place),
+    QueryKnowledge: Service(_object_to_query, _places, Answer(exhibits=(NOWHERE,))),
+    Prompt: Service(_object_to_text, _press, Answer(response="Perhaps")),
+}
+"""Kind of request -> what the robot does with it (table 3)."""
 
 
-SERVICES: Dict[str, Service] = dict((
-    _service(SetAnimation, _allow("state", "enabled", "disabled"),
-             _fixed(success="1"), {"success": "0"}, {"success": "perhaps"}),
-    _service(SetAttention, _allow("state", "disabled", "social", "scanning", "seeking", "location"),
-             _fixed(mode_set_success=1), {"mode_set_success": 0}, {"mode_set_success": 7}),
-    _service(PerformGesture, _object_to_gesture,
-             _fixed(gesture_success=1), {"gesture_success": 0}, {"gesture_success": 7}),
-    _service(Say, _object_to_text,
-             _fixed(success=True, response=""), {"success": False, "response": ""}),
-    _service(GoTo, _object_to_goal,
-             _fixed(navigation_goal_success=1), {"navigation_goal_success": 0}, {"navigation_goal_success": 7}),
-    _service(QueryKnowledge, _object_to_query,
-             _exhibits, {"success": False, "exhibits": []}, {"success": True, "exhibits": [NOWHERE]}),
-    _service(Prompt, _object_to_text,
-             _press, {"success": False, "response": ""}, {"success": True, "response": "Perhaps"}),
-))
-"""Node -> its service (table 3)."""
+def nonsense(success: Success) -> Optional[Plain]:
+    """Return a value of the field that tells the outcome, which tells none; None: each of its values means something."""
+    return None if isinstance(success.done, bool) else 7 if isinstance(success.done, int) else "perhaps"
 
 
 # --------------------------------------------------------------------------------------------------------------- topics
 
+Value = Union[Faces, AttentionStatus, str]
+
 
 class Topic(NamedTuple):
-    """A simulated topic. ``content`` is the next message; a new content is worth a line in the journal."""
+    """A kind of topic. ``content`` is what its next message says, None: there is none; ``fields`` are the message's."""
 
-    offer: interface.Topic
-    content: Callable[[World], Fields]
-
-    @property
-    def name(self) -> str:
-        """The canonical name."""
-        return self.offer.name
+    content: Callable[[World], Optional[Value]]
+    fields: Callable[[Any], Fields]
 
 
-def _faces(world: World) -> Fields:
-    if not world.visitor.is_here:
-        return {"face_label_id": [], "mutualGaze": []}
-    return {"face_label_id": ["visitor"], "mutualGaze": [_meets_gaze(world)]}
+def _faces(world: World) -> Faces:
+    is_here = world.visitor.is_here
+    return Faces(("visitor",), (_meets_gaze(world),)) if is_here else Faces((), ())
 
 
 def _meets_gaze(world: World) -> bool:
     return world.visitor.attention == "seeking" and world.visitor.looks_back
 
 
-def _attention(world: World) -> Fields:
-    state = world.visitor.attention
-    value = GAZE_VALUES[world.mutual_gaze_value][world.visitor.gaze()] if state == "seeking" else 0
-    return {"state": state, "value": value}
+def _attention(world: World) -> AttentionStatus:
+    visitor = world.visitor
+    if visitor.attention == "seeking":
+        return AttentionStatus("seeking", GAZE_VALUES[world.settings.gaze_value][visitor.gaze()])
+    if visitor.attention in ("scanning", "social") and _is_seen_by_attention(world.settings.interface):
+        return AttentionStatus(visitor.attention, FOUND if visitor.is_here else LOOKED_FOR)
+    return AttentionStatus(visitor.attention, 0)
 
 
-def _utterance(world: World) -> Fields:
-    return {"data": world.visitor.utterance()}
+def _is_seen_by_attention(interface: Interface) -> bool:
+    return interface.evidence(Sense.VISITOR).topic.value is AttentionStatus
 
 
-TOPICS: Dict[str, Topic] = {topic.node: Topic(topic, content) for topic, content in (
-    (FACES, _faces), (ATTENTION, _attention), (SPEECH, _utterance))}
-"""Node -> its topic (table 2)."""
+def _utterance(world: World) -> str:
+    return world.visitor.utterance() or NOTHING_HEARD
 
-NODES = tuple(dict.fromkeys([*SERVICES, *TOPICS]))
+
+TOPICS: Mapping[type, Topic] = {
+    Faces: Topic(_faces, lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}),
+    AttentionStatus: Topic(_attention, lambda status: status._asdict()),
+    str: Topic(_utterance, lambda text: {"data": text}),
+}
+"""Kind of value -> the topic that has it (table 2)."""
+
+
+# ---------------------------------------------------------------------------------------------------------------- nodes
+
+
+def servers(*interfaces: Interface) -> Dict[str, None]:
+    """Return the nodes that have a service, in the order of their declarations."""
+    return dict.fromkeys(service.node for interface in interfaces for service in interface.services)
+
+
+def nodes(*interfaces: Interface) -> Dict[str, None]:
+    """Return the robot's nodes."""
+    return dict.fromkeys([*servers(*interfaces), *(topic.node for interface in interfaces for topic in interface.topics)])
+
+
+NODES = tuple(nodes(*INTERFACES.values()))
+"""All nodes of all robots."""
+
+SERVERS = tuple(servers(*INTERFACES.values()))
+"""Those that have a service."""

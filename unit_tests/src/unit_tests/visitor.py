@@ -3,7 +3,7 @@
 Each simulated sensor has a Visitor of its own and tells it everything that stands in the journal, so all of them know
 the same person. Only the times of messages are random.
 """
-from typing import Callable, Dict, NamedTuple, Sequence, Tuple
+from typing import Callable, Dict, NamedTuple, Optional, Sequence, Tuple
 
 from unit_tests.journal import Line
 
@@ -24,6 +24,9 @@ SMALL_TALK = "What a bright room"
 NOTHING_HEARD = "Error: no speech recognised"
 """What speech recognition writes when it cannot make out words."""
 
+TAKES_TIME = ("overtAttention", "animateBehavior", "speechEvent", "tabletEvent")
+"""Nodes of the robot that do nothing which a visitor takes for going on: a question is still open after their calls."""
+
 UNCLEAR_ANSWER = "That is a good question"
 """What an unclear visitor answers; no language takes it for a yes or a no."""
 
@@ -34,6 +37,9 @@ GAZE_VALUES: Dict[int, Dict[str, int]] = {
 }
 """The ``value`` of /overtAttention/mode while seeking, for each ``mutualGazeValue`` of the controller."""
 
+LOOKED_FOR, FOUND = 1, 2
+"""Its ``value`` in other modes, on a robot whose attention tells of visitors."""
+
 
 class Manners(NamedTuple):
     """How a visitor behaves, and the words of the language in which the robot speaks."""
@@ -42,7 +48,7 @@ class Manners(NamedTuple):
     questions: Sequence[str]  # sentences of the robot that want a yes or no
     yes: str
     no: str
-    home: Tuple[float, float]  # x and y of where the robot waits between two visitors
+    home: Optional[Tuple[float, float]]  # x and y of where the robot waits between two visitors; None: on its tour
 
 
 class Visitor:
@@ -51,6 +57,7 @@ class Visitor:
     def __init__(self, manners: Manners):
         self._manners = manners
         self.attention = "disabled"  # the mode that the robot's gaze was last set to
+        self.is_listened_to = True  # until the robot switches its speech recognition off
         self._is_first_request = True
         self._come()
         self.is_here = False
@@ -71,7 +78,7 @@ class Visitor:
         if self._is_first_request:
             self._is_first_request = False
             self._come()
-        was_asked, self._is_asked = self._is_asked, False
+        was_asked, self._is_asked = self._is_asked, self._is_asked and line.node in TAKES_TIME
         reaction = self._REACTIONS.get(line.node)
         if reaction is not None:
             reaction(self, line, was_asked)
@@ -98,8 +105,13 @@ class Visitor:
         elif self._manners.behaviour == LEAVES and self._drives > EXHIBITS_BEFORE_LEAVING:
             self.is_here = False
 
+    def _notice_recognition(self, line: Line, _was_asked: bool) -> None:
+        if line.done and "status" in line.content:
+            self.is_listened_to = line.content["status"] == "true"
+
     _REACTIONS: Dict[str, Callable[["Visitor", Line, bool], None]] = {
-        "overtAttention": _notice_attention, "textToSpeech": _notice_speech, "robotNavigation": _notice_drive}
+        "overtAttention": _notice_attention, "textToSpeech": _notice_speech, "robotNavigation": _notice_drive,
+        "speechEvent": _notice_recognition}
 
     # ------------------------------------------------------------------------------------------- what the visitor does
 
@@ -118,14 +130,16 @@ class Visitor:
         return MUTUAL_GAZE if self._looks > 1 else STILL_SEEKING
 
     def utterance(self) -> str:
-        """Return what speech recognition writes next. An answer is repeated until the robot goes on."""
+        """Return what is made out of the visitor's words next; empty: there are none.
+
+        An answer is repeated until the robot goes on.
+        """
         unclear = UNCLEAR_ANSWER if self._questions % 2 else NOTHING_HEARD
         answers = {ENGAGES: self._manners.yes, LEAVES: self._manners.yes, NO_GAZE: self._manners.yes,
                    DECLINES: self._manners.no, UNCLEAR: unclear}
-        answer = answers.get(self._manners.behaviour, NOTHING_HEARD)
-        if not self.is_here:
-            return NOTHING_HEARD
-        return answer if self._is_asked or answer == NOTHING_HEARD else SMALL_TALK
+        if not self.is_here or self._manners.behaviour not in answers:
+            return ""
+        return answers[self._manners.behaviour] if self._is_asked else SMALL_TALK
 
     def press(self, options: Sequence[str]) -> str:
         """Return which of the tablet's options is pressed, yes being the first and no the last; nothing if silent.
