@@ -5,14 +5,17 @@ from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Union
 from behavior_controller.interface import Interface, Plain, Sense, Success
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
                                                    PerformGesture, Point, Prompt, QueryKnowledge, Say, SetAnimation,
-                                                   SetAttention)
+                                                   SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.interface.robots import INTERFACES
-from behavior_controller.settings import Settings
+from behavior_controller.settings import YES, Settings
 
 from unit_tests.exhibits import Knowledge
 from unit_tests.visitor import FOUND, GAZE_VALUES, LOOKED_FOR, NOTHING_HEARD, Visitor
 
 Fields = Dict[str, Any]
+
+LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
+"""What robots speak and understand that are told the language."""
 
 
 class World(NamedTuple):
@@ -60,16 +63,27 @@ def _object_to_query(request: Fields) -> Optional[str]:
     return _allow("parameters", "exhibits", "entrance", "home")({"parameters": request["parameters"].lower()})
 
 
+_object_to_language = _allow("language", *LANGUAGES)
+
+
 def _object_to_text(request: Fields) -> Optional[str]:
-    return None if request["message"].strip() else "there is no text"
+    if not request["message"].strip():
+        return "there is no text"
+    return _object_to_language(request) if "language" in request else None
 
 
 def _places(request: Fields, world: World) -> Answer:
     return Answer(exhibits=world.knowledge.query(request["parameters"]))
 
 
-def _press(request: Fields, world: World) -> Answer:
-    return Answer(response=world.visitor.press(request["message"].split("|")))
+def _press(request: Fields, world: World) -> Optional[Answer]:
+    """Return what is pressed; a tablet that does not tell says yes to all that is pressed, or to the first option."""
+    options = request["message"].split("|")
+    pressed = world.visitor.press(options)
+    if world.settings.interface.tells_pressed:
+        return Answer(response=pressed)
+    wanted = options[:1] if world.settings.tablet_success_is == YES else options
+    return Answer() if pressed in wanted else None
 
 
 NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
@@ -81,10 +95,13 @@ SERVICES: Mapping[type, Service] = {
     PerformGesture: Service(_object_to_gesture),
     Say: Service(_object_to_text),
     GoTo: Service(_object_to_place),
+    SetPose: Service(_object_to_place),
     QueryKnowledge: Service(_object_to_query, _places, Answer(exhibits=(NOWHERE,))),
     Prompt: Service(_object_to_text, _press, Answer(response="Perhaps")),
+    SetRecognition: Service(_allow("status", "true", "false")),
+    SetRecognitionLanguage: Service(_object_to_language),
 }
-"""Kind of request -> what the robot does with it (table 3)."""
+"""Kind of request -> what the robot does with it."""
 
 
 def nonsense(success: Success) -> Optional[Plain]:
@@ -126,8 +143,12 @@ def _is_seen_by_attention(interface: Interface) -> bool:
     return interface.evidence(Sense.VISITOR).topic.value is AttentionStatus
 
 
-def _utterance(world: World) -> str:
-    return world.visitor.utterance() or NOTHING_HEARD
+def _utterance(world: World) -> Optional[str]:
+    """Return what speech recognition writes; one that can be switched off writes only what it hears while it is on."""
+    words = world.visitor.utterance()
+    if world.settings.interface.serves(SetRecognition):
+        return words if words and world.visitor.is_listened_to else None
+    return words or NOTHING_HEARD
 
 
 TOPICS: Mapping[type, Topic] = {
@@ -135,7 +156,7 @@ TOPICS: Mapping[type, Topic] = {
     AttentionStatus: Topic(_attention, lambda status: status._asdict()),
     str: Topic(_utterance, lambda text: {"data": text}),
 }
-"""Kind of value -> the topic that has it (table 2)."""
+"""Kind of value -> the topic that has it."""
 
 
 # ---------------------------------------------------------------------------------------------------------------- nodes

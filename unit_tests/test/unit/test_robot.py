@@ -4,62 +4,82 @@ import os
 import pytest
 
 from behavior_controller.errors import ConfigurationError
+from behavior_controller.interface import Sense
 from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, PerformGesture, Prompt,
+                                                   QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
+                                                   SetRecognition, SetRecognitionLanguage)
+from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.settings import defaults
 
 from unit_tests import configuration, exhibits
 from unit_tests.journal import Line
-from unit_tests.robot import NODES, SERVICES, TOPICS, World
-from unit_tests.visitor import ENGAGES, NO_GAZE, SILENT, Manners, Visitor
+from unit_tests.robot import NODES, SERVERS, SERVICES, TOPICS, World, nodes, nonsense
+from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, NO_GAZE, NOTHING_HEARD, SILENT, SMALL_TALK, Manners,
+                                Visitor)
 
 KNOWLEDGE = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
 GESTURE = {"gesture_type": "iconic", "gesture_id": 1, "gesture_duration": 3000, "bow_nod_angle": 0,
            "location_x": 0.0, "location_y": 0.0, "location_z": 0.0}
 
 
-def world(behaviour=ENGAGES, mutual_gaze_value=1, *states):
+def world(behaviour=ENGAGES, *states, **settings):
     person = Visitor(Manners(behaviour, ("A tour?",), "Yes", "No", (0.0, 0.0)))
     for state in states:
         person.notice(Line(0.0, "overtAttention", "/overtAttention/set_mode", 1, {"state": state}))
-    return World(person, KNOWLEDGE, mutual_gaze_value)
+    return World(person, KNOWLEDGE, defaults(**settings))
 
 
-def test_each_declared_service_and_topic_has_its_simulated_node():
-    assert len(NODES) == len(set(NODES)) and set(SERVICES) | set(TOPICS) == set(NODES)
-    simulated = {each.name for part in (SERVICES, TOPICS) for each in part.values()}
-    assert {offer.name for offer in INTERFACE.offers} ^ simulated == set()
+def release(behaviour=ENGAGES, *states, **settings):
+    return world(behaviour, *states, robotInterface="release-1.0", **settings)
+
+
+@pytest.mark.parametrize("interface", INTERFACES.values())
+def test_each_declared_service_and_topic_is_simulated(interface):
+    assert {service.request for service in interface.services} <= set(SERVICES)
+    assert {topic.value for topic in interface.topics} <= set(TOPICS)
+    assert set(nodes(interface)) <= set(NODES) and {service.node for service in interface.services} <= set(SERVERS)
+
+
+def test_each_kind_of_request_has_a_robot_that_is_asked_so():
+    assert {service.request for interface in INTERFACES.values() for service in interface.services} == set(SERVICES)
 
 
 def test_each_simulated_node_has_its_executable():
     assert set(NODES) - set(os.listdir(os.path.join(configuration.share(), "nodes"))) == set()
 
 
-@pytest.mark.parametrize("node, request_fields, answer", (
-    ("animateBehavior", {"state": "enabled"}, {"success": "1"}),
-    ("overtAttention", {"state": "seeking"}, {"mode_set_success": 1}),
-    ("gestureExecution", GESTURE, {"gesture_success": 1}),
-    ("textToSpeech", {"message": "Hello"}, {"success": True, "response": ""}),
-    ("robotNavigation", {"goal_x": 1.0, "goal_y": 2.0, "goal_theta": 90.0}, {"navigation_goal_success": 1}),
-    ("tabletEvent", {"message": "Yes|No"}, {"success": True, "response": "Yes"}),
+@pytest.mark.parametrize("kind, request_fields, answer", (
+    (SetAnimation, {"state": "enabled"}, Answer()),
+    (SetAttention, {"state": "seeking"}, Answer()),
+    (PerformGesture, GESTURE, Answer()),
+    (Say, {"message": "Hello"}, Answer()),
+    (GoTo, {"goal_x": 1.0, "goal_y": 2.0, "goal_theta": 90.0}, Answer()),
+    (Prompt, {"message": "Yes|No"}, Answer("Yes")),
+    (Say, {"message": "Hello", "language": "IsiZulu"}, Answer()),
+    (SetPose, {"x": 1.0, "y": -2.0, "theta": 90.0}, Answer()),
+    (SetRecognition, {"status": "true"}, Answer()),
+    (SetRecognitionLanguage, {"language": "Kinyarwanda"}, Answer()),
 ))
-def test_success_is_what_the_contract_says(node, request_fields, answer):
-    assert SERVICES[node].object_to(request_fields) is None
-    assert SERVICES[node].answer(request_fields, world(ENGAGES, 1, "scanning")) == answer
+def test_success_is_what_the_contract_says(kind, request_fields, answer):
+    assert SERVICES[kind].object_to(request_fields) is None
+    assert SERVICES[kind].answer(request_fields, world(ENGAGES, "scanning")) == answer
 
 
-@pytest.mark.parametrize("node, refusal", (
-    ("animateBehavior", "0"), ("overtAttention", 0), ("gestureExecution", 0), ("textToSpeech", False),
-    ("robotNavigation", 0), ("knowledgeBase", False), ("tabletEvent", False)))
-def test_a_refusal_is_not_success(node, refusal):
-    assert refusal in SERVICES[node].refusal.values()
+def test_what_tells_an_outcome_may_be_neither_yes_nor_no():
+    found = {service.name: nonsense(service.success) for service in INTERFACE.services}
+    assert found == {"/animateBehaviour/set_activation": "perhaps", "/gestureExecution/perform_gesture": 7,
+                     "/knowledgeBase/query": None, "/overtAttention/set_mode": 7, "/robotNavigation/set_goal": 7,
+                     "/tabletEvent/prompt_and_get_response": None, "/textToSpeech/say_text": None}
 
 
 @pytest.mark.parametrize("what, names", (
     ("exhibits", ["Pepper", "Robot arm", "Camera wall", "Mobile base", "Workshop"]),
     ("Entrance", ["Entrance"]), ("HOME", ["Home"])))
 def test_the_knowledge_base_knows_places_in_tour_order(what, names):
-    assert SERVICES["knowledgeBase"].object_to({"parameters": what}) is None
-    answer = SERVICES["knowledgeBase"].answer({"parameters": what}, world())
-    assert answer["success"] is True and [place.name for place in answer["exhibits"]] == names
+    assert SERVICES[QueryKnowledge].object_to({"parameters": what}) is None
+    answer = SERVICES[QueryKnowledge].answer({"parameters": what}, world())
+    assert [place.name for place in answer.exhibits] == names
 
 
 def test_exhibits_have_what_a_tour_needs():
@@ -69,44 +89,90 @@ def test_exhibits_have_what_a_tour_needs():
     assert KNOWLEDGE.entrance.gesture != (0, 0, 0)
 
 
-@pytest.mark.parametrize("node, request_fields, objection", (
-    ("animateBehavior", {"state": "on"}, "state is 'on'; allowed: enabled, disabled"),
-    ("overtAttention", {"state": "sleeping"}, "allowed: disabled, social, scanning, seeking, location"),
-    ("gestureExecution", dict(GESTURE, gesture_type="dance"), "gesture_type is 'dance'"),
-    ("gestureExecution", dict(GESTURE, gesture_duration=0), "gesture_duration is 0 ms"),
-    ("textToSpeech", {"message": " "}, "no text"),
-    ("robotNavigation", {"goal_x": float("nan"), "goal_y": 0.0, "goal_theta": 0.0}, "no place"),
-    ("knowledgeBase", {"parameters": "toilets"}, "allowed: exhibits, entrance, home"),
-    ("tabletEvent", {"message": ""}, "no text"),
+@pytest.mark.parametrize("kind, request_fields, objection", (
+    (SetAnimation, {"state": "on"}, "state is 'on'; allowed: enabled, disabled"),
+    (SetAttention, {"state": "sleeping"}, "allowed: disabled, social, scanning, seeking, location"),
+    (PerformGesture, dict(GESTURE, gesture_type="dance"), "gesture_type is 'dance'"),
+    (PerformGesture, dict(GESTURE, gesture_duration=0), "gesture_duration is 0 ms"),
+    (Say, {"message": " "}, "no text"),
+    (Say, {"message": "Hello", "language": "english"}, "allowed: English, IsiZulu, Kinyarwanda"),
+    (GoTo, {"goal_x": float("nan"), "goal_y": 0.0, "goal_theta": 0.0}, "no place"),
+    (SetPose, {"x": float("inf"), "y": 0.0, "theta": 0.0}, "no place"),
+    (QueryKnowledge, {"parameters": "toilets"}, "allowed: exhibits, entrance, home"),
+    (Prompt, {"message": ""}, "no text"),
+    (SetRecognition, {"status": "enabled"}, "allowed: true, false"),
+    (SetRecognitionLanguage, {"language": ""}, "allowed: English"),
 ))
-def test_requests_that_make_no_sense_are_objected_to(node, request_fields, objection):
-    assert objection in SERVICES[node].object_to(request_fields)
+def test_requests_that_make_no_sense_are_objected_to(kind, request_fields, objection):
+    assert objection in SERVICES[kind].object_to(request_fields)
 
 
 def test_who_is_silent_presses_nothing():
-    assert SERVICES["tabletEvent"].answer({"message": "Yes|No"}, world(SILENT, 1, "scanning"))["response"] == ""
+    assert SERVICES[Prompt].answer({"message": "Yes|No"}, world(SILENT, "scanning")) == Answer("")
+
+
+@pytest.mark.parametrize("meaning, says_yes", (("done", {ENGAGES, DECLINES}), ("yes", {ENGAGES})))
+def test_a_tablet_that_does_not_tell_the_button_says_that_there_was_one_or_that_it_was_yes(meaning, says_yes):
+    pressed = {behaviour for behaviour in (ENGAGES, DECLINES, SILENT) if SERVICES[Prompt].answer(
+        {"message": "'Yes'|'No'"}, release(behaviour, "scanning", tabletSuccessIs=meaning)) is not None}
+    assert pressed == says_yes
+
+
+def faces(*given):
+    return TOPICS[Faces].content(world(*given))
 
 
 def test_faces():
-    assert TOPICS["faceDetection"].content(world()) == {"face_label_id": [], "mutualGaze": []}
-    assert TOPICS["faceDetection"].content(world(ENGAGES, 1, "scanning")) == {
-        "face_label_id": ["visitor"], "mutualGaze": [False]}
-    seeking = ("scanning", "seeking")
-    assert TOPICS["faceDetection"].content(world(ENGAGES, 1, *seeking))["mutualGaze"] == [True]
-    assert TOPICS["faceDetection"].content(world(NO_GAZE, 1, *seeking))["mutualGaze"] == [False]
+    assert faces() == Faces((), ())
+    assert faces(ENGAGES, "scanning") == Faces(("visitor",), (False,))
+    assert faces(ENGAGES, "scanning", "seeking") == Faces(("visitor",), (True,))
+    assert faces(NO_GAZE, "scanning", "seeking") == Faces(("visitor",), (False,))
 
 
 @pytest.mark.parametrize("state", ("disabled", "social", "scanning", "location"))
 def test_a_gaze_status_is_published_in_seeking_only(state):
-    content = TOPICS["overtAttention"].content(world(ENGAGES, 1, "scanning", "seeking", state))
-    assert content == {"state": state, "value": 0}
+    status = TOPICS[AttentionStatus].content(world(ENGAGES, "scanning", "seeking", state))
+    assert status == AttentionStatus(state, 0)
 
 
 @pytest.mark.parametrize("mutual_gaze_value, values", ((1, [0, 1]), (2, [1, 2])))
 def test_the_gaze_status_keeps_to_the_convention(mutual_gaze_value, values):
-    seeking = world(ENGAGES, mutual_gaze_value, "scanning", "seeking")
-    assert [TOPICS["overtAttention"].content(seeking) for _ in range(2)] == [
-        {"state": "seeking", "value": value} for value in values]
+    seeking = world(ENGAGES, "scanning", "seeking", mutualGazeValue=mutual_gaze_value)
+    assert [TOPICS[AttentionStatus].content(seeking) for _ in range(2)] == [("seeking", value) for value in values]
+
+
+@pytest.mark.parametrize("states, sense, value", (
+    # robot_releases: discovered at scanning and 2, present at social and 2, mutual gaze at seeking and 2
+    (("scanning",), Sense.VISITOR, ("scanning", 2)), (("scanning", "social"), Sense.PRESENCE, ("social", 2)),
+    (("scanning", "seeking"), Sense.GAZE, ("seeking", 2))))
+@pytest.mark.parametrize("behaviour", BEHAVIOURS)
+def test_the_attention_of_release_1_0_tells_of_the_visitor(states, sense, value, behaviour):
+    robot = release(behaviour, *states)
+    status = [TOPICS[AttentionStatus].content(robot) for _ in range(2)][1]
+    is_met = not (behaviour == NO_GAZE and sense is Sense.GAZE)
+    assert (status == value) is is_met
+    assert robot.settings.interface.evidence(sense).is_given(status, robot.settings.gaze_value) is is_met
+
+
+@pytest.mark.parametrize("state", ("scanning", "social"))
+def test_the_attention_of_release_1_0_finds_nobody_where_nobody_is(state):
+    robot = release(ENGAGES, "scanning", state)
+    robot.visitor.is_here = False
+    assert TOPICS[AttentionStatus].content(robot) == (state, 1)
+
+
+@pytest.mark.parametrize("robot, text", (
+    (world(), NOTHING_HEARD), (world(ENGAGES, "scanning"), SMALL_TALK), (world(SILENT, "scanning"), NOTHING_HEARD),
+    (release(), None), (release(ENGAGES, "scanning"), SMALL_TALK), (release(SILENT, "scanning"), None)))
+def test_what_speech_recognition_writes(robot, text):
+    assert TOPICS[str].content(robot) == text
+
+
+def test_recognition_that_is_switched_off_hears_nothing():
+    robot = release(ENGAGES, "scanning")
+    for status, text in (("false", None), ("true", SMALL_TALK)):
+        robot.visitor.notice(Line(0.0, "speechEvent", "/speechEvent/set_enabled", 1, {"status": status}))
+        assert TOPICS[str].content(robot) == text
 
 
 @pytest.mark.parametrize("text", ("", "[]", "{\"exhibits\": []}", "{\"exhibits\": [{\"name\": \"x\"}]}",

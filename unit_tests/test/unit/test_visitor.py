@@ -118,7 +118,7 @@ def test_gaze_values_are_those_of_the_two_conventions():
 
 
 @pytest.mark.parametrize("behaviour, spoken, pressed", (
-    (ENGAGES, "Yes", "Oui"), (LEAVES, "Yes", "Oui"), (DECLINES, "No", "Non"), (SILENT, NOTHING_HEARD, "")))
+    (ENGAGES, "Yes", "Oui"), (LEAVES, "Yes", "Oui"), (DECLINES, "No", "Non"), (SILENT, "", "")))
 def test_answers(behaviour, spoken, pressed):
     person = after(behaviour, attention("scanning"), say("A tour?"))
     assert person.utterance() == spoken
@@ -138,12 +138,19 @@ def test_who_is_unclear_gives_no_answer_in_two_ways_in_turn():
 
 @pytest.mark.parametrize("lines", (
     [say("Hello")],
-    [say("A tour?"), attention("social")],
+    [say("A tour?"), drive(1, 1)],
     [say("A tour?", "refused")],
     [say("A tour?"), say("Thank you")],
 ))
 def test_without_an_open_question_there_is_small_talk(lines):
     assert after(ENGAGES, *lines).utterance() == SMALL_TALK
+
+
+@pytest.mark.parametrize("call", (
+    attention("social"), line("animateBehavior", state="disabled"), line("speechEvent", status="true"),
+    line("tabletEvent", message="Yes|No")))
+def test_a_robot_that_prepares_to_listen_does_not_go_on(call):
+    assert after(DECLINES, say("A tour?"), call).utterance() == "No"
 
 
 def test_a_question_may_be_put_again():
