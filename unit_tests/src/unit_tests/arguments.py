@@ -5,6 +5,7 @@ from typing import Dict, List, Mapping, Sequence
 from behavior_controller import folders, keys, phrases, settings
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.interface import Interface
 from behavior_controller.keys import Key, Reader, boolean
 
 from unit_tests import configuration
@@ -74,7 +75,7 @@ def read(given: Sequence[str]) -> Dict[str, str]:
 def check(given: Mapping[str, str]) -> None:
     """Raise ConfigurationError with every value that is not allowed."""
     faults: List[Fault] = []
-    for load in (load_test, _load_phrases, _load_own):
+    for load in (_load_both, _load_phrases, _load_own):
         try:
             load(given)
         except ConfigurationError as error:
@@ -87,6 +88,25 @@ def load_test(given: Mapping[str, str]) -> configuration.Configuration:
     """Return the configuration of the test. Raises ConfigurationError, also for an argument that does not exist."""
     others = (CONTROLLER - TEST).union(INTERNAL, (key.name for key in OWN))
     return configuration.load({name: value for name, value in given.items() if name not in others})
+
+
+def _load_both(given: Mapping[str, str]) -> None:
+    """Raise ConfigurationError also for keys of the test that say something of another robot than the controller's."""
+    test = load_test(given)
+    interface = load_controller(given).interface
+    faults = []
+    if test.recognise_by == configuration.ACTION and not any(topic.action for topic in interface.topics):
+        faults.append(_not_of(interface, "recogniseBy", "recognises speech by no action"))
+    for name in test.absent_services:
+        if name not in (service.name for service in interface.services):
+            faults.append(_not_of(interface, "absentServices", "does not have {} anyway".format(name)))
+    if faults:
+        raise ConfigurationError(faults)
+
+
+def _not_of(interface: Interface, key: str, why: str) -> Fault:
+    return Fault(key, 0, 0, "the robot {} {}".format(interface.name, why),
+                 "leave it out, or choose another robotInterface")
 
 
 def load_controller(given: Mapping[str, str]) -> settings.Settings:

@@ -6,10 +6,12 @@ from typing import List, Mapping, NamedTuple, Optional, Tuple
 from behavior_controller.keys import REQUIRED, Key, Reader, boolean, integer, number, one_of, read_configuration
 
 from unit_tests.faults import KINDS, REFUSED, PlannedFault, parse_planned_fault
-from unit_tests.robot import SERVERS
+from unit_tests.robot import OPTIONAL, SERVERS
 from unit_tests.visitor import ALIASES, BEHAVIOURS, ENGAGES, RANDOM
 
 FILE_NAME = "behaviorControllerTestConfiguration.ini"
+
+TOPIC, ACTION = "topic", "action"
 
 SEEDS = 10 ** 9
 """How many seeds there are."""
@@ -38,6 +40,13 @@ def _planned_faults(text: str) -> Tuple[PlannedFault, ...]:
     return tuple(parse_planned_fault(item, SERVERS) for item in _items(text))
 
 
+_SERVICE = one_of(*OPTIONAL)
+
+
+def _services(text: str) -> Tuple[str, ...]:
+    return tuple(_SERVICE(item) for item in _items(text))
+
+
 _SEED = integer(0, SEEDS - 1)
 
 
@@ -60,6 +69,10 @@ KEYS = (
         "node:call or node:call:kind, with commas between them, where node is one of {}, call counts from 1 and kind is "
         "one of {}".format(", ".join(SERVERS), ", ".join(KINDS)), _planned_faults), (),
         "calls that go wrong in any case"),
+    Key("recogniseBy", one_of(TOPIC, ACTION), TOPIC,
+        "how a robot of release 1.0 tells what it hears: action is /speechEvent/recognise_speech_action"),
+    Key("absentServices", Reader("some of {}, with commas between them".format(", ".join(OPTIONAL)), _services), (),
+        "what a robot of release 1.0 does not offer"),
     Key("testTimeout", number(1, 10 ** 6, of="seconds"), 900.0, "a mission that has not ended by then has failed"),
 )
 
@@ -75,6 +88,8 @@ class Configuration(NamedTuple):
     random_seed: Optional[int]  # None: it is to be drawn
     fault_kinds: Tuple[str, ...]
     planned_faults: Tuple[PlannedFault, ...]
+    recognise_by: str
+    absent_services: Tuple[str, ...]
     test_timeout: float
 
 

@@ -1,5 +1,6 @@
 """The simulated nodes as ROS nodes: services, a topic, or both, behind each name."""
 import os
+import signal
 import sys
 import threading
 import time
@@ -12,12 +13,12 @@ from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
 from geometry_msgs.msg import Point
 
 from behavior_controller import exits
-from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.errors import BehaviorControllerError, ConfigurationError
 from behavior_controller.interface import Service, Topic
 from behavior_controller.interface.records import Answer, Exhibit
 from behavior_controller.ros.types import TYPES
 
-from unit_tests import parameters, robot
+from unit_tests import arguments, parameters, robot
 from unit_tests.arrivals import Arrivals
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG, Faults
 from unit_tests.journal import Journal, Line, now
@@ -35,6 +36,7 @@ FACE_CENTRE = Point(320.0, 240.0, 1.5)
 
 def main(name: str) -> None:
     """Run one simulated node until ROS shuts down. Exit code 1: there is no master; 2: the configuration is wrong."""
+    _end_or_sleep_if_absent(name)
     if not rosgraph.is_master_online():
         sys.exit("{}: no ROS master at {}: start roscore, or use the launch file".format(
             name, rosgraph.get_master_uri()))
@@ -46,6 +48,22 @@ def main(name: str) -> None:
             print(error)
             sys.exit(exits.WRONG_INPUT)
         rospy.spin()  # the report tells of it, once for all nodes, and ends the launch
+
+
+def _end_or_sleep_if_absent(name: str) -> None:
+    """Be no ROS node if the robot has no node of this name: roslaunch starts again what ends."""
+    try:
+        interface = arguments.load_controller(parameters.given()).interface
+    except ConfigurationError:
+        return  # told later
+    if name in robot.nodes(interface):
+        return
+    if not parameters.is_launched():
+        print("the robot {} has no node {}".format(interface.name, name))
+        sys.exit(exits.WRONG_INPUT)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+    signal.pause()
 
 
 def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:

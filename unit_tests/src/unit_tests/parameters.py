@@ -63,8 +63,9 @@ def real_nodes() -> FrozenSet[str]:
 
 def read_world(test: configuration.Configuration) -> World:
     """Return the world before the robot's first move. Raises ConfigurationError."""
-    knowledge = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
-    return World(Visitor(read_manners(test, knowledge)), knowledge, arguments.load_controller(given()))
+    controller = arguments.load_controller(given())
+    knowledge = exhibits.of(controller.interface)
+    return World(Visitor(read_manners(test, knowledge)), knowledge, controller)
 
 
 def read_manners(test: configuration.Configuration, knowledge: exhibits.Knowledge) -> Manners:
@@ -73,4 +74,5 @@ def read_manners(test: configuration.Configuration, knowledge: exhibits.Knowledg
     questions = [language.speech(node) for node in ("QueryTourSpeech", "SayYesNoSpeech")]
     yes, no = language.tablet_options
     home = knowledge.home.location
-    return Manners(test.visitor_behaviour, questions, yes, no, (home.x, home.y))
+    is_on_tour = knowledge.home in knowledge.exhibits
+    return Manners(test.visitor_behaviour, questions, yes, no, None if is_on_tour else (home.x, home.y))

@@ -19,7 +19,7 @@ from unit_tests.verdict import Verdict, judge, reached
 ALWAYS_TOLD = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
 """Keys of the test that the title shows whatever they are."""
 
-TOLD_IF_SET = ("missionRuns", "faultKinds", "plannedFaults")
+TOLD_IF_SET = ("missionRuns", "faultKinds", "plannedFaults", "recogniseBy", "absentServices")
 """Keys of the test that it shows if they are not the default. The rest does not change what happens."""
 
 NOT_TOLD = {"scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port", "groot2Address",

@@ -177,3 +177,7 @@ NODES = tuple(nodes(*INTERFACES.values()))
 
 SERVERS = tuple(servers(*INTERFACES.values()))
 """Those that have a service."""
+
+OPTIONAL = tuple(dict.fromkeys(service.name for interface in INTERFACES.values() for service in interface.services
+                               if service.is_optional))
+"""Services that some robots do not have."""

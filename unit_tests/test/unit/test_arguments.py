@@ -51,6 +51,15 @@ def test_every_value_that_is_not_allowed_is_named():
         "argument recordDirectory: a test needs its record (leave it out, or name a folder for a copy)"]
 
 
+def test_what_only_another_robot_has_is_named():
+    given = {"recogniseBy": "action", "absentServices": "/speechEvent/set_enabled"}
+    assert faults(arguments.check, given) == [
+        "recogniseBy: the robot D5.4.3 recognises speech by no action (leave it out, or choose another robotInterface)",
+        "absentServices: the robot D5.4.3 does not have /speechEvent/set_enabled anyway "
+        "(leave it out, or choose another robotInterface)"]
+    arguments.check(dict(given, robotInterface="release-1.0"))
+
+
 @pytest.mark.parametrize("command, given", (
     (["python3", "/usr/bin/roslaunch", "unit_tests", "behaviorControllerTest.launch", "mision:=x", "__log:=y"],
      ["mision:=x"]),

@@ -38,6 +38,9 @@ def test_fields_have_the_names_of_the_keys():
     ({"faultKinds": "refused, exception"}, "fault_kinds", ("refused", "exception")),
     ({"plannedFaults": "robotNavigation:3,textToSpeech:1:unanswered"}, "planned_faults",
      (PlannedFault("robotNavigation", 3, "refused"), PlannedFault("textToSpeech", 1, "unanswered"))),
+    ({"recogniseBy": "action"}, "recognise_by", "action"),
+    ({"absentServices": "/speechEvent/set_enabled, /robotLocalization/set_pose"}, "absent_services",
+     ("/speechEvent/set_enabled", "/robotLocalization/set_pose")),
 ))
 def test_arguments_override_the_file(given, field, value):
     assert getattr(configuration.load(given), field) == value
@@ -56,6 +59,8 @@ def test_arguments_override_the_file(given, field, value):
     ({"faultKinds": ""}, "some of refused, exception, unanswered"),
     ({"faultKinds": "slow"}, "some of refused, exception, unanswered"),
     ({"plannedFaults": "faceDetection:1"}, "node:call"),
+    ({"recogniseBy": "service"}, "one of topic, action"),
+    ({"absentServices": "/textToSpeech/say_text"}, "some of /robotLocalization/set_pose, /speechEvent/set_enabled"),
     ({"failureRat": "1"}, "failureRate"),
 ))
 def test_what_is_not_allowed_is_said_with_what_is(given, message):

@@ -41,7 +41,8 @@ def given_to(path, *given):
 
 @pytest.mark.parametrize("path, names, nodes", (
     (WHOLE_TEST, CONTROLLER | TEST | {"outputFile"}, ("behaviorController", "behaviorControllerTest") + NODES),
-    (ROBOT, TEST - {"missionRuns", "testTimeout"} | {"language", "mutualGazeValue"}, NODES),
+    (ROBOT, TEST - {"missionRuns", "testTimeout"} | {"robotInterface", "tabletSuccessIs", "language",
+                                                              "mutualGazeValue"}, NODES),
     (CONTROLLER_ALONE, CONTROLLER, ("behaviorController",)),
 ))
 def test_each_key_reaches_each_process(path, names, nodes):
