@@ -69,9 +69,10 @@ _CONFIGURATION_KEYS = (
 class Knowledge:
     """What both files say, in the ``language`` that the culture file chooses.
 
-    ``tour``: the places in the order of ``tourSpecification``, all of them shown as exhibits. The first is where the
-    robot starts too, the last is where it ends: a tour of release 1.0 has its welcome and its farewell as the messages
-    of these places. A place may be in it twice. An exhibit's descriptions are the messages before and after the gesture.
+    ``tour``: the places in the order of ``tourSpecification``. Each of them is shown as an exhibit, the first and the
+    last too: the published controller of release 1.0 visits the whole list, and the messages of these two places open
+    and close the tour. A place may be in it twice. An exhibit's descriptions are the messages before and after the
+    gesture.
     ``phrases``: the utility phrases by number. ``sources``: the environment file and the culture file as read.
     """
 
@@ -83,12 +84,12 @@ class Knowledge:
 
     @property
     def start(self) -> Exhibit:
-        """Where the robot starts."""
+        """Where the robot starts: the first place of the tour."""
         return self.tour[0]
 
     @property
     def end(self) -> Exhibit:
-        """Where the tour ends."""
+        """Where the tour ends: its last place."""
         return self.tour[-1]
 
 
@@ -182,7 +183,7 @@ class _File:
             return None
 
     def unknown(self, line: _Line, keys: Iterable[str], otherwise: str = "") -> None:
-        """Warn of the first line with a key that is not used. Without ``otherwise``, only if it looks like a known one."""
+        """Warn of the first line with an unknown key: without the hint ``otherwise`` only if a known key is near."""
         hint = "" if line.key in self.line_of else did_you_mean(line.key, keys, _NEAR) or otherwise
         if hint:
             self.line_of[line.key] = line.number
@@ -349,7 +350,7 @@ def _locations(count: int) -> str:
 
 
 def load() -> Knowledge:
-    """Return what the files say that are named in ``config``. Raises ConfigurationError with every fault of all files."""
+    """Return what the files named in ``config`` say. Raises ConfigurationError with every fault of all four files."""
     faults: List[Fault] = []
     environment, culture = (_named(folders.config(_CONFIGURATIONS[kind]), kind, faults) for kind in _CONFIGURATIONS)
     return _put_together(environment, culture, faults)

@@ -137,7 +137,7 @@ def test_a_text_may_be_long():
 
 
 def test_keys_of_other_programs_in_the_culture_file_say_nothing():
-    keys = ["phraseAddressOlderEnglish Hello", "phraseRhythmEnglish", "utilityPhraseKinyarwanda12 x", "x", "nodExtent 30"]
+    keys = ["phraseAddressOlderEnglish Hello", "phraseRhythmEnglish", "utilityPhraseKinyarwanda12 x", "x", "bow 30"]
     assert read(culture=CULTURE + "\n".join(keys * 2)).warnings == ()
 
 
@@ -152,14 +152,14 @@ def test_what_is_decided_on_purpose_is_no_warning():
 
 @pytest.mark.parametrize("change, warning", [
     (("gestureTarget                 9 -2.25 -7 0.82\n", ""),
-     "e:14:23: warning: location 9 of the tour has no gestureTarget: the robot points at nothing there (if that is meant, "
-     "add a line: gestureTarget 9 0 0 0)"),
+     "e:14:23: warning: location 9 of the tour has no gestureTarget: the robot points at nothing there (if that is "
+     "meant, add a line: gestureTarget 9 0 0 0)"),
     (("preGestureMessageEnglish      9 It is hot.\n", ""),
-     "e:14:23: warning: location 9 of the tour has no preGestureMessageEnglish: the robot says nothing there (if that is "
-     "meant, add a line: preGestureMessageEnglish 9 without a text)"),
+     "e:14:23: warning: location 9 of the tour has no preGestureMessageEnglish: the robot says nothing there (if that "
+     "is meant, add a line: preGestureMessageEnglish 9 without a text)"),
     (("postGestureMessageEnglish     4 Come along.\n", ""),
-     "e:14:21: warning: location 4 of the tour has no postGestureMessageEnglish: the robot says nothing there (if that is "
-     "meant, add a line: postGestureMessageEnglish 4 without a text)"),
+     "e:14:21: warning: location 4 of the tour has no postGestureMessageEnglish: the robot says nothing there (if that "
+     "is meant, add a line: postGestureMessageEnglish 4 without a text)"),
     (("culturalKnowledge             4 SomeShape", "culturalKnowlege 4 SomeShape"),
      "e:6:1: warning: unknown key culturalKnowlege: it is not used (did you mean culturalKnowledge?)"),
     (("\nrobotLocationDescription      9", " \n  GestureTarget 4 1 1 1\nGestureTarget 9\nrobotLocationDescription 9"),
@@ -228,7 +228,8 @@ ID = "allowed: a whole number from 0 to 1000000000"
       "(add a line: robotLocationDescription 9 <text>)"]),
     ("3 4 9 4", "3 4 7 4", ["e:15:23: the tour goes to location 7, which has no entries (there are: 4, 9)"]),
     ("3 4 9 4", "3 7 9 7", ["e:15:21: the tour goes to location 7, which has no entries (there are: 4, 9)"]),
-    ("3 4 9 4", "2 4 9 4", ["e:15:19: tourSpecification says 2 locations and lists 3 (the form: {})".format(TOUR_FORM)]),
+    ("3 4 9 4", "2 4 9 4",
+     ["e:15:19: tourSpecification says 2 locations and lists 3 (the form: {})".format(TOUR_FORM)]),
     ("3 4 9 4", "1", ["e:15:19: tourSpecification says 1 location and lists 0 (the form: {})".format(TOUR_FORM)]),
     ("3 4 9 4", "0", ['e:15:19: the number of locations of tourSpecification cannot be "0" '
                       "(allowed: a whole number from 1 to 999)"]),
@@ -254,8 +255,9 @@ def test_a_mistake_in_the_environment_file(old, new, expected):
                                                             "(allowed: one of English, IsiZulu, Kinyarwanda)"]),
     ("Language              English", "Language  ", ["c:2:1: phraseLanguage cannot be empty "
                                                      "(allowed: one of English, IsiZulu, Kinyarwanda)"]),
-    ("phraseLanguage              English\n", "", ["c: the required key phraseLanguage is missing "
-                                                   "(add a line: phraseLanguage <one of English, IsiZulu, Kinyarwanda>)"]),
+    ("phraseLanguage              English\n", "",
+     ["c: the required key phraseLanguage is missing "
+      "(add a line: phraseLanguage <one of English, IsiZulu, Kinyarwanda>)"]),
     ("utilityPhraseEnglish6       phrase 6", "", ["c: the required key utilityPhraseEnglish6 is missing "
                                                   "(add a line: utilityPhraseEnglish6 <text>)"]),
     ("utilityPhraseEnglish6       phrase 6", "utilityPhraseEnglish6  ", ["c:9:1: utilityPhraseEnglish6 cannot be empty "
@@ -272,8 +274,8 @@ def test_a_mistake_in_the_culture_file(old, new, expected):
 
 def test_a_language_without_any_message_is_one_fault():
     assert faults_of(culture=CULTURE.replace("English", "IsiZulu")) == [
-        "e: there is neither preGestureMessageIsiZulu nor postGestureMessageIsiZulu for any location (the culture file's "
-        "phraseLanguage is IsiZulu; there are messages in: English, Kinyarwanda)"]
+        "e: there is neither preGestureMessageIsiZulu nor postGestureMessageIsiZulu for any location (the culture "
+        "file's phraseLanguage is IsiZulu; there are messages in: English, Kinyarwanda)"]
 
 
 def test_a_hundred_mistakes_are_enough():
@@ -308,7 +310,7 @@ def test_a_configuration_that_is_missing(package):
     for name in os.listdir(str(package / "config")):
         (package / "config" / name).unlink()
     assert faults_of_load(package) == [
-        "config/{}KnowledgeBaseConfiguration.ini: the configuration cannot be read: No such file or directory".format(kind)
+        "config/" + kind + "KnowledgeBaseConfiguration.ini: the configuration cannot be read: No such file or directory"
         for kind in ("environment", "culture")]
 
 
@@ -351,11 +353,11 @@ def checked(package, name):
 def test_an_environment_file_by_itself_is_checked_in_the_languages_that_it_has(package, name):
     (package / "data" / "places.dat").write_text(changed(
         ENVIRONMENT, ("3 4 9 4", "2 9 8"), ("preGestureMessageEnglish      9 It is hot.\n", "")), encoding="utf-8")
-    assert checked(package, name) == ["data/places.dat:14:21: warning: location 9 of the tour has no {}GestureMessage{}: "
-                                      "the robot says nothing there (if that is meant, add a line: {}GestureMessage{} 9 "
-                                      "without a text)".format(*two * 2)
-                                      for two in (("pre", "English"), ("post", "Kinyarwanda"))] + [
-        "data/places.dat:14:23: the tour goes to location 8, which has no entries (there are: 4, 9)"]
+    assert checked(package, name) == [
+        "data/places.dat:14:21: warning: location 9 of the tour has no {0}: the robot says nothing there (if that is "
+        "meant, add a line: {0} 9 without a text)".format(key)
+        for key in ("preGestureMessageEnglish", "postGestureMessageKinyarwanda")] + [
+            "data/places.dat:14:23: the tour goes to location 8, which has no entries (there are: 4, 9)"]
 
 
 @pytest.mark.parametrize("name", ["data/words.dat", "config/cultureKnowledgeBaseConfiguration.ini"])
@@ -367,7 +369,8 @@ def test_a_culture_file_by_itself(package, name):
 
 
 @pytest.mark.parametrize("text, expected", [
-    ("knowledgeBase x.dat\nx 1", ["config/other.ini:2:1: unknown key x (the keys: knowledgeBase, verboseMode, valueTypes)"]),
+    ("knowledgeBase x.dat\nx 1",
+     ["config/other.ini:2:1: unknown key x (the keys: knowledgeBase, verboseMode, valueTypes)"]),
     ("knowledgeBase places.dat", []),
     ("knowledgeBase words.dat", []),
     ("knowledgeBase x.dat", ["data/x.dat: this is no knowledge file of release 1.0 (the key knowledgeBase of "
@@ -403,7 +406,8 @@ def test_validate_mission_takes_them(package, capsys):
 
 
 @pytest.mark.parametrize("name, text", [
-    ("places.dat", "\ufeff" + ENVIRONMENT.replace("\n", "\r\n")), ("words.dat", CULTURE.replace("phrase 2", "phrase é")),
+    ("places.dat", "\ufeff" + ENVIRONMENT.replace("\n", "\r\n")),
+    ("words.dat", CULTURE.replace("phrase 2", "phrase é")),
     ("../config/environmentKnowledgeBaseConfiguration.ini", "verboseMode TRUE\r\nknowledgeBase places.dat\r\n")])
 def test_a_file_that_was_cut_anywhere_is_usable_or_has_faults(package, name, text):
     data = text.encode("utf-8")
