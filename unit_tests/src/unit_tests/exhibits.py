@@ -1,7 +1,8 @@
-"""What the simulated knowledge base knows: the exhibits in tour order, the entrance and the robot's home."""
+"""The building of the simulated robot: the exhibits in tour order, the entrance and the robot's home."""
 import json
 from typing import Any, NamedTuple, Tuple
 
+from behavior_controller import knowledge_files
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.interface.records import Exhibit, Location, Point
 from behavior_controller.text import Unreadable, read_text
@@ -17,6 +18,11 @@ class Knowledge(NamedTuple):
     def query(self, what: str) -> Tuple[Exhibit, ...]:
         """Return what ``exhibits``, ``entrance`` or ``home`` (any case) means. Raises KeyError for the rest."""
         return {"exhibits": self.exhibits, "entrance": (self.entrance,), "home": (self.home,)}[what.lower()]
+
+
+def of_files(known: knowledge_files.Knowledge) -> Knowledge:
+    """Return the places of a tour of release 1.0."""
+    return Knowledge(known.tour, known.end, known.start)
 
 
 def load(path: str) -> Knowledge:

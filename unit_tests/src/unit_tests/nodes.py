@@ -13,12 +13,12 @@ from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
 from geometry_msgs.msg import Point
 
 from behavior_controller import exits
-from behavior_controller.errors import BehaviorControllerError, ConfigurationError
+from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.interface import Service, Topic
 from behavior_controller.interface.records import Answer, Exhibit
 from behavior_controller.ros.types import TYPES
 
-from unit_tests import arguments, parameters, robot
+from unit_tests import parameters, robot
 from unit_tests.arrivals import Arrivals
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG, Faults
 from unit_tests.journal import Journal, Line, now
@@ -52,18 +52,15 @@ def main(name: str) -> None:
 
 def _end_or_sleep_if_absent(name: str) -> None:
     """Be no ROS node if the robot has no node of this name: roslaunch starts again what ends."""
-    try:
-        interface = arguments.load_controller(parameters.given()).interface
-    except ConfigurationError:
-        return  # told later
-    if name in robot.nodes(interface):
+    if name in parameters.present_nodes():
         return
     if not parameters.is_launched():
-        print("the robot {} has no node {}".format(interface.name, name))
+        print("{}: this robot has no such node: choose another robotInterface".format(name))
         sys.exit(exits.WRONG_INPUT)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
-    signal.pause()
+    while True:
+        signal.pause()
 
 
 def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:

@@ -6,15 +6,19 @@ next one.
 import os
 import random
 import sys
-from typing import Dict, FrozenSet, List
+from typing import Dict, FrozenSet, List, Sequence
 
-from behavior_controller import phrases
+from behavior_controller import knowledge_files, phrases
+from behavior_controller.errors import ConfigurationError
 from behavior_controller.keys import boolean
 from behavior_controller.settings import split_arguments
 
 from unit_tests import arguments, configuration, exhibits
-from unit_tests.robot import NODES, World
+from unit_tests.robot import NODES, World, nodes
 from unit_tests.visitor import BEHAVIOURS, RANDOM, Manners, Visitor
+
+ASKING = (1, 5)
+"""The utility phrases of release 1.0 that want a yes or no: please press, and would you like a tour."""
 
 
 def given() -> Dict[str, str]:
@@ -61,18 +65,32 @@ def real_nodes() -> FrozenSet[str]:
     return frozenset(node for node in NODES if boolean(given().get(arguments.USE_REAL + node, "false")))
 
 
+def present_nodes() -> FrozenSet[str]:
+    """Return the nodes that the robot has; all that there are, if the configuration does not tell which robot it is."""
+    try:
+        return frozenset(nodes(arguments.load_controller(given()).interface))
+    except ConfigurationError:
+        return frozenset(NODES)
+
+
 def read_world(test: configuration.Configuration) -> World:
     """Return the world before the robot's first move. Raises ConfigurationError."""
     controller = arguments.load_controller(given())
-    knowledge = exhibits.of(controller.interface)
-    return World(Visitor(read_manners(test, knowledge)), knowledge, controller)
+    if controller.interface.has_knowledge_files:
+        known = knowledge_files.load()
+        knowledge, language = exhibits.of_files(known), known.language
+        questions = [known.phrases[number] for number in ASKING]
+    else:
+        knowledge = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
+        language, questions = controller.language, []
+    manners = _manners(test.visitor_behaviour, phrases.load(language), questions, knowledge)
+    return World(Visitor(manners), knowledge, controller)
 
 
-def read_manners(test: configuration.Configuration, knowledge: exhibits.Knowledge) -> Manners:
-    """Return how the visitor behaves. Raises ConfigurationError."""
-    language = phrases.load(arguments.load_controller(given()).language)
+def _manners(behaviour: str, language: phrases.Phrases, more_questions: Sequence[str],
+             knowledge: exhibits.Knowledge) -> Manners:
     questions = [language.speech(node) for node in ("QueryTourSpeech", "SayYesNoSpeech")]
     yes, no = language.tablet_options
     home = knowledge.home.location
     is_on_tour = knowledge.home in knowledge.exhibits
-    return Manners(test.visitor_behaviour, questions, yes, no, None if is_on_tour else (home.x, home.y))
+    return Manners(behaviour, [*questions, *more_questions], yes, no, None if is_on_tour else (home.x, home.y))

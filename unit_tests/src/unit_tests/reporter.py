@@ -14,13 +14,12 @@ from behavior_controller.watch.record import FILE_NAME as RECORD
 
 from unit_tests import arguments, configuration, parameters
 from unit_tests.controller import read_exit_code
-from unit_tests.exhibits import Knowledge
 from unit_tests.facts import Facts
 from unit_tests.journal import Journal, Tail
 from unit_tests.junit import to_xml
 from unit_tests.rehearsal import Rehearsal, rehearse
 from unit_tests.report import title, write
-from unit_tests.robot import NODES
+from unit_tests.robot import World
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 JUNIT = "behaviorControllerTest.xml"
@@ -71,7 +70,7 @@ def _test() -> int:
     began = time.monotonic()
     events, exit_code, cut_off = wait_for_end(folder, test.test_timeout, Progress(folder).show)
     facts = Facts(events, Journal(folder).news(), exit_code, test.visitor_behaviour, test.mission_runs,
-                  world.knowledge, cut_off, _rehearse(events, test, world.knowledge), parameters.real_nodes(),
+                  world.knowledge, cut_off, _rehearse(events, world), parameters.real_nodes(),
                   world.settings.interface)
     heading = title(facts, test, datetime.datetime.now())
     verdict, text = write(facts, heading)
@@ -85,7 +84,7 @@ def _await_nodes() -> None:
     """Wait for the simulated nodes: one that is still starting would meet the end of the launch with a traceback."""
     master = rosgraph.Master(rospy.get_name())
     ends = time.monotonic() + START_LIMIT
-    for node in set(NODES) - parameters.real_nodes():
+    for node in parameters.present_nodes() - parameters.real_nodes():
         while not _is_registered(master, node) and time.monotonic() < ends and not rospy.is_shutdown():
             time.sleep(LOOK_INTERVAL)
 
@@ -120,14 +119,12 @@ class Progress:
             flush=True)
 
 
-def _rehearse(events: List[Dict[str, Any]], test: configuration.Configuration,
-              knowledge: Knowledge) -> Optional[Rehearsal]:
+def _rehearse(events: List[Dict[str, Any]], world: World) -> Optional[Rehearsal]:
     """Return how the mission goes with a robot that never fails; None if it did not start."""
     started = [event for event in events if event["event"] == "RunStarted"]
     if not started:
         return None
-    manners = parameters.read_manners(test, knowledge)
-    return rehearse(started[-1]["mission"], started[-1]["settings"], manners, knowledge)
+    return rehearse(started[-1]["mission"], started[-1]["settings"], world.visitor.manners, world.knowledge)
 
 
 def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]], None] = lambda events: None

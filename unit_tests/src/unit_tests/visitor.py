@@ -55,7 +55,7 @@ class Visitor:
     """One visitor after the other: the first comes when the robot wakes up, the next when it scans again."""
 
     def __init__(self, manners: Manners):
-        self._manners = manners
+        self.manners = manners
         self.attention = "disabled"  # the mode that the robot's gaze was last set to
         self.is_listened_to = True  # until the robot switches its speech recognition off
         self._is_first_request = True
@@ -93,16 +93,16 @@ class Visitor:
     def _notice_speech(self, line: Line, was_asked: bool) -> None:
         if not line.done:
             self._is_asked = was_asked
-        elif line.content["message"] in self._manners.questions:
+        elif line.content["message"] in self.manners.questions:
             self._is_asked = True
             self._questions += 1
 
     def _notice_drive(self, line: Line, _was_asked: bool) -> None:
         goal = (line.content["goal_x"], line.content["goal_y"])
         self._drives += line.done
-        if goal == self._manners.home:
+        if goal == self.manners.home:
             self.is_here = False
-        elif self._manners.behaviour == LEAVES and self._drives > EXHIBITS_BEFORE_LEAVING:
+        elif self.manners.behaviour == LEAVES and self._drives > EXHIBITS_BEFORE_LEAVING:
             self.is_here = False
 
     def _notice_recognition(self, line: Line, _was_asked: bool) -> None:
@@ -118,7 +118,7 @@ class Visitor:
     @property
     def looks_back(self) -> bool:
         """Whether the visitor returns the gaze of a robot that seeks it."""
-        return self.is_here and self._manners.behaviour != NO_GAZE
+        return self.is_here and self.manners.behaviour != NO_GAZE
 
     def gaze(self) -> str:
         """Return what a robot that seeks mutual gaze finds at its next look: the second look is returned."""
@@ -135,11 +135,11 @@ class Visitor:
         An answer is repeated until the robot goes on.
         """
         unclear = UNCLEAR_ANSWER if self._questions % 2 else NOTHING_HEARD
-        answers = {ENGAGES: self._manners.yes, LEAVES: self._manners.yes, NO_GAZE: self._manners.yes,
-                   DECLINES: self._manners.no, UNCLEAR: unclear}
-        if not self.is_here or self._manners.behaviour not in answers:
+        answers = {ENGAGES: self.manners.yes, LEAVES: self.manners.yes, NO_GAZE: self.manners.yes,
+                   DECLINES: self.manners.no, UNCLEAR: unclear}
+        if not self.is_here or self.manners.behaviour not in answers:
             return ""
-        return answers[self._manners.behaviour] if self._is_asked else SMALL_TALK
+        return answers[self.manners.behaviour] if self._is_asked else SMALL_TALK
 
     def press(self, options: Sequence[str]) -> str:
         """Return which of the tablet's options is pressed, yes being the first and no the last; nothing if silent.
@@ -148,4 +148,4 @@ class Visitor:
         """
         yes, no = options[0], options[-1]
         pressed = {ENGAGES: yes, LEAVES: yes, NO_GAZE: yes, DECLINES: no, UNCLEAR: no}
-        return pressed.get(self._manners.behaviour, "") if self.is_here else ""
+        return pressed.get(self.manners.behaviour, "") if self.is_here else ""

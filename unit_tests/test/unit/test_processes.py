@@ -2,6 +2,7 @@
 
 import pytest
 
+from behavior_controller import knowledge_files
 from behavior_controller.errors import ConfigurationError
 
 from unit_tests import configuration, controller, exhibits, parameters
@@ -54,7 +55,27 @@ def test_the_nodes_that_are_real(given):
 def test_the_simulated_world_follows_the_configuration(given):
     given("visitorBehaviour:=silent", "mutualGazeValue:=2", "randomSeed:=1")
     world = parameters.read_world(parameters.read_configuration())
-    assert (parameters.read_manners(parameters.read_configuration(), world.knowledge).behaviour) == "silent"
+    assert (world.visitor.manners.behaviour, world.settings.gaze_value) == ("silent", 2)
+
+
+def test_a_robot_of_release_1_0_stands_in_the_building_of_its_knowledge_files(given):
+    given("robotInterface:=release-1.0", "randomSeed:=1")
+    world = parameters.read_world(parameters.read_configuration())
+    assert [place.name for place in world.knowledge.exhibits][:2] == ["Start of the tour", "Pepper"]
+    assert (world.knowledge.home, world.knowledge.entrance) == (
+        world.knowledge.exhibits[0], world.knowledge.exhibits[-1])
+    assert world.visitor.manners.home is None, "the tour leads past the start"
+    assert set(knowledge_files.load().phrases[number] for number in (1, 5)) < set(world.visitor.manners.questions)
+
+
+def test_a_robot_has_the_nodes_of_its_interface(given):
+    nine = {"animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention", "robotNavigation", "tabletEvent",
+            "textToSpeech", "faceDetection", "speechEvent"}
+    assert parameters.present_nodes() == nine
+    given("robotInterface:=release-1.0")
+    assert parameters.present_nodes() == nine - {"knowledgeBase", "faceDetection"} | {"robotLocalization"}
+    given("robotInterface:=none")
+    assert parameters.present_nodes() == nine | {"robotLocalization"}
 
 
 @pytest.mark.parametrize("end, noted, returned", [
