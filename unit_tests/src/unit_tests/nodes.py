@@ -7,19 +7,22 @@ import time
 from functools import partial
 from typing import Any, Optional
 
+import actionlib
 import rosgraph
+import roslib.message
 import rospy
 from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
 from geometry_msgs.msg import Point
 
 from behavior_controller import exits
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.interface import Service, Topic
+from behavior_controller.interface import Action, Service, Topic
 from behavior_controller.interface.records import Answer, Exhibit
 from behavior_controller.ros.types import TYPES
 
 from unit_tests import parameters, robot
 from unit_tests.arrivals import Arrivals
+from unit_tests.configuration import ACTION
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG, Faults
 from unit_tests.journal import Journal, Line, now
 from unit_tests.robot import SERVICES, TOPICS, Fields
@@ -29,6 +32,9 @@ CRASHED = 9
 
 SHORTEST_GAP = 0.001
 """Seconds between two messages of a topic at the least: what an infinite arrival rate comes to."""
+
+LONGEST_STEP = 0.1
+"""Seconds until a goal that is given up is noticed."""
 
 FACE_CENTRE = Point(320.0, 240.0, 1.5)
 """Where the visitor's face is seen: pixels, and metres from the camera."""
@@ -82,7 +88,8 @@ class Node:
         self._test = parameters.read_configuration()
         self._world = parameters.read_world(self._test)
         interface = self._world.settings.interface
-        self._services = [service for service in interface.services if service.node == name]
+        self._services = [service for service in interface.services
+                          if service.node == name and service.name not in self._test.absent_services]
         self._topic = next((topic for topic in interface.topics if topic.node == name), None)
         self._journal = Journal(parameters.folder())
         if not parameters.is_launched():
@@ -101,7 +108,9 @@ class Node:
         rospy.on_shutdown(self._stopped.set)
         for service in self._services:
             rospy.Service(service.name, TYPES[service], partial(self._handle, service))
-        if self._topic is not None:
+        if self._topic is not None and self._topic.action is not None and self._test.recognise_by == ACTION:
+            self._serve_action(self._topic, self._topic.action)
+        elif self._topic is not None:
             self._publish(self._topic)
         self._stopped.wait()
 
@@ -153,19 +162,45 @@ class Node:
         for due in Arrivals(self._test.arrival_rate, self._seed("arrivals")).times(time.monotonic()):
             if self._stopped.wait(max(due - time.monotonic(), SHORTEST_GAP)):
                 return
-            content = self._content(topic)
+            content = self._content(topic, topic.name)
             if content is not None:
                 publisher.publish(_message(topic, content))
 
-    def _content(self, topic: Topic) -> Optional[Fields]:
-        """Return what the next message says; the journal gets what differs from the last."""
+    def _serve_action(self, topic: Topic, action: Action) -> None:
+        """Offer the action that a robot may have in place of a topic."""
+        kind = roslib.message.get_message_class(action.type + "Action")
+        arrivals = Arrivals(self._test.arrival_rate, self._seed("arrivals"))
+        server = actionlib.SimpleActionServer(
+            action.name, kind, lambda goal: self._listen(topic, action, server, arrivals, goal.wait), auto_start=False)
+        server.start()
+
+    def _listen(self, topic: Topic, action: Action, server: actionlib.SimpleActionServer, arrivals: Arrivals,
+                seconds: float) -> None:
+        """Carry out a goal: tell the topic's next message, or nothing after so long."""
+        result = server.get_default_result()
+        ends = time.monotonic() + seconds
+        for due in arrivals.times(time.monotonic()):
+            while time.monotonic() < min(due, ends):
+                if self._stopped.wait(min(LONGEST_STEP, max(min(due, ends) - time.monotonic(), SHORTEST_GAP))):
+                    return
+                if server.is_preempt_requested():
+                    server.set_preempted()
+                    return
+            content = self._content(topic, action.name) if due < ends else {"data": ""}
+            if content is not None:
+                result.transcription = content["data"]
+                server.set_succeeded(result)
+                return
+
+    def _content(self, topic: Topic, name: str) -> Optional[Fields]:
+        """Return what the next message says; the journal gets what differs from the last, under that name."""
         with self._lock:
             self._look_around()
             value = TOPICS[topic.value].content(self._world)
             content = None if value is None else TOPICS[topic.value].fields(value)
             if content not in (None, self._published):
                 self._published = content
-                self._write(Line(now(), self._name, rospy.resolve_name(topic.name), 0, content))
+                self._write(Line(now(), self._name, rospy.resolve_name(name), 0, content))
                 self._tell("says", content)
         return content
 
