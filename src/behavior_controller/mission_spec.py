@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple
 
-from behavior_controller.bt.registry import Direction, NodeSpec
+from behavior_controller.bt.registry import Direction, NodeSpec, argument
 from behavior_controller.interface import Sense
 
 
@@ -19,6 +19,11 @@ class MissionSpec(NodeSpec):
     Returns whether the mission may.
     """
     is_farewell: bool = False  # it makes no sense to a visitor who is not there any more
+    farewells: Tuple[str, ...] = ()  # names of an instance that make it one
+
+    def bids_farewell(self, name: str) -> bool:
+        """Return whether an instance of that name is a farewell."""
+        return self.is_farewell or argument(name) in self.farewells
 
     def writes(self, entry: str) -> bool:
         """Return whether the node writes that entry of the whole mission, if the file gives it no other."""

@@ -239,7 +239,7 @@ def mission(*leaves):
 @pytest.mark.parametrize("leaves, words", [
     (["IsListWithExhibit", "SelectExhibit"], "nothing writes it (RetrieveListOfExhibits writes it)"),
     (["RetrieveListOfExhibits", "DescribeExhibitSpeech"], "nothing writes it (SelectExhibit writes it)"),
-    (["PerformDeicticGesture"], "(SelectExhibit, LookUpEntrance or LookUpHome writes it)"),
+    (["PerformDeicticGesture"], "(SelectExhibit, LookUpEntrance, LookUpHome or RetrieveInitialLocation writes it)"),
     (['Navigate target="2;3.5;90"', 'PerformDeicticGesture target="1;2;3"'], None),
     (["LookUpHome", "Navigate"], None),
     (["IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),

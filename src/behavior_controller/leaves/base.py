@@ -4,7 +4,7 @@ A service leaf fills a request and reads an answer; deadline, waiting and the ma
 """
 import itertools
 from functools import partial
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
@@ -14,7 +14,7 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.ports import NoValue, PortError
 from behavior_controller.bt.ownership import tick_thread_only
-from behavior_controller.bt.registry import Kind, Port
+from behavior_controller.bt.registry import Kind, Port, argument
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
@@ -103,6 +103,7 @@ class MissionLeaf(Node):
     PORTS: Tuple[Port, ...] = ()
     spec: MissionSpec
     mission: MissionContext
+    sense: Optional[Sense] = None  # what it learns of the visitor
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
 
@@ -399,15 +400,22 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         super().halt()
 
 
+def _named(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]], name: str) -> MissionLeaf:
+    return leaf(name, **choices[argument(name)])
+
+
 def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),
-              arguments: Optional[Dict[str, Any]] = None, **facts: Any) -> MissionSpec:
+              arguments: Optional[Dict[str, Any]] = None, choices: Optional[Mapping[str, Dict[str, Any]]] = None,
+              **facts: Any) -> MissionSpec:
     """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
 
-    ``ports`` are added to those of the class, ``arguments`` are the constructor's beside the name.
+    ``ports`` are added to those of the class, ``arguments`` are the constructor's beside the name. With ``choices`` the
+    name of an instance chooses them.
     """
     return MissionSpec(
         node_id, Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION,
-        partial(leaf, **arguments) if arguments else leaf, leaf.PORTS + ports, description,
+        partial(_named, leaf, choices) if choices else partial(leaf, **arguments) if arguments else leaf,
+        leaf.PORTS + ports, description, names=tuple(choices or ()),
         is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
         calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
-        listens=(leaf.sense,) if issubclass(leaf, TopicCondition) else (), **facts)
+        listens=(leaf.sense,) if leaf.sense is not None else (), **facts)
