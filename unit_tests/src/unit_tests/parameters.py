@@ -3,10 +3,11 @@
 All of it is in arguments, which end with the process. Parameters on a master would outlive the test, and count in the
 next one.
 """
+import dataclasses
 import os
 import random
 import sys
-from typing import Dict, FrozenSet, List, Sequence
+from typing import Dict, FrozenSet, List
 
 from behavior_controller import knowledge_files, phrases
 from behavior_controller.errors import ConfigurationError
@@ -16,9 +17,6 @@ from behavior_controller.settings import split_arguments
 from unit_tests import arguments, configuration, exhibits
 from unit_tests.robot import NODES, World, nodes
 from unit_tests.visitor import BEHAVIOURS, RANDOM, Manners, Visitor
-
-ASKING = (1, 5)
-"""The utility phrases of release 1.0 that want a yes or no: please press, and would you like a tour."""
 
 
 def given() -> Dict[str, str]:
@@ -78,19 +76,18 @@ def read_world(test: configuration.Configuration) -> World:
     controller = arguments.load_controller(given())
     if controller.interface.has_knowledge_files:
         known = knowledge_files.load()
-        knowledge, language = exhibits.of_files(known), known.language
-        questions = [known.phrases[number] for number in ASKING]
+        knowledge = exhibits.of_files(known)
+        language = dataclasses.replace(phrases.load(known.language), utility_phrases=known.phrases)
     else:
         knowledge = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
-        language, questions = controller.language, []
-    manners = _manners(test.visitor_behaviour, phrases.load(language), questions, knowledge)
-    return World(Visitor(manners), knowledge, controller)
+        language = phrases.load(controller.language)
+    return World(Visitor(_manners(test.visitor_behaviour, language, knowledge)), knowledge, controller)
 
 
-def _manners(behaviour: str, language: phrases.Phrases, more_questions: Sequence[str],
-             knowledge: exhibits.Knowledge) -> Manners:
-    questions = [language.speech(node) for node in ("QueryTourSpeech", "SayYesNoSpeech")]
+def _manners(behaviour: str, language: phrases.Phrases, knowledge: exhibits.Knowledge) -> Manners:
+    questions = [text for speech in phrases.SPEECHES if speech.asks
+                 for text in (language.speech(speech.node), language.utility(speech.utility)) if text]
     yes, no = language.tablet_options
     home = knowledge.home.location
     is_on_tour = knowledge.home in knowledge.exhibits
-    return Manners(behaviour, [*questions, *more_questions], yes, no, None if is_on_tour else (home.x, home.y))
+    return Manners(behaviour, questions, yes, no, None if is_on_tour else (home.x, home.y))

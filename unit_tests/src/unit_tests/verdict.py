@@ -36,8 +36,6 @@ GAZE = _nodes(lambda spec: Sense.GAZE in spec.listens)
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines", LEAVES: "leaves",
         NO_GAZE: "never looks back"}
 
-GOODBYE = _nodes(lambda spec: spec.is_farewell)
-
 JUDGED_BY = {"robotNavigation", "textToSpeech", "knowledgeBase", "overtAttention"}
 """Simulated nodes whose journals tell which exhibits were seen to."""
 
@@ -214,9 +212,14 @@ def _never_sought(a_pass: Pass) -> Iterator[str]:
 
 def _waved_after(a_pass: Pass) -> Iterator[str]:
     """Object to a goodbye to a visitor who has left."""
-    told = sorted({event["node"] for event in of(a_pass.events, "LeafFinished")} & GOODBYE)
+    told = sorted({event["node"] for event in of(a_pass.events, "LeafFinished") if _is_goodbye(event)})
     if told:
         yield "pass {}: the visitor had left, and the robot went on to {}".format(a_pass.number, ", ".join(told))
+
+
+def _is_goodbye(event: Event) -> bool:
+    name = event["path"].rpartition("/")[2]
+    return any(spec.id == event["node"] and spec.bids_farewell(name) for spec in leaves.SPECS)
 
 
 def _left_out(a_pass: Pass, facts: Facts, count_of_exhibits: int) -> Iterator[str]:
