@@ -25,6 +25,7 @@ class Facts(NamedTuple):
     rehearsal: Optional[Rehearsal] = None  # the same mission with a robot that never fails
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
     interface: Interface = DEFAULT  # what the simulated robot spoke
+    absent: FrozenSet[str] = frozenset()  # canonical names of the services that it did not offer
 
 
 class Pass(NamedTuple):
@@ -34,6 +35,12 @@ class Pass(NamedTuple):
     outcome: str
     events: Sequence[Event]
     lines: Sequence[Line]
+
+
+def started(facts: Facts) -> Event:
+    """Return the event with which the mission started; an empty one if it did not."""
+    found = of(facts.events, "RunStarted")
+    return found[-1] if found else {}
 
 
 def of(events: Sequence[Event], kind: str) -> List[Event]:

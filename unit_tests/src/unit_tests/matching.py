@@ -3,12 +3,13 @@ from typing import Dict, Iterator, List, Tuple
 
 from behavior_controller import leaves
 from behavior_controller.gateway import Cause
+from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Prompt
 
 from unit_tests.facts import Event, Facts
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
 from unit_tests.journal import Line
-from unit_tests.visitor import SILENT
+from unit_tests.visitor import DECLINES, SILENT, UNCLEAR
 
 CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.value, UNANSWERED: Cause.NO_ANSWER.value,
             CRASH: Cause.CONNECTION_LOST.value, WRONG: Cause.UNUSABLE_ANSWER.value}
@@ -19,6 +20,7 @@ AWAY = {Cause.NOT_REACHABLE.value, Cause.CONNECTION_LOST.value}
 
 RECOVERY = {spec.id for spec in leaves.SPECS if spec.is_recovery}
 PROMPTS = {spec.id for spec in leaves.SPECS if Prompt in spec.calls}
+LISTENERS = {spec.id for spec in leaves.SPECS if Sense.UTTERANCE in spec.listens}
 
 
 class Matching:
@@ -65,21 +67,37 @@ class Matching:
             self._not_injected.append(event)
 
     def _is_natural(self, event: Event) -> bool:
-        """Whether the failure is the mission's way to say no: a false condition, a visitor who presses nothing."""
-        cause = event["failure"]["cause"]
-        return cause == Cause.CONDITION_FALSE.value or self._is_away(event) or (
-            cause == Cause.MISSING_DATA.value and event["node"] in PROMPTS
-            and self._facts.behaviour == SILENT)
+        """Whether the failure is the mission's way to say no: a false condition, a visitor who does not say yes."""
+        return event["failure"]["cause"] == Cause.CONDITION_FALSE.value or self._is_no_answer(event) \
+            or self._is_away(event)
+
+    def _is_no_answer(self, event: Event) -> bool:
+        """Whether the visitor is why there is no answer: none was heard or pressed, or a tablet told of no yes."""
+        cause, behaviour = event["failure"]["cause"], self._facts.behaviour
+        if event["node"] in LISTENERS:
+            return cause == Cause.UNUSABLE_ANSWER.value and behaviour == UNCLEAR
+        if event["node"] not in PROMPTS:
+            return False
+        if self._facts.interface.tells_pressed:
+            return cause == Cause.MISSING_DATA.value and behaviour == SILENT
+        return cause == Cause.REFUSED.value and behaviour in (SILENT, DECLINES, UNCLEAR) \
+            and all(line.done for line in self._before(event)[-1:])
 
     def _is_away(self, event: Event) -> bool:
         """Whether the service that failed is not simulated: a real node does it, or it has crashed and is not back."""
-        lines = [line for line in self._facts.journal if line.resource == event["failure"]["resource"] and line.call]
-        if not lines:
-            return any(service.name == event["failure"]["resource"] and service.node in self._facts.real
-                       for service in self._facts.interface.services)
-        before = [line for line in lines if line.time <= event["time"]]
+        resource = event["failure"]["resource"]
+        if not any(line.resource == resource and line.call for line in self._facts.journal):
+            return resource in self._facts.absent or any(
+                service.name == resource and service.node in self._facts.real
+                for service in self._facts.interface.services)
+        before = self._before(event)
         return bool(before) and before[-1].fault == CRASH and before[-1] not in self._open \
             and event["failure"]["cause"] in AWAY
+
+    def _before(self, event: Event) -> List[Line]:
+        """Return the calls of the service that failed up to then."""
+        return [line for line in self._facts.journal if line.resource == event["failure"]["resource"] and line.call
+                and line.time <= event["time"]]
 
     def _take_fault(self, event: Event) -> bool:
         """Match the newest fault before a leaf's failure, if it is of the right kind."""

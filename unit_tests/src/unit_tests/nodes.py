@@ -20,7 +20,7 @@ from behavior_controller.interface import Action, Service, Topic
 from behavior_controller.interface.records import Answer, Exhibit
 from behavior_controller.ros.types import TYPES
 
-from unit_tests import parameters, robot
+from unit_tests import arguments, parameters, robot
 from unit_tests.arrivals import Arrivals
 from unit_tests.configuration import ACTION
 from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG, Faults
@@ -60,7 +60,7 @@ def _end_or_sleep_if_absent(name: str) -> None:
     """Be no ROS node if the robot has no node of this name: roslaunch starts again what ends."""
     if name in parameters.present_nodes():
         return
-    if not parameters.is_launched():
+    if not arguments.is_roslaunch(arguments.parent_command()):
         print("{}: this robot has no such node: choose another robotInterface".format(name))
         sys.exit(exits.WRONG_INPUT)
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -71,7 +71,7 @@ def _test() -> int:
     events, exit_code, cut_off = wait_for_end(folder, test.test_timeout, Progress(folder).show)
     facts = Facts(events, Journal(folder).news(), exit_code, test.visitor_behaviour, test.mission_runs,
                   world.knowledge, cut_off, _rehearse(events, world), parameters.real_nodes(),
-                  world.settings.interface)
+                  world.settings.interface, frozenset(test.absent_services))
     heading = title(facts, test, datetime.datetime.now())
     verdict, text = write(facts, heading)
     print("\n" + text, flush=True)

@@ -11,9 +11,10 @@ from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Exhibit, GoTo
 from behavior_controller.leaves import data
 from behavior_controller.mission_spec import MissionSpec
+from behavior_controller.settings import YES
 from behavior_controller.text import clean
 
-from unit_tests.facts import Event, Facts, Pass, count, of, passes
+from unit_tests.facts import Event, Facts, Pass, count, of, passes, started
 from unit_tests.journal import Line
 from unit_tests.matching import Matching
 from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, NO_GAZE, SILENT, UNCLEAR
@@ -32,6 +33,9 @@ TOUR = (_nodes(lambda spec: spec.writes(data.EXHIBITS.name)),
 
 GAZE = _nodes(lambda spec: Sense.GAZE in spec.listens)
 """Mission nodes that a visitor who never looks back fails; that ends the pass, for no visitor is there to speak to."""
+
+MISSING = GAZE | _nodes(lambda spec: Sense.PRESENCE in spec.listens)
+"""Mission nodes that notice in the middle of the tour that the visitor has left."""
 
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines", LEAVES: "leaves",
         NO_GAZE: "never looks back"}
@@ -69,6 +73,8 @@ def judge(facts: Facts) -> Verdict:
     praise = "{} as a visitor who {} should; {} of {} calls were made to fail, and all of these are on record".format(
         count(ended, "pass ended", "passes ended"), DOES[facts.behaviour],
         sum(line.fault is not None for line in calls), len(calls))
+    if _is_mute(facts):
+        praise += "; no yes can reach the robot (asrEnabled false, tabletSuccessIs done), so no tour is expected"
     if facts.real:
         praise += "; not simulated, so what they were asked is not judged: {}".format(", ".join(sorted(facts.real)))
     return Verdict(answers, praise)
@@ -127,8 +133,15 @@ def _is_never_met(facts: Facts) -> bool:
 def _is_deserted(facts: Facts) -> bool:
     """Whether the visitor leaves before the last exhibit of a mission that seeks visitors: the tour is broken off."""
     nodes = _mission_nodes(facts)
-    return (facts.behaviour == LEAVES and _has_tour(nodes) and bool(GAZE & nodes)
+    return (facts.behaviour == LEAVES and not _is_mute(facts) and _has_tour(nodes) and bool(MISSING & nodes)
             and len(facts.knowledge.exhibits) > EXHIBITS_BEFORE_LEAVING)
+
+
+def _is_mute(facts: Facts) -> bool:
+    """Whether the visitor can answer by nothing but a tablet that does not tell what was pressed."""
+    settings = started(facts).get("settings", {})
+    return not facts.interface.tells_pressed and settings.get("asrEnabled") is False \
+        and settings.get("tabletSuccessIs") != YES
 
 
 def _has_tour(nodes: Set[str]) -> bool:
@@ -137,8 +150,7 @@ def _has_tour(nodes: Set[str]) -> bool:
 
 def _mission_nodes(facts: Facts) -> Set[str]:
     """Return the names of the mission's nodes; none if it did not start."""
-    started = of(facts.events, "RunStarted")
-    return {node for _, node in started[-1]["leaves"]} if started else set()
+    return {node for _, node in started(facts).get("leaves", ())}
 
 
 def _last_failure(events: Sequence[Event]) -> str:
@@ -179,7 +191,7 @@ def _hint(*group: Pass) -> str:
 def _exhibits(facts: Facts) -> Iterator[str]:
     """Object to exhibits that were left out, or visited though no visitor wanted a tour."""
     nodes = _mission_nodes(facts)
-    if not _has_tour(nodes) or facts.real & JUDGED_BY:
+    if not _has_tour(nodes) or facts.real & JUDGED_BY or _is_mute(facts):
         return
     for a_pass in passes(facts):
         if _is_never_met(facts):
@@ -249,7 +261,7 @@ def _stops(lines: Sequence[Line]) -> Dict[Tuple[float, float], List[Line]]:
 
 def _is_described(exhibit: Exhibit, stop: Sequence[Line]) -> bool:
     texts = {line.content["message"] for line in stop if line.node == "textToSpeech"}
-    return {exhibit.description1, exhibit.description2} <= texts
+    return {text for text in (exhibit.description1, exhibit.description2) if text} <= texts
 
 
 def _could_not_seek(stop: Sequence[Line]) -> bool:
