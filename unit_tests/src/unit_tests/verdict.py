@@ -246,14 +246,16 @@ def _left_out(a_pass: Pass, facts: Facts, count_of_exhibits: int) -> Iterator[st
 
 
 def _stops(lines: Sequence[Line]) -> Dict[Tuple[float, float], List[Line]]:
-    """Return for each place (x, y) that the robot got to what it did there: all requests until the next drive."""
+    """Return for each place (x, y) that the robot got to what it did there: all requests until the next drive.
+
+    A tour may pass a place again.
+    """
     stops: Dict[Tuple[float, float], List[Line]] = {}
     stop: List[Line] = []
     for line in lines:
         if line.node == "robotNavigation":
-            stop = []
-            if line.done:
-                stops[line.content["goal_x"], line.content["goal_y"]] = stop
+            place = line.content["goal_x"], line.content["goal_y"]
+            stop = stops.setdefault(place, []) if line.done else []
         else:
             stop.append(line)
     return stops
