@@ -12,12 +12,13 @@ from behavior_controller.bt.language.document import Document, read, with_includ
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.events import Events
+from behavior_controller.foresight import foresee
 from behavior_controller.gateway import Gateway, Topics
 from behavior_controller.health import Health
 from behavior_controller.leaves.base import MissionContext
 from behavior_controller.phrases import Phrases
 from behavior_controller.policy import Policy
-from behavior_controller.settings import Settings
+from behavior_controller.settings import Settings, defaults
 
 POLICY = "recoveryPolicy.ini"
 
@@ -58,7 +59,7 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
 
     spoken = attempt(lambda: phrases.load(settings.language))
     rules = attempt(lambda: policy.load(folders.config(POLICY), leaves.SPECS))
-    tree = attempt(lambda: build_tree(documents or with_includes(read(file)), clock=clock, wake=wake))
+    tree = attempt(lambda: build_tree(documents or with_includes(read(file)), clock=clock, wake=wake, settings=settings))
     if spoken is None or rules is None or tree is None:
         raise FaultsFound(faults)
     return Mission(settings, file, spoken, rules, tree)
@@ -70,9 +71,11 @@ def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock]
 
 
 def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None, clock: Optional[Clock] = None,
-               wake: Optional[WakeUp] = None) -> Tree:
+               wake: Optional[WakeUp] = None, settings: Optional[Settings] = None) -> Tree:
     """As ``load_tree``, for documents that were read already, the mission last."""
-    return build(documents, leaves.registry(), clock, main_tree=main_tree, wake=wake, with_lint=True)
+    tree = build(documents, leaves.registry(), clock, main_tree=main_tree, wake=wake, with_lint=True)
+    tree.warnings += foresee(tree, settings or defaults())
+    return tree
 
 
 def find(name: str) -> str:

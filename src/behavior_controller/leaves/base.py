@@ -334,12 +334,18 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _answer(self) -> Result:
         sample = self.mission.topics.newest(self.topic)
-        is_true = sample is not None and self._counts(sample) and self.is_evidence(sample.value)
+        counts = sample is not None and self._counts(sample)
         self.judged(sample)
-        if sample is not None and is_true:
+        if sample is not None and counts and self.is_evidence(sample.value):
             return self._true(sample)
-        self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+        if sample is not None and counts and self.evidence.is_given_up(sample.value):
+            self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+            return self._false(sample)
+        self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
         return RUNNING if self._waits() else self._false(sample)
+
+    def _is_end(self, value: Any) -> bool:
+        return self.is_evidence(value) or self.evidence.is_given_up(value)
 
     def _counts(self, sample: Sample) -> bool:
         age = self.mission.clock.now() - sample.arrived
