@@ -7,8 +7,7 @@ from behavior_controller.interface import Interface, Plain, Service
 from behavior_controller.interface.robots import DEFAULT, INTERFACES, by_deadline
 from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, filled, folder, integer, key,
                                       keys_of, language_name, mission_name, one_of, port, read_configuration, seconds)
-
-YES = "yes"
+from behavior_controller.phrases import YES
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
 

@@ -74,7 +74,7 @@ def lines_of(*more, nodes=(["A::1", "A", "A", 0],), mission="/m/first.xml"):
     source = {"file": mission, "text": "-"}
     return [{"event": "TreeShown", "time": 100.0, "id": "M", "nodes": [dict(zip(keys, node)) for node in nodes]},
             {"event": "RunStarted", "time": 100.0, "mission": mission, "leaves": [], "settings": {"missionRuns": 1},
-             "sources": {"documents": [source], "phrases": source, "policy": source, "interface": "R"}}] + list(more)
+             "sources": {"documents": [source], "phrases": source, "policy": source, "interface": "R", "knowledge": []}}] + list(more)
 
 
 HEADER = {"event": "Header", "time": 100.0, "format": FORMAT, "version": VERSION, "pid": 1}

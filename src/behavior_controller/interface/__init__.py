@@ -176,6 +176,10 @@ class Interface:
             return KNOWLEDGE_FILES
         return self.service(request).name
 
+    def tells(self, sense: Sense) -> bool:
+        """Return whether the robot tells of ``sense``."""
+        return sense in self._evidence
+
     def evidence(self, sense: Sense) -> Evidence:
         """Return what tells of ``sense``. Raises LookupError if this robot cannot tell."""
         try:
