@@ -12,6 +12,7 @@ class MissionSpec(NodeSpec):
 
     calls: Tuple[type, ...] = ()  # the kinds of requests that it makes
     listens: Tuple[Sense, ...] = ()  # what it learns of the visitor from topics
+    does_without: bool = False  # on a robot that has no service for its request it succeeds and does nothing
     is_indispensable: bool = False  # no policy may skip it
     leave_out: Optional[Callable[[Any], bool]] = None
     """Notes that the mission goes on without the node, through the ports of the leaf that recovers from its failure.

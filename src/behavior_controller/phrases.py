@@ -41,9 +41,6 @@ SPEECHES = (
     Speech("SayGoodByeSpeech", False, "Says goodbye.", True, 7),
 )
 
-UTILITY_PHRASES = range(1, 9)
-"""The numbers of the utility phrases that missions of release 1.0 say; a culture file may have seven of them."""
-
 YES, NO, UNCLEAR = "yes", "no", "unclear"
 _WORD = re.compile(r"[^\W_]+(?:['’][^\W_]+)*")
 
@@ -91,15 +88,13 @@ KEYS = tuple(Key(speech.node, _TEXT, REQUIRED, "what {} says".format(speech.node
 class Phrases:
     """One language: the text of each speech, the labels of yes and no, and the phrases of visitors by what they mean.
 
-    ``utility_phrases`` are those of a culture file by number; None: there is none. ``source`` is the file that it was
-    read from.
+    ``source`` is the file that it was read from.
     """
 
     speeches: Mapping[str, str]
     tablet_options: Tuple[str, str]
     meanings: Mapping[str, Tuple[Words, ...]]
     source: Source = Source("", "")
-    utility_phrases: Optional[Mapping[int, str]] = None
     _by_first: Mapping[str, List[Tuple[Words, str]]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -118,9 +113,7 @@ class Phrases:
         return self.speeches[node]
 
     def utility(self, number: int) -> Optional[str]:
-        """Return the utility phrase of that number, without a culture file the speech that says the same; or None."""
-        if self.utility_phrases is not None:
-            return self.utility_phrases.get(number)
+        """Return the text of the speech that says the same as release 1.0's utility phrase of that number, or None."""
         return next((self.speeches[speech.node] for speech in SPEECHES if speech.utility == number), None)
 
     def spoken_answer(self, utterance: str) -> Optional[str]:

@@ -58,13 +58,6 @@ class Port(NamedTuple):
     names: Tuple[str, ...] = ()
 
 
-class Need(NamedTuple):
-    """Node types of which one must be in the mission too, and why."""
-
-    any_of: Tuple[str, ...]
-    why: str
-
-
 @dataclass(frozen=True)
 class NodeSpec:
     """One node type, and what the checks know of it. ``factory(name)`` makes a node and needs nothing running.
@@ -92,7 +85,6 @@ class NodeSpec:
     rounds: str = ""  # the port with the number of times that the child is run
     repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
     is_recovery: bool = False  # it looks at the failure of a node before it
-    needs: Optional[Need] = None
 
     @property
     def summary(self) -> str:

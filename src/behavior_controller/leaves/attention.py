@@ -1,7 +1,7 @@
 """Leaves of the robot's attention and lifelike movement, and what its cameras see of a visitor."""
 from typing import Any, Optional, Set, Tuple
 
-from behavior_controller.bt.registry import Need, Port
+from behavior_controller.bt.registry import Port
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure, Sample
 from behavior_controller.interface import Sense
@@ -145,7 +145,5 @@ SPECS = tuple(
     leaf_spec("DisableAnimateBehavior", AnimateBehavior, "Stops lifelike movement.", arguments={"state": "disabled"}),
     leaf_spec("IsVisitorDiscovered", IsVisitorDiscovered, "Is a face in view?"),
     leaf_spec("IsMutualGazeDiscovered", IsMutualGazeDiscovered,
-              "Does the visitor look at the robot, since the mode was set?",
-              needs=Need(tuple(name for name, state, _, _ in MODES if state == SEEKING),
-                         "overtAttention looks for mutual gaze only in the mode seeking")),
+              "Does the visitor look at the robot, since the mode was set?"),
 )

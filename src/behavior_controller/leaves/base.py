@@ -273,6 +273,23 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         self.report(IDLE)
 
 
+class OptionalServiceLeaf(ServiceLeaf):
+    """A leaf that has nothing to do on a robot whose interface lacks the service."""
+
+    @property
+    def resource(self) -> str:
+        """The service's canonical name; empty if there is none."""
+        return super().resource if self.mission.interface.serves(self.asks) else ""
+
+    def request(self) -> Union[Request, Failure, None]:
+        """Ask for what is wanted, if the robot has a service for it."""
+        return self.wanted() if self.mission.interface.serves(self.asks) else None
+
+    def wanted(self) -> Union[Request, Failure, None]:
+        """As ``request`` of a ServiceLeaf."""
+        raise NotImplementedError
+
+
 def is_asked_again(node: Any) -> bool:
     """Return whether a control asks this node again while a later one runs, which it would halt if it were RUNNING."""
     while node.parent is not None:
@@ -341,13 +358,19 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _answer(self) -> Result:
         sample = self.mission.topics.newest(self.topic)
-        is_true = sample is not None and self._counts(sample) and self.is_evidence(sample.value)
+        counts = sample is not None and self._counts(sample)
         self.judged(sample)
-        if sample is not None and is_true:
+        if sample is not None and counts and self.is_evidence(sample.value):
             return self._true(sample)
-        self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+        if sample is not None and counts and self.evidence.is_given_up(sample.value):
+            self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+            return self._false(sample)
+        self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
         self.mission.topics.listen(self.topic, self._wait)
         return RUNNING if self._waits() else self._false(sample)
+
+    def _is_end(self, value: Any) -> bool:
+        return self.is_evidence(value) or self.evidence.is_given_up(value)
 
     def _counts(self, sample: Sample) -> bool:
         age = self.mission.clock.now() - sample.arrived
@@ -431,5 +454,5 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
         partial(_named, leaf, choices) if choices else partial(leaf, **arguments) if arguments else leaf,
         leaf.PORTS + ports, description, names=tuple(choices or ()),
         is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
-        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
+        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (), does_without=issubclass(leaf, OptionalServiceLeaf),
         listens=(leaf.sense,) if leaf.sense is not None else (), **facts)

@@ -12,34 +12,19 @@ from behavior_controller.bt.status import IDLE, RUNNING
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface import Sense, Topic
 from behavior_controller.interface.records import Request, Say, SetPose, SetRecognition, SetRecognitionLanguage
+from behavior_controller.knowledge_files import UTILITY_PHRASES
 from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAttentionMode
-from behavior_controller.leaves.base import InstantCondition, MissionLeaf, ServiceLeaf, TopicCondition, leaf_spec
+from behavior_controller.leaves.base import (InstantCondition, MissionLeaf, OptionalServiceLeaf, TopicCondition,
+                                             leaf_spec)
 from behavior_controller.leaves.data import ATTENTION_SET_AT, EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
 from behavior_controller.leaves.gesture import IconicGesture
 from behavior_controller.leaves.knowledge import LookUp
 from behavior_controller.leaves.lifecycle import begin_pass
 from behavior_controller.leaves.speech import Question
-from behavior_controller.phrases import SPEECHES, UTILITY_PHRASES, is_error
+from behavior_controller.phrases import SPEECHES, is_error
 
 ANSWER_WAIT = 10.0
 """Seconds that GetVisitorResponse listens."""
-
-
-class OptionalServiceLeaf(ServiceLeaf):
-    """A leaf that has nothing to do on a robot whose interface lacks the service."""
-
-    @property
-    def resource(self) -> str:
-        """The service's canonical name; empty if there is none."""
-        return super().resource if self.mission.interface.serves(self.asks) else ""
-
-    def request(self) -> Union[Request, Failure, None]:
-        """Ask for what is wanted, if the robot has a service for it."""
-        return self.wanted() if self.mission.interface.serves(self.asks) else None
-
-    def wanted(self) -> Union[Request, Failure, None]:
-        """As ``request`` of a ServiceLeaf."""
-        raise NotImplementedError
 
 
 class StartOfTree(OptionalServiceLeaf):
@@ -54,8 +39,7 @@ class StartOfTree(OptionalServiceLeaf):
 
     def wanted(self) -> Optional[Request]:
         """Set the language, if speech is recognised at all."""
-        settings = self.mission.settings
-        return SetRecognitionLanguage(settings.language) if settings.asr_enabled else None
+        return SetRecognitionLanguage(self.mission.language) if self.mission.settings.asr_enabled else None
 
 
 class SetSpeechEvent(OptionalServiceLeaf):
@@ -97,10 +81,11 @@ class SayText(Question):
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase; a culture file may have none of that number."""
-        text = self.mission.phrases.utility(self.number)
+        knowledge = self.mission.knowledge
+        text = self.mission.phrases.utility(self.number) if knowledge is None else knowledge.phrases.get(self.number)
         if text is None:
             return Failure(Cause.MISSING_DATA, "there is no utility phrase {}".format(self.number), self.resource)
-        return Say(text)
+        return Say(text, self.mission.language)
 
 
 class IsVisitorPresent(TopicCondition):
@@ -151,6 +136,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
         """Forget an older answer and listen."""
         self.started_at = self.mission.clock.now()
         self._patience = self.mission.clock.call_after(ANSWER_WAIT, self.wake)
+        self.mission.topics.listen(self.topic, ANSWER_WAIT)
         return self.on_running()
 
     def on_running(self) -> Result:
@@ -173,7 +159,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
         return is_error(utterance) or self.mission.phrases.spoken_answer(utterance) is not None
 
     def _end(self, answer: str, failure: Optional[Failure] = None) -> Result:
-        self._stop_timer()
+        self._stop()
         try:
             self.set_output("visitorResponse", answer)
         except PortError as error:
@@ -182,10 +168,11 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
 
     def on_halted(self) -> None:
         """Listen no longer."""
-        self._stop_timer()
+        self._stop()
         self.report(IDLE)
 
-    def _stop_timer(self) -> None:
+    def _stop(self) -> None:
+        self.mission.topics.listen(self.topic, 0.0)
         if self._patience is not None:
             self._patience.cancel()
             self._patience = None
