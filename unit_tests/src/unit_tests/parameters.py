@@ -3,11 +3,10 @@
 All of it is in arguments, which end with the process. Parameters on a master would outlive the test, and count in the
 next one.
 """
-import dataclasses
 import os
 import random
 import sys
-from typing import Dict, FrozenSet, List
+from typing import Dict, FrozenSet, List, Mapping
 
 from behavior_controller import knowledge_files, phrases
 from behavior_controller.errors import ConfigurationError
@@ -76,17 +75,20 @@ def read_world(test: configuration.Configuration) -> World:
     controller = arguments.load_controller(given())
     if controller.interface.has_knowledge_files:
         known = knowledge_files.load()
-        knowledge = exhibits.of_files(known)
-        language = dataclasses.replace(phrases.load(known.language), utility_phrases=known.phrases)
+        knowledge, language, utility = exhibits.of_files(known), phrases.load(known.language), known.phrases
     else:
         knowledge = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
-        language = phrases.load(controller.language)
-    return World(Visitor(_manners(test.visitor_behaviour, language, knowledge)), knowledge, controller)
+        language, utility = phrases.load(controller.language), {}
+    manners = _manners(test.visitor_behaviour, language, utility, knowledge)
+    return World(Visitor(manners), knowledge, controller)
 
 
-def _manners(behaviour: str, language: phrases.Phrases, knowledge: exhibits.Knowledge) -> Manners:
-    questions = [text for speech in phrases.SPEECHES if speech.asks
-                 for text in (language.speech(speech.node), language.utility(speech.utility)) if text]
+def _manners(behaviour: str, language: phrases.Phrases, utility: Mapping[int, str],
+             knowledge: exhibits.Knowledge) -> Manners:
+    """Return a visitor's manners; ``utility`` are the phrases that the files of release 1.0 have beside the language."""
+    asking = [speech for speech in phrases.SPEECHES if speech.asks]
+    questions = [language.speech(speech.node) for speech in asking]
+    questions += [utility[speech.utility] for speech in asking if speech.utility in utility]
     yes, no = language.tablet_options
     home = knowledge.home.location
     is_on_tour = knowledge.home in knowledge.exhibits
