@@ -201,7 +201,7 @@ class StartUpCheck:
         """
         ends = time.monotonic() + self._patience
         missing = find_missing(self._parts, wake, is_stopped)
-        if self._needed(missing) and not is_stopped():
+        if self._needed(missing) and len(missing) < len(self._parts) and not is_stopped():
             self._look_for_another_robot(missing, wake, is_stopped)
         awaited: List[str] = []
         while self._needed(missing) and time.monotonic() < ends and not is_stopped():
