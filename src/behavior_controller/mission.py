@@ -44,6 +44,11 @@ class Mission:
     knowledge: Optional[Knowledge] = None
 
     @property
+    def language(self) -> str:
+        """The language that the robot speaks."""
+        return self.settings.language if self.knowledge is None else self.knowledge.language
+
+    @property
     def warnings(self) -> Tuple[Fault, ...]:
         """The warnings of mission and knowledge files."""
         return tuple(self.tree.warnings) + (self.knowledge.warnings if self.knowledge is not None else ())
