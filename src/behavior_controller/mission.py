@@ -96,8 +96,10 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
 
 def on_robot(tree: Tree, settings: Settings) -> List[Fault]:
     """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there."""
-    elements = {id(node.element): (node.element, node.spec) for node in tree.nodes if isinstance(node.spec, MissionSpec)}
-    misfits = [_misfit(element, spec, settings.interface) for element, spec in elements.values()]
+    nodes = [node for node in tree.nodes if isinstance(node.spec, MissionSpec)]
+    # what a node type does without is told at its first place alone
+    elements = {node.spec.id if node.spec.does_without else id(node.element): node for node in reversed(nodes)}
+    misfits = [_misfit(node.element, node.spec, settings.interface) for node in elements.values()]
     return [fault for fault in misfits if fault is not None] + foresee(tree, settings)
 
 
@@ -108,7 +110,7 @@ def _misfit(element: Element, spec: MissionSpec, robot: Interface) -> Optional[F
     others = " or ".join(name for name, other in INTERFACES.items() if not list(_lacking(spec, other)))
     if spec.does_without:
         return element.fault("{} does without the robot: {} has no {}".format(spec.id, robot.name, lacking),
-                             "robotInterface {} has".format(others), is_warning=True)
+                             "robotInterface {} has it".format(others), is_warning=True)
     return element.fault("{} cannot work with the robot {}: it has no {}".format(spec.id, robot.name, lacking),
                          "set robotInterface {}".format(others))
 

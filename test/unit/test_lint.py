@@ -237,8 +237,6 @@ def mission(*leaves):
     (["PerformDeicticGesture"], "(SelectExhibit, LookUpEntrance, LookUpHome or RetrieveInitialLocation writes it)"),
     (['Navigate target="2;3.5;90"', 'PerformDeicticGesture target="1;2;3"'], None),
     (["LookUpHome", "Navigate"], None),
-    (["IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),
-    (["SocialOvertAttentionMode", "IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),
     (["Navigate"], "SelectExhibit"),
     (["RetrieveListOfExhibits", "SelectExhibit", "Navigate", "DescribeExhibitSpeech"], None),
     (["SeekingOvertAttentionMode", "IsMutualGazeDiscovered"], None),
