@@ -1,6 +1,8 @@
 """A test case that waits for the mission of its launch file and compares what the simulated nodes were asked."""
 import unittest
 
+from behavior_controller.interface.robots import DEFAULT
+
 from unit_tests import parameters, reporter
 from unit_tests.facts import Facts
 from unit_tests.journal import Journal
@@ -15,8 +17,10 @@ def told(line):
     if line.node == "gestureExecution":
         target = tuple(content["location_" + axis] for axis in "xyz") if content["gesture_type"] == "deictic" else ()
         return (line.node, (content["gesture_type"], content["gesture_id"]) + target)
-    if line.node == "robotNavigation":
-        return (line.node, (content["goal_x"], content["goal_y"], content["goal_theta"]))
+    if line.node in ("robotNavigation", "robotLocalization"):
+        return (line.node, tuple(content.values()))
+    if line.node == "speechEvent":
+        return (line.node, *content.values())
     return (line.node, content[{"knowledgeBase": "parameters", "textToSpeech": "message", "tabletEvent": "message"}.get(
         line.node, "state")])
 
@@ -26,6 +30,7 @@ class MissionRun(unittest.TestCase):
 
     limit = 60.0  # seconds for the mission
     behaviour, runs = "engages", 1  # as in the launch file
+    interface, knowledge = DEFAULT, KNOWLEDGE
 
     @classmethod
     def setUpClass(cls):
@@ -33,8 +38,8 @@ class MissionRun(unittest.TestCase):
         cls.events, cls.exit_code, cut_off = reporter.wait_for_end(folder, cls.limit)
         cls.journal = Journal(folder).news()
         cls.requests = [line for line in cls.journal if line.call > 0]
-        cls.verdict = judge(Facts(cls.events, cls.journal, cls.exit_code, cls.behaviour, cls.runs, KNOWLEDGE,
-                                  cut_off))
+        cls.verdict = judge(Facts(cls.events, cls.journal, cls.exit_code, cls.behaviour, cls.runs, cls.knowledge,
+                                  cut_off, interface=cls.interface))
 
     def assert_ended_with_success(self):
         """Expect exit code 0 and a verdict without objections."""

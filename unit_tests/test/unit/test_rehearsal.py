@@ -3,7 +3,7 @@ import os
 
 import pytest
 
-from behavior_controller import folders, phrases
+from behavior_controller import folders, knowledge_files, phrases
 
 from unit_tests import configuration, exhibits
 from unit_tests.rehearsal import rehearse
@@ -37,6 +37,34 @@ def test_how_the_lab_tour_goes_with_each_visitor(behaviour, outcome, tour, goodb
     assert TOUR <= nodes(rehearsal) if tour else not TOUR & nodes(rehearsal)
     assert GOODBYE <= nodes(rehearsal) if goodbye else not GOODBYE & nodes(rehearsal)
     assert ("PressYesNoDialogue" in nodes(rehearsal)) is (not asr and behaviour != "noGaze")
+
+
+FILES = knowledge_files.load()
+QUESTION, PRESS = FILES.phrases[5], FILES.phrases[1]
+TELLS, TELLS_YES = {"asrEnabled": True}, {"asrEnabled": False, "tabletSuccessIs": "yes"}
+
+
+@pytest.mark.parametrize("chosen", (TELLS, TELLS_YES))
+@pytest.mark.parametrize("behaviour, outcome, tour, goodbye", [
+    ("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False), ("silent", "SUCCESS", False, False),
+    ("unclear", "SUCCESS", False, False), ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
+def test_how_the_tour_of_release_1_0_goes_with_each_visitor(behaviour, outcome, tour, goodbye, chosen):
+    rehearsal = play_release(behaviour, **chosen)
+    assert rehearsal.outcome == outcome
+    assert ({"SelectExhibit", "Navigate", "DescribeExhibitSpeech"} & nodes(rehearsal) != set()) is tour
+    assert ("goodbye" in nodes(rehearsal)) is goodbye
+
+
+def test_no_press_on_a_tablet_that_does_not_tell_brings_a_tour():
+    rehearsal = play_release("engages", asrEnabled=False)
+    assert rehearsal.outcome == "SUCCESS" and "PressYesNoDialogue" in nodes(rehearsal)
+    assert "SelectExhibit" not in nodes(rehearsal)
+
+
+def play_release(behaviour, **chosen):
+    manners = Manners(behaviour, [QUESTION, PRESS], *LANGUAGE.tablet_options, None)
+    return rehearse(folders.mission("release_1_0_tour"), dict(chosen, robotInterface="release-1.0"), manners,
+                    exhibits.of_files(FILES))
 
 
 def test_the_branches_are_those_of_the_nodes_with_several_children(tmp_path):

@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 import pytest
 
 from behavior_controller.interface.records import Exhibit, Location, Point
+from behavior_controller.interface.robots import INTERFACES
 
 from unit_tests import configuration
 from unit_tests.exhibits import Knowledge
@@ -560,6 +561,95 @@ def test_only_a_silent_visitor_presses_nothing():
         story = Story(behaviour, leaves=())
         story.failed("PressYesNoDialogue", "/tabletEvent/prompt_and_get_response", "missing-data", "pressed nothing")
         assert len(finished(story).objections()) == number
+
+
+# ---------------------------------------------------------------------------------------------- a robot of release 1.0
+
+PROMPT, SPEECH = "/tabletEvent/prompt_and_get_response", "/speechEvent/text"
+
+
+def of_release(story, **more):
+    return story.facts()._replace(interface=INTERFACES["release-1.0"], **more)
+
+
+@pytest.mark.parametrize("behaviour, fault, number", (
+    ("silent", None, 0), ("declines", None, 0), ("engages", None, 1), ("declines", "refused", 0),
+    ("declines", "exception", 2)))
+def test_a_refusal_of_a_tablet_that_does_not_tell_is_the_visitors_no(behaviour, fault, number):
+    story = Story(behaviour, leaves=())
+    story.call("tabletEvent", PROMPT, fault, message="'Yes'|'No'")
+    story.failed("PressYesNoDialogue", PROMPT, "refused")
+    assert len(judge(of_release(finished(story))).objections) == number
+
+
+def test_a_refusal_of_a_tablet_that_tells_is_none():
+    story = Story("declines", leaves=())
+    story.call("tabletEvent", PROMPT, message="Yes|No")
+    story.failed("PressYesNoDialogue", PROMPT, "refused")
+    assert len(finished(story).objections()) == 1
+
+
+@pytest.mark.parametrize("behaviour, number", (("unclear", 0), ("engages", 1)))
+def test_only_of_an_unclear_visitor_the_recognition_tells_an_error(behaviour, number):
+    story = Story(behaviour, leaves=())
+    story.failed("GetVisitorResponse", SPEECH, "unusable-answer")
+    assert len(judge(of_release(finished(story))).objections) == number
+
+
+def test_a_service_that_the_robot_does_not_offer_fails_by_itself():
+    story = Story("engages", leaves=())
+    story.failed("PressYesNoDialogue", PROMPT, "not-advertised")
+    facts = of_release(finished(story))
+    assert len(judge(facts).objections) == 1
+    assert judge(facts._replace(absent=frozenset({PROMPT}))).passed
+
+
+@pytest.mark.parametrize("settings, is_expected", (
+    ({"asrEnabled": False, "tabletSuccessIs": "done"}, False), ({"asrEnabled": False, "tabletSuccessIs": "yes"}, True),
+    ({"asrEnabled": True, "tabletSuccessIs": "done"}, True)))
+def test_no_tour_is_expected_where_no_yes_can_reach_the_robot(settings, is_expected):
+    story = Story()
+    story.events[0]["settings"] = settings
+    story.say("Maybe another time")
+    verdict = judge(of_release(finished(story)))
+    assert verdict.passed is not is_expected
+    assert ("no yes can reach the robot" in str(verdict)) is not is_expected
+
+
+def test_presence_tells_of_a_visitor_who_left_too():
+    story = Story("leaves", leaves=TOUR_LEAVES + ("IsVisitorPresent",))
+    story.tour(described=2)
+    assert judge(of_release(finished(story, "FAILURE"))).passed
+
+
+@pytest.mark.parametrize("number, is_farewell", (("7", True), ("3", False)))
+def test_a_text_may_be_a_goodbye(number, is_farewell):
+    story = Story("leaves", leaves=GAZING)
+    story.tour(described=2)
+    story.record("LeafFinished", uid=1, node="SayText", path="Tree::1/" + number, status="SUCCESS", resource=SAY,
+                 seconds=0.1, failure=None)
+    assert bool(judge(of_release(finished(story, "FAILURE"))).objections) is is_farewell
+
+
+def test_a_tour_may_end_where_it_began():
+    story = Story()
+    story.tour()
+    story.go(EXHIBITS[0].location.x)
+    assert finished(story).objections() == []
+
+
+def test_an_exhibit_without_a_text_needs_no_description():
+    story = Story()
+    places = tuple(place._replace(description2="") for place in EXHIBITS)
+    for place in places:
+        story.go(place.location.x)
+        story.say(place.description1)
+    facts = finished(story).facts()
+    assert judge(facts._replace(knowledge=KNOWLEDGE._replace(exhibits=places))).passed
+    assert not judge(facts).passed
+
+
+# -------------------------------------------------------------------------------------------------- what is unforeseen
 
 
 def test_what_the_verdict_does_not_know_changes_nothing():
