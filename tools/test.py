@@ -24,6 +24,7 @@ OWN = "{}.{}".format(*sys.version_info[:2])
 CORE = ["test/unit", "test/conformance"]
 TEST_PACKAGE = ["unit_tests/test/unit"]
 NETWORK = ["test/soak"]
+WORKSPACE = ["test/workspace"]
 PYTEST_LIMIT = 1200.0  # seconds
 ROSTEST_LIMIT = 600.0
 NAMED_AT_MOST = 20
@@ -80,6 +81,7 @@ def suites() -> Iterator[Suite]:
             yield other_python(name, folders, version)
     yield types_suite()
     yield pytest_suite("network", NETWORK, OWN, sys.executable, dict(os.environ))
+    yield pytest_suite("workspace", WORKSPACE, OWN, sys.executable, dict(os.environ))
     for test in sorted(glob.glob("test/rostest/*.test")) + sorted(glob.glob("unit_tests/test/rostest/*.test")):
         yield rostest_suite(test)
 
