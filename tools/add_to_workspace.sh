@@ -23,9 +23,9 @@ main() {
 refuse_another_package() {
   local other
   for other in $(grep -lsE '<name>(cssr_system|unit_tests)</name>' "$WORKSPACE"/src/*/package.xml "$WORKSPACE"/src/*/*/package.xml); do
-    other="$(dirname "$(readlink -f "$other")")"
-    case "$other/" in
-      "$REPOSITORY"/* | "$PACKAGE"/*) ;;
+    other="$(dirname "$other")"
+    case "$(readlink -f "$other/CMakeLists.txt")" in
+      "$REPOSITORY"/*) ;;
       *) fail "$other is a package of the same name: put ours into a workspace of its own, and source that one last (see the README)" ;;
     esac
   done

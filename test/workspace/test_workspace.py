@@ -1,7 +1,6 @@
 """Both packages in a user's own catkin workspace, beside a robot whose nodes live in a package of the same name."""
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -36,7 +35,6 @@ ROBOTS_MANIFEST = """<package format="2"><name>cssr_system</name><version>1.0.0<
 <maintainer email="a@example.org">a</maintainer><license>BSD</license><buildtool_depend>catkin</buildtool_depend>
 <depend>message_generation</depend><depend>message_runtime</depend><depend>rospy</depend></package>
 """
-SPEAKS = """<root BTCPP_format="4"><BehaviorTree ID="M"><WelcomeSpeech/></BehaviorTree></root>"""
 
 
 class Shell:
@@ -49,7 +47,8 @@ class Shell:
         # where packages come from is the machine's
         self.environment.update({key: value for key, value in os.environ.items()
                                  if key.startswith("PIP_") or key.lower().endswith("_proxy") or "_CERT_" in key})
-        self._sourced = "".join(". {} && ".format(path) for path in (ROS,) + sourced if os.path.exists(path))
+        ros = (ROS,) if os.path.exists(ROS) else ()
+        self._sourced = "".join(". {} && ".format(path) for path in ros + sourced)
 
     def run(self, command, limit=RUN_LIMIT):
         """Return the exit code and all that the command prints."""
@@ -120,7 +119,7 @@ def test_all_runs_from_the_workspace(home, sourced):
              "arrivalRate:=6000 failureRate:=0")
 
 
-def test_beside_a_robot_whose_package_has_the_same_name(home, workspace, tmp_path):
+def test_beside_a_robot_whose_package_has_the_same_name(home, workspace):
     robot = home / "robot_ws"
     package = robot / "src/cssr_system"
     (package / "srv").mkdir(parents=True)
@@ -134,22 +133,14 @@ def test_beside_a_robot_whose_package_has_the_same_name(home, workspace, tmp_pat
     code, text = Shell(home).run("{}/tools/add_to_workspace.sh {}".format(REPOSITORY, robot))
     assert code == 1 and "a package of the same name" in text and not (robot / "src/unit_tests").exists()
     Shell(home).do("cd {} && catkin_make".format(robot), BUILD_LIMIT)
-    (workspace / "src/cssr_system/data").resolve()
-    started = [ours.start("roslaunch unit_tests simulatedRobot.launch use_real_textToSpeech:=true failureRate:=0")]
+    started = [ours.start("roslaunch unit_tests simulatedRobot.launch use_real_textToSpeech:=true failureRate:=0 "
+                          "visitorBehaviour:=declines arrivalRate:=6000")]
     try:
         ours.do("until rostopic list >/dev/null 2>&1; do sleep 0.2; done")
         started.append(theirs.start("rosrun cssr_system textToSpeech"))
         assert started[1].stdout.readline() == "ready\n"
-        # a copy of the configuration and one mission, for this test alone
-        share = tmp_path / "share"
-        shutil.copytree(os.path.join(REPOSITORY, "config"), str(share / "config"))
-        shutil.copytree(os.path.join(REPOSITORY, "data"), str(share / "data"))
-        shutil.copytree(os.path.join(REPOSITORY, "src"), str(share / "src"))
-        (share / "data/speaks.xml").write_text(SPEAKS)
-        controller = share / "src/behavior_controller/behaviorController"
-        ours.do("PYTHONPATH={}:$PYTHONPATH /usr/bin/python3 {} _scenarioSpecification:=speaks _missionRuns:=1 "
-                "_startupTimeout:=30 _groot2Port:=0 _monitorPort:=0 _recordDirectory:=none".format(
-                    share / "src", controller))
+        ours.do("rosrun cssr_system behaviorController _missionRuns:=1 _startupTimeout:=30 _groot2Port:=0 "
+                "_monitorPort:=0 _recordDirectory:=none")
         assert re.match("said: .", started[1].stdout.readline())
     finally:
         for process in started:
