@@ -25,6 +25,11 @@ TEST_PACKAGES="chromium chromium-driver fonts-dejavu-core python3-selenium"
 # the interpreters of the two platforms
 PYTHONS="3.8 3.11"
 
+# what rospy and the tests of the ROS edge import
+ROS_MODULES="
+  actionlib actionlib_msgs catkin catkin_pkg genmsg genpy geometry_msgs rosclean roscpp rosgraph rosgraph_msgs roslib rospkg rospy rostest
+  rosunit std_msgs"
+
 REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 . "$REPOSITORY/tools/progress.sh"
 . "$REPOSITORY/tools/environment.sh"
@@ -103,6 +108,19 @@ make_other_environments() {
       python="$(find_python "$version")"
       [ -z "$python" ] || make_environment "$BUILD/venv-$version" "$python"
     fi
+  done
+  link_ros_modules
+}
+
+# ROS for an interpreter that is not the system's: rospy and what it imports are plain Python; other packages of the
+# system are compiled for its own interpreter, and must not be found.
+link_ros_modules() {
+  local module
+  rm -rf "$BUILD/ros_modules"
+  mkdir "$BUILD/ros_modules"
+  for module in $ROS_MODULES; do
+    [ ! -d "/usr/lib/python3/dist-packages/$module" ] ||
+      ln -s "/usr/lib/python3/dist-packages/$module" "$BUILD/ros_modules/$module"
   done
 }
 
