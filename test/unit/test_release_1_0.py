@@ -1,9 +1,10 @@
 """The words of release 1.0's missions: arguments, what each does on either robot, and whole missions in virtual time."""
+import os
 import re
 
 import pytest
 
-from behavior_controller import leaves, policy, settings
+from behavior_controller import folders, leaves, policy, settings
 from behavior_controller.bt.compiler import load_text
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, MissionError
@@ -139,6 +140,15 @@ def test_the_start_forgets_the_last_visitor_and_is_told():
     assert (result, rig.requests) == (SUCCESS, [])
     assert [event.text for event in rig.of(Noticed)] == ["a pass begins"]
     assert "exhibits" not in rig.tree.blackboard.local
+
+
+def test_the_page_has_each_word_with_its_arguments():
+    with open(os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "release_1_0.md"),
+              encoding="utf-8") as page:
+        rows = [line.strip("| ").split(" | ") for line in page if line.startswith("| ") and line.count("|") == 4]
+    arguments = {word: row[1] for row in rows for word in row[0].split(", ")}
+    for spec in SPECS:
+        assert {name for name in spec.names if name not in re.split("[^a-z0-9]+", arguments[spec.id])} == set()
 
 
 # ---------------------------------------------------------------------------------------------------------- the arguments
