@@ -58,7 +58,7 @@ def _once(nodes: Iterable[Any]) -> List[Any]:
 
 def _of_one(node: Any, states: Set[State], settings: Settings) -> Iterator[Fault]:
     """Yield what is wrong with a mission leaf that is reached with ``states``."""
-    if isinstance(node, TopicCondition) and states:
+    if isinstance(node, TopicCondition) and states and settings.interface.tells(node.sense):
         mode = settings.interface.evidence(node.sense).mode
         if mode and mode not in {state.mode for state in states}:
             yield node.element.fault(

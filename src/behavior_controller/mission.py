@@ -96,10 +96,10 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
 
 def on_robot(tree: Tree, settings: Settings) -> List[Fault]:
     """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there."""
-    nodes = [node for node in tree.nodes if isinstance(node.spec, MissionSpec)]
+    nodes = [(node.element, node.spec) for node in reversed(tree.nodes) if isinstance(node.spec, MissionSpec)]
     # what a node type does without is told at its first place alone
-    elements = {node.spec.id if node.spec.does_without else id(node.element): node for node in reversed(nodes)}
-    misfits = [_misfit(node.element, node.spec, settings.interface) for node in elements.values()]
+    elements = {spec.id if spec.does_without else id(element): (element, spec) for element, spec in nodes}
+    misfits = [_misfit(element, spec, settings.interface) for element, spec in elements.values()]
     return [fault for fault in misfits if fault is not None] + foresee(tree, settings)
 
 

@@ -1,9 +1,10 @@
 """The words of release 1.0's missions: arguments, what each does on either robot, and whole missions in virtual time."""
+import os
 import re
 
 import pytest
 
-from behavior_controller import leaves, policy, settings
+from behavior_controller import folders, leaves, policy, settings
 from behavior_controller.bt.compiler import load_text
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, MissionError
@@ -141,6 +142,15 @@ def test_the_start_forgets_the_last_visitor_and_is_told():
     assert "exhibits" not in rig.tree.blackboard.local
 
 
+def test_the_page_has_each_word_with_its_arguments():
+    with open(os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "release_1_0.md"),
+              encoding="utf-8") as page:
+        rows = [line.strip("| ").split(" | ") for line in page if line.startswith("| ") and line.count("|") == 4]
+    arguments = {word: row[1] for row in rows for word in row[0].split(", ")}
+    for spec in SPECS:
+        assert {name for name in spec.names if name not in re.split("[^a-z0-9]+", arguments[spec.id])} == set()
+
+
 # ---------------------------------------------------------------------------------------------------------- the arguments
 
 
@@ -237,9 +247,10 @@ def test_after_ten_seconds_the_answer_is_empty(robot):
 @pytest.mark.parametrize("text", ["Error: no speech", "There was an Error", "error"])
 def test_an_error_of_the_recognition_is_a_failure_at_once_and_the_policy_goes_on_without(text):
     rig, speech = listening()
-    rig.topics.publish(speech, text)
     rig.clock.advance(0.1)
+    rig.tree.wake.test_and_clear()
     rig.topics.publish(speech, text)
+    assert rig.tree.wake.test_and_clear()
     assert (rig.tick(), stored(rig)) == (FAILURE, "")
     failure = rig.of(LeafFinished)[0].failure
     assert (failure.cause, failure.resource) == (Cause.UNUSABLE_ANSWER, "/speechEvent/text")
@@ -511,6 +522,17 @@ def test_the_same_mission_runs_on_a_robot_of_the_document(changed):
     assert not any(isinstance(request, (SetPose, SetRecognition, SetRecognitionLanguage)) for request in rig.requests)
 
 
+def test_what_a_robot_of_the_document_lacks_is_told_once_at_its_first_place():
+    rig = Rig(TOUR)
+    lines = TOUR.split("\n")
+    told = [(lines[fault.line - 1].strip(), fault.text.split(" does")[0]) for fault in rig.tree.warnings
+            if "has no service" in fault.text]
+    assert sorted(told) == [
+        ('<Fallback><SetRobotPose/><HandleFallBack/></Fallback>', "SetRobotPose"),
+        ('<Fallback><SetSpeechEvent name="false"/><HandleFallBack/></Fallback>', "SetSpeechEvent"),
+        ("<ResetRobotPose/>", "ResetRobotPose"), ("<StartOfTree/>", "StartOfTree")]
+
+
 @pytest.mark.parametrize("kind, times", [(SetAnimation, 2), (SetAttention, 2), (SetRecognition, 2), (SetPose, 2),
                                          (PerformGesture, 2), (Say, 2), (GoTo, 3)])
 def test_a_refused_step_is_recovered_as_the_policy_says(kind, times):
@@ -570,6 +592,7 @@ NEVER = "{} can never succeed: overtAttention tells of the visitor's {} only in 
     ("<SeekOvertAttentionMode/>\n<IsMutualGazeDiscovered/>", None, None),
     ("<Fallback>{}<HandleFallBack/></Fallback>\n<IsMutualGazeDiscovered/>".format(mode("seeking")), None, None),
     ("<Parallel>{}<SayText name='4'/></Parallel>\n<IsMutualGazeDiscovered/>".format(mode("seeking")), None, None),
+    ("<Parallel><IsMutualGazeDiscovered/>{}</Parallel>".format(mode("seeking")), None, None),
     ("\n<IsVisitorDiscovered/>" + mode("scanning"), RELEASE, ("IsVisitorDiscovered", "visitor", "scanning")),
     (mode("scanning") + "\n<IsVisitorDiscovered/>", RELEASE, None),
     (mode("scanning") + "\n<IsVisitorPresent/>", RELEASE, ("IsVisitorPresent", "presence", "social")),
@@ -596,6 +619,8 @@ GONE = "<Fallback><IsVisitorPresent/><ForceFailure><Navigate target='1;2;3'/></F
     ("<Sequence><ForceSuccess>{}</ForceSuccess><IsVisitorPresent/>\n<SayText name='7'/></Sequence>", False),
     ("<Sequence><ForceSuccess>{}</ForceSuccess><ScriptCondition code='@x'/>\n<SayText name='7'/></Sequence>", False),
     ("<Sequence><ForceSuccess>{}</ForceSuccess>\n<SayText name='7' _skipIf='@x'/></Sequence>", False),
+    ("<Sequence>{}" + mode("seeking") + "<ForceSuccess><IsMutualGazeDiscovered/></ForceSuccess>\n<SayText name='7'/>"
+     "</Sequence>", False),
     ("<IfThenElse>{}\n<SayText name='7'/><AlwaysFailure/></IfThenElse>", False),
     ("<IfThenElse>{}<AlwaysSuccess/>\n<SayText name='7'/></IfThenElse>", True),
     ("<Sequence><Fallback>{}<HandleFallBack/></Fallback>\n<SayText name='7'/></Sequence>", False),

@@ -2,7 +2,7 @@
 
 Most are a leaf of D5.4.3 with the argument as its constant.
 """
-from typing import Optional, Union
+from typing import Any, Optional, Union
 
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.leaf import ActionLeaf
@@ -120,17 +120,15 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
     listens = Sense.UTTERANCE
     sense = Sense.UTTERANCE
     PORTS = (VISITOR_RESPONSE.written(),)
+    topic: Topic
     _patience: Optional[Timer] = None
 
-    @property
-    def topic(self) -> Topic:
-        """The topic of utterances."""
-        return self.mission.interface.evidence(self.sense).topic
-
-    @property
-    def resource(self) -> str:
-        """The topic's canonical name."""
-        return self.topic.name
+    def setup(self, **kwargs: Any) -> None:
+        """Find the topic of utterances."""
+        super().setup(**kwargs)
+        if "mission" in kwargs:
+            self.topic = self.mission.interface.evidence(self.sense).topic
+            self.resource = self.topic.name
 
     def on_start(self) -> Result:
         """Forget an older answer and listen."""
