@@ -108,7 +108,7 @@ def _ending(exit_code: Optional[int]) -> str:
 
 def _outcomes(facts: Facts) -> Iterator[str]:
     """Object to passes that did not end as the visitor's behaviour predicts; once to those of one cause."""
-    expected = "FAILURE" if _is_never_met(facts) or _is_deserted(facts) else "SUCCESS"
+    expected = _expected_outcome(facts)
     alike: Dict[object, List[Pass]] = {}
     for a_pass in passes(facts):
         if a_pass.outcome != expected:
@@ -117,6 +117,19 @@ def _outcomes(facts: Facts) -> Iterator[str]:
         events = [event for a_pass in group for event in a_pass.events]
         yield "{} ended with {}; a visitor who {} should bring {} ({}{})".format(
             _numbers(group), group[0].outcome, DOES[facts.behaviour], expected, _last_failure(events), _hint(*group))
+
+
+def _expected_outcome(facts: Facts) -> str:
+    """Return how a pass should end; without a tour, that is for the mission to say: as it does in the rehearsal."""
+    if _is_never_met(facts) or _is_deserted(facts):
+        return "FAILURE"
+    if (_is_declined(facts) or _is_mute(facts)) and facts.rehearsal is not None:
+        return facts.rehearsal.outcome
+    return "SUCCESS"
+
+
+def _is_declined(facts: Facts) -> bool:
+    return facts.behaviour in (DECLINES, SILENT, UNCLEAR) and bool(ASKING & _mission_nodes(facts))
 
 
 def _numbers(group: Sequence[Pass]) -> str:
@@ -200,11 +213,9 @@ def _exhibits(facts: Facts) -> Iterator[str]:
         elif _is_deserted(facts):
             yield from _left_out(a_pass, facts, EXHIBITS_BEFORE_LEAVING)
             yield from _waved_after(a_pass)
-        elif a_pass.outcome != "SUCCESS":
-            continue  # why it failed is told already
-        elif facts.behaviour in (DECLINES, SILENT, UNCLEAR) and ASKING & nodes:
+        elif _is_declined(facts):
             yield from _unwanted(a_pass)
-        else:
+        elif a_pass.outcome == "SUCCESS":  # why it failed is told already
             yield from _left_out(a_pass, facts, len(facts.knowledge.exhibits))
 
 

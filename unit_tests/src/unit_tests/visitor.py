@@ -37,6 +37,9 @@ GAZE_VALUES: Dict[int, Dict[str, int]] = {
 }
 """The ``value`` of /overtAttention/mode while seeking, for each ``mutualGazeValue`` of the controller."""
 
+LOOKS = 10
+"""How often a robot seeks the gaze of a visitor who does not look back, before it gives up."""
+
 LOOKED_FOR, FOUND = 1, 2
 """Its ``value`` in other modes, on a robot whose attention tells of visitors."""
 
@@ -121,13 +124,11 @@ class Visitor:
         return self.is_here and self.manners.behaviour != NO_GAZE
 
     def gaze(self) -> str:
-        """Return what a robot that seeks mutual gaze finds at its next look: the second look is returned."""
-        if not self.is_here:
-            return GAZE_FAILED
-        if not self.looks_back:
-            return STILL_SEEKING
+        """Return what a robot that seeks mutual gaze finds at its next look: the second look is returned, or none is."""
         self._looks += 1
-        return MUTUAL_GAZE if self._looks > 1 else STILL_SEEKING
+        if not self.is_here or self._looks > LOOKS and not self.looks_back:
+            return GAZE_FAILED
+        return MUTUAL_GAZE if self._looks > 1 and self.looks_back else STILL_SEEKING
 
     def utterance(self) -> str:
         """Return what is made out of the visitor's words next; empty: there are none.

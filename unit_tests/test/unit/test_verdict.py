@@ -616,6 +616,14 @@ def test_no_tour_is_expected_where_no_yes_can_reach_the_robot(settings, is_expec
     assert ("no yes can reach the robot" in str(verdict)) is not is_expected
 
 
+@pytest.mark.parametrize("behaviour, objections", (("declines", 0), ("engages", 1)))
+def test_without_a_tour_the_mission_says_how_a_pass_ends(behaviour, objections):
+    facts = finished(Story(behaviour), "FAILURE").facts()
+    facts = facts._replace(rehearsal=Rehearsal("FAILURE", frozenset(), ()))
+    assert len(judge(facts).objections) == objections
+    assert len(judge(facts._replace(rehearsal=None)).objections) == 1
+
+
 def test_presence_tells_of_a_visitor_who_left_too():
     story = Story("leaves", leaves=TOUR_LEAVES + ("IsVisitorPresent",))
     story.tour(described=2)
