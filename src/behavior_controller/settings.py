@@ -4,9 +4,10 @@ from types import MappingProxyType
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from behavior_controller.interface import Interface, Plain, Service
-from behavior_controller.interface.robots import DEFAULT, INTERFACES, services
+from behavior_controller.interface.robots import DEFAULT, INTERFACES, by_deadline
 from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, filled, folder, integer, key,
                                       keys_of, language_name, mission_name, one_of, port, read_configuration, seconds)
+from behavior_controller.phrases import YES
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
 
@@ -24,6 +25,8 @@ class Settings:
     asr_enabled: bool = key(boolean, REQUIRED, "true: visitors answer by voice; false: on the tablet")
     robot_interface: str = key(
         one_of(*INTERFACES), DEFAULT.name, "the interface that the robot's nodes speak")
+    tablet_success_is: str = key(
+        one_of("done", YES), "done", "release-1.0: yes takes what is pressed on the tablet for yes, done for no answer")
     language: str = key(language_name, "English", "the robot's phrases: data/phrases_<language>.ini")
     mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0 is for ever")
     startup_timeout: float = key(seconds(), 0.0, "seconds to wait for missing robot nodes at the start")
@@ -69,13 +72,14 @@ class Settings:
 _FIELDS = keys_of(Settings)
 
 KEYS: Tuple[Key, ...] = tuple(_FIELDS.values()) + tuple(
-    Key(service.deadline_key, seconds(0.001), service.deadline, "seconds that {} may take".format(service.name))
-    for service in services())
+    Key(each[0].deadline_key, seconds(0.001), each[0].deadline, "seconds that {} may take".format(
+        " or ".join(dict.fromkeys(service.name for service in each))))
+    for each in by_deadline())
 
 
 def _settings(values: Mapping[str, object]) -> Settings:
     """Return the settings that have these values, one for each of ``KEYS``."""
-    deadlines = {each.deadline_key: values[each.deadline_key] for each in services()}
+    deadlines = {each[0].deadline_key: values[each[0].deadline_key] for each in by_deadline()}
     return filled(Settings, values, deadlines=MappingProxyType(deadlines))
 
 

@@ -81,12 +81,38 @@ class Prompt:
 
 @dataclass(frozen=True)
 class Say:
-    """Speak ``text``; answered when it has been spoken."""
+    """Speak ``text``; answered when it has been spoken. A robot of release 1.0 is told its ``language``."""
 
     text: str
+    language: str = "English"
 
 
-Request = Union[SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say]
+# -------------------------------------------------------------------------------------------- requests of release 1.0
+
+
+@dataclass(frozen=True)
+class SetPose:
+    """Tell the localization that the robot stands at ``pose``."""
+
+    pose: Location
+
+
+@dataclass(frozen=True)
+class SetRecognition:
+    """Switch speech recognition on or off."""
+
+    is_enabled: bool
+
+
+@dataclass(frozen=True)
+class SetRecognitionLanguage:
+    """Recognise speech of ``language``."""
+
+    language: str
+
+
+Request = Union[SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say, SetPose, SetRecognition,
+                SetRecognitionLanguage]
 
 
 class Answer(NamedTuple):

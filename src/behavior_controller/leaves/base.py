@@ -3,6 +3,7 @@
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
 """
 import itertools
+import math
 from functools import partial
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
 
@@ -21,6 +22,7 @@ from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
 from behavior_controller.interface import Evidence, Sense, Topic
 from behavior_controller.interface.records import Answer, Request
+from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves import data
 from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.phrases import Phrases
@@ -65,8 +67,11 @@ class MissionContext:
     """What the leaves of a running mission share. ``setup(mission=…)`` hands it to each."""
 
     def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases, policy: Policy,
-                 clock: Clock, events: Events, health: Optional[Health] = None):
-        """``health`` tells what is known of the robot's nodes; without it they count as well."""
+                 clock: Clock, events: Events, health: Optional[Health] = None, knowledge: Optional[Knowledge] = None):
+        """``health`` tells what is known of the robot's nodes; without it they count as well.
+
+        ``knowledge`` is that of files, where they stand for a knowledge base.
+        """
         self.gateway = gateway
         self.topics = topics
         self.settings = settings
@@ -76,6 +81,8 @@ class MissionContext:
         self.clock = clock
         self.events = events
         self.health = health or Health()
+        self.knowledge = knowledge
+        self.language = settings.language if knowledge is None else knowledge.language
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget
         self._shared: Dict[Any, Any] = {}
@@ -228,8 +235,8 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
     @property
     def resource(self) -> str:
-        """The service's canonical name."""
-        return self.mission.interface.service(self.asks).name
+        """The service's canonical name, or the files."""
+        return self.mission.interface.resource(self.asks)
 
     def request(self) -> Union[Request, Failure, None]:
         """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
@@ -338,6 +345,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if sample is not None and is_true:
             return self._true(sample)
         self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+        self.mission.topics.listen(self.topic, self._wait)
         return RUNNING if self._waits() else self._false(sample)
 
     def _counts(self, sample: Sample) -> bool:
@@ -347,6 +355,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _true(self, sample: Sample) -> Result:
         self._stop_timers()
+        self.mission.topics.listen(self.topic, 0.0)
         if self.topic.is_continuous:
             self.mission.topics.wake_when(self.uid, self.topic, lambda value: not self.is_evidence(value))
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
@@ -372,14 +381,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         self._told = telling
         return self.failed(failure)
 
-    def _waits(self) -> bool:
+    @property
+    def _wait(self) -> float:
+        """Seconds that the condition waits for its evidence."""
         wait = self.evidence.wait
-        if wait is None:
-            wait = self.mission.settings.condition_wait
-        if wait <= 0.0 or self._is_over or is_asked_again(self):
+        return self.mission.settings.condition_wait if wait is None else wait
+
+    def _waits(self) -> bool:
+        if self._wait <= 0.0 or self._is_over or is_asked_again(self):
             return False
-        if self._patience is None:
-            self._patience = self.mission.clock.call_after(wait, self._give_up)
+        if self._patience is None and self._wait < math.inf:
+            self._patience = self.mission.clock.call_after(self._wait, self._give_up)
         return True
 
     def _give_up(self) -> None:
@@ -395,6 +407,8 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def halt(self) -> None:
         """Stop waiting."""
+        if self.status is RUNNING:
+            self.mission.topics.listen(self.topic, 0.0)
         self._stop_timers()
         super().halt()
 

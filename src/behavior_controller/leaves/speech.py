@@ -23,7 +23,7 @@ class FixedSpeech(ServiceLeaf):
 
     def request(self) -> Request:
         """Say the phrase."""
-        return Say(self.mission.phrases.speech(self.phrase))
+        return Say(self.mission.phrases.speech(self.phrase), self.mission.language)
 
 
 class Question(FixedSpeech):
@@ -83,7 +83,7 @@ class DescribeExhibitSpeech(ServiceLeaf):
         if part not in self.PARTS:
             return Failure(Cause.MISSING_DATA, "the part cannot be {}".format(part), self.resource)
         text = " ".join(filter(None, (self.get_input_or(port, "") for port in self.PARTS[part])))
-        return Say(text) if text else None
+        return Say(text, self.mission.language) if text else None
 
 
 SPECS = tuple(
