@@ -2,7 +2,8 @@
 from typing import Iterable, Sequence, Tuple
 
 from behavior_controller.bt.registry import Direction, Port
-from behavior_controller.interface.robots import DEFAULT
+from behavior_controller.interface import Interface
+from behavior_controller.interface.robots import DEFAULT, INTERFACES
 from behavior_controller.leaves import SPECS, data
 from behavior_controller.mission_spec import MissionSpec, whole_mission
 
@@ -10,7 +11,7 @@ from behavior_controller.mission_spec import MissionSpec, whole_mission
 def nodes(specs: Iterable[MissionSpec]) -> str:
     """Return a table of what each node does, calls, listens to, reads and writes."""
     return _table([("node", "does", "service or topic", "blackboard")] + [
-        (spec.id, spec.description, _offers(spec), _uses(spec.ports)) for spec in specs])
+        (spec.id, spec.summary, _offers(spec), _uses(spec.ports)) for spec in specs])
 
 
 def entries() -> str:
@@ -27,8 +28,13 @@ def _table(rows: Sequence[Tuple[str, ...]]) -> str:
 def _offers(spec: MissionSpec) -> str:
     if spec.is_recovery:
         return "that of the failed node"
-    return ", ".join([DEFAULT.service(request).name for request in spec.calls]
+    return ", ".join([_robot(request).resource(request) for request in spec.calls]
                      + [DEFAULT.evidence(sense).topic.name for sense in spec.listens]) or "–"
+
+
+def _robot(request: type) -> Interface:
+    """Return the interface of the first robot that has a service for a kind of request."""
+    return next(robot for robot in INTERFACES.values() if robot.serves(request))
 
 
 def _uses(ports: Iterable[Port]) -> str:
