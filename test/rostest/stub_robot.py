@@ -24,6 +24,9 @@ from cssr_system.srv import (animateBehaviorService, gestureExecutionService, kn
                              overtAttentionService, robotNavigationService, textService)
 from std_msgs.msg import String
 
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.ros.types import TYPES
+
 
 def _places(request):
     names = {"entrance": ["entrance"], "home": ["home"]}.get(request.parameters, ["pepper", "arm"])
@@ -43,6 +46,21 @@ SERVICES = {  # name: type, values of the response for success, refusal and an o
 }
 TOPICS = {"/faceDetection/data": faceDetectionMessage, "/overtAttention/mode": overtAttentionMessage,
           "/speechEvent/text": String}
+
+
+def _declared(service):
+    """Return the row of SERVICES for a service of which these tests say nothing."""
+    kind, (field, done, refused) = TYPES[service], service.success
+
+    def response(value):
+        return [value if slot == field else getattr(kind._response_class(), slot) for slot in kind._response_class.__slots__]
+    return kind, lambda request: response(done), response(refused), response(refused)
+
+
+for service in INTERFACE.services:
+    SERVICES.setdefault(service.name, _declared(service))
+for topic in INTERFACE.topics:
+    TOPICS.setdefault(topic.name, TYPES[topic])
 
 
 def tell(**event):
