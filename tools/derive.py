@@ -15,7 +15,7 @@ sys.path[:0] = [os.path.join(ROOT, "src"), os.path.join(ROOT, "unit_tests", "src
 
 from behavior_controller import leaves, settings  # noqa: E402
 from behavior_controller.bt.registry import Direction, NodeSpec, Port  # noqa: E402
-from behavior_controller.interface.document import INTERFACE  # noqa: E402
+from behavior_controller.interface.robots import DEFAULT  # noqa: E402
 from behavior_controller.keys import REQUIRED, Key, to_text  # noqa: E402
 from behavior_controller.leaves import data  # noqa: E402
 from behavior_controller.mission_spec import MissionSpec, whole_mission  # noqa: E402
@@ -46,8 +46,8 @@ def keys_table(heading: str, keys: Iterable[Key]) -> str:
 def offers() -> str:
     """Return a table of the services that are called, and one of the topics that are read."""
     rows = [("`{}`".format(offer.name), "`{}`".format(offer.type.replace("cssr_system/", "")), offer.absence)
-            for offer in INTERFACE.offers]
-    services = len(INTERFACE.services)
+            for offer in DEFAULT.offers]
+    services = len(DEFAULT.services)
     return "\n\n".join((_table([("service called", "type", "without it")] + rows[:services]),
                         _table([("topic read", "type", "without it")] + rows[services:])))
 
@@ -72,8 +72,8 @@ def _table(rows: Sequence[Tuple[str, ...]]) -> str:
 def _resources(spec: NodeSpec) -> str:
     if spec.is_recovery:
         return "that of the failed node"
-    names = [INTERFACE.service(request).name for request in spec.calls] + [
-        topic.name for topic in spec.listens] if isinstance(spec, MissionSpec) else []
+    names = [DEFAULT.service(request).name for request in spec.calls if DEFAULT.serves(request)] + [
+        DEFAULT.evidence(sense).topic.name for sense in spec.listens] if isinstance(spec, MissionSpec) else []
     return ", ".join(names) or "–"
 
 

@@ -10,9 +10,10 @@ from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.events import LeafFinished
 from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.document import SPEECH
+from behavior_controller.interface import Sense
 from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.leaves import registry
 from behavior_controller.leaves.base import FailureLog, MissionLeaf, ServiceLeaf
 from behavior_controller.leaves.speech import FixedSpeech
@@ -391,8 +392,14 @@ def test_a_finished_leaf_tells_its_service_or_topic(leaf, answer, expected):
 
 def test_requests_and_topics_of_a_node_type_are_those_of_its_leaf():
     spec = {found.id: found for found in leaves.SPECS}
-    assert (spec["Navigate"].calls, spec["IsYesNoUttered"].listens) == ((GoTo,), (SPEECH,))
+    assert (spec["Navigate"].calls, spec["IsYesNoUttered"].listens) == ((GoTo,), (Sense.UTTERANCE,))
     assert (spec["SelectExhibit"].calls, spec["HandleFallBack"].calls) == ((), ())
+
+
+def test_each_request_of_a_leaf_has_its_service():
+    lacking = [(spec.id, request.__name__) for spec in leaves.SPECS for request in spec.calls
+               if not any(robot.serves(request) for robot in INTERFACES.values())]
+    assert lacking == [], "no service is declared for the request in behavior_controller.interface"
 
 
 def test_each_leaf_that_calls_a_service_says_what_it_asks_for():
