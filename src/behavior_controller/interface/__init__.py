@@ -13,7 +13,7 @@ from behavior_controller.interface.records import Answer, QueryKnowledge, Reques
 Message = Any  # type: ignore
 """A message or response as ROS makes it; these classes are generated and have no types."""
 
-Asked = TypeVar("Asked")
+Asked = TypeVar("Asked", bound=Request)
 Value = TypeVar("Value")
 Plain = Union[bool, int, float, str]
 

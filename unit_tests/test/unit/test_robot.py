@@ -45,10 +45,6 @@ def test_each_kind_of_request_has_a_robot_that_is_asked_so():
     assert {service.request for interface in INTERFACES.values() for service in interface.services} == set(SERVICES)
 
 
-def test_each_simulated_node_has_its_executable():
-    assert set(NODES) - set(os.listdir(os.path.join(configuration.share(), "nodes"))) == set()
-
-
 @pytest.mark.parametrize("kind, request_fields, answer", (
     (SetAnimation, {"state": "enabled"}, Answer()),
     (SetAttention, {"state": "seeking"}, Answer()),
