@@ -1,4 +1,4 @@
-"""Simulated robot for testing the mission interpreter: nine nodes with a visitor in front of them, and a verdict.
+"""Simulated robot for testing the mission interpreter: nodes with a visitor in front of them, and a verdict.
 
 Reading order: ``configuration``; ``journal``, where the simulated nodes write what they were asked; ``arrivals``,
 ``faults`` and ``visitor``, the three models; ``robot``, what each node answers and publishes; ``facts``, ``matching``,
