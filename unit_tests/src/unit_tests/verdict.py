@@ -252,7 +252,7 @@ def _left_out(a_pass: Pass, facts: Facts, count_of_exhibits: int) -> Iterator[st
         stop = stops.get((exhibit.location.x, exhibit.location.y))
         if stop is None:
             yield "pass {}: the robot did not get to exhibit {}".format(a_pass.number, exhibit.name)
-        elif not _is_described(exhibit, stop) and not _could_not_seek(stop):
+        elif not _is_described(exhibit, stop) and not _could_not_seek(stop, facts):
             yield "pass {}: exhibit {} was not described{}".format(a_pass.number, exhibit.name, _hint(a_pass))
 
 
@@ -277,11 +277,12 @@ def _is_described(exhibit: Exhibit, stop: Sequence[Line]) -> bool:
     return {text for text in (exhibit.description1, exhibit.description2) if text} <= texts
 
 
-def _could_not_seek(stop: Sequence[Line]) -> bool:
-    """Whether every attempt to seek the visitor's gaze was made to fail, so that no visitor was found."""
-    tries = [line for line in stop
-             if line.node == "overtAttention" and line.call > 0 and line.content["state"] == "seeking"]
-    return bool(tries) and not any(line.done for line in tries)
+def _could_not_seek(stop: Sequence[Line], facts: Facts) -> bool:
+    """Whether every attempt at a mode of attention that tells of the visitor was made to fail, so that none was found."""
+    modes = {facts.interface.evidence(sense).mode for sense in (Sense.GAZE, Sense.PRESENCE) if facts.interface.tells(sense)}
+    tries = [line for line in stop if line.node == "overtAttention" and line.call > 0]
+    return any(not any(line.done for line in tries if line.content["state"] == mode)
+               for mode in modes & {line.content["state"] for line in tries})
 
 
 def _objections(facts: Facts) -> Iterator[str]:

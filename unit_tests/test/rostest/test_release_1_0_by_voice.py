@@ -45,7 +45,7 @@ def visit(place):
 
 
 TOUR = [request for place in FILES.tour for request in visit(place)]
-END = [say(6), iconic(3), say(7)] + drive(START) + [SET_POSE]
+END = [attend("social"), say(6), iconic(3), say(7)] + drive(START) + [SET_POSE]
 
 
 class TestRelease10ByVoice(MissionRun):

@@ -639,6 +639,18 @@ def test_a_text_may_be_a_goodbye(number, is_farewell):
     assert bool(judge(of_release(finished(story, "FAILURE"))).objections) is is_farewell
 
 
+@pytest.mark.parametrize("second_try, is_excused", (("refused", True), (None, False)))
+def test_a_visitor_whom_attention_was_not_let_look_for_need_not_be_told_anything(second_try, is_excused):
+    story = Story()
+    story.tour(described=2)
+    for fault in ("refused", second_try):
+        story.call("overtAttention", ATTEND, fault, state="social")
+        if fault:
+            story.failed("SetOvertAttentionMode", ATTEND, "refused")
+    assert (judge(of_release(finished(story))).objections == ()) is is_excused
+    assert story.objections() != []
+
+
 def test_a_tour_may_end_where_it_began():
     story = Story()
     story.tour()
