@@ -11,7 +11,7 @@ import rospy
 import rosservice
 import rostest
 import rostopic
-from cssr_system.srv import robotNavigationService, textService
+from cssr_system.srv import robotNavigationService, robotPoseService, textService
 
 # node, service and its type, topic and its type: contract, sections 2 and 3
 TABLE = (
@@ -75,6 +75,17 @@ class TestNodesAlone(unittest.TestCase):
                     ("roslaunch", "unit_tests", launch, "use_real_{}:=true".format(node), "--nodes"),
                     universal_newlines=True, env=dict(os.environ, ROS_HOME=self.home.name), timeout=LIMIT)
                 self.assertEqual(names & set(listed.split()), names - {"/" + node})
+
+    def test_a_robot_of_release_1_0_has_a_node_that_another_has_not(self):
+        process = self.start("robotLocalization")
+        output, _ = process.communicate(timeout=LIMIT)
+        self.assertEqual((output, process.returncode), (
+            "robotLocalization: this robot has no such node: choose another robotInterface\n", 2))
+        self.start("robotLocalization", "_robotInterface:=release-1.0", "_failureRate:=0")
+        rospy.wait_for_service("/robotLocalization/set_pose", LIMIT)
+        set_pose = rospy.ServiceProxy("/robotLocalization/set_pose", robotPoseService)
+        self.assertTrue(set_pose(1.0, -2.0, 90.0).success)
+        self.assertFalse(set_pose(1.0, float("nan"), 90.0).success)
 
     def test_a_wrong_configuration_is_one_line_and_exit_code_2(self):
         process = self.start("textToSpeech", "_failureRate:=2")
