@@ -123,7 +123,7 @@ class _Replay:
         self._now: List[Tuple[str, str]] = []
         chosen = _restored("configuration", lambda: settings.recorded(started.settings, "settings"))
         spoken = _restored("phrases", lambda: phrases.read(sources.phrases))
-        rules = _restored("recovery policy", lambda: policy.read(sources.policy, leaves.SPECS))
+        rules = _restored("recovery policy", lambda: policy.read(sources.policy, leaves.mission_specs()))
         known = _restored("knowledge", lambda: _knowledge(sources.knowledge, INTERFACES[sources.interface]))
         self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
         restored = Mission(chosen, started.mission, spoken, rules, self.tree, known)

@@ -1,7 +1,8 @@
 """A recorded run as one self-contained web page: what happened when, and the tree with the outcome of each node."""
 import datetime
+import functools
 import html
-from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Union
+from typing import Any, Dict, FrozenSet, Iterator, List, Optional, Set, Tuple, Union
 
 from behavior_controller import leaves
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
@@ -10,7 +11,6 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import Answer, Exhibit, GoTo, Location, QueryKnowledge, Request, Say
 from behavior_controller.watch.codec import Answered, Asked, Entry, Letter, Line, Tick, TreeNode, TreeShown
 
-RECOVERIES = {spec.id for spec in leaves.SPECS if spec.is_recovery}
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■"}
 WORDS: Dict[str, Letter] = {"SUCCESS": "S", "FAILURE": "F", "IDLE": "-"}
 STEPS = 400
@@ -167,9 +167,14 @@ def _decision(entry: Entry) -> str:
     return "{}: {}".format(entry.level, entry.text) if isinstance(entry, Noticed) else ""
 
 
+@functools.lru_cache(maxsize=None)
+def _recoveries() -> FrozenSet[str]:
+    return frozenset(spec.id for spec in leaves.mission_specs() if spec.is_recovery)
+
+
 def _is_worth_telling(node: str, failure: Failure) -> bool:
     """Whether a leaf failed; a false condition is an answer, and what HandleFallBack decided is told by itself."""
-    return failure.cause is not Cause.CONDITION_FALSE and node not in RECOVERIES
+    return failure.cause is not Cause.CONDITION_FALSE and node not in _recoveries()
 
 
 def _timeline(lines: List[Line], began: float) -> str:
