@@ -15,7 +15,8 @@ sys.path[:0] = [os.path.join(ROOT, "src"), os.path.join(ROOT, "unit_tests", "src
 
 from behavior_controller import leaves, settings  # noqa: E402
 from behavior_controller.bt.registry import Direction, NodeSpec, Port  # noqa: E402
-from behavior_controller.interface.robots import DEFAULT  # noqa: E402
+from behavior_controller.interface import Interface  # noqa: E402
+from behavior_controller.interface.robots import DEFAULT, INTERFACES  # noqa: E402
 from behavior_controller.keys import REQUIRED, Key, to_text  # noqa: E402
 from behavior_controller.leaves import data  # noqa: E402
 from behavior_controller.mission_spec import MissionSpec, whole_mission  # noqa: E402
@@ -55,7 +56,7 @@ def offers() -> str:
 def nodes() -> str:
     """Return a table of what each node does, calls, listens to, reads and writes."""
     return _table([("node", "does", "service or topic", "blackboard")] + [
-        (spec.id, spec.description, _resources(spec), _uses(spec.ports)) for spec in leaves.beyond_builtins()])
+        (spec.id, spec.summary, _resources(spec), _uses(spec.ports)) for spec in leaves.beyond_builtins()])
 
 
 def entries() -> str:
@@ -72,9 +73,14 @@ def _table(rows: Sequence[Tuple[str, ...]]) -> str:
 def _resources(spec: NodeSpec) -> str:
     if spec.is_recovery:
         return "that of the failed node"
-    names = [DEFAULT.service(request).name for request in spec.calls if DEFAULT.serves(request)] + [
+    names = [_robot(request).resource(request) for request in spec.calls] + [
         DEFAULT.evidence(sense).topic.name for sense in spec.listens] if isinstance(spec, MissionSpec) else []
     return ", ".join(names) or "–"
+
+
+def _robot(request: type) -> Interface:
+    """Return the interface of the first robot that has a service for a kind of request."""
+    return next(robot for robot in INTERFACES.values() if robot.serves(request))
 
 
 def _uses(ports: Iterable[Port]) -> str:

@@ -4,10 +4,11 @@ from types import MappingProxyType
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from behavior_controller.interface import Interface, Plain, Service
-from behavior_controller.interface.robots import DEFAULT, INTERFACES, services
+from behavior_controller.interface.robots import DEFAULT, INTERFACES, by_deadline
 from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, filled, folder, integer, key,
                                       keys_of, language_name, mission_name, one_of, port, read_configuration, seconds,
                                       values_of)
+from behavior_controller.phrases import YES
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
 
@@ -24,9 +25,13 @@ class Settings:
     verbose_mode: bool = key(boolean, REQUIRED, "`true`: a line for every leaf that finishes")
     asr_enabled: bool = key(boolean, REQUIRED, "`true`: visitors answer by voice; `false`: on the tablet")
     robot_interface: str = key(one_of(*INTERFACES), DEFAULT.name, "the interface that the robot's nodes speak")
+    tablet_success_is: str = key(one_of("done", YES), "done", "release-1.0: `yes` takes what is pressed on the tablet "
+                                                              "for yes, `done` for no answer")
     language: str = key(language_name, "English", "the robot's phrases: `data/phrases_<language>.ini`")
     mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0 is for ever")
     startup_timeout: float = key(seconds(), 0.0, "seconds to wait for missing robot nodes at the start")
+    startup_check: str = key(one_of("mission", "all"), "mission", "what is checked at the start and monitored: what the "
+                                                                  "`mission` uses, or `all` that the robot offers")
     topic_max_age: float = key(seconds(0.001), 2.0, "seconds after which a face or gaze message counts as absent")
     condition_wait: float = key(
         seconds(), 0.0, "seconds that a condition waits for its evidence, for missions that do not wait themselves")
@@ -65,13 +70,14 @@ class Settings:
 
 
 KEYS: Tuple[Key, ...] = tuple(keys_of(Settings).values()) + tuple(
-    Key(service.deadline_key, seconds(0.001), service.deadline, "seconds that `{}` may take".format(service.name))
-    for service in services())
+    Key(each[0].deadline_key, seconds(0.001), each[0].deadline, "seconds that {} may take".format(
+        " or ".join(dict.fromkeys("`{}`".format(service.name) for service in each))))
+    for each in by_deadline())
 
 
 def _settings(values: Mapping[str, object]) -> Settings:
     """Return the settings that have these values, one for each of ``KEYS``."""
-    deadlines = {each.deadline_key: values[each.deadline_key] for each in services()}
+    deadlines = {each[0].deadline_key: values[each[0].deadline_key] for each in by_deadline()}
     return filled(Settings, values, deadlines=MappingProxyType(deadlines))
 
 

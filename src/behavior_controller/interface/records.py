@@ -86,9 +86,34 @@ class Prompt(Request):
 
 @dataclass(frozen=True)
 class Say(Request):
-    """Speak ``text``; answered when it has been spoken."""
+    """Speak ``text``; answered when it has been spoken. A robot of release 1.0 is told its ``language``."""
 
     text: str
+    language: str = "English"
+
+
+# -------------------------------------------------------------------------------------------- requests of release 1.0
+
+
+@dataclass(frozen=True)
+class SetPose(Request):
+    """Tell the localization that the robot stands at ``pose``."""
+
+    pose: Location
+
+
+@dataclass(frozen=True)
+class SetRecognition(Request):
+    """Switch speech recognition on or off."""
+
+    is_enabled: bool
+
+
+@dataclass(frozen=True)
+class SetRecognitionLanguage(Request):
+    """Recognise speech of ``language``."""
+
+    language: str
 
 
 class Answer(NamedTuple):
