@@ -184,7 +184,7 @@ def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Kn
 
 
 def _words(change: Optional[Tuple[str, str]]) -> str:
-    words = {letter: NAMES[status] for status, letter in LETTERS.items()}
+    words: Dict[str, str] = {letter: NAMES[status] for status, letter in LETTERS.items()}
     return "no further change" if change is None else "{} {}".format(change[0], words[change[1]])
 
 
