@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, TypeV
 from behavior_controller import exits, folders, knowledge_files, leaves, phrases, policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.language.document import parse
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, ConfigurationError, Fault, FaultsFound, MissionError
 from behavior_controller.events import Events, HealthChanged, PassFinished, PassStarted, RunStarted
 from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
@@ -184,7 +184,7 @@ def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Kn
 
 
 def _words(change: Optional[Tuple[str, str]]) -> str:
-    words = {"R": "RUNNING", "S": "SUCCESS", "F": "FAILURE", "-": "IDLE"}
+    words: Dict[str, str] = {letter: NAMES[status] for status, letter in LETTERS.items()}
     return "no further change" if change is None else "{} {}".format(change[0], words[change[1]])
 
 
