@@ -88,7 +88,9 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
             return part()
         except FaultsFound as found:
             faults.extend(found.faults)
-            return None
+        except extensions.BrokenExtension as broken:
+            faults.append(Fault("package.xml", 0, 0, str(broken)))
+        return None
 
     known = attempt(knowledge_files.load) if settings.interface.has_knowledge_files else None
     spoken = attempt(lambda: phrases.load(settings.language if known is None else known.language))
@@ -100,7 +102,7 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     told = [] if tree is None else on_robot(tree, settings)
     faults += [fault for fault in told if not fault.is_warning]
     if spoken is None or rules is None or tree is None or faults:
-        raise FaultsFound(faults)
+        raise FaultsFound(list(dict.fromkeys(faults)))
     tree.warnings += told
     return Mission(settings, file, spoken, rules, tree, known)
 
