@@ -8,10 +8,11 @@ from behavior_controller.bt.compiler import build
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
-from behavior_controller.bt.language.document import Document, read, with_includes
+from behavior_controller.bt.language.document import Document, Element, read, with_includes
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.events import Events
+from behavior_controller.foresight import foresee
 from behavior_controller.gateway import FilesGateway, Gateway, Topics
 from behavior_controller.health import Health
 from behavior_controller.interface import Interface
@@ -82,28 +83,36 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     spoken = attempt(lambda: phrases.load(settings.language if known is None else known.language))
     rules = attempt(lambda: policy.load(folders.config(POLICY), leaves.SPECS))
     tree = attempt(lambda: build_tree(documents or with_includes(read(file)), clock=clock, wake=wake))
-    faults += _misfits(settings, tree)
-    if spoken is None or rules is None or tree is None or any(not fault.is_warning for fault in faults):
+    if settings.interface.tells_pressed and settings.tablet_success_is == YES:
+        faults.append(Fault("tabletSuccessIs", 0, 0, "the tablet of the robot {} says which button was pressed".format(
+            settings.robot_interface), "leave tabletSuccessIs out, or choose another robotInterface"))
+    told = [] if tree is None else on_robot(tree, settings)
+    faults += [fault for fault in told if not fault.is_warning]
+    if spoken is None or rules is None or tree is None or faults:
         raise FaultsFound(faults)
+    tree.warnings += told
     return Mission(settings, file, spoken, rules, tree, known)
 
 
-def _misfits(settings: Settings, tree: Optional[Tree]) -> List[Fault]:
-    """Return what the configuration and the nodes of a mission ask of a robot that has it not."""
-    robot = settings.interface
-    found = []
-    if robot.tells_pressed and settings.tablet_success_is == YES:
-        found.append(Fault("tabletSuccessIs", 0, 0, "the tablet of the robot {} says which button was pressed".format(
-            robot.name), "leave tabletSuccessIs out, or choose another robotInterface"))
-    nodes = tree.nodes if tree is not None else ()
-    elements = {id(node.element): (node.element, node.spec) for node in nodes if isinstance(node.spec, MissionSpec)}
-    for element, spec in elements.values():
-        lacking = ", ".join(_lacking(spec, robot))
-        if lacking:
-            others = [name for name, other in INTERFACES.items() if not list(_lacking(spec, other))]
-            found.append(element.fault("{} cannot work with the robot {}: it has no {}".format(
-                spec.id, robot.name, lacking), "set robotInterface {}".format(" or ".join(others))))
-    return found
+def on_robot(tree: Tree, settings: Settings) -> List[Fault]:
+    """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there."""
+    nodes = [(node.element, node.spec) for node in reversed(tree.nodes) if isinstance(node.spec, MissionSpec)]
+    # what a node type does without is told at its first place alone
+    elements = {spec.id if spec.does_without else id(element): (element, spec) for element, spec in nodes}
+    misfits = [_misfit(element, spec, settings.interface) for element, spec in elements.values()]
+    return [fault for fault in misfits if fault is not None] + foresee(tree, settings)
+
+
+def _misfit(element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
+    lacking = ", ".join(_lacking(spec, robot))
+    if not lacking:
+        return None
+    others = " or ".join(name for name, other in INTERFACES.items() if not list(_lacking(spec, other)))
+    if spec.does_without:
+        return element.fault("{} does without the robot: {} has no {}".format(spec.id, robot.name, lacking),
+                             "robotInterface {} has it".format(others), is_warning=True)
+    return element.fault("{} cannot work with the robot {}: it has no {}".format(spec.id, robot.name, lacking),
+                         "set robotInterface {}".format(others))
 
 
 def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:

@@ -140,10 +140,6 @@ def test_what_tells_of_a_visitor(sense, given, others, wait):
     assert not any(evidence.is_given(other, 2) for other in others)
 
 
-def test_the_document_s_robot_does_not_tell_of_presence():
-    assert not INTERFACE.tells(Sense.PRESENCE) and release_1_0.INTERFACE.tells(Sense.PRESENCE)
-
-
 def test_the_knowledge_is_asked_of_files_in_release_1_0_alone():
     assert (INTERFACE.resource(QueryKnowledge), release_1_0.INTERFACE.resource(QueryKnowledge)) == (
         "/knowledgeBase/query", "the knowledge files")

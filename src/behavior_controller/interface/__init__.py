@@ -13,7 +13,7 @@ from behavior_controller.interface.records import Answer, QueryKnowledge, Reques
 Message = Any  # type: ignore
 """A message or response as ROS makes it; these classes are generated and have no types."""
 
-Asked = TypeVar("Asked")
+Asked = TypeVar("Asked", bound=Request)
 Value = TypeVar("Value")
 Plain = Union[bool, int, float, str]
 
@@ -113,11 +113,15 @@ class Evidence(Generic[Value]):
 
     ``is_given`` takes the message's value and the value of /overtAttention/mode that means mutual gaze. ``wait`` is how
     many seconds a condition waits for the evidence, infinity for no limit; None: as long as ``conditionWait`` says.
+    ``is_given_up``: the robot looks no longer, so that a condition waits no longer. ``mode`` is the mode of attention
+    without which the robot does not look; empty: any.
     """
 
     topic: Topic[Value]
     is_given: Callable[[Value, int], bool] = lambda value, gaze_value: True
     wait: Optional[float] = None
+    is_given_up: Callable[[Value], bool] = lambda value: False
+    mode: str = ""
 
 
 class Interface:

@@ -1,6 +1,6 @@
 """The robot of the project's release 1.0, by its published software: what differs from D5.4.3 stands here."""
 import math
-from typing import Optional
+from typing import Callable, Optional
 
 from behavior_controller.interface import Action, Evidence, Interface, Message, Sense, Service, Success, Topic
 from behavior_controller.interface import document
@@ -9,6 +9,9 @@ from behavior_controller.interface.records import (AttentionStatus, GoTo, Perfor
 
 FOUND = 2
 """The value of /overtAttention/mode with which a mode says that it has found what it looks for."""
+
+GIVEN_UP = 3
+"""The value with which the mode seeking says that it has found no mutual gaze."""
 
 WAIT = 10.0
 """Seconds that the release's nodes wait for a visitor's presence and for an answer."""
@@ -52,15 +55,15 @@ SPEECH = Topic("/speechEvent/text", "speechEvent", "std_msgs/String", str, lambd
                              lambda seconds: (seconds,), _transcription))
 
 
-def _status(state: str, wait: float) -> Evidence:
+def _status(state: str, wait: float, is_given_up: Callable[[AttentionStatus], bool] = lambda status: False) -> Evidence:
     """Return the evidence that attention is in that mode and has found what it looks for."""
-    return Evidence(ATTENTION, lambda status, _: status == (state, FOUND), wait)
+    return Evidence(ATTENTION, lambda status, _: status == (state, FOUND), wait, is_given_up, state)
 
 
 INTERFACE = Interface("release-1.0", SERVICES, (ATTENTION, SPEECH),
                       (SetAttention("disabled"), SetAnimation("disabled")), {
                           Sense.VISITOR: _status("scanning", math.inf),
                           Sense.PRESENCE: _status("social", WAIT),
-                          Sense.GAZE: _status("seeking", math.inf),
+                          Sense.GAZE: _status("seeking", math.inf, lambda status: status == ("seeking", GIVEN_UP)),
                           Sense.UTTERANCE: Evidence(SPEECH, wait=WAIT)},
                       gaze_value=FOUND, has_knowledge_files=True, tells_pressed=False)

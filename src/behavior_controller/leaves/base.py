@@ -5,7 +5,7 @@ A service leaf fills a request and reads an answer; deadline, waiting and the ma
 import itertools
 import math
 from functools import partial
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
@@ -15,7 +15,7 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.ports import NoValue, PortError
 from behavior_controller.bt.ownership import tick_thread_only
-from behavior_controller.bt.registry import Kind, Port
+from behavior_controller.bt.registry import Kind, Port, argument
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
@@ -110,6 +110,7 @@ class MissionLeaf(Node):
     PORTS: Tuple[Port, ...] = ()
     spec: MissionSpec
     mission: MissionContext
+    sense: Optional[Sense] = None  # what it learns of the visitor
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
 
@@ -272,6 +273,23 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         self.report(IDLE)
 
 
+class OptionalServiceLeaf(ServiceLeaf):
+    """A leaf that has nothing to do on a robot whose interface lacks the service."""
+
+    @property
+    def resource(self) -> str:
+        """The service's canonical name; empty if there is none."""
+        return super().resource if self.mission.interface.serves(self.asks) else ""
+
+    def request(self) -> Union[Request, Failure, None]:
+        """Ask for what is wanted, if the robot has a service for it."""
+        return self.wanted() if self.mission.interface.serves(self.asks) else None
+
+    def wanted(self) -> Union[Request, Failure, None]:
+        """As ``request`` of a ServiceLeaf."""
+        raise NotImplementedError
+
+
 def is_asked_again(node: Any) -> bool:
     """Return whether a control asks this node again while a later one runs, which it would halt if it were RUNNING."""
     while node.parent is not None:
@@ -340,13 +358,19 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _answer(self) -> Result:
         sample = self.mission.topics.newest(self.topic)
-        is_true = sample is not None and self._counts(sample) and self.is_evidence(sample.value)
+        counts = sample is not None and self._counts(sample)
         self.judged(sample)
-        if sample is not None and is_true:
+        if sample is not None and counts and self.is_evidence(sample.value):
             return self._true(sample)
-        self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+        if sample is not None and counts and self.evidence.is_given_up(sample.value):
+            self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+            return self._false(sample)
+        self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
         self.mission.topics.listen(self.topic, self._wait)
         return RUNNING if self._waits() else self._false(sample)
+
+    def _is_end(self, value: Any) -> bool:
+        return self.is_evidence(value) or self.evidence.is_given_up(value)
 
     def _counts(self, sample: Sample) -> bool:
         age = self.mission.clock.now() - sample.arrived
@@ -413,15 +437,22 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         super().halt()
 
 
+def _named(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]], name: str) -> MissionLeaf:
+    return leaf(name, **choices[argument(name)])
+
+
 def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),
-              arguments: Optional[Dict[str, Any]] = None, **facts: Any) -> MissionSpec:
+              arguments: Optional[Dict[str, Any]] = None, choices: Optional[Mapping[str, Dict[str, Any]]] = None,
+              **facts: Any) -> MissionSpec:
     """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
 
-    ``ports`` are added to those of the class, ``arguments`` are the constructor's beside the name.
+    ``ports`` are added to those of the class, ``arguments`` are the constructor's beside the name. With ``choices`` the
+    name of an instance chooses them.
     """
     return MissionSpec(
         node_id, Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION,
-        partial(leaf, **arguments) if arguments else leaf, leaf.PORTS + ports, description,
+        partial(_named, leaf, choices) if choices else partial(leaf, **arguments) if arguments else leaf,
+        leaf.PORTS + ports, description, names=tuple(choices or ()),
         is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
-        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
-        listens=(leaf.sense,) if issubclass(leaf, TopicCondition) else (), **facts)
+        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (), does_without=issubclass(leaf, OptionalServiceLeaf),
+        listens=(leaf.sense,) if leaf.sense is not None else (), **facts)

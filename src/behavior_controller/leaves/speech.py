@@ -21,7 +21,7 @@ class FixedSpeech(ServiceLeaf):
         super().__init__(name)
         self.phrase = phrase
 
-    def request(self) -> Request:
+    def request(self) -> Union[Request, Failure]:
         """Say the phrase."""
         return Say(self.mission.phrases.speech(self.phrase), self.mission.language)
 
