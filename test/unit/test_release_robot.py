@@ -158,7 +158,7 @@ def test_a_condition_that_is_halted_listens_no_longer(files):
     assert rig.topics.asked[-1] == (SPEECH.name, 0.0)
 
 
-def test_nobody_answers_within_the_wait(files):
+def test_an_answer_is_waited_for_ten_seconds(files):
     rig = Rig("<IsYesNoUttered/>")
     rig.tick()
     rig.clock.advance(9.9)
