@@ -18,9 +18,9 @@ CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.val
 AWAY = {Cause.NOT_REACHABLE.value, Cause.CONNECTION_LOST.value}
 """How calls fail between the crash of a node and its return."""
 
-RECOVERY = {spec.id for spec in leaves.SPECS if spec.is_recovery}
-PROMPTS = {spec.id for spec in leaves.SPECS if Prompt in spec.calls}
-LISTENERS = {spec.id for spec in leaves.SPECS if Sense.UTTERANCE in spec.listens}
+RECOVERY = {spec.id for spec in leaves.mission_specs() if spec.is_recovery}
+PROMPTS = {spec.id for spec in leaves.mission_specs() if Prompt in spec.calls}
+LISTENERS = {spec.id for spec in leaves.mission_specs() if Sense.UTTERANCE in spec.listens}
 
 
 class Matching:

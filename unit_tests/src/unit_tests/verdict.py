@@ -21,7 +21,7 @@ from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVE
 
 
 def _nodes(fits: Callable[[MissionSpec], bool]) -> Set[str]:
-    return {spec.id for spec in leaves.SPECS if fits(spec)}
+    return {spec.id for spec in leaves.mission_specs() if fits(spec)}
 
 
 ASKING = _nodes(lambda spec: spec.writes(data.VISITOR_RESPONSE.name))
@@ -242,7 +242,7 @@ def _waved_after(a_pass: Pass) -> Iterator[str]:
 
 def _is_goodbye(event: Event) -> bool:
     name = event["path"].rpartition("/")[2]
-    return any(spec.id == event["node"] and spec.bids_farewell(name) for spec in leaves.SPECS)
+    return any(spec.id == event["node"] and spec.bids_farewell(name) for spec in leaves.mission_specs())
 
 
 def _left_out(a_pass: Pass, facts: Facts, count_of_exhibits: int) -> Iterator[str]:
