@@ -88,9 +88,9 @@ class Node:
         self._test = parameters.read_configuration()
         self._world = parameters.read_world(self._test)
         interface = self._world.settings.interface
-        self._services = [service for service in interface.services
+        self._services = [service for service in robot.services(interface)
                           if service.node == name and service.name not in self._test.absent_services]
-        self._topic = next((topic for topic in interface.topics if topic.node == name), None)
+        self._topic = next((topic for topic in robot.topics(interface) if topic.node == name), None)
         self._journal = Journal(parameters.folder())
         if not parameters.is_launched():
             self._journal.skip()  # of an earlier day; in a launch it is what was before a crash
@@ -196,8 +196,8 @@ class Node:
         """Return what the next message says; the journal gets what differs from the last, under that name."""
         with self._lock:
             self._look_around()
-            value = TOPICS[topic.value].content(self._world)
-            content = None if value is None else TOPICS[topic.value].fields(value)
+            value = TOPICS[topic.name].content(self._world)
+            content = None if value is None else TOPICS[topic.name].fields(value)
             if content not in (None, self._published):
                 self._published = content
                 self._write(Line(now(), self._name, rospy.resolve_name(name), 0, content))

@@ -19,7 +19,7 @@ from behavior_controller.runner import Runner, Running
 
 from unit_tests.exhibits import Knowledge
 from unit_tests.journal import Line
-from unit_tests.robot import SERVICES, TOPICS, Fields, World
+from unit_tests.robot import SERVICES, TOPICS, Fields, World, topics
 from unit_tests.visitor import Manners, Visitor
 
 STEP = 0.5
@@ -51,8 +51,8 @@ class _Stage(Runner):
         """Let time pass, and every topic be published."""
         self.steps += 1
         self.clock.advance(STEP)
-        for topic in self.world.settings.interface.topics:
-            value = TOPICS[topic.value].content(self.world)
+        for topic in topics(self.world.settings.interface):
+            value = TOPICS[topic.name].content(self.world)
             if value is not None:
                 self.topics.publish(topic, value)
 
@@ -84,10 +84,11 @@ def rehearse(mission: str, chosen: Dict[str, Any], manners: Manners, knowledge: 
 
 
 def _answer(request: Request, world: World) -> Union[Answer, Failure]:
-    """Do what the simulated nodes do with a request, and let the visitor see it."""
+    """Do what the simulated nodes do with a request, and let the visitor see it; what is not simulated is done."""
     service, fields = world.settings.interface.service(type(request)), _fields(request)
     world.visitor.notice(Line(0.0, service.node, service.name, 1, fields))
-    answer = SERVICES[type(request)].answer(fields, world)
+    simulated = SERVICES.get(type(request))
+    answer = simulated.answer(fields, world) if simulated is not None else Answer()
     return answer or Failure(Cause.REFUSED, "the visitor's answer is no", service.name)
 
 

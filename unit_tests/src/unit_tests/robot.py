@@ -1,8 +1,9 @@
 """What the simulated nodes do with each kind of request and what they have to publish, whichever interface they speak."""
 import math
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Union
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Union
 
-from behavior_controller.interface import Interface, Plain, Sense, Success
+from behavior_controller import interface as interfaces
+from behavior_controller.interface import Interface, Plain, Sense, Success, document
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
                                                    PerformGesture, Point, Prompt, QueryKnowledge, Say, SetAnimation,
                                                    SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
@@ -115,7 +116,7 @@ Value = Union[Faces, AttentionStatus, str]
 
 
 class Topic(NamedTuple):
-    """A kind of topic. ``content`` is what its next message says, None: there is none; ``fields`` are the message's."""
+    """A topic. ``content`` is what its next message says, None: there is none; ``fields`` are the message's."""
 
     content: Callable[[World], Optional[Value]]
     fields: Callable[[Any], Fields]
@@ -151,25 +152,35 @@ def _utterance(world: World) -> Optional[str]:
     return words or NOTHING_HEARD
 
 
-TOPICS: Mapping[type, Topic] = {
-    Faces: Topic(_faces, lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}),
-    AttentionStatus: Topic(_attention, lambda status: status._asdict()),
-    str: Topic(_utterance, lambda text: {"data": text}),
+TOPICS: Mapping[str, Topic] = {
+    document.FACES.name: Topic(_faces, lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}),
+    document.ATTENTION.name: Topic(_attention, lambda status: status._asdict()),
+    document.SPEECH.name: Topic(_utterance, lambda text: {"data": text}),
 }
-"""Kind of value -> the topic that has it."""
+"""Canonical name -> the topic, of any robot."""
 
 
 # ---------------------------------------------------------------------------------------------------------------- nodes
 
 
-def servers(*interfaces: Interface) -> Dict[str, None]:
-    """Return the nodes that have a service, in the order of their declarations."""
-    return dict.fromkeys(service.node for interface in interfaces for service in interface.services)
+def services(interface: Interface) -> List[interfaces.Service]:
+    """Return the services that are simulated: not what other packages declare."""
+    return [service for service in interface.services if service.request in SERVICES]
 
 
-def nodes(*interfaces: Interface) -> Dict[str, None]:
-    """Return the robot's nodes."""
-    return dict.fromkeys([*servers(*interfaces), *(topic.node for interface in interfaces for topic in interface.topics)])
+def topics(interface: Interface) -> List[interfaces.Topic]:
+    """Return the topics that are simulated."""
+    return [topic for topic in interface.topics if topic.name in TOPICS]
+
+
+def servers(*robots: Interface) -> Dict[str, None]:
+    """Return the simulated nodes that have a service, in the order of their declarations."""
+    return dict.fromkeys(service.node for robot in robots for service in services(robot))
+
+
+def nodes(*robots: Interface) -> Dict[str, None]:
+    """Return the simulated nodes."""
+    return dict.fromkeys([*servers(*robots), *(topic.node for robot in robots for topic in topics(robot))])
 
 
 NODES = tuple(nodes(*INTERFACES.values()))
@@ -178,6 +189,6 @@ NODES = tuple(nodes(*INTERFACES.values()))
 SERVERS = tuple(servers(*INTERFACES.values()))
 """Those that have a service."""
 
-OPTIONAL = tuple(dict.fromkeys(service.name for interface in INTERFACES.values() for service in interface.services
+OPTIONAL = tuple(dict.fromkeys(service.name for robot in INTERFACES.values() for service in services(robot)
                                if service.is_optional))
 """Services that some robots do not have."""

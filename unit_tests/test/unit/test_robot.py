@@ -4,10 +4,10 @@ import os
 import pytest
 
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.interface import Sense
+from behavior_controller.interface import Sense, Service, Success, Topic, document
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, PerformGesture, Prompt,
-                                                   QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
+                                                   QueryKnowledge, Request, Say, SetAnimation, SetAttention, SetPose,
                                                    SetRecognition, SetRecognitionLanguage)
 from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.settings import defaults
@@ -21,6 +21,10 @@ from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, NO_GAZE, NOTHING_
 KNOWLEDGE = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
 GESTURE = {"gesture_type": "iconic", "gesture_id": 1, "gesture_duration": 3000, "bow_nod_angle": 0,
            "location_x": 0.0, "location_y": 0.0, "location_z": 0.0}
+
+
+class Lamp(Request):
+    """A request of another package."""
 
 
 def world(behaviour=ENGAGES, *states, **settings):
@@ -37,8 +41,15 @@ def release(behaviour=ENGAGES, *states, **settings):
 @pytest.mark.parametrize("interface", INTERFACES.values())
 def test_each_declared_service_and_topic_is_simulated(interface):
     assert {service.request for service in interface.services} <= set(SERVICES)
-    assert {topic.value for topic in interface.topics} <= set(TOPICS)
+    assert {topic.name for topic in interface.topics} <= set(TOPICS)
     assert set(nodes(interface)) <= set(NODES) and {service.node for service in interface.services} <= set(SERVERS)
+
+
+def test_what_another_package_declares_is_not_simulated():
+    more = INTERFACE.with_more(
+        (Service(Lamp, "/lamp/set", "lamp", "a/B", lambda lamp: (), Success("done", True, False), 5.0, "no light"),),
+        (Topic("/lamp/text", "lamp", "std_msgs/String", str, str, "no light", is_continuous=False),))
+    assert len(more.offers) == len(INTERFACE.offers) + 2 and nodes(more) == nodes(INTERFACE)
 
 
 def test_each_kind_of_request_has_a_robot_that_is_asked_so():
@@ -115,7 +126,7 @@ def test_a_tablet_that_does_not_tell_the_button_says_that_there_was_one_or_that_
 
 
 def faces(*given):
-    return TOPICS[Faces].content(world(*given))
+    return TOPICS[document.FACES.name].content(world(*given))
 
 
 def test_faces():
@@ -127,14 +138,14 @@ def test_faces():
 
 @pytest.mark.parametrize("state", ("disabled", "social", "scanning", "location"))
 def test_a_gaze_status_is_published_in_seeking_only(state):
-    status = TOPICS[AttentionStatus].content(world(ENGAGES, "scanning", "seeking", state))
+    status = TOPICS[document.ATTENTION.name].content(world(ENGAGES, "scanning", "seeking", state))
     assert status == AttentionStatus(state, 0)
 
 
 @pytest.mark.parametrize("mutual_gaze_value, values", ((1, [0, 1]), (2, [1, 2])))
 def test_the_gaze_status_keeps_to_the_convention(mutual_gaze_value, values):
     seeking = world(ENGAGES, "scanning", "seeking", mutualGazeValue=mutual_gaze_value)
-    assert [TOPICS[AttentionStatus].content(seeking) for _ in range(2)] == [("seeking", value) for value in values]
+    assert [TOPICS[document.ATTENTION.name].content(seeking) for _ in range(2)] == [("seeking", value) for value in values]
 
 
 @pytest.mark.parametrize("states, sense, value", (
@@ -144,7 +155,7 @@ def test_the_gaze_status_keeps_to_the_convention(mutual_gaze_value, values):
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
 def test_the_attention_of_release_1_0_tells_of_the_visitor(states, sense, value, behaviour):
     robot = release(behaviour, *states)
-    status = [TOPICS[AttentionStatus].content(robot) for _ in range(2)][1]
+    status = [TOPICS[document.ATTENTION.name].content(robot) for _ in range(2)][1]
     is_met = not (behaviour == NO_GAZE and sense is Sense.GAZE)
     assert (status == value) is is_met
     assert robot.settings.interface.evidence(sense).is_given(status, robot.settings.gaze_value) is is_met
@@ -154,21 +165,21 @@ def test_the_attention_of_release_1_0_tells_of_the_visitor(states, sense, value,
 def test_the_attention_of_release_1_0_finds_nobody_where_nobody_is(state):
     robot = release(ENGAGES, "scanning", state)
     robot.visitor.is_here = False
-    assert TOPICS[AttentionStatus].content(robot) == (state, 1)
+    assert TOPICS[document.ATTENTION.name].content(robot) == (state, 1)
 
 
 @pytest.mark.parametrize("robot, text", (
     (world(), NOTHING_HEARD), (world(ENGAGES, "scanning"), SMALL_TALK), (world(SILENT, "scanning"), NOTHING_HEARD),
     (release(), None), (release(ENGAGES, "scanning"), SMALL_TALK), (release(SILENT, "scanning"), None)))
 def test_what_speech_recognition_writes(robot, text):
-    assert TOPICS[str].content(robot) == text
+    assert TOPICS[document.SPEECH.name].content(robot) == text
 
 
 def test_recognition_that_is_switched_off_hears_nothing():
     robot = release(ENGAGES, "scanning")
     for status, text in (("false", None), ("true", SMALL_TALK)):
         robot.visitor.notice(Line(0.0, "speechEvent", "/speechEvent/set_enabled", 1, {"status": status}))
-        assert TOPICS[str].content(robot) == text
+        assert TOPICS[document.SPEECH.name].content(robot) == text
 
 
 @pytest.mark.parametrize("text", ("", "[]", "{\"exhibits\": []}", "{\"exhibits\": [{\"name\": \"x\"}]}",
