@@ -12,9 +12,9 @@ except ImportError as error:  # py-trees-render would show a traceback
 from behavior_controller import exits, folders, knowledge_files, leaves, settings
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import ConfigurationError, Fault, MissionError
 from behavior_controller.mission import load_tree, on_robot
-from behavior_controller.settings import Settings
 from behavior_controller.text import clean
 
 
@@ -52,16 +52,24 @@ def _judged(path: str) -> Tuple[List[Fault], int]:
         tree = load_tree(path)
     except MissionError as error:
         return list(error.faults), 0
-    faults = sorted(tree.warnings + on_robot(tree, _settings()), key=lambda fault: (fault.file, fault.line, fault.column))
+    faults = sorted(tree.warnings + _on_robot(tree), key=lambda fault: (fault.file, fault.line, fault.column))
     return faults, len(tree.nodes) if all(fault.is_warning for fault in faults) else 0
 
 
-def _settings() -> Settings:
-    """Return the configuration, or its defaults where it cannot be read: the node tells what is wrong with it."""
+def _on_robot(tree: Tree) -> List[Fault]:
+    """Return what speaks against a mission on the configured robot.
+
+    Where a file of the configuration cannot be used, its defaults count: the node tells what is wrong with it.
+    """
     try:
-        return settings.load(folders.config(settings.FILE_NAME))
+        chosen = settings.load(folders.config(settings.FILE_NAME))
     except ConfigurationError:
-        return settings.defaults()
+        chosen = settings.defaults()
+    try:
+        knowledge = knowledge_files.load() if chosen.interface.has_knowledge_files else None
+    except ConfigurationError:
+        knowledge = None
+    return on_robot(tree, chosen, knowledge)
 
 
 def _print_judgement(path: str, faults: List[Fault], nodes: int) -> None:

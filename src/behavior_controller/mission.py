@@ -19,6 +19,7 @@ from behavior_controller.interface import Interface
 from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves.base import MissionContext
+from behavior_controller.leaves.release_1_0 import SayText
 from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.phrases import YES, Phrases
 from behavior_controller.policy import Policy
@@ -86,7 +87,7 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     if settings.interface.tells_pressed and settings.tablet_success_is == YES:
         faults.append(Fault("tabletSuccessIs", 0, 0, "the tablet of the robot {} says which button was pressed".format(
             settings.robot_interface), "leave tabletSuccessIs out, or choose another robotInterface"))
-    told = [] if tree is None else on_robot(tree, settings)
+    told = [] if tree is None else on_robot(tree, settings, known)
     faults += [fault for fault in told if not fault.is_warning]
     if spoken is None or rules is None or tree is None or faults:
         raise FaultsFound(faults)
@@ -94,13 +95,20 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     return Mission(settings, file, spoken, rules, tree, known)
 
 
-def on_robot(tree: Tree, settings: Settings) -> List[Fault]:
-    """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there."""
+def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = None) -> List[Fault]:
+    """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there.
+
+    ``knowledge`` is that of the robot's files, if there are any.
+    """
     nodes = [(node.element, node.spec) for node in reversed(tree.nodes) if isinstance(node.spec, MissionSpec)]
     # what a node type does without is told at its first place alone
     elements = {spec.id if spec.does_without else id(element): (element, spec) for element, spec in nodes}
     misfits = [_misfit(element, spec, settings.interface) for element, spec in elements.values()]
-    return [fault for fault in misfits if fault is not None] + foresee(tree, settings)
+    unsaid = [] if knowledge is None else [
+        node.element.fault("the culture file has no utility phrase {}".format(node.number), knowledge.sources[1].file,
+                           "name", is_warning=True)
+        for node in tree.nodes if isinstance(node, SayText) and node.number not in knowledge.phrases]
+    return [fault for fault in misfits if fault is not None] + list(dict.fromkeys(unsaid)) + foresee(tree, settings)
 
 
 def _misfit(element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
