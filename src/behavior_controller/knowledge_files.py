@@ -63,8 +63,8 @@ def _not_empty(text: str) -> str:
 _FILE = Reader("a file in the folder data beside the configuration's folder, or a path", _not_empty)
 _CONFIGURATION_KEYS = (
     Key(_KNOWLEDGE_BASE, _FILE, REQUIRED, "the knowledge file"),
-    Key("verboseMode", boolean, False, "for the release's own programs"),
-    Key("valueTypes", _FILE, "", "for the release's own programs"),
+    Key("verboseMode", boolean, None, "for the release's own programs"),
+    Key("valueTypes", _FILE, None, "for the release's own programs"),
 )
 
 
@@ -394,8 +394,9 @@ def _put_together(environment: Optional[Source], culture: Optional[Source], faul
     language = chosen.language if chosen else None
     places = _Environment(environment, [language] if language else []) if environment else None
     found = faults + [fault for file in (places, chosen) if file for fault in file.found()]
-    if not (chosen and language and places) or any(not fault.is_warning for fault in found):
+    if any(not fault.is_warning for fault in found):
         raise ConfigurationError(found)
+    assert chosen and language and places
     return Knowledge(places.exhibits(language), language, chosen.phrases(language), (places.source, chosen.source),
                      tuple(found))
 
