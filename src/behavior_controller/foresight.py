@@ -20,6 +20,10 @@ from behavior_controller.leaves.release_1_0 import HasVisitorResponded
 from behavior_controller.phrases import YES
 from behavior_controller.settings import Settings
 
+DEEPEST, LARGEST = 150, 2_000
+"""Levels and elements of a mission beyond which its ways are not followed: none that is drawn by hand has so many."""
+
+_CONDITIONS = frozenset(PRE_CONDITIONS)
 _ENDS = (SUCCEEDS, FAILS, SKIPS)
 
 
@@ -43,12 +47,21 @@ Ways = FrozenSet[Way]
 
 def foresee(tree: Tree, settings: Settings) -> List[Fault]:
     """Return the warnings about a mission on the robot of ``settings``. Speech recognition is looked at on and off."""
+    if not _is_drawn_by_hand(tree):
+        return []
     found = _Follower(settings, is_heard=True)
     found.ways(tree.root, State())
     faults = [fault for node in _once(tree.nodes) for fault in _of_one(node, found.seen_at(node), settings)]
     deaf = _Follower(settings, is_heard=False)
     deaf.ways(tree.root, State())
     return faults + list(_without_recognition(tree, found, deaf))
+
+
+def _is_drawn_by_hand(tree: Tree) -> bool:
+    levels: Dict[int, int] = {}
+    for node in tree.nodes:  # parents come before their children
+        levels[node.uid] = levels[node.parent.uid] + 1 if node.parent is not None else 1
+    return max(levels.values()) <= DEEPEST and len({id(node.element) for node in tree.nodes}) <= LARGEST
 
 
 def _once(nodes: Iterable[Any]) -> List[Any]:
@@ -93,7 +106,7 @@ class _Follower:
     def __init__(self, settings: Settings, is_heard: bool):
         self._is_heard = is_heard
         self._tablet_stores = settings.interface.tells_pressed or settings.tablet_success_is == YES
-        self._known: Dict[Tuple[int, State], Ways] = {}
+        self._known: Dict[Tuple[int, State], Ways] = {}  # by id() of the element: a tree is the same wherever it is used
         self._seen: Dict[int, Set[State]] = {}  # id() of an element -> the states in which it is reached
 
     def seen_at(self, node: Any) -> Set[State]:
@@ -102,15 +115,17 @@ class _Follower:
 
     def ways(self, node: Any, state: State) -> Ways:
         """Return how ``node`` can end if it is reached with ``state``."""
-        if any(name in node.attributes for name in PRE_CONDITIONS):
-            state = state._replace(missed_by="")
-        known = self._known.get((node.uid, state))
+        key = id(node.element), state
+        known = self._known.get(key)
         if known is None:
-            self._seen.setdefault(id(node.element), set()).add(state)
+            is_conditional = not _CONDITIONS.isdisjoint(node.attributes)
+            if is_conditional:
+                state = state._replace(missed_by="")
+            self._seen.setdefault(key[0], set()).add(state)
             found = set(self._inside(node, state))
-            if any(name in node.attributes for name in PRE_CONDITIONS):
+            if is_conditional:
                 found.update(Way(end, state) for end in _ENDS)
-            known = self._known[node.uid, state] = frozenset(found)
+            known = self._known[key] = frozenset(found)
         return known
 
     def _inside(self, node: Any, state: State) -> Iterable[Way]:

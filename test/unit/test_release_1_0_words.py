@@ -664,6 +664,13 @@ def test_a_tour_that_is_never_given_without_recognition_is_told(body, robot, how
             [(2, "with asrEnabled false IsVisitorResponseYes {}, and no tour is ever given".format(how))] if how else [])
 
 
+@pytest.mark.parametrize("body", ["<Sequence>" * 1900 + "<IsVisitorPresent/>" + "</Sequence>" * 1900,
+                                  "<Sequence>" + "<IsVisitorPresent/>" * 2001 + "</Sequence>"])
+def test_a_mission_that_is_too_large_to_be_followed_still_loads(body):
+    assert foreseen(body) == []
+    assert Rig(file(body), robotInterface=RELEASE).tree.warnings == []
+
+
 def test_ways_through_nested_loops_are_followed_in_little_time():
     body = "<IsVisitorPresent/>"
     for number in range(40):
