@@ -27,7 +27,7 @@ ROUND_WHEN_LISTENING = 0.05
 REST = 0.25
 """Seconds between a goal that brought nothing and the next: a server may refuse each at once."""
 
-PATIENCE = 1.0
+PATIENCE = 2.0
 """Seconds in which a server acknowledges a goal, and sends the result of one that has ended."""
 
 
