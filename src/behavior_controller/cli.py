@@ -93,7 +93,7 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
         prog="exportNodeModel", description="Print the palette of mission nodes for Groot2 (Import models from file).")
     parser.parse_args(_without_ros_arguments(argv))
     print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n{}\n</root>'.format(
-        tree_nodes_model(leaves.SPECS, indent="  ")))
+        tree_nodes_model(leaves.beyond_builtins(), indent="  ")))
     return exits.SUCCESS
 
 

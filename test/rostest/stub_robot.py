@@ -28,6 +28,9 @@ from cssr_system.srv import (animateBehaviorService, gestureExecutionService, kn
                              speechEnabledService, speechLanguageService, tabletPromptService, textService)
 from std_msgs.msg import String
 
+from behavior_controller.interface.document import INTERFACE
+from behavior_controller.ros.types import TYPES
+
 
 def _places(request):
     names = {"entrance": ["entrance"], "home": ["home"]}.get(request.parameters, ["pepper", "arm"])
@@ -59,6 +62,21 @@ RELEASE_1_0 = {
 ACTION = "/speechEvent/recognise_speech_action"
 TOPICS = {"/faceDetection/data": faceDetectionMessage, "/overtAttention/mode": overtAttentionMessage,
           "/speechEvent/text": String}
+
+
+def _declared(service):
+    """Return the row of SERVICES for a service of which these tests say nothing."""
+    kind, (field, done, refused) = TYPES[service], service.success
+
+    def response(value):
+        return [value if slot == field else getattr(kind._response_class(), slot) for slot in kind._response_class.__slots__]
+    return kind, lambda request: response(done), response(refused), response(refused)
+
+
+for service in INTERFACE.services:
+    SERVICES.setdefault(service.name, _declared(service))
+for topic in INTERFACE.topics:
+    TOPICS.setdefault(topic.name, TYPES[topic])
 
 
 def tell(**event):
