@@ -7,7 +7,7 @@ import pytest
 
 from behavior_controller.interface import Sense, release_1_0
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.interface.records import AttentionStatus, QueryKnowledge, SetPose
+from behavior_controller.interface.records import AttentionStatus, Faces, QueryKnowledge, SetPose
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -140,8 +140,10 @@ def test_what_tells_of_a_visitor(sense, given, others, wait):
     assert not any(evidence.is_given(other, 2) for other in others)
 
 
-def test_the_document_s_robot_does_not_tell_of_presence():
-    assert not INTERFACE.tells(Sense.PRESENCE) and release_1_0.INTERFACE.tells(Sense.PRESENCE)
+def test_on_the_document_s_robot_a_face_tells_of_presence():
+    evidence = INTERFACE.evidence(Sense.PRESENCE)
+    assert (evidence.topic.name, evidence.wait) == ("/faceDetection/data", 10.0)
+    assert evidence.is_given(Faces(("1",), (False,)), 1) and not evidence.is_given(Faces((), ()), 1)
 
 
 def test_the_knowledge_is_asked_of_files_in_release_1_0_alone():
