@@ -252,7 +252,8 @@ class TestStart(unittest.TestCase):
         return robot
 
     def controller(self, *arguments, **values):
-        self.package.configure(**dict(dict(robotInterface="release-1.0", scenarioSpecification="small", missionRuns=1),
+        self.package.configure(**dict(dict(robotInterface="release-1.0", scenarioSpecification="small", missionRuns=1,
+                                         startupCheck="all"),
                                       **values))
         controller = Controller(self.package, *arguments)
         self.addCleanup(controller.close)

@@ -27,7 +27,7 @@ LAYERS = [
     ["bt.language"],
     ["bt", "bt.language.values", "mission_spec", "gateway", "events", "health", "keys", "settings", "folders", "phrases",
       "policy", "knowledge_files", "sinks"],
-    ["interface"],
+    ["interface", "extensions"],
     ["errors", "exits"],
     ["text"],
 ]

@@ -84,6 +84,11 @@ class Missing(NamedTuple):
     reason: str
 
     @property
+    def is_elsewhere(self) -> bool:
+        """Whether another robot may have it under another name or type: what hangs is this one's."""
+        return self.is_mismatch or self.reason.startswith(Cause.NOT_ADVERTISED.text)
+
+    @property
     def is_mismatch(self) -> bool:
         """Whether it is there with another type."""
         return self.reason.startswith(Cause.TYPE_MISMATCH.text)
@@ -240,7 +245,7 @@ class StartUpCheck:
         That is so if nothing is there that only the configured robot has, but something that only the other has.
         """
         there = set(map(_key, self._parts)).difference(_key(each.part) for each in missing)
-        if not self._needed(missing) or not there or there - _common_keys():
+        if there - _common_keys() or not any(each.is_elsewhere for each in self._needed(missing)):
             return
         for name, interface in INTERFACES.items():
             parts = [part for part in parts_of(interface.offers) if _key(part) not in _common_keys()]
