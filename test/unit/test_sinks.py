@@ -59,6 +59,16 @@ def test_a_sink_that_is_blocked_keeps_nobody_waiting():
     gate.open.set()
 
 
+def test_what_is_just_being_written_is_waited_for():
+    gate, sink = gated(most=4)
+    began = time.monotonic()
+    sink.drain(0.2)
+    assert time.monotonic() - began >= 0.2
+    threading.Timer(0.2, gate.open.set).start()
+    sink.drain(30)
+    assert gate.written == [0] and time.monotonic() - began < 5.0
+
+
 def test_a_blocked_sink_takes_no_time_from_the_others():
     blocked, other = gated(most=4)[1], gated(most=4)
     other[0].open.set()
