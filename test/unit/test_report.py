@@ -149,6 +149,12 @@ def test_each_node_has_the_count_of_its_results():
     assert "never" in items["B::3"] and "never" not in items["A::2"]
 
 
+def test_a_node_is_told_by_its_name_and_by_its_type_if_that_is_another():
+    text = page_of(lines_of(nodes=(["S", "Sequence", "the tour", 0], ["A::2", "A", "A", 1])))
+    labels = [re.sub("<[^>]*>", " ", part).split() for part in text.split('<li class="node" title="')[1:]]
+    assert [label[1:-1] for label in labels] == [["the", "tour", "Sequence"], ["A"]]
+
+
 def test_of_a_mission_that_was_changed_the_last_one_is_reported_and_the_first_is_named():
     lines = lines_of(finished(101.0)) + lines_of(
         finished(103.0, path="B::1"), tick([2, "S"]), mission="/m/second.xml",
