@@ -127,6 +127,8 @@ def test_calls_and_the_age_of_topics_are_part_of_the_health():
     said, seen = parts["/textToSpeech/say_text"], parts["/faceDetection/data"]
     assert (said["calls"], said["failures"], said["seconds"], said["age"]) == (1, 1, 0.25, None)
     assert 3.0 <= seen["age"] < 5.0
+    goal = parts["/robotNavigation/set_goal"]
+    assert (goal["calls"], goal["failures"], goal["seconds"], goal["age"]) == (0, 0, None, None)
 
 
 def test_there_is_a_sign_of_life_every_second_though_nothing_happens():
