@@ -226,9 +226,8 @@ def _end(tests: "subprocess.Popen[bytes]") -> None:
 
 
 def _failures(output: str) -> List[str]:
-    """Return the tests that failed, without their parameters."""
-    return [re.split(r"[\[ ]", line.split(" ", 1)[1])[0] for line in output.splitlines()
-            if line.startswith(("FAILED ", "ERROR "))]
+    """Return the tests that failed, without their parameters; a line that a test logs is not among them."""
+    return re.findall(r"^(?:FAILED|ERROR) ([^\s\[]+\.py[^\s\[]*)", output, re.MULTILINE)
 
 
 def _read(path: str) -> str:
