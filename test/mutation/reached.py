@@ -43,17 +43,20 @@ class Reached:
     def __init__(self, place: str):
         self._place = place
         self._tests: Dict[Tuple[str, int], Set[str]] = {}  # by file and line
+        self._at_import: Set[Tuple[str, int]] = set()  # what runs before the first test, also in functions
         self._reach: Dict[str, int] = {}  # how many lines a test runs
         for path in glob.glob(os.path.join(place, "notes", "coverage.*")):
             measured = coverage.CoverageData(path)
             measured.read()
             for file in measured.measured_files():
                 for line, contexts in measured.contexts_by_lineno(file).items():
-                    self._note(os.path.relpath(file, place), line, {_test(context) for context in contexts} - {""})
+                    self._note(os.path.relpath(file, place), line, {_test(context) for context in contexts})
 
     def _note(self, file: str, line: int, tests: Set[str]) -> None:
-        self._tests.setdefault((file, line), set()).update(tests)
-        for test in tests:
+        if "" in tests:
+            self._at_import.add((file, line))
+        self._tests.setdefault((file, line), set()).update(tests - {""})
+        for test in tests - {""}:
             self._reach[test] = self._reach.get(test, 0) + 1
 
     def tests(self, file: str, line: int) -> List[str]:
@@ -63,7 +66,7 @@ class Reached:
         """
         inside = _inside_functions(os.path.join(self._place, file))
         found = self._tests.get((file, line), set())
-        if line not in inside:
+        if line not in inside or (file, line) in self._at_import:
             users = {test for number in inside for test in self._tests.get((file, number), ())}
             found = found | users if users else set(self._reach)
         return sorted(found, key=lambda test: (self._reach[test], test))
