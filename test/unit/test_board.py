@@ -2,6 +2,7 @@
 import json
 import sys
 import time
+import types
 
 import pytest
 
@@ -157,6 +158,17 @@ def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatc
     rig.mission.events.emit(RunFinished("stopped", 0))
     time.sleep(0.3)
     assert not board.part("alive")["hangs"]
+
+
+def test_the_age_of_a_sign_of_life_is_told_in_tenths_of_a_second(monkeypatch):
+    now = [50.0]
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
+    board = board_of(one_leaf("<Sleep msec='9000'/>"))
+    found = []
+    for now[0] in (50.0, 51.26, 52.9, 53.0):
+        found.append(board.part("alive"))
+    assert found == [{"age": 0.0, "hangs": False}, {"age": 1.3, "hangs": False}, {"age": 2.9, "hangs": False},
+                     {"age": 3.0, "hangs": True}]
 
 
 def test_statuses_of_a_visitor_end_with_the_pass():

@@ -1,5 +1,7 @@
 """Each node of table 4: what it asks for, what it writes, and how it fails. Expected fields are the contract's."""
 import os
+import subprocess
+import sys
 from functools import partial
 
 import pytest
@@ -414,3 +416,7 @@ def test_the_readme_has_the_reference_of_nodes_and_data():
     for table in (reference.nodes(leaves.SPECS), reference.entries()):
         missing = [row for row in table.split("\n") if row not in text]
         assert table in text, "\n".join(missing + ["print the tables with python3 -m behavior_controller.leaves.reference"])
+    source = os.path.dirname(os.path.dirname(folders.__file__))
+    printed = subprocess.run([sys.executable, "-m", "behavior_controller.leaves.reference"], stdout=subprocess.PIPE,
+                             universal_newlines=True, check=True, env=dict(os.environ, PYTHONPATH=source)).stdout
+    assert printed == "{}\n\n{}\n".format(reference.nodes(leaves.SPECS), reference.entries())

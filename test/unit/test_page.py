@@ -414,6 +414,15 @@ def test_the_end_reaches_a_browser_before_the_server_closes(show):
     assert messages[-1]["passes"]["ended"] == "stopped; last pass: none"
 
 
+def test_a_controller_that_ends_without_a_word_has_stopped(show):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
+        stream.readline()
+        shown.page.close()
+        messages = [json.loads(line[6:]) for line in stream if line.startswith(b"data: ")]
+    assert messages[-1]["passes"]["ended"] == "the controller has stopped"
+
+
 def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
     shown = show(Rig())
     with socket.create_connection(("127.0.0.1", shown.port)) as idle:
