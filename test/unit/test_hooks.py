@@ -51,6 +51,17 @@ def test_a_hook_that_went_by_itself_while_it_was_unlocked_is_gone():
     assert hooks.all() == [] and "lets the node go on" not in "".join(lines)
 
 
+@pytest.mark.parametrize("ask", [lambda hooks: hooks.remove(AFTER, 1),
+                                 lambda hooks: hooks.unlock(AFTER, 1, "SUCCESS", False), bool])
+def test_a_hook_that_went_by_itself_is_not_there_any_more(ask):
+    tree, hooks, _ = hooked("<Probe/>")
+    hooks.insert([Hook(1, AFTER, REPLACE, True, True, "FAILURE")])
+    assert ask(hooks) is True
+    hooks.insert([Hook(1, AFTER, REPLACE, True, True, "FAILURE")])
+    assert tree.tick_exactly_once() is FAILURE
+    assert ask(hooks) is False
+
+
 def test_a_hook_set_where_one_went_by_itself_stays():
     tree, hooks, _ = hooked("<Probe/>")
     old, new = Hook(1, AFTER, REPLACE, True, True, "FAILURE"), Hook(1, AFTER, REPLACE, True, True, "FAILURE")

@@ -127,6 +127,12 @@ def test_a_part_of_the_safe_state_that_fails_is_told():
         "/animateBehaviour/set_activation failed while stopping: not reachable: no way"]
 
 
+def test_a_mission_that_is_skipped_leaves_nothing_running():
+    rig = one_leaf("<Inverter><AlwaysSuccess _skipIf='true'/></Inverter>")  # it says RUNNING before it asks its child
+    rig.run(advance)
+    assert [event.outcome for event in rig.of(PassFinished)] == ["SKIPPED"] and rig.tree.is_idle
+
+
 def test_a_run_that_ends_by_itself_asks_for_nothing_more():
     rig = one_leaf("<WelcomeSpeech/>")
     rig.run(advance)
