@@ -311,3 +311,4 @@ def test_a_tree_of_many_levels_is_reported():
     nodes = [["N::{}".format(number), "N", "N", number - 1] for number in range(1, 2001)]
     page = Page(page_of(lines_of(tick([2000, "S"]), nodes=nodes)))
     assert page.tags.count("li") == 2000 and page.deepest < 3 * DEEPEST + 20
+    assert page.tags.count("details") == 99  # the hundredth level has no other below it
