@@ -123,6 +123,12 @@ def test_a_bar_stands_where_its_result_was():
         ("h", "80.00", "20.00", "IDLE 2.000 s")]
 
 
+def test_results_that_lie_nearer_than_a_400th_of_the_run_are_one_bar():
+    text = page_of(lines_of(finished(110.0), finished(111.25), finished(112.75), finished(500.0)))  # the run took 400 s
+    assert re.findall(r'class="bar S" [^>]* title="([^"]*)"', text) == [
+        "2 × SUCCESS 1.750 s", "SUCCESS 0.500 s", "SUCCESS 0.500 s"]
+
+
 def test_failures_recoveries_and_notices_are_told_in_order_with_their_causes():
     recovered = {"event": "Recovered", "time": 104.0, "node": "A", "path": "A::1", "failure": FAILED,
                  "policy": "retry 1x, then skip", "attempts": 1, "success": True, "outcome": "skipped"}
