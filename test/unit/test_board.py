@@ -107,6 +107,15 @@ def test_passes_health_trouble_and_blackboard():
     assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")
 
 
+def test_the_newest_forty_lines_are_kept():
+    rig = one_leaf("<WelcomeSpeech/>")
+    board = board_of(rig)
+    for number in range(41):
+        rig.mission.events.emit(Noticed("warning", "line {}".format(number)))
+        rig.mission.events.emit(Noticed("info", "no trouble"))
+    assert [line["text"] for line in board.part("trouble")] == ["line {}".format(number) for number in range(1, 41)]
+
+
 def test_a_recovery_that_gives_up_is_told_by_what_it_decided():
     rig = Rig(answer=lambda request: refusal(request) if isinstance(request, QueryKnowledge) else NotImplemented)
     board = board_of(rig)

@@ -390,6 +390,39 @@ def test_a_mission_that_unfolds_without_end_is_refused_before_it_is_built():
     assert len(errors) == 1 and str(MOST_NODES) in errors[0].text
 
 
+@pytest.mark.parametrize("more, is_taken", [(0, True), (1, False)])
+def test_the_number_of_nodes_has_an_end(more, is_taken):
+    called = tree("<Sequence>{}</Sequence>".format(LEAF * 498), "T")  # 499 nodes, and the SubTree that calls it
+    calls = "<Sequence>{}{}</Sequence>".format('<SubTree ID="T"/>' * 499, LEAF * (499 + more))
+    found = checked(root(tree(calls) + called)).errors
+    assert [fault.text for fault in found] == ([] if is_taken else [
+        "the mission unfolds to 250001 nodes; at most 250000 are allowed"])
+
+
+@pytest.mark.parametrize("length, is_taken", [(20_000, True), (20_001, False)])
+def test_the_length_of_a_script_has_an_end(length, is_taken):
+    assert bool(checked(main('<Script code="a:={}"/>'.format("1" * (length - 3)))).errors) is not is_taken
+
+
+@pytest.mark.parametrize("faults", [999, 1000, 1001])
+def test_a_thousand_faults_are_told(faults):
+    found = checked(main("<Sequence>{}</Sequence>".format("<Nope/>" * faults))).faults
+    assert len([fault for fault in found if fault.line]) == min(faults, 1000)
+    assert [str(fault) for fault in found if not fault.line] == ["m.xml: 1 more faults are not shown"] * (faults > 1000)
+
+
+def test_a_thousand_warnings_are_told():
+    found = checked(main("<Sequence>{}</Sequence>".format('<Old/>' * 1001))).faults
+    assert [fault.is_warning for fault in found] == [True] * 1000
+
+
+@pytest.mark.parametrize("length, is_compared", [(59, True), (60, False)])
+def test_a_long_name_is_compared_with_no_other(length, is_compared):
+    name = "N" * (length - 1)
+    text = root(tree('<SubTree ID="{}x"/>'.format(name)) + tree(LEAF, name + "y"))
+    assert ("did you mean" in told(text)[0][3]) is is_compared
+
+
 def test_thousands_of_trees_that_call_each_other_are_no_trouble():
     trees = "".join('<BehaviorTree ID="T{0}"><Sequence><SubTree ID="T{1}"/>{2}</Sequence></BehaviorTree>'.format(
         number, number + 1, "".join('<SubTree ID="T{}"/>'.format(back) for back in range(max(0, number - 20), number)))

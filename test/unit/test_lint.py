@@ -206,6 +206,13 @@ def test_an_entry_of_the_whole_mission_is_pointed_out():
     assert (line, column) == (3, 28) and "that of the whole mission is @given" in text
 
 
+@pytest.mark.parametrize("body", ['<In in="{{e{}}}"/>', '<Act _skipif="{}"/>'])
+def test_two_hundred_warnings_are_told(body):
+    for number, told in ((199, 199), (200, 200), (201, 200)):
+        found = warnings("<Sequence>{}</Sequence>".format("".join(map(body.format, range(number)))))
+        assert len(found) == told
+
+
 def test_defaults_of_a_model_are_written():
     model = '<TreeNodesModel><SubTree ID="Sub"><input_port name="x" default="1"/></SubTree></TreeNodesModel>'
     assert warnings('<SubTree ID="Sub"/>', tree("Sub", '<In in="{x}"/>'), model) == []

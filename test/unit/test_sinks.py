@@ -85,6 +85,18 @@ def test_a_sink_that_is_blocked_keeps_nobody_waiting():
     gate.open.set()
 
 
+def test_a_thousand_items_wait_if_nothing_else_is_said():
+    gate, written = Gate(), []
+    sink = Sink("test", gate.write, written.append)
+    sink.put(0)
+    assert gate.reached.acquire(timeout=5)
+    for number in range(1002):
+        sink.put(number)
+    gate.open.set()
+    sink.drain(10)
+    assert written == [2] and len(gate.written) == 1002
+
+
 def test_what_is_just_being_written_is_waited_for():
     gate, sink = gated(most=4)
     began = time.monotonic()
