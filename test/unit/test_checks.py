@@ -293,6 +293,13 @@ def test_what_is_wrong_inside_a_faulty_element_is_told_too():
     assert [(fault.line, fault.column) for fault in caught.value.faults] == [(3, 5), (4, 1), (4, 24), (4, 39), (5, 1)]
 
 
+@pytest.mark.parametrize("text", [root(tree('<SubTree ID="S"/>') + tree(LEAF + LEAF, "S")), main(LEAF + LEAF)])
+def test_a_tree_of_two_nodes_is_one_fault(text):
+    with pytest.raises(MissionError) as caught:
+        load_text(text, REGISTRY)
+    assert [fault.text.split("> ")[1] for fault in caught.value.faults] == ["has 2 children; it must have exactly 1"]
+
+
 def test_a_tree_that_is_defined_again_is_checked_too():
     text = root(tree("<Navigat/>") + "\n" + tree(LEAF))
     assert [fault[:3] for fault in told(text)] == [(3, 5, False), (5, 17, True)]
