@@ -129,6 +129,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
     ("1 ? 0 ? 4 : 5 : 6", 5),
     ("x := y := 3", 3),
     ("1 2 3", 3),
+    ("end := 3", 3), ("name := 1 integer := 2 real := 3 text := 4", 4), ("operator := 5; end := operator; end", 5),
     ("5..'x'", "5x"),
     ("5.5..'x'", "5.500000x"),
 ])
