@@ -159,6 +159,8 @@ def test_a_fault_is_one_line_whatever_it_quotes():
     ("\n\ufeff<root/>", (2, 1), "text before"),
     ("<root>\n</root></root>", (2, 8), "</root> closes nothing"),
     ("<root>\n <\x00/></root>", (2, 3), "NUL"),
+    ("\ufeff x<root/>", (1, 3), "text before the first element"),
+    ("\ufeff<root/>x", (1, 9), "text after the end of the first element"),
     ('<!DOCTYPE r [\n<!ENTITY a "b">]><root/>', (1, 1), "declarations inside DOCTYPE"),
     ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root/>', (1, 1), "declarations inside DOCTYPE"),
 ])
