@@ -158,7 +158,10 @@ def judge(place: str, mutation: Mutation, measured: Reached, failing: Set[str]) 
         _write(path, source)
     if code == 0:
         return ""
-    return "no end" if code == -signal.SIGALRM else (_failures(output) + ["exit code {}".format(code)])[0]
+    failures = _failures(output)
+    if code == 1 and not failures:
+        sys.exit("the tests cannot be run:\n" + output[-3000:])
+    return "no end" if code == -signal.SIGALRM else (failures + ["exit code {}".format(code)])[0]
 
 
 def _show(result: Judged, excused: Dict[Tuple[str, ...], str]) -> None:
