@@ -19,7 +19,7 @@ LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli", "command"],
     ["watch", "runner"],
-    ["mission"],
+    ["mission", "foresight"],
     ["leaves"],
     ["recovery", "apart", "bt.compiler"],
     ["bt.checking"],
