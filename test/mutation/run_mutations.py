@@ -114,7 +114,7 @@ def break_samples(count: int, seeds: List[int]) -> int:
     """Break a sample of the other pure modules for each seed. Return the exit code."""
     excused = {tuple(entry["key"]): entry["reason"] for entry in json.loads(_read(CHANGES_NOTHING))}
     sources = [(path, _read(os.path.join(ROOT, path))) for path in pure_modules()]
-    codes = []
+    codes = [tell_stale(set(excused), sources)]
     with tempfile.TemporaryDirectory() as place:
         shutil.copytree(ROOT, place, ignore=shutil.ignore_patterns(*NOT_COPIED), dirs_exist_ok=True)
         measured, failing = measure(place)
@@ -126,6 +126,17 @@ def break_samples(count: int, seeds: List[int]) -> int:
             print("seed {}: ".format(seed), end="")
             codes.append(_sum(judged, excused))
     return max(codes)
+
+
+def tell_stale(excused: Set[Tuple[str, ...]], sources: List[Tuple[str, str]]) -> int:
+    """Tell which of the mutations that change nothing are not possible any more. Return the exit code."""
+    files = {key[0] for key in excused}
+    own = [source for source in sources if source[0] in files]
+    stale = excused - {mutation.key for mutation in sample(own, sys.maxsize, 0)}
+    for file, scope, old, new in sorted(stale):
+        print("STALE   {} {}: {}  ->  {}: take it out of {}".format(
+            file, scope, old, new, os.path.basename(CHANGES_NOTHING)), flush=True)
+    return 1 if stale else 0
 
 
 def measure(place: str) -> Tuple[Reached, Set[str]]:

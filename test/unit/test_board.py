@@ -158,6 +158,7 @@ def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatc
     rig = one_leaf("<Sleep msec='9000'/>")
     board = Board(rig.mission.events, rig.mission.health, registry())
     assert board.part("alive") == {"age": None, "hangs": False}
+    assert board.part("passes")["text"] == "no pass yet" and board.part("mission")["nodes"] == []
     board.show(rig.tree)
     rig.tick()
     time.sleep(0.3)
