@@ -17,7 +17,7 @@ import sys
 import tempfile
 from typing import Dict, List, NamedTuple, Set, Tuple
 
-from mutate import Mutation, Stale, broken, sample
+from mutate import Mutation, Stale, broken, sample, statements
 from reached import SETTINGS, Reached
 from rules import RULES
 
@@ -129,11 +129,11 @@ def break_samples(count: int, seeds: List[int]) -> int:
 
 
 def tell_stale(excused: Set[Tuple[str, ...]], sources: List[Tuple[str, str]]) -> int:
-    """Tell which of the mutations that change nothing are not possible any more. Return the exit code."""
+    """Tell which of the mutations that change nothing break code that is not there any more. Return the exit code."""
     files = {key[0] for key in excused}
-    own = [source for source in sources if source[0] in files]
-    stale = excused - {mutation.key for mutation in sample(own, sys.maxsize, 0)}
-    for file, scope, old, new in sorted(stale):
+    there = {(file,) + place for file, source in sources if file in files for place in statements(source)}
+    stale = sorted(key for key in excused if key[:3] not in there)
+    for file, scope, old, new in stale:
         print("STALE   {} {}: {}  ->  {}: take it out of {}".format(
             file, scope, old, new, os.path.basename(CHANGES_NOTHING)), flush=True)
     return 1 if stale else 0
