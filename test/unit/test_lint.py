@@ -16,7 +16,6 @@ from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
-from behavior_controller.leaves import registry as mission_registry
 from behavior_controller.mission import load_tree
 
 REGISTRY = Registry(builtin_specs() + [
@@ -199,6 +198,13 @@ def test_entries_are_followed_through_subtrees(call, inside, is_written):
 def test_an_entry_of_the_whole_mission_is_pointed_out():
     (line, column, text), = warnings('<SubTree ID="Sub"/>', tree("Sub", '<In in="{given}"/>'))
     assert (line, column) == (3, 28) and "that of the whole mission is @given" in text
+
+
+@pytest.mark.parametrize("body", ['<In in="{{e{}}}"/>', '<Act _skipif="{}"/>'])
+def test_two_hundred_warnings_are_told(body):
+    for number, told in ((199, 199), (200, 200), (201, 200)):
+        found = warnings("<Sequence>{}</Sequence>".format("".join(map(body.format, range(number)))))
+        assert len(found) == told
 
 
 def test_defaults_of_a_model_are_written():

@@ -45,6 +45,19 @@ def test_what_was_posted_for_a_wake_up_that_is_cleared_is_not_waited_for():
     assert rig.gateway.calls[0].result is not None and time.monotonic() - began < 4.0
 
 
+def test_an_event_is_answered_by_one_tick():
+    rig = one_leaf("<ReactiveSequence><ScriptCondition code='count += 1; true'/><Sleep msec='9000'/></ReactiveSequence>")
+    rig.tree.blackboard.set("count", 0)
+    waits = []
+
+    def event(rig):
+        waits.append(rig.tree.blackboard.get("count"))
+        rig.tree.wake.emit()
+
+    rig.run(event, is_stopped=lambda: len(waits) > 9)
+    assert [after - before for before, after in zip(waits[1:], waits[2:])] == [1] * 8
+
+
 def test_passes_that_end_at_once_are_paced():
     rig = one_leaf("<AlwaysFailure/>")
     assert rig.run(advance, runs=4) == 3
@@ -112,6 +125,12 @@ def test_a_part_of_the_safe_state_that_fails_is_told():
     rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped))
     assert [event.text for event in rig.of(Noticed)] == [
         "/animateBehaviour/set_activation failed while stopping: not reachable: no way"]
+
+
+def test_a_mission_that_is_skipped_leaves_nothing_running():
+    rig = one_leaf("<Inverter><AlwaysSuccess _skipIf='true'/></Inverter>")  # it says RUNNING before it asks its child
+    rig.run(advance)
+    assert [event.outcome for event in rig.of(PassFinished)] == ["SKIPPED"] and rig.tree.is_idle
 
 
 def test_a_run_that_ends_by_itself_asks_for_nothing_more():

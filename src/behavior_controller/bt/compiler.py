@@ -91,7 +91,7 @@ class _Compiler:
         """Make every node, parents before children, in document order."""
         self.blackboards[""] = blackboard
         waiting = [_Place(child, None, blackboard, "", 1)
-                   for child in self.checked.trees[self.checked.main].children[:1]]
+                   for child in self.checked.trees[self.checked.main].children]
         while waiting:
             place = waiting.pop()
             if place.depth > DEEPEST:
@@ -216,7 +216,7 @@ class _Compiler:
         inner = Blackboard(place.blackboard)
         self.blackboards[path] = inner
         self._remap(element, tree_id, inner)
-        return (place._replace(blackboard=inner, prefix=path + "/"), self.checked.trees[tree_id].children[:1])
+        return (place._replace(blackboard=inner, prefix=path + "/"), self.checked.trees[tree_id].children)
 
     def _remap(self, element: Element, tree_id: str, inner: Blackboard) -> None:
         autoremap = bool(TYPES["bool"].from_text(  # type: ignore[misc]

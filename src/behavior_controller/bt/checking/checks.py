@@ -134,8 +134,6 @@ class _Faults:
 
     def nearest(self, word: str, known: Collection[str], otherwise: str = "") -> str:
         """Return ``did you mean …?``, or ``otherwise`` and the known names if they are few."""
-        if len(self.errors) >= MOST_FAULTS:
-            return ""
         self._comparisons -= len(known)
         near = did_you_mean(word, known) if len(word) < 60 and self._comparisons > 0 else ""
         if near or not otherwise:

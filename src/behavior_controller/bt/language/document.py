@@ -224,7 +224,7 @@ def _included_path(element: Element) -> Optional[str]:
 
 def _include_file(element: Element, path: str, found: List[Document], seen: Set[str], chain: Tuple[str, ...]) -> None:
     faults = element.document.faults
-    if len(seen) > MOST_FILES or len(chain) > DEEPEST_INCLUDE:
+    if len(seen) > MOST_FILES + 1 or len(chain) > DEEPEST_INCLUDE:
         faults.append(element.fault("more than {} files are included, or {} deep".format(MOST_FILES, DEEPEST_INCLUDE)))
         return
     try:
