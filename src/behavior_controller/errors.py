@@ -13,7 +13,11 @@ from behavior_controller.text import clean
 
 
 class Fault(NamedTuple):
-    """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not known."""
+    """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not known.
+
+    ``code`` names the kind of a mistake in a mission (``bt.rules``). ``end_line`` and ``end_column`` are those of the
+    first character that does not belong to it any more.
+    """
 
     file: str
     line: int
@@ -21,6 +25,9 @@ class Fault(NamedTuple):
     text: str
     hint: str = ""
     is_warning: bool = False
+    code: str = ""
+    end_line: int = 0
+    end_column: int = 0
 
     def __str__(self) -> str:
         """Return ``file:line:column: text (hint)`` on one line, leaving out what is not known."""

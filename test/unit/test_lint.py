@@ -89,7 +89,7 @@ CANNOT_BE_MEANT = {
                                      ["only 2 children"]),
     "no success wanted": ('<Parallel success_count="0"><Act/><Act/></Parallel>', (2, 11), ["decided before"]),
     "IfThenElse with one child": ("<IfThenElse><Cond/></IfThenElse>", (2, 1), ["has 1 children; it must have 2 or 3"]),
-    "Switch without a default": ('<Switch2 variable="x" case_1="a" case_2="b"><Act/><Act/></Switch2>', (2, 1),
+    "Switch without a default": ('<Switch2 variable="{given}" case_1="a" case_2="b"><Act/><Act/></Switch2>', (2, 1),
                                  ["must have 3"]),
     "a port without a value": ("<Sleep/>", (2, 1), ["Sleep needs the port msec"]),
     "a condition misspelled": ('<Act _skipif="true"/>', (2, 6), ["_skipif is ignored", "did you mean _skipIf?"]),
