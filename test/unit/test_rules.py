@@ -1,4 +1,4 @@
-"""Each kind of mistake: its examples are told, at their place, with its code; the reference page is derived from them."""
+"""Each kind of mistake: its examples are told, at their place, with its code; docs/faults.md is derived from them."""
 import ast
 import os
 import re
@@ -60,7 +60,8 @@ def test_every_rule_is_used():
         for name in names:
             if name.endswith(".py") and name != "rules.py":
                 with open(os.path.join(folder, name), encoding="utf-8") as file:
-                    used.update(node.attr for node in ast.walk(ast.parse(file.read())) if isinstance(node, ast.Attribute)
+                    nodes = ast.walk(ast.parse(file.read()))
+                    used.update(node.attr for node in nodes if isinstance(node, ast.Attribute)
                                 and isinstance(node.value, ast.Name) and node.value.id == "rules")
     declared = {name for name, value in vars(rules).items() if isinstance(value, rules.Rule)}
     assert declared - used == set()
@@ -75,7 +76,7 @@ def test_a_rule_is_declared_once():
         rules._add(rules.UNKNOWN_NODE)
 
 
-# ------------------------------------------------------------------------------------------------ scripts of several lines
+# -------------------------------------------------------------------------------------------- scripts of several lines
 
 LINES = """<root BTCPP_format="4">
   <BehaviorTree ID="Main">

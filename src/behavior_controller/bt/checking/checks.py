@@ -31,8 +31,7 @@ _COMPARISONS = 20_000  # names compared for "did you mean", in all: each takes s
 _BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
 
 _BLACKBOARD_CHECK = "version 4 writes _skipIf, _failureIf or Precondition"
-# what other versions and other tools call it
-_ELSEWHERE = {
+ELSEWHERE = {
     "SubTreePlus": "version 4 writes <SubTree>, and _autoremap for __autoremap",
     "SequenceStar": "version 4 calls it SequenceWithMemory",
     "FallbackStar": "version 4 calls it Fallback",
@@ -47,6 +46,7 @@ _ELSEWHERE = {
     "include": "it stands directly below <root>",
     "TreeNodesModel": "it stands directly below <root>",
 }
+"""What other versions and other tools call a node type, and what it is here."""
 _PORTS_ELSEWHERE = {
     ("Parallel", "threshold"): "version 4 writes success_count",
     ("Parallel", "success_threshold"): "version 4 writes success_count",
@@ -216,11 +216,11 @@ class _Index(_Faults):
             self.check_id(tree, tree_id)
         if tree_id in self.trees:
             first = self.trees[tree_id]
-            self.warn(rules.TREE_TWICE, tree, "the tree {} is defined again; this one is used, not that of {}:{}".format(
-                tree_id, first.document.file, first.place()[0]), attribute="ID")
+            self.warn(rules.TREE_TWICE, tree, "the tree {} is defined again; this one is used, not that of {}:{}"
+                      .format(tree_id, first.document.file, first.place()[0]), attribute="ID")
         if len(tree.children) != 1:
-            self.fault(rules.TREE_CHILDREN, tree, "<BehaviorTree ID=\"{}\"> has {} children; it must have exactly 1".format(
-                tree_id, len(tree.children)), "put a Sequence around them" if tree.children else "")
+            self.fault(rules.TREE_CHILDREN, tree, "<BehaviorTree ID=\"{}\"> has {} children; it must have exactly 1"
+                       .format(tree_id, len(tree.children)), "put a Sequence around them" if tree.children else "")
         self.trees[tree_id] = tree
         self.bodies.append((tree_id, tree))
 
@@ -319,8 +319,8 @@ class _Index(_Faults):
             self._unfold(start, sizes, self.fault)
         self.used = set(sizes)
         if main and sizes.get(main, 0) > MOST_NODES:
-            self.fault(rules.TOO_LARGE, self.trees[main], "the mission unfolds to {} nodes; at most {} are allowed".format(
-                "more than a billion" if sizes[main] > 10 ** 9 else sizes[main], MOST_NODES), "call fewer SubTrees")
+            self.fault(rules.TOO_LARGE, self.trees[main], "the mission unfolds to {} nodes; at most {} are allowed"
+                       .format("more than a billion" if sizes[main] > 10 ** 9 else sizes[main], MOST_NODES), "call fewer SubTrees")
         for start in self.trees:
             self._unfold(start, sizes, self.warn)
 
@@ -433,7 +433,7 @@ class _Nodes:
             self.fault(rules.TREE_AS_NODE, element, "{} is a tree, not a node".format(node_id),
                        "it is called with <SubTree ID=\"{}\"/>".format(node_id), attribute)
         else:
-            hint = _ELSEWHERE.get(node_id) or self.index.nearest(node_id, list(self._known) + ["SubTree"])
+            hint = ELSEWHERE.get(node_id) or self.index.nearest(node_id, list(self._known) + ["SubTree"])
             self.fault(rules.UNKNOWN_NODE, element, "unknown node {}".format(node_id), hint, attribute)
 
     def _kinds_of_children(self, element: Element, spec: NodeSpec) -> None:
@@ -452,7 +452,8 @@ class _Nodes:
             self.fault(rules.LEAF_CHILDREN, element, "{} is a leaf and cannot have children".format(node_id))
         elif known.most == 1:
             self.fault(rules.DECORATOR_CHILDREN, element,
-                       "{} has {} children; a decorator must have exactly 1".format(node_id, count), "put a Sequence around them" if count else "")
+                       "{} has {} children; a decorator must have exactly 1".format(node_id, count),
+                       "put a Sequence around them" if count else "")
         elif known.fewest > 1:
             self.fault(rules.FEW_CHILDREN, element, "{} must have at least {} children: {}".format(
                 node_id, known.fewest, known.spec.children))
@@ -467,8 +468,8 @@ class _Nodes:
             self._port(element, port, text)
         elif name == "ID":
             if element.tag not in EXPLICIT:
-                self.fault_in_use(rules.ID_NOT_ALLOWED, element, "the attribute ID is not allowed in <{}>".format(element.tag),
-                                  "write name=\"…\" for the name of the node", "ID")
+                self.fault_in_use(rules.ID_NOT_ALLOWED, element,
+                                  "the attribute ID is not allowed in <{}>".format(element.tag), "write name=\"…\" for the name of the node", "ID")
         elif is_port_name(name):
             hint = _PORTS_ELSEWHERE.get((known.spec.id, name)) or condition_meant(name) or self.index.nearest(
                 name, known.ports, "its ports")
@@ -541,10 +542,12 @@ class _Nodes:
         known = [known.name for known in self.index.models[tree_id]]
         other = next((name for name in element.attributes if is_port_name(name) and name not in known
                       and did_you_mean(name, known) == did_you_mean(port.name, [port.name])), None)
-        self.fault_in_use(rules.MODEL_PORT_MISSING, element, "the model of {} asks for the port {}, which is not given{}"
-                          .format(tree_id, port.name, "; it has no port {}".format(other) if other else ""),
-                          "did you mean {}?".format(port.name) if other else "write {0}=\"{{{0}}}\"".format(port.name),
-                          other)
+        text = "the model of {} asks for the port {}, which is not given".format(tree_id, port.name)
+        if other:
+            self.fault_in_use(rules.MODEL_PORT_MISSING, element, "{}; it has no port {}".format(text, other),
+                              "did you mean {}?".format(port.name), other)
+        else:
+            self.fault_in_use(rules.MODEL_PORT_MISSING, element, text, "write {0}=\"{{{0}}}\"".format(port.name))
 
     def _unbraced(self, element: Element) -> None:
         for name, text in element.attributes.items():

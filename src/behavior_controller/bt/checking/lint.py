@@ -154,8 +154,8 @@ class _Linter:
             if other.name == port.name:
                 break
             if other.role is Role.CASE and element.attributes.get(other.name) == text:
-                self.warn(rules.SWITCH_CASE, element, "{} is never chosen: {} is the same".format(port.name, other.name),
-                          attribute=port.name)
+                self.warn(rules.SWITCH_CASE, element, "{} is never chosen: {} is the same".format(
+                    port.name, other.name), attribute=port.name)
                 return
         bare = text.strip(" \t,;'\"")
         if bare != text and ports.reference(text, port.name) is None:
@@ -186,10 +186,11 @@ class _Linter:
                 continue
             if is_sequence:
                 self.warn(rules.RECOVERY_MISPLACED, child, "{} is reached only if all before it succeeded: there is no "
-                          "failure to look at".format(child.type_id), "it belongs into a Fallback, after the step that may fail")
+                          "failure to look at".format(child.type_id),
+                          "it belongs into a Fallback, after the step that may fail")
             else:
-                self.warn(rules.RECOVERY_MISPLACED, child, "{} comes first: there is no failure before it to look at".format(
-                    child.type_id), "it belongs after the step that may fail")
+                self.warn(rules.RECOVERY_MISPLACED, child, "{} comes first: there is no failure before it to look "
+                          "at".format(child.type_id), "it belongs after the step that may fail")
 
     def _unreachable(self, children: List[Element], wanted: int, what: str) -> None:
         for child, following in zip(children, children[1:]):
@@ -249,7 +250,8 @@ class _Linter:
         """Warn of trees of the mission file itself that the mission does not use; what is included is a library."""
         for tree_id, tree in self.checked.trees.items():
             if tree_id not in self.trees and tree.document is document:
-                self.warn(rules.TREE_UNUSED, tree, "the tree {} is not used".format(tree_id), "the main tree is {}".format(self.checked.main))
+                self.warn(rules.TREE_UNUSED, tree, "the tree {} is not used".format(tree_id),
+                          "the main tree is {}".format(self.checked.main))
 
     def unwritten(self) -> None:
         """Warn of entries that are read and that nothing writes; of those that a node reads by default, of one."""
@@ -268,8 +270,8 @@ class _Linter:
             if not hint:
                 hint = self.defaults.written_by(name) if tree == self.checked.main else ""
                 hint = hint or self.nearest(name, self.written.get(tree, set()))
-            self.warn(rules.NEVER_WRITTEN, read.element, "the entry {} is read here, but nothing writes it".format(name),
-                      hint, read.attribute, read.at)
+            self.warn(rules.NEVER_WRITTEN, read.element, "the entry {} is read here, but nothing writes it".format(
+                name), hint, read.attribute, read.at)
 
     def _other_scope(self, tree: str, name: str) -> str:
         """Return a hint if an entry of that name is written, but in another tree's blackboard."""
@@ -293,7 +295,8 @@ class _Linter:
             spec = self.registry.find(node_id)
             need = spec.needs if spec is not None else None
             if need is not None and not any(other in present for other in need.any_of):
-                self.warn(rules.NEED_MISSING, element, "{} can never succeed: {}".format(node_id, need.why), "the mission lacks {}".format(" or ".join(need.any_of[:2])))
+                self.warn(rules.NEED_MISSING, element, "{} can never succeed: {}".format(node_id, need.why),
+                          "the mission lacks {}".format(" or ".join(need.any_of[:2])))
 
 
 class _Defaults:

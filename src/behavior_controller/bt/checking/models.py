@@ -30,7 +30,8 @@ def _compared(model: Element, registry: Registry) -> List[Fault]:
     spec = registry.find(node_id)
     if spec is None:
         hint = did_you_mean(node_id, [known.id for known in registry.all()])
-        return [model.fault(rules.PALETTE_UNKNOWN_NODE, "the palette has an unknown node {}".format(node_id), hint, "ID")]
+        return [model.fault(rules.PALETTE_UNKNOWN_NODE, "the palette has an unknown node {}".format(node_id),
+                            hint, "ID")]
     found = []
     if model.tag != spec.kind.value:
         found.append(model.fault(rules.PALETTE_KIND, "the palette has {} as {} {}; it is {} {}".format(

@@ -8,8 +8,8 @@ from behavior_controller.bt.language.script import Assignment, Operand, Operatio
 from behavior_controller.bt.rules import Rule
 
 WORDS = {"not": "write !", "and": "write &&", "or": "write ||", "True": "write true", "TRUE": "write true",
-         "False": "write false", "FALSE": "write false", "null": "an entry is never null", "NULL": "an entry is never null",
-         "None": "an entry is never null", "nil": "an entry is never null"}
+         "False": "write false", "FALSE": "write false", "null": "an entry is never null",
+         "NULL": "an entry is never null", "None": "an entry is never null", "nil": "an entry is never null"}
 """What other languages mean by a word, and scripts do not."""
 
 _COMPARISONS = ("==", "!=", "<", ">", "<=", ">=")
@@ -26,7 +26,7 @@ class Remark(NamedTuple):
 
 
 def remarks(flow: Flow, given: Collection[str]) -> Iterator[Remark]:
-    """Yield what is to be said of the scripts of a mission; ``given`` are entries that come from elsewhere, and enums."""
+    """Yield what is to be said of a mission's scripts; ``given`` are entries that come from elsewhere, and enums."""
     written = {name for _, name in flow.written}.union(given)
     told: Set[Key] = set()
     for use in flow.scripts:

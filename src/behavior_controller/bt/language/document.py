@@ -136,7 +136,8 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
     text = document.text
     try:
         if not text.strip("\ufeff \t\r\n"):
-            raise MarkupFault(rules.EMPTY_FILE, "the file is empty", 0, "a mission begins with <root BTCPP_format=\"4\">")
+            raise MarkupFault(rules.EMPTY_FILE, "the file is empty", 0,
+                              "a mission begins with <root BTCPP_format=\"4\">")
         if "\x00" in text:
             raise MarkupFault(rules.NOT_TEXT, "a NUL character: the file is not UTF-8 text", text.index("\x00"),
                               "save the file as UTF-8")

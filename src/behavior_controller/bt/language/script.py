@@ -106,7 +106,8 @@ def _tokens(text: str) -> List[Token]:
     return found
 
 
-_HINTS = {'"': "a text stands in single quotes: 'yes'", "%": "scripts have no remainder", ",": "statements are separated by ;",
+_HINTS = {'"': "a text stands in single quotes: 'yes'", "%": "scripts have no remainder",
+          ",": "statements are separated by ;",
           "[": "scripts have no lists", "#": "scripts have no remarks", "{": "a script names an entry without braces"}
 
 
@@ -275,8 +276,8 @@ class _Parser:
             self.last = Operand("text" if kind == "text" else "number", text, position)
             return lambda _blackboard, _enums: value
         if kind != "(":
-            raise ScriptSyntaxError("Expected operand at position {} (got '{}')".format(position, shown(text)), position,
-                                    self._missing_operand(kind))
+            raise ScriptSyntaxError("Expected operand at position {} (got '{}')".format(position, shown(text)),
+                                    position, self._missing_operand(kind))
         inner = self.expression()
         kind, text, position = self._next()
         if kind != ")":
