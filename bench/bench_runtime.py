@@ -170,14 +170,14 @@ def hung(bench, count, seconds):
     import rospy
     from behavior_controller.bt.engine.clock import Clock
     from behavior_controller.bt.engine.wakeup import WakeUp
-    from behavior_controller.interface.records import Say
     from behavior_controller.interface.document import INTERFACE
+    from behavior_controller.interface.records import Say
     from behavior_controller.ros.services import RosGateway
     bench.robot = Robot({service.name: "hang" for service in INTERFACE.services})
     rospy.init_node("bench", disable_signals=True)
     ticks = hung_ticks(seconds)
     clock, wake = Clock(), WakeUp()
-    gateway = RosGateway(lambda service: 0.004, clock, wake.emit)
+    gateway = RosGateway(INTERFACE, lambda service: 0.004, clock, wake.emit)
     before = None
     for number in range(count + 50):
         call = gateway.start(Say("hello"))
@@ -199,6 +199,7 @@ def hung_ticks(seconds):
     from behavior_controller.bt.language.document import parse
     from behavior_controller.events import Events
     from behavior_controller.gateway import FakeTopics
+    from behavior_controller.interface.document import INTERFACE
     from behavior_controller.interface.records import Location
     from behavior_controller.leaves.data import TARGET_LOCATION
     from behavior_controller.ros.services import RosGateway
@@ -208,7 +209,7 @@ def hung_ticks(seconds):
         "<Parallel>{}<Repeat num_cycles=\"-1\"><Sleep msec=\"5\"/></Repeat></Parallel>".format(calls)))])
     tree = loaded.tree
     tree.blackboard.set(TARGET_LOCATION.name, Location(1.0, 2.0, 3.0))
-    gateway = RosGateway(lambda service: 60.0, tree.clock, tree.wake.emit)
+    gateway = RosGateway(INTERFACE, lambda service: 60.0, tree.clock, tree.wake.emit)
     tree.setup(mission=loaded.context(gateway, FakeTopics(tree.clock.now), Events()))
     taken, ends = [], time.monotonic() + seconds
     while time.monotonic() < ends:

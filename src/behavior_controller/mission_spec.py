@@ -3,7 +3,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple
 
 from behavior_controller.bt.registry import Direction, NodeSpec
-from behavior_controller.interface import Topic
+from behavior_controller.interface import Sense
 
 
 @dataclass(frozen=True)
@@ -11,7 +11,7 @@ class MissionSpec(NodeSpec):
     """A node of the mission vocabulary."""
 
     calls: Tuple[type, ...] = ()  # the kinds of requests that it makes
-    listens: Tuple[Topic, ...] = ()
+    listens: Tuple[Sense, ...] = ()  # what it learns of the visitor from topics
     is_indispensable: bool = False  # no policy may skip it
     leave_out: Optional[Callable[[Any], bool]] = None
     """Notes that the mission goes on without the node, through the ports of the leaf that recovers from its failure.

@@ -8,7 +8,7 @@ from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted, Sources
 from behavior_controller.gateway import Call, Failure
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface
 from behavior_controller.leaves.base import MissionContext
 
 SHORTEST_PASS = 1.0
@@ -77,7 +77,8 @@ class Runner:
         self.tree.setup(mission=self.mission)
         self.mission.events.emit(RunStarted(
             self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values),
-            Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source, INTERFACE.name)))
+            Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source,
+                    self.mission.interface.name)))
 
     def _pass(self) -> None:
         """Run the mission once, for a visitor of whom nothing is known."""
@@ -159,22 +160,22 @@ class Runner:
     def _stop(self) -> None:
         """Halt what runs and leave the robot in the safe state."""
         self._halt()
-        calls = [self.mission.gateway.start(request) for request in INTERFACE.safe_state]
+        calls = [self.mission.gateway.start(request) for request in self.mission.interface.safe_state]
         end = self.clock.now() + SAFE_STATE_LIMIT
         while any(call.result is None for call in calls) and self.clock.now() < end:
             self.tree.wake.test_and_clear()
             if any(call.result is None for call in calls):
                 self.wait(end - self.clock.now())
-        for line in not_calm(calls):
+        for line in not_calm(calls, self.mission.interface):
             self.mission.events.emit(Noticed("warning", line))
 
 
-def not_calm(calls: Iterable[Call]) -> Iterator[str]:
+def not_calm(calls: Iterable[Call], interface: Interface) -> Iterator[str]:
     """Drop what is not answered of the safe state, and yield a line for each part of it that is not reached."""
     for call in calls:
         if call.result is None:
             call.drop()
-            yield "{} did not answer while stopping".format(INTERFACE.service(type(call.request)).name)
+            yield "{} did not answer while stopping".format(interface.service(type(call.request)).name)
         elif isinstance(call.result, Failure):
             yield "{} failed while stopping: {}: {}".format(
-                INTERFACE.service(type(call.request)).name, call.result.cause.text, call.result.message)
+                interface.service(type(call.request)).name, call.result.cause.text, call.result.message)

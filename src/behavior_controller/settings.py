@@ -3,10 +3,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
-from behavior_controller.interface import Plain, Service
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface, Plain, Service
+from behavior_controller.interface.robots import DEFAULT, INTERFACES, services
 from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, filled, folder, integer, key,
-                                      keys_of, language_name, mission_name, port, read_configuration, seconds)
+                                      keys_of, language_name, mission_name, one_of, port, read_configuration, seconds)
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
 
@@ -15,13 +15,15 @@ FILE_NAME = "behaviorControllerConfiguration.ini"
 class Settings:
     """The checked configuration. A field is the key of that name in camelCase: ``asr_enabled`` is ``asrEnabled``.
 
-    ``deadlines``: see ``deadline``.
+    ``deadlines`` has the seconds of each key of a deadline: see ``deadline``.
     """
 
-    deadlines: Mapping[Service, float]
+    deadlines: Mapping[str, float]
     scenario_specification: str = key(mission_name, REQUIRED, "the mission to run: data/<name>.xml")
     verbose_mode: bool = key(boolean, REQUIRED, "true: a line for every leaf that finishes")
     asr_enabled: bool = key(boolean, REQUIRED, "true: visitors answer by voice; false: on the tablet")
+    robot_interface: str = key(
+        one_of(*INTERFACES), DEFAULT.name, "the interface that the robot's nodes speak")
     language: str = key(language_name, "English", "the robot's phrases: data/phrases_<language>.ini")
     mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0 is for ever")
     startup_timeout: float = key(seconds(), 0.0, "seconds to wait for missing robot nodes at the start")
@@ -44,13 +46,23 @@ class Settings:
 
     def deadline(self, service: Service) -> float:
         """Return the seconds that a call of ``service`` may take."""
-        return self.deadlines[service]
+        return self.deadlines[service.deadline_key]
+
+    @property
+    def interface(self) -> Interface:
+        """What the robot offers."""
+        return INTERFACES[self.robot_interface]
+
+    @property
+    def gaze_value(self) -> int:
+        """The value of /overtAttention/mode that means mutual gaze."""
+        return self.interface.gaze_value or self.mutual_gaze_value
 
     @property
     def values(self) -> Dict[str, Plain]:
         """The value of each key."""
         found = {each.name: getattr(self, name) for name, each in _FIELDS.items()}
-        found.update((service.deadline_key, limit) for service, limit in self.deadlines.items())
+        found.update(self.deadlines)
         return found
 
 
@@ -58,12 +70,12 @@ _FIELDS = keys_of(Settings)
 
 KEYS: Tuple[Key, ...] = tuple(_FIELDS.values()) + tuple(
     Key(service.deadline_key, seconds(0.001), service.deadline, "seconds that {} may take".format(service.name))
-    for service in INTERFACE.services)
+    for service in services())
 
 
 def _settings(values: Mapping[str, object]) -> Settings:
     """Return the settings that have these values, one for each of ``KEYS``."""
-    deadlines = {each: values[each.deadline_key] for each in INTERFACE.services}
+    deadlines = {each.deadline_key: values[each.deadline_key] for each in services()}
     return filled(Settings, values, deadlines=MappingProxyType(deadlines))
 
 

@@ -85,7 +85,7 @@ class TestGateway(unittest.TestCase):
         self.deadline = 20.0
         self.clock = Clock()
         self.wake = WakeUp()
-        self.gateway = RosGateway(lambda service: self.deadline, self.clock, self.wake.emit)
+        self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock, self.wake.emit)
 
     def tearDown(self):
         self.gateway.close()
@@ -375,7 +375,7 @@ class TestGateway(unittest.TestCase):
         self.robot()
         self.addCleanup(remap)
         remap(SAY + ":=/elsewhere/say")
-        self.gateway = RosGateway(lambda service: self.deadline, self.clock, self.wake.emit)
+        self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock, self.wake.emit)
         failure = self.ask(Say("hello"))
         self.assertEqual((failure.cause, failure.resource), (Cause.NOT_ADVERTISED, "/elsewhere/say"))
 

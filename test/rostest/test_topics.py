@@ -22,7 +22,7 @@ from behavior_controller.health import Health  # noqa: E402
 from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH  # noqa: E402
 from behavior_controller.interface.records import AttentionStatus, Faces  # noqa: E402
 from behavior_controller.ros.monitor import Monitor  # noqa: E402
-from behavior_controller.ros.probe import PARTS  # noqa: E402
+from behavior_controller.ros.probe import parts_of  # noqa: E402
 from behavior_controller.ros.topics import RosTopics  # noqa: E402
 
 
@@ -33,7 +33,7 @@ class TestTopics(unittest.TestCase):
     def setUpClass(cls):
         cls.wake = WakeUp()
         cls.warnings = []
-        cls.topics = RosTopics(cls.wake.emit, cls.warnings.append)
+        cls.topics = RosTopics(INTERFACE, cls.wake.emit, cls.warnings.append)
 
     def setUp(self):
         del self.warnings[:]
@@ -90,7 +90,7 @@ class TestTopics(unittest.TestCase):
 
     def test_a_connection_that_breaks_is_made_again(self):
         latch = self.topics.latches[SPEECH]
-        monitor = Monitor(self.topics, Health(), lambda: True)
+        monitor = Monitor(INTERFACE, self.topics, Health(), lambda: True)
         monitor.start()
         self.addCleanup(monitor.close)
         for link in latch._links.values():
@@ -103,7 +103,7 @@ class TestTopics(unittest.TestCase):
         """Run a monitor, and return the changes of health that it has told so far as a list that grows."""
         health, events, told = Health(), Events(), []
         events.subscribe(told.append)
-        monitor = Monitor(self.topics, health, lambda: True)
+        monitor = Monitor(INTERFACE, self.topics, health, lambda: True)
         monitor.start()
         self.addCleanup(monitor.close)
         return lambda: health.publish(events) or told
@@ -129,7 +129,7 @@ class TestTopics(unittest.TestCase):
         try:
             died = time.monotonic()
             self.robot.kill()
-            names = {part.name for part in PARTS} | {rosgraph.get_master_uri()}
+            names = {part.name for part in parts_of(INTERFACE)} | {rosgraph.get_master_uri()}
             self.wait_until(lambda: names == {change.name for change in told() if not change.is_well})
             print("death told after {:.2f} s".format(time.monotonic() - died))
             self.assertLess(time.monotonic() - died, 5.0)

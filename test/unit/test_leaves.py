@@ -11,7 +11,7 @@ from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.events import LeafFinished
 from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.document import SPEECH
+from behavior_controller.interface import Sense
 from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves import reference, registry
@@ -392,7 +392,7 @@ def test_a_finished_leaf_tells_its_service_or_topic(leaf, answer, expected):
 
 def test_requests_and_topics_of_a_node_type_are_those_of_its_leaf():
     spec = {found.id: found for found in leaves.SPECS}
-    assert (spec["Navigate"].calls, spec["IsYesNoUttered"].listens) == ((GoTo,), (SPEECH,))
+    assert (spec["Navigate"].calls, spec["IsYesNoUttered"].listens) == ((GoTo,), (Sense.UTTERANCE,))
     assert (spec["SelectExhibit"].calls, spec["HandleFallBack"].calls) == ((), ())
 
 

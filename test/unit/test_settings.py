@@ -136,7 +136,7 @@ def test_settings_are_frozen():
     with pytest.raises(AttributeError):
         found.asr_enabled = False
     with pytest.raises(TypeError):
-        found.deadlines[INTERFACE.services[0]] = 1.0
+        found.deadlines["textToSpeechDeadline"] = 1.0
     found.values["asrEnabled"] = False
     assert found.asr_enabled is found.values["asrEnabled"] is True
 

@@ -3,8 +3,9 @@
 The ROS edge, the start-up check, the monitoring, the configuration's deadlines and the simulated robot take from these
 declarations all that they need to know of a service or topic.
 """
+import enum
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Generic, NamedTuple, Tuple, Type, TypeVar, Union
+from typing import Any, Callable, Dict, Generic, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
 
 from behavior_controller.interface.records import Answer, Request
 
@@ -40,7 +41,7 @@ class Service(Generic[Asked]):
     ``request`` is the kind of record that it carries out, ``fields`` gives the values of the srv request in order;
     ``answer`` reads a positive response and raises ``Unusable``. ``name`` is the canonical name, ``node`` the robot's
     node that offers it, ``type`` its ``package/Type``. ``deadline`` is the default, in seconds. ``absence`` says what
-    the robot cannot do without it.
+    the robot cannot do without it; ``is_optional``: a mission runs without it, and its leaves then succeed.
     """
 
     request: Type[Asked]
@@ -52,6 +53,7 @@ class Service(Generic[Asked]):
     deadline: float
     absence: str
     answer: Callable[[Message], Answer] = _nothing
+    is_optional: bool = False
 
     @property
     def deadline_key(self) -> str:
@@ -76,15 +78,42 @@ class Topic(Generic[Value]):
     is_continuous: bool
 
 
-class Interface:
-    """All services and topics of one robot, and the requests that leave it in the safe state.
+class Sense(enum.Enum):
+    """What a mission can learn of its visitor while it runs."""
 
-    ``name`` tells it from others in a record. Raises ValueError where two services carry out the same kind of request.
+    VISITOR = "visitor"
+    PRESENCE = "presence"
+    GAZE = "gaze"
+    UTTERANCE = "utterance"
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence(Generic[Value]):
+    """What tells a robot of its visitor: a message of ``topic`` for which ``is_given`` holds.
+
+    ``is_given`` takes the message's value and the value of /overtAttention/mode that means mutual gaze. ``wait`` is how
+    many seconds a condition waits for the evidence, infinity for no limit; None: as long as ``conditionWait`` says.
+    """
+
+    topic: Topic[Value]
+    is_given: Callable[[Value, int], bool] = lambda value, gaze_value: True
+    wait: Optional[float] = None
+
+
+class Interface:
+    """All services and topics of one robot, what they tell of a visitor, and the requests that make the robot safe.
+
+    ``name`` tells it from others in the configuration and in a record. ``gaze_value`` is the value of
+    /overtAttention/mode that means mutual gaze; None: the configuration says it. Raises ValueError where two services
+    carry out the same kind of request.
     """
 
     def __init__(self, name: str, services: Tuple[Service, ...], topics: Tuple[Topic, ...],
-                 safe_state: Tuple[Request, ...]):
+                 safe_state: Tuple[Request, ...], evidence: Mapping[Sense, Evidence],
+                 gaze_value: Optional[int] = None):
         self.name = name
+        self.gaze_value = gaze_value
+        self._evidence = evidence
         self.services = services
         self.topics = topics
         self.safe_state = safe_state
@@ -109,6 +138,17 @@ class Interface:
         except KeyError:
             raise LookupError("no service is declared for the request {}: declare it in behavior_controller.interface"
                               .format(request.__name__)) from None
+
+    def serves(self, request: type) -> bool:
+        """Return whether the robot has a service for a kind of request."""
+        return request in self._by_request
+
+    def evidence(self, sense: Sense) -> Evidence:
+        """Return what tells of ``sense``. Raises LookupError if this robot cannot tell."""
+        try:
+            return self._evidence[sense]
+        except KeyError:
+            raise LookupError("the robot {} does not tell of the visitor's {}".format(self.name, sense.value)) from None
 
     def topic(self, name: str) -> Topic:
         """Return the topic of that canonical name. Raises LookupError if none is declared."""

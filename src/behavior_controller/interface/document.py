@@ -2,7 +2,7 @@
 import math
 from typing import Tuple
 
-from behavior_controller.interface import Interface, Message, Service, Success, Topic, Unusable
+from behavior_controller.interface import Evidence, Interface, Message, Sense, Service, Success, Topic, Unusable
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
                                                    PerformGesture, Point, Prompt, QueryKnowledge, Say, SetAnimation,
                                                    SetAttention)
@@ -61,4 +61,7 @@ SPEECH = Topic("/speechEvent/text", "speechEvent", "std_msgs/String", str, lambd
                "what visitors say is not heard", is_continuous=False)
 
 INTERFACE = Interface("D5.4.3", SERVICES, (FACES, ATTENTION, SPEECH),
-                      (SetAttention("disabled"), SetAnimation("disabled")))
+                      (SetAttention("disabled"), SetAnimation("disabled")), {
+                          Sense.VISITOR: Evidence(FACES, lambda faces, _: bool(faces.labels)),
+                          Sense.GAZE: Evidence(ATTENTION, lambda status, gaze: status == ("seeking", gaze)),
+                          Sense.UTTERANCE: Evidence(SPEECH)})

@@ -4,7 +4,7 @@ from typing import Any, Optional, Set, Tuple
 from behavior_controller.bt.registry import Need, Port
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure, Sample
-from behavior_controller.interface.document import ATTENTION, FACES
+from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Answer, Request, SetAnimation, SetAttention
 from behavior_controller.leaves.base import ServiceLeaf, TopicCondition, leaf_spec
 from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET
@@ -59,12 +59,8 @@ class OvertAttentionMode(ServiceLeaf):
 class IsVisitorDiscovered(TopicCondition):
     """``<IsVisitorDiscovered/>``: SUCCESS if the newest message of /faceDetection/data has a face."""
 
-    topic = FACES
+    sense = Sense.VISITOR
     otherwise = "no face in view"
-
-    def is_evidence(self, value: Any) -> bool:
-        """Return whether there is a face."""
-        return bool(value.labels)
 
 
 class GazeValues:
@@ -87,7 +83,7 @@ class GazeValues:
             return ""
         self.is_told = True
         return "{} has said seeking with {}; if this is such a node, set mutualGazeValue {}".format(
-            ATTENTION.name, sign, 3 - configured)
+            "/overtAttention/mode", sign, 3 - configured)
 
 
 class IsMutualGazeDiscovered(TopicCondition):
@@ -97,7 +93,7 @@ class IsMutualGazeDiscovered(TopicCondition):
     once.
     """
 
-    topic = ATTENTION
+    sense = Sense.GAZE
     PORTS = (ATTENTION_SET_AT.read(is_optional=True),)
     otherwise = "no mutual gaze"
     values: GazeValues
@@ -110,11 +106,9 @@ class IsMutualGazeDiscovered(TopicCondition):
 
     def is_evidence(self, value: Any) -> bool:
         """Return whether the attention is seeking and has found a gaze."""
-        if value.state != SEEKING:
-            return False
-        if value.value in OF_THE_ROBOT:
+        if value.state == SEEKING and value.value in OF_THE_ROBOT:
             self.values.has_robots_value = True
-        return value.value == self.mission.settings.mutual_gaze_value
+        return super().is_evidence(value)
 
     def not_before(self) -> float:
         """Return when the mode was set."""
@@ -126,7 +120,8 @@ class IsMutualGazeDiscovered(TopicCondition):
         if (len(values.searches) < SEARCHES and sample is not None and sample.value == (SEEKING, 1)
                 and self._counts(sample)):
             values.searches.add(self.not_before())
-        sign = values.sign(self.mission.settings.mutual_gaze_value)
+        is_configured = self.mission.interface.gaze_value is None
+        sign = values.sign(self.mission.settings.mutual_gaze_value) if is_configured else ""
         if sign:
             self.mission.events.emit(Noticed("warning", sign))
 

@@ -19,8 +19,7 @@ from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
-from behavior_controller.interface import Topic
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Evidence, Sense, Topic
 from behavior_controller.interface.records import Answer, Request
 from behavior_controller.leaves import data
 from behavior_controller.mission_spec import MissionSpec
@@ -71,6 +70,7 @@ class MissionContext:
         self.gateway = gateway
         self.topics = topics
         self.settings = settings
+        self.interface = settings.interface
         self.phrases = phrases
         self.policy = policy
         self.clock = clock
@@ -229,7 +229,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
     @property
     def resource(self) -> str:
         """The service's canonical name."""
-        return INTERFACE.service(self.asks).name
+        return self.mission.interface.service(self.asks).name
 
     def request(self) -> Union[Request, Failure, None]:
         """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
@@ -278,14 +278,14 @@ def is_asked_again(node: Any) -> bool:
 
 
 class TopicCondition(MissionLeaf, ConditionLeaf):
-    """A question to the newest message of a topic.
+    """A question to the newest message of the topic that tells of ``sense``.
 
     It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive control asks it
     again and again, where the waiting is the mission's. Nothing polls: an alarm wakes the tree at the message that
     changes the answer, a timer when the message that it rests on grows too old.
     """
 
-    topic: Topic
+    sense: Sense
     otherwise: str  # the message of its failure
     _expiry: Optional[Timer] = None
     _patience: Optional[Timer] = None
@@ -297,9 +297,19 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         """The topic's canonical name."""
         return self.topic.name
 
+    @property
+    def evidence(self) -> Evidence:
+        """What tells of ``sense`` on this robot."""
+        return self.mission.interface.evidence(self.sense)
+
+    @property
+    def topic(self) -> Topic:
+        """The topic that tells of it."""
+        return self.evidence.topic
+
     def is_evidence(self, value: Any) -> bool:
         """Return whether a message with this value makes the condition true. Called on the receiving thread too."""
-        raise NotImplementedError
+        return self.evidence.is_given(value, self.mission.settings.gaze_value)
 
     def not_before(self) -> float:
         """Return the time (monotonic seconds) that a message must be newer than."""
@@ -363,7 +373,9 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         return self.failed(failure)
 
     def _waits(self) -> bool:
-        wait = self.mission.settings.condition_wait
+        wait = self.evidence.wait
+        if wait is None:
+            wait = self.mission.settings.condition_wait
         if wait <= 0.0 or self._is_over or is_asked_again(self):
             return False
         if self._patience is None:
@@ -397,5 +409,5 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
         node_id, Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION,
         partial(leaf, **arguments) if arguments else leaf, leaf.PORTS + ports, description,
         is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
-        calls=(INTERFACE.service(leaf.asks).request,) if issubclass(leaf, ServiceLeaf) else (),
-        listens=(leaf.topic,) if issubclass(leaf, TopicCondition) else (), **facts)
+        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
+        listens=(leaf.sense,) if issubclass(leaf, TopicCondition) else (), **facts)

@@ -2,7 +2,7 @@
 from typing import Any, Optional
 
 from behavior_controller.gateway import Cause, Failure, Sample
-from behavior_controller.interface.document import SPEECH
+from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Answer, Prompt, Request
 from behavior_controller.leaves.base import InstantCondition, ServiceLeaf, TopicCondition, leaf_spec
 from behavior_controller.leaves.data import QUESTION_ASKED_AT, VISITOR_RESPONSE
@@ -15,7 +15,7 @@ class IsYesNoUttered(TopicCondition):
     It moves the question's time on, so that one utterance answers one question.
     """
 
-    topic = SPEECH
+    sense = Sense.UTTERANCE
     PORTS = (VISITOR_RESPONSE.written(), QUESTION_ASKED_AT.changed(is_optional=True))
     otherwise = "neither yes nor no was heard"
 

@@ -8,7 +8,6 @@ from behavior_controller.bt.language.ports import PortError, defaults
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.events import Noticed, Recovered, Retried
 from behavior_controller.gateway import Call, Cause, Failure
-from behavior_controller.interface.document import INTERFACE
 from behavior_controller.leaves.base import Attempt, Failed, MissionLeaf, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.mission_spec import MissionSpec
@@ -127,7 +126,7 @@ class _Round:
         elif step.outcome == GIVEN_UP and self.failed.number != self._mission.failures.given_up:
             # else an inner HandleFallBack has left the robot in the safe state
             self._mission.failures.given_up = self.failed.number
-            self._safe_state = [self._mission.gateway.start(request) for request in INTERFACE.safe_state]
+            self._safe_state = [self._mission.gateway.start(request) for request in self._mission.interface.safe_state]
         return step
 
     def _substitute(self, spec: MissionSpec) -> Any:

@@ -2,7 +2,7 @@
 from typing import Iterable, Sequence, Tuple
 
 from behavior_controller.bt.registry import Direction, Port
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.robots import DEFAULT
 from behavior_controller.leaves import SPECS, data
 from behavior_controller.mission_spec import MissionSpec, whole_mission
 
@@ -27,8 +27,8 @@ def _table(rows: Sequence[Tuple[str, ...]]) -> str:
 def _offers(spec: MissionSpec) -> str:
     if spec.is_recovery:
         return "that of the failed node"
-    return ", ".join([INTERFACE.service(request).name for request in spec.calls]
-                     + [topic.name for topic in spec.listens]) or "–"
+    return ", ".join([DEFAULT.service(request).name for request in spec.calls]
+                     + [DEFAULT.evidence(sense).topic.name for sense in spec.listens]) or "–"
 
 
 def _uses(ports: Iterable[Port]) -> str:

@@ -1,7 +1,7 @@
 """Monitors the robot while the mission runs: which node is gone or back, which topic silent, whether a master answers.
 
 Each service has a thread that holds an idle connection to its server: its end tells at once that the server is gone,
-and costs nothing while it is there. Topics and master are judged twice a second by what ``RosTopics`` and ``Directory``
+and costs nothing while it is there. Topics and master are judged four times a second by what ``RosTopics`` and ``Directory``
 have found, so that no judgement waits for a master. What changes goes to ``Health``.
 """
 import threading
@@ -12,17 +12,19 @@ import rosgraph
 
 from behavior_controller.events import HealthChanged
 from behavior_controller.health import GONE, NEW, SILENT, Health
-from behavior_controller.interface import Topic
-from behavior_controller.interface.document import SPEECH
+from behavior_controller.interface import Interface, Sense, Topic
 from behavior_controller.ros.connection import Connection, Trouble
 from behavior_controller.ros.directory import DIRECTORY
-from behavior_controller.ros.probe import PARTS, Part
+from behavior_controller.ros.probe import Part, parts_of
 from behavior_controller.ros.services import open_service_at
 from behavior_controller.ros.subscription import STEP_LIMIT
 from behavior_controller.ros.topics import Latch, RosTopics
 
+LOOK = 0.25
+"""Seconds between two looks at topics and master: what happens to them is to be told within two."""
+
 ROUND = 0.5
-"""Seconds between two looks at topics and master, and between two attempts to reach a server that is gone."""
+"""Seconds between two attempts to reach a server that is gone."""
 
 SILENCE = 1.25
 """Seconds without a message after which a continuous topic is silent, unless its messages are rare."""
@@ -61,15 +63,17 @@ NEW_MASTER = ("the mission goes on with them where they were last, as long as th
 
 
 class Monitor:
-    """Monitors ``PARTS`` and the master from ``start`` to ``close``."""
+    """Monitors what a robot's nodes offer, and the master, from ``start`` to ``close``."""
 
-    def __init__(self, topics: RosTopics, health: Health, is_asr_enabled: Callable[[], bool]):
+    def __init__(self, interface: Interface, topics: RosTopics, health: Health, is_asr_enabled: Callable[[], bool]):
         """While ``is_asr_enabled()`` is false speech is of no use, and its topic is not monitored."""
+        self._parts = parts_of(interface)
+        self._speech = interface.evidence(Sense.UTTERANCE).topic
         self._health = health
         self._is_asr_enabled = is_asr_enabled
         self._latches: List[Tuple[Part, Latch]] = [
-            (part, topics.latches[part.offer]) for part in PARTS if isinstance(part.offer, Topic)]
-        self._services = [part for part in PARTS if not isinstance(part.offer, Topic)]
+            (part, topics.latches[part.offer]) for part in self._parts if isinstance(part.offer, Topic)]
+        self._services = [part for part in self._parts if not isinstance(part.offer, Topic)]
         self._connections: Dict[Part, Connection] = {}
         self._reported: Dict[Tuple[str, str], bool] = {}  # whether it was well, by name and respect
         self._closed = threading.Event()
@@ -138,10 +142,10 @@ class Monitor:
     # ----------------------------------------------------------------------------------------------- topics and master
 
     def _look_around(self) -> None:
-        while not self._closed.wait(ROUND):
+        while not self._closed.wait(LOOK):
             self._look_at_master()
             for part, latch in self._latches:
-                if part.offer is not SPEECH or self._is_asr_enabled():
+                if part.offer is not self._speech or self._is_asr_enabled():
                     self._look_at(part, latch)
 
     def _look_at_master(self) -> None:
@@ -150,7 +154,7 @@ class Monitor:
         if DIRECTORY.is_lost:
             self._report(GONE, HealthChanged("master", name, "", False, "does not answer", NO_MASTER))
             return
-        nodes = sorted({part.node for part in PARTS if part.name in forgotten})
+        nodes = sorted({part.node for part in self._parts if part.name in forgotten})
         back = "another one answers" if nodes else "answers again"
         self._report(GONE, HealthChanged("master", name, "", True, back, ""))
         self._report(NEW, HealthChanged(

@@ -24,7 +24,6 @@ from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, N
 from behavior_controller.events import Events
 from behavior_controller.gateway import Gateway, Topics
 from behavior_controller.health import Health
-from behavior_controller.interface.document import INTERFACE
 from behavior_controller.keys import help_lines
 from behavior_controller.leaves import registry
 from behavior_controller.mission import Mission
@@ -189,9 +188,10 @@ class _Node:
         console.attach()
         plan = self._apart(lambda: read_plan(clock, wake, console.tell), files, _no_answer(files))
         console.is_verbose = plan.settings.verbose_mode
-        topics = self._apart(lambda: RosTopics(wake.emit, lambda text: console.tell("warning", text)), master,
-                             silent_master)
-        check = StartUpCheck(plan.settings.asr_enabled, plan.settings.startup_timeout, console.tell)
+        topics = self._apart(
+            lambda: RosTopics(plan.settings.interface, wake.emit, lambda text: console.tell("warning", text)), master,
+            silent_master)
+        check = StartUpCheck(plan.settings, console.tell)
         if not check.run(wake, self._is_stopped):
             raise Stopped("stopped")
         self._run = _Run(plan, topics, console, self._signals)
@@ -254,11 +254,12 @@ class _Run:
         self._events = Events()
         self._events.subscribe(console)
         self._health = Health(self._wake.emit)
-        self._robot = RosGateway(plan.settings.deadline, self._clock, self._wake.emit, self._health)
+        self._robot = RosGateway(
+            plan.settings.interface, plan.settings.deadline, self._clock, self._wake.emit, self._health)
         self._gateway: Gateway = self._robot  # or what records it
         self._watchers: List[Union[Groot2Publisher, Page, Record]] = []
         self._record: Optional[Record] = None
-        self._monitor = Monitor(topics, self._health, lambda: self._plan.settings.asr_enabled)
+        self._monitor = Monitor(plan.settings.interface, topics, self._health, lambda: self._plan.settings.asr_enabled)
 
     def carry_out(self, stop_code: Callable[[], Optional[int]]) -> int:
         """Run the mission and return the exit code."""
@@ -292,14 +293,14 @@ class _Run:
             self._watchers.append(Groot2Publisher(
                 chosen.groot2_address, chosen.groot2_port, registry().all(), warn))
         if chosen.monitor_port:
-            board = Board(self._events, self._health, registry())
+            board = Board(self._events, self._health, registry(), chosen.interface)
             page = Page(chosen.monitor_address, chosen.monitor_port, board, warn)
             self._watchers.append(page)
             if page.is_served:
                 tell("info", "page: {}".format(_url(chosen.monitor_address, chosen.monitor_port)))
         if chosen.record_directory != NO_RECORD:
             folder = chosen.record_directory or new_folder(rospkg.get_log_dir())
-            record = self._record = Record(folder, self._clock, warn)
+            record = self._record = Record(folder, self._clock, warn, chosen.interface)
             tell("info", "record: {}".format(record.path))
             self._events.subscribe(record)
             self._watchers.append(record)
@@ -350,13 +351,13 @@ class _Run:
     def _calm(self) -> None:
         """Give up every call and ask for the safe state, for a second at the most."""
         self._robot.close()
-        calls = [self._robot.start(request) for request in INTERFACE.safe_state]
+        calls = [self._robot.start(request) for request in self._plan.settings.interface.safe_state]
         ends = time.monotonic() + 1.0
         while any(call.result is None for call in calls) and time.monotonic() < ends:
             self._wake.wait(max(0.0, ends - time.monotonic()))
             self._wake.test_and_clear()
             self._clock.run_posted()
-        for line in not_calm(calls):
+        for line in not_calm(calls, self._plan.settings.interface):
             self._console.tell("warning", line)
 
 

@@ -5,19 +5,19 @@ hands, all at once and each bounded in time; whatever is missing is told in one 
 """
 import threading
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import rospy
 
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
 from behavior_controller.gateway import Cause
-from behavior_controller.interface import Service, Topic
-from behavior_controller.interface.document import INTERFACE, SPEECH
+from behavior_controller.interface import Interface, Sense, Service, Topic
 from behavior_controller.ros.connection import Connection, Trouble, ask_master
 from behavior_controller.ros.services import open_service
 from behavior_controller.ros.subscription import STEP_LIMIT, open_publisher
 from behavior_controller.ros.types import TYPES
+from behavior_controller.settings import Settings
 from behavior_controller.text import clean
 
 PROBE_LIMIT = 3.0
@@ -53,7 +53,9 @@ class Part(NamedTuple):
         return self.offer.absence
 
 
-PARTS = tuple(map(Part, INTERFACE.offers))
+def parts_of(interface: Interface) -> Tuple[Part, ...]:
+    """Return what the nodes of a robot offer."""
+    return tuple(map(Part, interface.offers))
 
 
 class Missing(NamedTuple):
@@ -155,10 +157,12 @@ def find_missing(parts: Sequence[Part], wake: WakeUp, is_stopped: Callable[[], b
 class StartUpCheck:
     """Waits for the robot's nodes as long as the configuration allows."""
 
-    def __init__(self, asr_enabled: bool, patience: float, tell: Callable[[str, str], None]):
-        """``patience`` is ``startupTimeout`` in seconds; ``tell`` takes a severity and a line for the operator."""
-        self._asr_enabled = asr_enabled
-        self._patience = patience
+    def __init__(self, settings: Settings, tell: Callable[[str, str], None]):
+        """``tell`` takes a severity and a line for the operator."""
+        self._asr_enabled = settings.asr_enabled
+        self._patience = settings.startup_timeout
+        self._parts = parts_of(settings.interface)
+        self._speech = settings.interface.evidence(Sense.UTTERANCE).topic
         self._tell = tell
 
     def run(self, wake: WakeUp, is_stopped: Callable[[], bool]) -> bool:
@@ -167,7 +171,7 @@ class StartUpCheck:
         Raises ``NodesMissing``, which lists all that is not there.
         """
         ends = time.monotonic() + self._patience
-        missing = find_missing(PARTS, wake, is_stopped)
+        missing = find_missing(self._parts, wake, is_stopped)
         awaited: List[str] = []
         while self._needed(missing) and time.monotonic() < ends and not is_stopped():
             names = [part.part.name for part in self._needed(missing)]
@@ -184,7 +188,7 @@ class StartUpCheck:
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
         """Return those without which the mission does not start: without speech recognition its topic is optional."""
-        return [part for part in missing if self._asr_enabled or part.part.offer is not SPEECH]
+        return [part for part in missing if self._asr_enabled or part.part.offer is not self._speech]
 
     def _report(self, missing: List[Missing]) -> None:
         """Warn of what can be done without, and raise for the rest."""
@@ -194,5 +198,5 @@ class StartUpCheck:
                 self._tell("warning", "{} (asrEnabled is false: going on)".format(part))
         if needed:
             raise NodesMissing("{} of the {} services and topics that the mission needs are missing:\n{}\n{}".format(
-                len(needed), len(PARTS), "\n".join("  {}".format(part) for part in needed),
+                len(needed), len(self._parts), "\n".join("  {}".format(part) for part in needed),
                 "start what is missing and start again, or set startupTimeout to wait for it"))

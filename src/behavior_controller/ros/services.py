@@ -18,8 +18,7 @@ import rospy
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.gateway import Call, Cause, Failure, Gateway
 from behavior_controller.health import SLOW_SHARE, Health
-from behavior_controller.interface import Service, Unusable
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface, Service, Unusable
 from behavior_controller.interface.records import Answer, Request
 from behavior_controller.ros.connection import CONNECT_LIMIT, Connection, Trouble
 from behavior_controller.ros.directory import DIRECTORY, Place
@@ -191,23 +190,24 @@ class _UnderWay(NamedTuple):
 class RosGateway(Gateway):
     """Calls the robot's services. ``start`` and ``Call.drop`` belong to the tick thread, and neither waits."""
 
-    def __init__(self, deadline: Callable[[Service], float], clock: Clock, wake: Callable[[], None],
-                 health: Optional[Health] = None):
+    def __init__(self, interface: Interface, deadline: Callable[[Service], float], clock: Clock,
+                 wake: Callable[[], None], health: Optional[Health] = None):
         """``deadline`` gives the seconds that a service may take; ``wake`` is told of each result.
 
         ``health`` is told how the services do.
         """
         self.deadline = deadline
+        self._interface = interface
         self._health = health or Health()
         self._clock = clock
         self._wake = wake
-        self._names = {service: rospy.resolve_name(service.name) for service in INTERFACE.services}
-        self._spare: Dict[Service, List[ServiceThread]] = {service: [] for service in INTERFACE.services}
+        self._names = {service: rospy.resolve_name(service.name) for service in interface.services}
+        self._spare: Dict[Service, List[ServiceThread]] = {service: [] for service in interface.services}
         self._under_way: Dict[Call, _UnderWay] = {}
 
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at the deadline of its service."""
-        service = INTERFACE.service(type(request))
+        service = self._interface.service(type(request))
         name, deadline = self._names[service], self.deadline(service)
         call = Call(request, self._wake, lambda: self._give_up(call))
         try:
@@ -239,12 +239,12 @@ class RosGateway(Gateway):
         held = self._under_way.pop(call, None)
         if held is not None:
             held.end()
-            self._spare[INTERFACE.service(type(call.request))].append(held.thread)
+            self._spare[self._interface.service(type(call.request))].append(held.thread)
             self._finish(call, result, at - held.since)
 
     def _finish(self, call: Call, result: Union[Answer, Failure], seconds: float) -> None:
         """Finish ``call``, which took so many seconds, and tell the health of the service."""
-        service = INTERFACE.service(type(call.request))
+        service = self._interface.service(type(call.request))
         self._health.ended(self._names[service], seconds, self.deadline(service), isinstance(result, Failure))
         call.finish(result)
 
@@ -261,7 +261,7 @@ class RosGateway(Gateway):
         """End ``call`` at its deadline."""
         held = self._give_up(call)
         if held is not None:
-            service = INTERFACE.service(type(call.request))
+            service = self._interface.service(type(call.request))
             where = "" if held.thread.is_asked else ", still connecting: nothing was asked"
             self._finish(call, Failure(Cause.NO_ANSWER, "waited {:g} s{}".format(self.deadline(service), where),
                                        self._names[service]), time.monotonic() - held.since)

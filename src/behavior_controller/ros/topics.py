@@ -12,8 +12,7 @@ import genpy
 import rospy
 
 from behavior_controller.gateway import Sample, Topics
-from behavior_controller.interface import Topic
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface, Topic
 from behavior_controller.ros.connection import Trouble
 from behavior_controller.ros.directory import DIRECTORY
 from behavior_controller.ros.subscription import Link
@@ -195,9 +194,9 @@ def _sender(header: Dict[str, str]) -> str:
 class RosTopics(Topics):
     """Subscribes to the robot's topics when it is made, and keeps them subscribed on a thread of its own."""
 
-    def __init__(self, wake: Callable[[], None], warn: Callable[[str], None]):
+    def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None]):
         """See ``Latch``."""
-        self.latches = {topic: Latch(topic, wake, warn) for topic in INTERFACE.topics}
+        self.latches = {topic: Latch(topic, wake, warn) for topic in interface.topics}
         for latch in self.latches.values():
             DIRECTORY.subscribe(latch.name, latch.type_name)
         rospy.on_shutdown(DIRECTORY.sign_off)

@@ -4,7 +4,7 @@ from typing import Any, Dict, Union
 import roslib.message
 
 from behavior_controller.interface import Service, Topic
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.robots import INTERFACES
 
 
 def _found(offer: Union[Service, Topic]) -> Any:
@@ -22,5 +22,6 @@ def _found(offer: Union[Service, Topic]) -> Any:
     return found
 
 
-TYPES: Dict[Union[Service, Topic], Any] = {offer: _found(offer) for offer in INTERFACE.offers}
+TYPES: Dict[Union[Service, Topic], Any] = {
+    offer: _found(offer) for interface in INTERFACES.values() for offer in interface.offers}
 """Declaration -> its class."""

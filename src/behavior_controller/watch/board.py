@@ -13,7 +13,8 @@ from behavior_controller.events import (Event, Events, HealthChanged, LeafFinish
                                         Retried, RunFinished, RunStarted)
 from behavior_controller.gateway import Cause
 from behavior_controller.health import Health
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface
+from behavior_controller.interface.robots import DEFAULT
 from behavior_controller.text import clean
 
 LETTERS = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
@@ -38,7 +39,7 @@ class Board:
     ``versions`` counts the changes of each part.
     """
 
-    def __init__(self, events: Events, health: Health, registry: Registry):
+    def __init__(self, events: Events, health: Health, registry: Registry, interface: Interface = DEFAULT):
         self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
         self._registry = registry
         self._tree: Optional[Tree] = None
@@ -54,9 +55,10 @@ class Board:
         self._state = health
         self._called, self._pulsed = 0, 0.0
         self._health: Dict[str, Dict[str, Any]] = {}
-        for kind, offers in (("service", INTERFACE.services), ("topic", INTERFACE.topics)):
+        for kind, offers in (("service", interface.services), ("topic", interface.topics)):
             for offer in offers:
-                self._health[offer.name] = {"kind": kind, "name": offer.name, "well": True, "status": "", "consequence": ""}
+                self._health[offer.name] = {"kind": kind, "name": offer.name, "well": True, "status": "",
+                                            "consequence": ""}
         events.subscribe(self._take)
 
     def show(self, tree: Tree) -> None:

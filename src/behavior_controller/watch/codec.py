@@ -10,7 +10,8 @@ from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.events import Event, RunStarted
 from behavior_controller.gateway import Failure
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface
+from behavior_controller.interface.robots import DEFAULT, INTERFACES
 from behavior_controller.interface.records import Answer, Request
 from behavior_controller.watch.plain import Count, Wrong, form, inside
 
@@ -123,7 +124,7 @@ def decode(data: bytes, file: str) -> List[Line]:
             if number == 1:
                 _check_header(plain, file)
             else:
-                found.append(order.checked(_line(plain)))
+                found.append(order.checked(_line(plain, order.interface)))
         except ValueError as error:
             raise MissionError([Fault(file, number, 1, "this is no line of a record: {}".format(error),
                                       "a record is written by the node")]) from error
@@ -164,7 +165,7 @@ def _check_header(plain: Dict[str, Any], file: str) -> None:
         raise Wrong("is not {}".format(FORMAT), "format")
 
 
-def _line(plain: Dict[str, Any]) -> Line:
+def _line(plain: Dict[str, Any], interface: Interface) -> Line:
     kind = KINDS.get(plain["event"])
     if kind is None:
         raise ValueError("the event {} is unknown".format(plain["event"]))
@@ -173,13 +174,13 @@ def _line(plain: Dict[str, Any]) -> Line:
     if not 0 <= time <= LATEST:
         raise Wrong("is no time", "time")
     if isinstance(entry, Message):
-        entry = entry._replace(value=_value(entry))
+        entry = entry._replace(value=_value(entry, interface))
     return Line(time, entry)
 
 
-def _value(message: Message) -> Any:
+def _value(message: Message, interface: Interface) -> Any:
     try:
-        topic = INTERFACE.topic(message.topic)
+        topic = interface.topic(message.topic)
     except LookupError as error:
         raise Wrong("is not one of the interface's", "topic") from error
     return inside(".value", form(Optional[topic.value]).read, message.value)
@@ -190,6 +191,7 @@ class _Order:
 
     def __init__(self) -> None:
         self.has_mission = False
+        self.interface = DEFAULT  # of the running mission
         self._shown = self._running = 0  # nodes of the newest tree, and of the running mission's
 
     def checked(self, line: Line) -> Line:
@@ -204,6 +206,7 @@ class _Order:
             if not entry.sources.documents:
                 raise Wrong("is empty", "sources.documents")
             self.has_mission, self._running = True, self._shown
+            self.interface = INTERFACES.get(entry.sources.interface, DEFAULT)  # a replay refuses one that is unknown
         elif isinstance(entry, Tick) and self.has_mission:
             if not all(0 < uid <= self._running for uid, _ in entry.changes):
                 raise ValueError("the tree has only {} nodes".format(self._running))

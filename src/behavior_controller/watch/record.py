@@ -15,9 +15,9 @@ from behavior_controller import folders
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
-from behavior_controller.interface import Topic
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface, Topic
 from behavior_controller.interface.records import Answer, Request
+from behavior_controller.interface.robots import DEFAULT
 from behavior_controller.watch.codec import (FORMAT, LETTERS, VERSION, Answered, Asked, Entry, Header, Letter, Lost,
                                              Message, Tick, TreeNode, TreeShown, encode)
 from behavior_controller.watch.plain import Count
@@ -52,7 +52,9 @@ class Record:
     The file is opened, written and closed on a thread of its own: a disk may take its time, or for ever.
     """
 
-    def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None]):
+    def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None],
+                 interface: Interface = DEFAULT):
+        self._interface = interface
         self.path = os.path.join(directory, FILE_NAME)
         self._clock = clock
         self._complain = complain
@@ -171,7 +173,7 @@ class Record:
     def asked(self, request: Request) -> int:
         """Record a request and return its number."""
         self._calls += 1
-        self(Asked(Count(self._calls), INTERFACE.service(type(request)).name, request))
+        self(Asked(Count(self._calls), self._interface.service(type(request)).name, request))
         return self._calls
 
     def answered(self, call: int, result: Union[Answer, Failure]) -> None:

@@ -14,9 +14,9 @@ from behavior_controller.errors import BehaviorControllerError, Fault, FaultsFou
 from behavior_controller.events import Events, HealthChanged, PassFinished, PassStarted, RunStarted
 from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
-from behavior_controller.interface import Topic
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface, Topic
 from behavior_controller.interface.records import Answer, Request
+from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.mission import Mission, build_tree, load_tree
 from behavior_controller.text import Unreadable, clean, read_bytes
 from behavior_controller.watch.codec import (LETTERS, Answered, Asked, Entry, Line, Lost, Message, Tick, TreeNode,
@@ -109,13 +109,14 @@ class _Replay:
 
     def __init__(self, started: RunStarted, nodes: List[TreeNode], mission: Optional[str]):
         sources = started.sources
-        if sources.interface != INTERFACE.name:
-            raise _unusable("its interface is {}; this release has {}".format(sources.interface, INTERFACE.name))
+        if sources.interface not in INTERFACES:
+            raise _unusable("its interface is {}; this release has {}".format(
+                sources.interface, ", ".join(INTERFACES)))
         self.clock = ManualClock()
         self.tree = load_tree(mission, clock=self.clock) if mission is not None else _restored(
             "mission", lambda: build_tree([parse(text, file) for file, text in sources.documents], clock=self.clock))
         self._nodes = nodes  # of the record, by uid - 1
-        self._world = _World()
+        self._world = _World(INTERFACES[sources.interface])
         self._health = Health()
         self._began: Optional[float] = None
         self._now: List[Tuple[str, str]] = []
@@ -192,7 +193,8 @@ class _Recorded(Call):
 class _World(Gateway, Topics):
     """Answers and messages as the record has them: those that a traversal saw stand before it."""
 
-    def __init__(self) -> None:
+    def __init__(self, interface: Interface) -> None:
+        self._interface = interface
         self._calls: List[_Recorded] = []
         self._wanted: List[Request] = []  # requests that the traversal is to make
         self._results: Dict[int, Union[Answer, Failure]] = {}
@@ -209,7 +211,7 @@ class _World(Gateway, Topics):
             self._results[entry.call] = entry.result
         else:
             sample = None if entry.value is None else Sample(entry.value, entry.arrived)
-            self._messages.append((INTERFACE.topic(entry.topic), entry.read, sample))
+            self._messages.append((self._interface.topic(entry.topic), entry.read, sample))
 
     def begin(self) -> None:
         """A traversal begins."""
@@ -226,7 +228,7 @@ class _World(Gateway, Topics):
         if not self._difference and recorded != request:
             self._difference = "recorded is {}, now it asks {} for {}".format(
                 "no request" if recorded is None else "the request {}".format(recorded),
-                INTERFACE.service(type(request)).name, request)
+                self._interface.service(type(request)).name, request)
         call.result = self._results.pop(len(self._calls), None)
         return call
 

@@ -7,7 +7,7 @@ from collections import Counter
 from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller import leaves
-from behavior_controller.interface.document import ATTENTION
+from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Exhibit, GoTo
 from behavior_controller.leaves import data
 from behavior_controller.mission_spec import MissionSpec
@@ -30,7 +30,7 @@ TOUR = (_nodes(lambda spec: spec.writes(data.EXHIBITS.name)),
         _nodes(lambda spec: spec.writes(data.CURRENT_EXHIBIT.name)), _nodes(lambda spec: GoTo in spec.calls))
 """Mission nodes of which one of each kind leads to exhibits."""
 
-GAZE = _nodes(lambda spec: ATTENTION in spec.listens)
+GAZE = _nodes(lambda spec: Sense.GAZE in spec.listens)
 """Mission nodes that a visitor who never looks back fails; that ends the pass, for no visitor is there to speak to."""
 
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines", LEAVES: "leaves",
