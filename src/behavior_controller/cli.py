@@ -3,7 +3,8 @@ import argparse
 import json
 import os
 import sys
-from typing import Any, List, Optional, Tuple
+import time
+from typing import Any, Dict, List, Optional, Set, Tuple
 
 try:
     import behavior_controller.bt
@@ -12,57 +13,98 @@ except ImportError as error:  # py-trees-render would show a traceback
 from behavior_controller import exits, folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
-from behavior_controller.errors import Fault, MissionError
+from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.bt.rules import RULES
+from behavior_controller.errors import MissionError
 from behavior_controller.mission import load_tree
-from behavior_controller.text import clean
+from behavior_controller.validation import Validation, as_json, expanded
+
+_WATCH_EVERY = 0.3  # seconds
 
 
 def validate(argv: Optional[List[str]] = None) -> int:
-    """``validateMission FILE…``: print every fault of each file. Return 0 if all can be run, else 2."""
+    """``validateMission FILE…``: print every fault of each file. Return 0 if none has a fault, else 2."""
+    options = _validation_arguments().parse_args(_without_ros_arguments(argv))
+    if not options.watch:
+        return _judge_all(options)[0]
+    try:
+        _watch(options)
+    except KeyboardInterrupt:
+        pass
+    return exits.SUCCESS
+
+
+def _validation_arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="validateMission", description="Check robot missions without running them.",
-                                     epilog="exit code: 0 if every file can be run, 2 if not, 1 if a Python "
+                                     epilog="exit code: 0 if no file has a fault, 2 if one has, 1 if a Python "
                                             "package is missing or too old")
-    parser.add_argument("files", nargs="+", metavar="FILE", help="a mission, as Groot2 saves it")
+    parser.add_argument("files", nargs="+", metavar="FILE",
+                        help="a mission or a project (.btproj), as Groot2 saves it, or a folder of such files")
     parser.add_argument("--json", action="store_true", help="print the faults as a JSON array, for editors")
-    options = parser.parse_args(_without_ros_arguments(argv))
-    found: List[Fault] = []
-    for path in options.files:
-        faults, nodes = _judged(path)
-        found.extend(faults)
+    parser.add_argument("--main", metavar="TREE", help="the main tree, whatever the file says")
+    parser.add_argument("--palette", metavar="FILE", action="append", default=[],
+                        help="a file with a TreeNodesModel: its node types are taken as stubs")
+    parser.add_argument("--folder", action="store_true",
+                        help="take trees that a file lacks from the other files in its folder")
+    parser.add_argument("--ignore", metavar="CODE", action="append", default=[], type=_code,
+                        help="leave out the warnings with this code (docs/faults.md)")
+    parser.add_argument("--watch", action="store_true", help="check again whenever a file is saved, until Ctrl-C")
+    return parser
+
+
+def _code(text: str) -> str:
+    if text not in RULES:
+        raise argparse.ArgumentTypeError("there is no code {} ({})".format(
+            text, did_you_mean(text, RULES) or "docs/faults.md has them all"))
+    return text
+
+
+def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
+    """Print what is to be said of all files; return the exit code, and which files were read."""
+    validation = Validation(options.main, options.palette, options.ignore, options.folder)
+    judgements = []
+    for judgement in validation.judge(options.files):
+        judgements.append(judgement)
         if not options.json:
-            _print_judgement(path, faults, nodes)
+            for fault in judgement.faults:
+                print(str(fault))
+            print(str(judgement))
     if options.json:
-        print(json.dumps([fault._asdict() for fault in found], indent=1))
-    return exits.WRONG_INPUT if any(not fault.is_warning for fault in found) else exits.SUCCESS
+        faults = dict.fromkeys(fault for judgement in judgements for fault in judgement.faults)
+        print(json.dumps([as_json(fault) for fault in faults], indent=1))
+    wrong = any(judgement.is_wrong for judgement in judgements)
+    return exits.WRONG_INPUT if wrong else exits.SUCCESS, validation.files
+
+
+def _watch(options: argparse.Namespace) -> None:
+    """Judge the files at each change of one of them, for ever."""
+    given = list(options.files) + list(options.palette)
+    files: Set[str] = set()
+    while True:
+        before = _state(given, files)
+        _, read_ones = _judge_all(options)
+        sys.stdout.flush()
+        before.update(_state([], read_ones - files))
+        files = read_ones
+        while _state(given, files) == before:
+            time.sleep(_WATCH_EVERY)
+
+
+def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, int]]]:
+    """Return when each file was written, and its length; None for one that is not there."""
+    state: Dict[str, Optional[Tuple[int, int]]] = {}
+    for path in files.union(file for path in given for file in expanded(path)):
+        try:
+            status = os.stat(path)
+            state[path] = (status.st_mtime_ns, status.st_size)
+        except OSError:
+            state[path] = None
+    return state
 
 
 def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
     """Return the arguments but for those of the form ``name:=value``, which ROS tools add."""
     return [argument for argument in (sys.argv[1:] if argv is None else argv) if ":=" not in argument]
-
-
-def _judged(path: str) -> Tuple[List[Fault], int]:
-    """Return the faults of a mission, and how many nodes it unfolds to if it can be run."""
-    try:
-        tree = load_tree(path)
-    except MissionError as error:
-        return list(error.faults), 0
-    return tree.warnings, len(tree.nodes)
-
-
-def _print_judgement(path: str, faults: List[Fault], nodes: int) -> None:
-    for fault in faults:
-        print(str(fault))
-    warnings = sum(fault.is_warning for fault in faults)
-    counts = [] if nodes else [_count(len(faults) - warnings, "fault")]
-    if warnings or nodes:
-        counts.append(_count(warnings, "warning"))
-    good = "can be run, {}, ".format(_count(nodes, "node")) if nodes else ""
-    print("{}: {}{}".format(clean(path), good, ", ".join(counts)))
-
-
-def _count(number: int, what: str) -> str:
-    return "{} {}{}".format(number, what, "" if number == 1 else "s")
 
 
 def export_node_model(argv: Optional[List[str]] = None) -> int:

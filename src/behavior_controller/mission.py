@@ -9,7 +9,7 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.language.document import Document, read, with_includes
-from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.bt.registry import Registry, did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.events import Events
 from behavior_controller.gateway import Gateway, Topics
@@ -70,9 +70,9 @@ def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock]
 
 
 def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None, clock: Optional[Clock] = None,
-               wake: Optional[WakeUp] = None) -> Tree:
-    """As ``load_tree``, for documents that were read already, the mission last."""
-    return build(documents, leaves.registry(), clock, main_tree=main_tree, wake=wake, with_lint=True)
+               wake: Optional[WakeUp] = None, registry: Optional[Registry] = None) -> Tree:
+    """As ``load_tree``, for documents that were read already, the mission last, and perhaps with other node types."""
+    return build(documents, registry or leaves.registry(), clock, main_tree=main_tree, wake=wake, with_lint=True)
 
 
 def find(name: str) -> str:

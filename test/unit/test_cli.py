@@ -61,10 +61,11 @@ def test_json_holds_all_that_an_editor_needs(file, capsys):
     bad = file(BAD)
     assert cli.validate(["--json", bad, LAB_TOUR]) == 2
     unknown, literal = json.loads(capsys.readouterr().out)
-    assert unknown == {"file": bad, "line": 3, "column": 11, "text": "unknown node Navigat",
-                       "hint": "did you mean Navigate?",
-                       "is_warning": False}
-    assert (literal["line"], literal["column"]) == (4, 9)
+    assert unknown == {"file": bad, "range": {"start": {"line": 3, "column": 11}, "end": {"line": 3, "column": 19}},
+                       "severity": "error", "code": "unknown-node", "text": "unknown node Navigat",
+                       "hint": "did you mean Navigate?"}
+    assert literal["range"] == {"start": {"line": 4, "column": 9}, "end": {"line": 4, "column": 17}}
+    assert literal["code"] == "wrong-literal"
     assert cli.validate(["--json", LAB_TOUR]) == 0
     assert json.loads(capsys.readouterr().out) == []
 

@@ -9,6 +9,7 @@ from behavior_controller.bt import rules
 from behavior_controller.bt.language.document import parse, with_includes
 from behavior_controller.bt.rules import EXAMPLE_NAME, MARK, RULES, example_file
 from behavior_controller.errors import MissionError
+from behavior_controller.faults_page import page
 from behavior_controller.mission import build_tree
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -97,3 +98,19 @@ def test_a_fault_in_a_later_line_of_a_script_is_told_in_that_line(line_end, rema
 def test_a_warning_in_a_later_line_of_a_script_is_told_in_that_line():
     fault, = told(LINES.format("").replace("c := ", "c := 2"))
     assert (fault.code, fault.line, fault.column) == ("script-no-effect", 4, 19)
+
+
+# ------------------------------------------------------------------------------------------------------ the reference
+
+
+def test_the_reference_page_is_that_of_the_rules(tmp_path, monkeypatch):
+    with open(os.path.join(ROOT, "docs", "faults.md"), encoding="utf-8") as file:
+        text = file.read()
+    monkeypatch.chdir(tmp_path)  # the examples include files that are not there
+    assert text == page(), "print it again: python3 -m behavior_controller.faults_page > docs/faults.md"
+
+
+def test_the_reference_explains_each_code_with_what_is_told():
+    text = page()
+    assert all("\n### {}\n".format(code) in text for code in RULES)
+    assert "`example.xml:3:5: unknown node Sequense (did you mean Sequence?)`" in text

@@ -96,6 +96,7 @@ class NodeSpec:
     repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
     is_recovery: bool = False  # it looks at the failure of a node before it
     needs: Optional[Need] = None
+    is_stub: bool = False  # only a palette has it: it can be checked, not run
 
 
 class Registry:
@@ -125,8 +126,11 @@ class Registry:
         return list(self._specs.values())
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``did you mean X?`` for the nearest of ``known`` (case is no difference), or an empty text."""
+def did_you_mean(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """Return ``did you mean X?`` for the nearest of ``known`` (case is no difference), or an empty text.
+
+    ``cutoff`` is how near it must be, from 0 to 1, where 1 is the same.
+    """
     by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), list(by_lower), n=1, cutoff=0.6)
+    near = difflib.get_close_matches(word.lower(), list(by_lower), n=1, cutoff=cutoff)
     return "did you mean {}?".format(by_lower[near[0]]) if near else ""

@@ -73,6 +73,8 @@ class _Linter:
         for tree, name in self.flow.written:
             self.written.setdefault(tree, set()).add(name)
         self.defaults = _Defaults(registry, given)
+        # a mission for another robot may be given entries by it
+        self.is_host_known = not any(self._is_stub(element) for elements in self.trees.values() for element in elements)
         self.faults: List[Fault] = []
         self._comparisons = _COMPARISONS
 
@@ -80,6 +82,14 @@ class _Linter:
              at: int = 0) -> None:
         if len(self.faults) < _MOST_WARNINGS:
             self.faults.append(element.fault(rule, text, hint, attribute, at=at))
+
+    def _is_stub(self, element: Element) -> bool:
+        spec = self.registry.find(element.type_id)
+        return spec is not None and spec.is_stub
+
+    def _is_misspelt(self, name: str, tree: str) -> bool:
+        """Return whether an entry that the host may give is more likely one that ``tree`` writes, spelt wrongly."""
+        return any(len(other) > 3 and is_misspelling(name, other) for other in self.written.get(tree, ()))
 
     def nearest(self, word: str, known: Set[str]) -> str:
         """Return ``did you mean …?`` or nothing, at a bounded cost for the whole mission."""
@@ -268,6 +278,8 @@ class _Linter:
                 told.add(id(read.element))
             hint = self._other_scope(tree, name)
             if not hint:
+                if not self.is_host_known and not self._is_misspelt(name, tree):
+                    continue
                 hint = self.defaults.written_by(name) if tree == self.checked.main else ""
                 hint = hint or self.nearest(name, self.written.get(tree, set()))
             self.warn(rules.NEVER_WRITTEN, read.element, "the entry {} is read here, but nothing writes it".format(
@@ -286,6 +298,8 @@ class _Linter:
     def scripts(self) -> None:
         """Warn of scripts that hardly do what is meant."""
         for remark in itertools.islice(remarks(self.flow, self.defaults.known), _MOST_WARNINGS):
+            if remark.rule is rules.NOT_CREATED and not self.is_host_known:
+                continue
             self.warn(remark.rule, remark.use.element, remark.text, remark.hint, remark.use.attribute, remark.at)
 
     def needs(self) -> None:
@@ -297,6 +311,21 @@ class _Linter:
             if need is not None and not any(other in present for other in need.any_of):
                 self.warn(rules.NEED_MISSING, element, "{} can never succeed: {}".format(node_id, need.why),
                           "the mission lacks {}".format(" or ".join(need.any_of[:2])))
+
+
+def is_misspelling(word: str, other: str) -> bool:
+    """Return whether two names differ by one letter left out, added or changed, or two exchanged.
+
+    A digit or an s at the end makes another name.
+    """
+    if word == other or word.rstrip("s0123456789") == other.rstrip("s0123456789"):
+        return False
+    short, long = sorted((word, other), key=len)
+    at = next((index for index, pair in enumerate(zip(short, long)) if pair[0] != pair[1]), len(short))
+    rest, longer = short[at:], long[at:]
+    if len(short) == len(long):
+        return rest[1:] == longer[1:] or (rest[1::-1] == longer[:2] and rest[2:] == longer[2:])
+    return rest == longer[1:]
 
 
 class _Defaults:

@@ -62,7 +62,7 @@ def _stub(model: Element, node_id: str) -> NodeSpec:
     tells = any("optional" in port.attributes for port in elements)
     kind = _KINDS[model.tag]
     return NodeSpec(node_id, kind, partial(_FACTORIES[kind]), tuple(_port(port, tells) for port in elements),
-                    "a stub: only the palette has it")
+                    is_stub=True)
 
 
 def _port(port: Element, tells: bool) -> Port:

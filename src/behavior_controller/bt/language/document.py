@@ -12,6 +12,7 @@ from lxml import etree
 from behavior_controller.bt import rules
 from behavior_controller.bt.language.markup import (ATTRIBUTE, CHARACTER, STARTS, TAG_NAME, TOKEN, MarkupFault,
                                                     diagnosis, mended, stray_text)
+from behavior_controller.bt.language.packages import package_folder
 from behavior_controller.bt.rules import Rule
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Unreadable, clean, decode, read_bytes
@@ -249,7 +250,13 @@ def _included_path(element: Element) -> Optional[str]:
         faults.append(element.fault(rules.INCLUDE_WITHOUT_PATH, "<include> lacks the attribute path",
                                     "it is relative to this file", "path"))
     elif "ros_pkg" in element.attributes and not os.path.isabs(path):
-        faults.append(element.fault(rules.INCLUDE_PACKAGE, "ros_pkg is not supported", "give the path relative to this file", "ros_pkg"))
+        package = element.attributes["ros_pkg"]
+        folder = package_folder(package)
+        if folder is not None:
+            return os.path.join(folder, path)
+        faults.append(element.fault(rules.INCLUDE_PACKAGE, "there is no ROS package {}".format(package),
+                                    "ROS_PACKAGE_PATH says where packages are: source the workspace's setup.bash",
+                                    "ros_pkg"))
     else:
         return os.path.join(os.path.dirname(element.document.file), path)
     return None
