@@ -84,7 +84,7 @@ def _watch(options: argparse.Namespace) -> None:
         before = _state(given, files)
         _, read_ones = _judge_all(options)
         sys.stdout.flush()
-        before.update(_state([], read_ones - files))
+        before.update(_state([], read_ones.difference(before)))
         files = read_ones
         while _state(given, files) == before:
             time.sleep(_WATCH_EVERY)

@@ -145,7 +145,7 @@ class _Linter:
         """Warn of a text that is nearly a reference to an entry; return whether it is."""
         key = ports.reference(text, attribute)
         inner = text.strip("${} \t")
-        if key is None and text in self.written.get(tree, ()) and text.isidentifier():
+        if key is None and text in self.written.get(tree, ()) and text.isidentifier() and not self._is_stub(element):
             self.warn(rules.BRACES_FORGOTTEN, element, "{}=\"{}\" is the text {}, not the entry".format(
                 attribute, text, text), "the entry is written {{{}}}".format(text), attribute)
         elif key is None and not text.startswith("json:") and _ODD_BRACES.search(text):
