@@ -295,6 +295,9 @@ SWITCH_CASE = _warning("switch-case", "A case of a Switch can hardly be equal to
                        "<Sequence>\n  <Script code=\"answer := 'yes'\"/>\n"
                        "  <Switch2 variable=\"{answer}\" ▸case_1=\"'yes'\" case_2=\"no\">\n    <AlwaysSuccess/>\n"
                        "    <AlwaysSuccess/>\n    <AlwaysFailure/>\n  </Switch2>\n</Sequence>")
+STATUS_UNKNOWN = _warning("status-unknown", "The text is not the name of a status; the node fails when it needs it.",
+                          '<Precondition if="true" ▸else="OK"><AlwaysSuccess/></Precondition>',
+                          '<LoopInt queue="1;2" value="{x}" ▸if_empty="success"><AlwaysSuccess/></LoopInt>')
 CONDITION_MISSPELT = _warning("condition-misspelt", "An attribute that begins with _ is ignored; a condition is spelt "
                               "nearly so.",
                               '<AlwaysSuccess ▸_skipif="true"/>', '<AlwaysSuccess ▸_onSucces="a := 1"/>',
@@ -396,6 +399,10 @@ NEVER_WRITTEN = _warning("never-written", "An entry is read, and nothing writes 
                          '<BehaviorTree ID="Main"><Sequence>\n  <SubTree ID="A"/>\n'
                          '  <ScriptCondition ▸code="@seen == 1"/>\n</Sequence></BehaviorTree>\n'
                          '<BehaviorTree ID="A"><Script code="seen := 1"/></BehaviorTree>')
+ENTRY_MISSPELT = _warning("entry-misspelt", "A SubTree is given an entry that is named nowhere else, but nearly so.",
+                          '<BehaviorTree ID="Main"><Sequence>\n  <Script code="place := \'lab\'"/>\n'
+                          '  <SubTree ID="Go" ▸target="{plce}"/>\n</Sequence></BehaviorTree>\n'
+                          '<BehaviorTree ID="Go"><ScriptCondition code="target == \'lab\'"/></BehaviorTree>')
 NEED_MISSING = _warning("need-missing", "The node can never succeed, because the mission lacks a node that must go "
                         "before it.", "▸<IsMutualGazeDiscovered/>",)
 

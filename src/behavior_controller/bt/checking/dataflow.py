@@ -40,7 +40,8 @@ class Flow:
         self.is_known = True
         self.scripts: List[Use] = []
         self.created: Set[Key] = set()  # what exists without a script, or by := in one
-        self.touched: Set[Key] = set()  # what not only scripts write and read
+        self.touched: Set[Key] = set()  # what not only scripts write
+        self.mentions: Dict[Key, int] = {}  # how often a tree names an entry
         self.used: Dict[str, Set[str]] = {}  # tree -> names that it uses itself; not what its callers give it
         self._same: Dict[Key, Key] = {}
         self._created: Optional[Set[Key]] = None
@@ -58,17 +59,22 @@ class Flow:
 
     def write(self, tree: str, name: str) -> None:
         """Note that an entry is written other than by a script."""
-        self.written.add(self._used(tree, name))
-        self.exists(tree, name)
+        key = self._used(tree, name)
+        self.written.add(key)
+        self.created.add(key)
+        self.touched.add(key)
 
     def give(self, tree: str, name: str) -> None:
         """Note that a caller of ``tree`` gives it an entry."""
-        self.written.add(self.key(tree, name))
-        self.exists(tree, name)
+        key = self.key(tree, name)
+        self.written.add(key)
+        self.created.add(key)
+        self.touched.add(key)
 
     def _used(self, tree: str, name: str) -> Key:
         key = self.key(tree, name)
         self.used.setdefault(key[0], set()).add(key[1])
+        self.mentions[key] = self.mentions.get(key, 0) + 1
         return key
 
     def remap(self, called: str, inner: str, tree: str, outer: str) -> None:
@@ -81,12 +87,6 @@ class Flow:
         self.written.add(key)
         if creates:
             self.created.add(key)
-
-    def exists(self, tree: str, name: str) -> None:
-        """Note that an entry is there without a script."""
-        key = self.key(tree, name)
-        self.created.add(key)
-        self.touched.add(key)
 
     def created_first(self) -> Set[Key]:
         """Return those of ``created`` by the names that stand for them; not before all is noted."""
@@ -143,7 +143,7 @@ def _port(result: Flow, tree: str, element: Element, port: Port, is_condition: b
         if port.direction is not Direction.IN:
             result.write(tree, key)
         if port.name in element.attributes:
-            result.exists(tree, key)  # as soon as the tree is made
+            result.created.add(result.key(tree, key))  # when the tree is made
     if port.role in (Role.SCRIPT, Role.WRITES) and key is not None:
         result.is_known = False
     elif port.role is Role.SCRIPT:

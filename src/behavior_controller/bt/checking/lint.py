@@ -9,7 +9,7 @@ from typing import Collection, Dict, List, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt import rules
 from behavior_controller.bt.checking.checks import CONDITIONS, Checked, below, condition_meant, is_port_name
-from behavior_controller.bt.checking.dataflow import Flow, flow
+from behavior_controller.bt.checking.dataflow import Flow, Key, flow
 from behavior_controller.bt.checking.outcomes import outcomes
 from behavior_controller.bt.checking.scripts import WORDS, remarks
 from behavior_controller.bt.ends import FAILS, SKIPS, SUCCEEDS
@@ -17,6 +17,7 @@ from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry, Role, did_you_mean
 from behavior_controller.bt.rules import Rule
+from behavior_controller.bt.status import BY_NAME
 from behavior_controller.errors import Fault
 
 IGNORED_ON_PURPOSE = ("_uid", "_fullpath", "_description", "__shared_blackboard", "__autoremap")
@@ -75,6 +76,7 @@ class _Linter:
         self.defaults = _Defaults(registry, given)
         # a mission for another robot may be given entries by it
         self.is_host_known = not any(self._is_stub(element) for elements in self.trees.values() for element in elements)
+        self.misspelt: Set[Key] = set()
         self.faults: List[Fault] = []
         self._comparisons = _COMPARISONS
 
@@ -124,12 +126,18 @@ class _Linter:
     def _port(self, element: Element, spec: NodeSpec, port: Port, tree: str) -> None:
         text = element.attributes.get(port.name)
         if text is not None:
-            if port.role is Role.CHILDREN:
+            if port.type == "NodeStatus" and text not in BY_NAME and ports.reference(text, port.name) is None:
+                self.warn(rules.STATUS_UNKNOWN, element, "{}=\"{}\" is no status".format(port.name, text),
+                          "allowed: {}".format(" ".join(BY_NAME)), port.name)
+            elif port.role is Role.CHILDREN:
                 self._count(element, port, text)
             elif port.role in (Role.DATA, Role.CHOICE) and not self._braces(element, port.name, text, tree):
                 if port.role is Role.CHOICE and ports.reference(text, port.name) is None:
                     self.warn(rules.SWITCH_VARIABLE, element, "{} compares the text {}, which never changes".format(
                         port.name, text), "an entry is written {{{}}}".format(text), port.name)
+            elif port.role is Role.WATCHED and ports.reference(text, port.name) is None and set(text) & set("{}$"):
+                self.warn(rules.BRACES_ODD, element, "{}=\"{}\" names no entry".format(port.name, text),
+                          "write {}=\"{{{}}}\"".format(port.name, text.strip("{}$ ")), port.name)
             elif port.role is Role.CASE:
                 self._case(element, spec, port, text)
             return
@@ -242,6 +250,7 @@ class _Linter:
         for name, text in element.attributes.items():
             if not is_port_name(name):
                 continue
+            self._remapped(element, name, text, tree)
             if not self._braces(element, name, text, tree) and name not in used | model:
                 near = self.nearest(name, (used | model) - set(element.attributes)) if len(name) > 2 else ""
                 if condition_meant(name):
@@ -253,6 +262,18 @@ class _Linter:
                 elif near:
                     self.warn(rules.SUBTREE_PORT_UNKNOWN, element, "the tree {} uses no entry {}".format(called, name),
                               near, name)
+
+    def _remapped(self, element: Element, name: str, text: str, tree: str) -> None:
+        """Warn of an entry that is named nowhere else in the tree, but nearly so."""
+        outer = ports.reference(text, name)
+        key = self.flow.key(tree, outer) if outer is not None else None
+        if key is None or self.flow.mentions.get(key, 0) > 1:
+            return
+        near = next((other for other in sorted(self.flow.used.get(key[0], ())) if is_misspelling(key[1], other)), "")
+        if near:
+            self.misspelt.add(self.flow.first(key))
+            self.warn(rules.ENTRY_MISSPELT, element, "the entry {} is named nowhere else".format(outer),
+                      "did you mean {}?".format(near), name)
 
     # ---------------------------------------------------------------------------------------------- the whole mission
 
@@ -270,7 +291,7 @@ class _Linter:
         told: Set[int] = set()  # elements
         for read in self.flow.never_written(self.defaults.given)[:_MOST_WARNINGS]:
             tree, name = read.key
-            if name in WORDS or name != name.strip() or "{" in name:
+            if self.flow.first(read.key) in self.misspelt or name in WORDS or name != name.strip() or "{" in name:
                 continue  # it has been told in other words
             if read.attribute not in read.element.attributes:
                 if id(read.element) in told:
