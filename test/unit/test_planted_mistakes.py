@@ -2,6 +2,7 @@
 
 ``PLANTED_MISTAKES`` sets how many are tried, ``PLANTED_SEED`` which.
 """
+import itertools
 import os
 import random
 import re
@@ -261,7 +262,7 @@ MISTAKES = {
     "a brace gone": by_pattern(r'"\{\w+(\})"', constant("")),
     "a dollar": by_pattern(r'"(\{)\w+\}"', constant("${")),
     "braces forgotten": by_pattern(r'(?:variable|known|tone)="(\{\w+\})"', lambda word, _draw: word[1:-1]),
-    "created with =": by_pattern(r"(?:greeted|visits|@battery) (:=) [^;\"]+", constant("=")),
+    "created with =": by_pattern(r"(?:visits|@battery) (:=) [^;\"]+", constant("=")),
     "= for ==": by_pattern(r'(?:_skipIf|code)="[^":]*? (==) ', constant("=")),
     "== for :=": by_pattern(r'_on\w+="[^"]* (:=|=) ', constant("==")),
     "a word for an operator": by_pattern(r" (&amp;&amp;|\|\|) ", constant("and", "or", "AND")),
@@ -302,15 +303,14 @@ def told(text):
 def planted(count, seed):
     """Yield name, text and lines of ``count`` mistakes, every kind about as often."""
     draw = random.Random(seed)
-    texts, names, done = missions(), sorted(MISTAKES), 0
-    while done < count:
-        name = names[done % len(names)]
-        for text in draw.sample(texts, len(texts)):
-            mistake = plant(name, text, draw)
-            if mistake is not MISSING:
-                yield (name,) + mistake
-                break
-        done += 1
+    texts, kinds = missions(), itertools.cycle(sorted(MISTAKES))
+    while count:
+        name = next(kinds)
+        mistakes = (plant(name, text, draw) for text in draw.sample(texts, len(texts)))
+        mistake = next((mistake for mistake in mistakes if mistake is not MISSING), MISSING)
+        if mistake is not MISSING:
+            yield (name,) + mistake
+            count -= 1
 
 
 def plant(name, text, draw):
@@ -326,9 +326,8 @@ def test_the_missions_have_no_mistake(text):
 
 
 def test_nearly_all_planted_mistakes_are_told_and_none_at_a_wrong_line():
-    silent, misplaced, kinds, number = [], [], set(), 0
+    silent, misplaced, kinds = [], [], set()
     for name, text, lines in planted(COUNT, SEED):
-        number += 1
         kinds.add(name)
         faults = told(text)
         if not faults:
@@ -337,4 +336,4 @@ def test_nearly_all_planted_mistakes_are_told_and_none_at_a_wrong_line():
             misplaced.append((name, lines, [str(fault) for fault in faults]))
     assert misplaced == []
     assert len(kinds) == len(MISTAKES) or COUNT < len(MISTAKES)
-    assert number == COUNT and len(silent) <= (1 - FEWEST) * number, silent
+    assert len(silent) <= (1 - FEWEST) * COUNT, silent

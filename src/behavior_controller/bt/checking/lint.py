@@ -269,7 +269,11 @@ class _Linter:
         key = self.flow.key(tree, outer) if outer is not None else None
         if key is None or self.flow.mentions.get(key, 0) > 1:
             return
-        near = next((other for other in sorted(self.flow.used.get(key[0], ())) if is_misspelling(key[1], other)), "")
+        known = self.flow.used.get(key[0], set())
+        self._comparisons -= len(known)
+        if self._comparisons < 0:
+            return
+        near = next((other for other in sorted(known) if is_misspelling(key[1], other)), "")
         if near:
             self.misspelt.add(self.flow.first(key))
             self.warn(rules.ENTRY_MISSPELT, element, "the entry {} is named nowhere else".format(outer),
