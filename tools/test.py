@@ -2,7 +2,8 @@
 
 ``python3 tools/test.py [WORD…]`` in the environment that tools/test.sh makes. Words choose suites by their name.
 The output of each suite and its results as JUnit XML are in a folder of its own under build/log/tests.
-A rostest file that says ``measures time`` in a comment runs alone. A virtual machine may lose its processors to others:
+A rostest file that says ``measures time`` in a comment runs alone, one that says ``every Python`` runs on each supported
+Python. A virtual machine may lose its processors to others:
 a suite that fails while that happens is run again when all others are over, and its line says so.
 """
 import concurrent.futures
@@ -13,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Dict, Iterator, List, NamedTuple, Optional, Set
 from xml.etree import ElementTree
 
@@ -24,11 +25,13 @@ OWN = "{}.{}".format(*sys.version_info[:2])
 CORE = ["test/unit", "test/conformance"]
 TEST_PACKAGE = ["unit_tests/test/unit"]
 NETWORK = ["test/soak"]
+WORKSPACE = ["test/workspace"]
 PYTEST_LIMIT = 1200.0  # seconds
 ROSTEST_LIMIT = 600.0
 NAMED_AT_MOST = 20
 SIDE_BY_SIDE = 2
 MEASURES_TIME = "measures time"
+EVERY_PYTHON = "every Python"
 STEAL = 7  # the place of that time in /proc/stat, proc(5)
 TRIES = 3
 STOLEN = 0.01
@@ -80,8 +83,13 @@ def suites() -> Iterator[Suite]:
             yield other_python(name, folders, version)
     yield types_suite()
     yield pytest_suite("network", NETWORK, OWN, sys.executable, dict(os.environ))
+    yield pytest_suite("workspace", WORKSPACE, OWN, sys.executable, dict(os.environ))
     for test in sorted(glob.glob("test/rostest/*.test")) + sorted(glob.glob("unit_tests/test/rostest/*.test")):
         yield rostest_suite(test)
+        with open(test, encoding="utf-8") as file:
+            is_for_all = EVERY_PYTHON in file.read()
+        for version in others if is_for_all else ():
+            yield rostest_elsewhere(test, version)
 
 
 def pytest_suite(name: str, folders: List[str], version: str, python: str, environment: Dict[str, str],
@@ -117,6 +125,21 @@ def rostest_suite(test: str) -> Suite:
         is_alone = MEASURES_TIME in file.read()
     return Suite("rostest {} {}".format(package, name), command, results, ROSTEST_LIMIT,
                  dict(os.environ, ROS_HOME=os.path.join(results, "ros")), is_alone=is_alone)
+
+
+def rostest_elsewhere(test: str, version: str) -> Suite:
+    """Return the suite of a rostest file whose nodes run on another interpreter than the workspace's."""
+    suite = rostest_suite(test)
+    python = os.path.join(BUILD, "venv-" + version, "bin")
+    modules = os.path.join(BUILD, "ros_modules")
+    environment = dict(suite.environment, PATH=os.pathsep.join((python, os.environ["PATH"])),
+                       PYTHONPATH=os.pathsep.join((os.environ["PYTHONPATH"], modules)))
+    missing = "" if os.path.exists(python) and os.listdir(modules) else "there is no ROS for python{}".format(version)
+    results = suite.folder + "-" + version
+    environment["ROS_HOME"] = os.path.join(results, "ros")
+    command = [results if word == suite.folder else word for word in suite.command]
+    return replace(suite, name="{}, Python {}".format(suite.name, version), command=command, folder=results,
+                   environment=environment, missing=missing)
 
 
 # -------------------------------------------------------------------------------------------------------------- running

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
-from behavior_controller import leaves
+from behavior_controller import knowledge_files, leaves
 from behavior_controller.bt import rules
 from behavior_controller.bt.checking.checks import below
 from behavior_controller.bt.checking.models import stale_models
@@ -31,6 +31,7 @@ class Judgement:
     mains: Tuple[str, ...] = ()  # more than one: each was checked as a main tree
     palette: int = 0  # node types of a file that holds nothing else
     part_of: str = ""
+    is_mission: bool = True
 
     @property
     def is_wrong(self) -> bool:
@@ -42,8 +43,10 @@ class Judgement:
         if self.part_of:
             return "{}: a part of {}".format(clean(self.file), clean(self.part_of))
         warnings = sum(fault.is_warning for fault in self.faults)
-        counts = [_count(len(self.faults) - warnings, "fault")] if self.is_wrong else self._good()
-        if warnings or not self.is_wrong:
+        counts = [_count(len(self.faults) - warnings, "fault")]
+        if not self.is_wrong and self.is_mission:
+            counts = self._good()
+        if warnings or not self.is_wrong and self.is_mission:
             counts.append(_count(warnings, "warning"))
         return "{}: {}{}".format(clean(self.file), ", ".join(counts), self._stubs())
 
@@ -83,21 +86,25 @@ class Validation:
     def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
         """Yield a judgement for each file; a folder stands for all its files."""
         read_ones: Dict[str, List[Document]] = {}
-        unreadable: Dict[str, Judgement] = {}
+        done: Dict[str, Judgement] = {}  # without a mission
         files = list(dict.fromkeys(list(self.palettes) + [file for path in paths for file in expanded(path)]))
         for path in files:
+            self.files.add(path)
             try:
-                read_ones[path] = self._read(path)
+                knowledge = knowledge_files.check(path)
+                if knowledge is None:
+                    read_ones[path] = self._read(path)
+                else:
+                    done[path] = Judgement(path, knowledge, is_mission=False)
             except MissionError as error:
-                self.files.add(path)
-                unreadable[path] = Judgement(path, self._told(error.faults))
+                done[path] = Judgement(path, self._told(error.faults))
         parts = _parts(read_ones)
         palettes = [documents[-1] for path, documents in read_ones.items()
                     if is_palette(documents) or path in self.palettes]
         has_main = any(self.main in _trees(documents) for documents in read_ones.values())
         for path in files:
-            if path in unreadable:
-                yield unreadable[path]
+            if path in done:
+                yield done[path]
             elif path in parts:
                 yield Judgement(path, part_of=parts[path])
             elif is_palette(read_ones[path]):
@@ -217,7 +224,7 @@ def _near_misses(documents: Sequence[Document], found: List[NodeSpec]) -> Iterat
     names = {spec.id for spec in found}
     for model in models(documents):
         name = model.attributes.get("ID", "")
-        hint = did_you_mean(name, known, 0.93) if name in names else ""
+        hint = did_you_mean(name, known, likeness=0.93) if name in names else ""
         if hint:
             yield model.fault(rules.PALETTE_UNKNOWN_NODE, "the palette has an unknown node {}".format(name), hint, "ID")
 

@@ -26,7 +26,7 @@ LAYERS = [
     ["bt.engine"],
     ["bt.language"],
     ["bt", "bt.language.values", "mission_spec", "gateway", "events", "health", "keys", "settings", "folders", "phrases",
-      "policy", "sinks"],
+      "policy", "knowledge_files", "sinks"],
     ["interface"],
     ["errors", "exits"],
     ["text"],

@@ -126,11 +126,11 @@ class Registry:
         return list(self._specs.values())
 
 
-def did_you_mean(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     """Return ``did you mean X?`` for the nearest of ``known`` (case is no difference), or an empty text.
 
-    ``cutoff`` is how near it must be, from 0 to 1, where 1 is the same.
+    ``likeness`` says how near, from 0 to 1, the same word.
     """
     by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), list(by_lower), n=1, cutoff=cutoff)
+    near = difflib.get_close_matches(word.lower(), list(by_lower), n=1, cutoff=likeness)
     return "did you mean {}?".format(by_lower[near[0]]) if near else ""
