@@ -7,7 +7,7 @@
     ├── NodesMissing             robot nodes that the start-up check did not find
     └── bt errors                (script, port, tick) derive from it where they are defined
 """
-from typing import NamedTuple, Sequence
+from typing import Any, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.text import clean
 
@@ -38,6 +38,9 @@ class Fault(NamedTuple):
 
 class BehaviorControllerError(Exception):
     """Whatever this package raises on purpose; its text is one line for an operator, or one line per fault."""
+
+    origin: Optional[Tuple[Any, str]] = None
+    """The element and the attribute of a mission with the script that failed, where that is known."""
 
 
 class FaultsFound(BehaviorControllerError):
