@@ -5,6 +5,7 @@ import os
 import sys
 import time
 from typing import Any, Dict, List, Optional, Set, Tuple
+from xml.sax.saxutils import quoteattr
 
 try:
     import behavior_controller.bt
@@ -17,6 +18,7 @@ from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.bt.rules import RULES
 from behavior_controller.errors import MissionError
 from behavior_controller.mission import load_tree
+from behavior_controller.text import clean
 from behavior_controller.validation import Validation, as_json, expanded
 
 _WATCH_EVERY = 0.3  # seconds
@@ -109,13 +111,29 @@ def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
 
 
 def export_node_model(argv: Optional[List[str]] = None) -> int:
-    """``exportNodeModel``: print the mission's node types as Groot2 imports them. Return 0."""
+    """``exportNodeModel``: print the mission's node types as Groot2 imports them, or write a project. Return 0."""
     parser = argparse.ArgumentParser(
         prog="exportNodeModel", description="Print the palette of mission nodes for Groot2 (Import models from file).")
-    parser.parse_args(_without_ros_arguments(argv))
-    print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n{}\n</root>'.format(
-        tree_nodes_model(leaves.SPECS, indent="  ")))
+    parser.add_argument("--project", metavar="FILE.btproj",
+                        help="write a project for Groot2 instead: the palette, and the missions of the folder data")
+    options = parser.parse_args(_without_ros_arguments(argv))
+    if options.project is None:
+        print(_document([], ""))
+        return exits.SUCCESS
+    missions = sorted(name for name in os.listdir(folders.data("")) if name.endswith(".xml"))
+    here = os.path.dirname(os.path.abspath(options.project))
+    includes = [os.path.relpath(folders.data(name), here) for name in missions]
+    name = os.path.splitext(os.path.basename(options.project))[0]
+    with open(options.project, "w", encoding="utf-8") as file:
+        file.write(_document(includes, " project_name={}".format(quoteattr(name))) + "\n")
+    print("{}: a project of {}".format(clean(options.project), ", ".join(missions)))
     return exits.SUCCESS
+
+
+def _document(includes: List[str], attributes: str) -> str:
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4"{}>'.format(attributes)]
+    lines += ["  <include path={}/>".format(quoteattr(path)) for path in includes]
+    return "\n".join(lines + [tree_nodes_model(leaves.SPECS, indent="  "), "</root>"])
 
 
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:

@@ -104,6 +104,33 @@ def test_ports_have_type_default_and_description():
         ("output_port", {"name": "third", "type": "double"}, None)]
 
 
+def test_each_port_of_a_mission_leaf_has_its_type_and_a_description(capsys):
+    cli.export_node_model([])
+    root = etree.fromstring(capsys.readouterr().out.encode("utf-8"))
+    ports = [port for model in root[0] for port in model if port.tag.endswith("_port")]
+    assert ports and [port.get("name") for port in ports if not port.get("type") or not port.text] == []
+
+
+def test_a_project_has_the_palette_and_the_missions_of_the_data_folder(tmp_path, capsys):
+    path = tmp_path / "projects" / "tours & more.btproj"
+    path.parent.mkdir()
+    assert cli.export_node_model(["--project", str(path)]) == 0
+    assert capsys.readouterr().out == "{}: a project of lab_tour.xml\n".format(path)
+    root = etree.parse(str(path)).getroot()
+    assert dict(root.attrib) == {"BTCPP_format": "4", "project_name": "tours & more"}
+    assert [child.tag for child in root] == ["include", "TreeNodesModel"]
+    assert os.path.samefile(os.path.join(str(path.parent), root[0].get("path")), LAB_TOUR)
+    assert [model.get("ID") for model in root[1]] == [spec.id for spec in leaves.SPECS]
+    assert cli.validate([str(path)]) == 0
+    assert capsys.readouterr().out == "{}: can be run, 216 nodes, 0 warnings\n".format(path)
+
+
+def test_a_project_that_cannot_be_written_is_one_line(tmp_path):
+    done = run("exportNodeModel", "--project", str(tmp_path / "none" / "x.btproj"))
+    assert (done.returncode, done.stderr.count(b"\n")) == (1, 1)
+    assert done.stderr.startswith(b"exportNodeModel: the output cannot be written: No such file")
+
+
 # What BehaviorTree.CPP 4.10 itself writes of some nodes: kind, and (direction, name, type, default) of each port.
 OF_THE_LIBRARY = {
     "Delay": ("Decorator", [("input_port", "delay_msec", "unsigned int", None)]),

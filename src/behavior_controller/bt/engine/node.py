@@ -146,7 +146,8 @@ def place_of(error: BehaviorControllerError) -> str:
     """Return ``file:line:column`` of what in a mission made a tick fail; "" if the tree is not from a file."""
     node = error.node if isinstance(error, TickError) else None
     cause = error.cause if isinstance(error, TickError) else error
-    element, attribute = getattr(cause, "origin", None) or (node and node.element, None)
+    element, attribute = cause.origin if isinstance(cause, BehaviorControllerError) and cause.origin else (
+        node.element if node is not None else None, None)
     if element is None:
         return ""
     if attribute is None and node is not None and isinstance(cause, ScriptError):
