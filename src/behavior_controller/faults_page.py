@@ -9,9 +9,10 @@ from behavior_controller.mission import build_tree
 _LONGEST = 600  # characters of an example
 _HEAD = """# What validateMission tells
 
-Every kind of mistake has a code that stays the same. `error`: the file is not run. `warning`: it is run, but hardly does what
-its author means; `validateMission --ignore CODE` leaves out the warnings with a code. An error in a tree that the mission does
-not use is a warning. This page is printed by `python3 -m behavior_controller.faults_page`; a test checks each example.
+Every kind of mistake has a code that stays the same. `error`: the file is not run. `warning`: it is run, but hardly
+does what its author means; `validateMission --ignore CODE` leaves out the warnings with a code. What is an error may be
+a warning in a tree that the mission does not use. This page is printed by `python3 -m behavior_controller.faults_page`;
+a test checks each example.
 
 ## The JSON of an editor
 
@@ -20,13 +21,13 @@ not use is a warning. This page is printed by `python3 -m behavior_controller.fa
 | member | type | meaning |
 |---|---|---|
 | `file` | string | the path, as it was given or included |
-| `range` | object or null | where it is: `start` and `end`, each with `line` and `column`, which count from 1; `end` is after the last character; null if the place is not known |
+| `range` | object or null | `start` and `end`, each with `line` and `column`, from 1; null: no place is known |
 | `severity` | string | `error` or `warning` |
-| `code` | string | one of the codes below |
+| `code` | string | one of the codes below; empty for a file that is no mission |
 | `text` | string | what is wrong, on one line |
 | `hint` | string | what to do, or what is allowed; may be empty |
 
-With `--watch` an array follows at each change.
+`end` is after the last character. With `--watch` an array follows at each change.
 
 ## The codes
 """
@@ -35,7 +36,8 @@ With `--watch` an array follows at each change.
 def page(rules: Sequence[Rule] = tuple(RULES.values())) -> str:
     """Return the page as Markdown."""
     lines = [_HEAD, "| code | severity | meaning |", "|---|---|---|"]
-    lines += ["| [{0}](#{0}) | {1} | {2} |".format(rule.code, _severity(rule), _escaped(rule.meaning)) for rule in rules]
+    lines += ["| [{0}](#{0}) | {1} | {2} |".format(rule.code, _severity(rule), _escaped(rule.meaning))
+              for rule in rules]
     for rule in rules:
         lines += ["", "### {}".format(rule.code), "", "{}: {}".format(_severity(rule), _escaped(rule.meaning))]
         for example in rule.examples[:1]:

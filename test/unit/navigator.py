@@ -99,7 +99,8 @@ SELECTORS = """<SelectController selected="{selected_controller}" default="Pursu
 
 
 def with_recovery(inside):
-    return '<RecoverAndRetry attempts="6" name="Navigate">\n    {}\n    {}\n  </RecoverAndRetry>'.format(inside, RECOVERIES)
+    return '<RecoverAndRetry attempts="6" name="Navigate">\n    {}\n    {}\n  </RecoverAndRetry>'.format(
+        inside, RECOVERIES)
 
 
 def pipeline(*parts):
@@ -150,7 +151,7 @@ TREES = {
     "timed": '<Timeout msec="60000">' + pipeline(REPLAN, FOLLOW) + "</Timeout>",
     "cancelling": """<ReactiveSequence>
     <Inverter><PathExpired path="{path}" seconds="10"/></Inverter>
-    <IfThenElse><IsPathValid path="{path}"/><FollowPath path="{path}" controller="Pursuit"/><CancelControl/></IfThenElse>
+    <IfThenElse><IsPathValid path="{path}"/><FollowPath path="{path}"/><CancelControl/></IfThenElse>
   </ReactiveSequence>""",
     "speeds": """<Sequence>
     <Script code="speed := 50; tries := 0"/>

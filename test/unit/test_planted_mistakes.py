@@ -184,8 +184,8 @@ def both_tags_misspelt(text, draw):
 
 
 def second_child(text, draw):
-    match = chosen(text, r"<(Inverter|ForceFailure|ForceSuccess|Timeout|Delay|KeepRunningUntilFailure|Repeat|Precondition)"
-                   r"\b[^<>]*>", draw)
+    match = chosen(text, r"<(Inverter|ForceFailure|ForceSuccess|Timeout|Delay|KeepRunningUntilFailure|Repeat|"
+                   r"Precondition)\b[^<>]*>", draw)
     if match is MISSING:
         return MISSING
     return text[:match.end()] + "<AlwaysSuccess/>" + text[match.end():], {line_of(text, match.start())}
@@ -248,12 +248,14 @@ MISTAKES = {
     "no children": emptied,
     "a number with a unit": by_pattern(r'(?:msec|delay_msec)="(\d+)"', lambda word, draw: word + draw.choice(
         [" ms", "ms", " s", " min", "s"])),
-    "a number with a separator": by_pattern(r'msec="(\d+)"', constant("15,000", "1.5", "2,5", "12e4", "1_000", "10 000")),
+    "a number with a separator": by_pattern(r'msec="(\d+)"', constant("15,000", "1.5", "2,5", "12e4", "1_000",
+                                                                      "10 000")),
     "a word for a number": by_pattern(r'(?:msec|num_attempts|num_cycles|success_count)="(\d+)"',
                                       constant("three", "", "ten", "-", "x3")),
     "no rounds": by_pattern(r'(?:num_attempts|num_cycles)="(\d+)"', constant("0", "-2", "-3")),
     "too many wanted": by_pattern(r'success_count="(\d+)"', constant("3", "5", "0")),
-    "a needed attribute gone": attribute_gone(r'\s(?:num_attempts|msec|num_cycles|code|delay_msec|ID|if|queue)="[^"]*"'),
+    "a needed attribute gone": attribute_gone(
+        r'\s(?:num_attempts|msec|num_cycles|code|delay_msec|ID|if|queue)="[^"]*"'),
     "an unknown attribute": by_pattern(r"<(?:\w+Speech|Sleep|Navigate|Is\w+)(/)>", constant(
         ' text="hello"/', ' wait="5"/', ' onSuccess="x := 1"/')),
     "an entry misspelt": entry_misspelt,

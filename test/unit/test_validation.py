@@ -42,7 +42,7 @@ def said(*paths, **options):
             for judgement in judged(*paths, **options)]
 
 
-# --------------------------------------------------------------------------------------------------- a robot's own nodes
+# ------------------------------------------------------------------------------------------------- a robot's own nodes
 
 
 def test_the_trees_of_a_navigator_are_clean_with_its_palette(tmp_path):
@@ -110,8 +110,8 @@ def test_ports_of_a_palette_may_be_optional(file, port, is_told):
     ("bool", "yes", ["wrong-literal"]), ("geometry_msgs::Pose", "1;2", []), ("std::string", "2 min", [])])
 def test_types_of_a_palette_are_those_of_the_library(file, type_name, value, codes):
     path = file("m.xml", TREE.format("Main", '<Drive how="{}"/>'.format(value)),
-                '<TreeNodesModel><Action ID="Drive"><input_port name="how" type="{}"/></Action></TreeNodesModel>'.format(
-                    type_name))
+                '<TreeNodesModel><Action ID="Drive"><input_port name="how" type="{}"/></Action></TreeNodesModel>'
+                .format(type_name))
     assert [code for _, _, code in told(path)] == codes
 
 
@@ -189,7 +189,8 @@ def test_trees_are_found_in_the_files_beside_only_when_asked(file):
 def test_a_file_of_a_ros_package_is_included(file, tmp_path, monkeypatch):
     file("src/deep/robot/trees/part.xml", TREE.format("A", LEAF))
     (tmp_path / "src/deep/robot/package.xml").write_text("<package>\n <name> my_robot </name></package>")
-    path = file("m.xml", '<include ros_pkg="my_robot" path="trees/part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
+    path = file("m.xml", '<include ros_pkg="my_robot" path="trees/part.xml"/>',
+                TREE.format("Main", '<SubTree ID="A"/>'))
     monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(["/nowhere", str(tmp_path / "src")]))
     assert said(path) == ["m.xml: can be run, 2 nodes, 0 warnings"]
     monkeypatch.delenv("ROS_PACKAGE_PATH")

@@ -270,12 +270,13 @@ NEVER_RUN = _warning("never-run", "The child is never run, because the number of
                      '<RetryUntilSuccessful ▸num_attempts="-3"><IsVisitorDiscovered/></RetryUntilSuccessful>')
 BRACES_ODD = _warning("braces-odd", "Braces that do not make the text a reference to an entry, or to another entry "
                       "than it seems.",
-                      '<SetBlackboard output_key="a" ▸value="{goal"/>', '<SetBlackboard output_key="a" ▸value="goal}"/>',
+                      '<SetBlackboard output_key="a" ▸value="{goal"/>',
+                      '<SetBlackboard output_key="a" ▸value="goal}"/>',
                       '<SetBlackboard output_key="a" ▸value="${goal}"/>',
                       '<Sequence>\n  <Script code="goal := 1"/>\n'
                       '  <SetBlackboard output_key="a" ▸value="{ goal }"/>\n</Sequence>')
-BRACES_FORGOTTEN = _warning("braces-forgotten", "The text is the name of an entry, but has no braces, so that it is only "
-                            "a text.",
+BRACES_FORGOTTEN = _warning("braces-forgotten", "The text is the name of an entry, but has no braces, so that it "
+                            "is only a text.",
                             "<BehaviorTree ID=\"Main\"><Sequence>\n  <Script code=\"place := 'lab'\"/>\n"
                             '  <SubTree ID="Go" ▸target="place"/>\n</Sequence></BehaviorTree>\n'
                             "<BehaviorTree ID=\"Go\"><ScriptCondition code=\"target == 'lab'\"/></BehaviorTree>",
@@ -340,8 +341,8 @@ SUBTREE_OLD = _warning("subtree-old", "The attribute means nothing in version 4.
                        '<BehaviorTree ID="Main"><SubTree ID="Part" ▸__shared_blackboard="true"/></BehaviorTree>'
                        + _PART,
                        '<BehaviorTree ID="Main"><SubTree ID="Part" ▸__autoremap="true"/></BehaviorTree>' + _PART)
-SUBTREE_CONDITION = _warning("subtree-condition", "The attribute of a SubTree is taken for an entry; a condition begins "
-                             "with _.",
+SUBTREE_CONDITION = _warning("subtree-condition", "The attribute of a SubTree is taken for an entry; a condition "
+                             "begins with _.",
                              '<BehaviorTree ID="Main"><SubTree ID="Part" ▸onFailure="a := 1"/></BehaviorTree>'
                              + _PART)
 UNBRACED = _add(Rule("unbraced", "Version 3 took the text for the name of an entry; version 4 takes it for a text.", (
@@ -366,7 +367,8 @@ SCRIPT_WORD = _warning("script-word", "A word that other languages know means no
 SCRIPT_NO_EFFECT = _warning("script-no-effect", "A statement is evaluated, and its value is used for nothing.",
                             '<ScriptCondition ▸code="@a == 1 @b == 2" _post="@a := 1; @b := 1"/>',
                             '<Sequence>\n  <Script code="a := 1"/>\n  <Script ▸code="a == 2"/>\n</Sequence>',
-                            '<Sequence>\n  <Script code="a := 1"/>\n  <AlwaysSuccess ▸_onSuccess="a == 2"/>\n</Sequence>')
+                            '<Sequence>\n  <Script code="a := 1"/>\n'
+                            '  <AlwaysSuccess ▸_onSuccess="a == 2"/>\n</Sequence>')
 CONDITION_ASSIGNS = _warning("condition-assigns", "A condition assigns a value instead of comparing with it.",
                              '<Sequence>\n  <Script code="a := true"/>\n  <AlwaysSuccess ▸_skipIf="a = false"/>\n'
                              "</Sequence>", '<ScriptCondition ▸code="a := 1"/>',
@@ -390,7 +392,8 @@ KIND_CHANGES = _warning("kind-changes", "An entry that holds a text is assigned 
 
 NEVER_WRITTEN = _warning("never-written", "An entry is read, and nothing writes it.",
                          '<Sleep ▸msec="{pause}"/>', '<ScriptCondition ▸code="lives > 1"/>',
-                         '<Sequence>\n  <Script code="lifes := 1"/>\n  <AlwaysSuccess ▸_skipIf="lives == 0"/>\n</Sequence>',
+                         '<Sequence>\n  <Script code="lifes := 1"/>\n'
+                         '  <AlwaysSuccess ▸_skipIf="lives == 0"/>\n</Sequence>',
                          "▸<Navigate/>", "▸<DescribeExhibitSpeech/>",
                          '<SkipUnlessUpdated ▸entry="goal"><AlwaysSuccess/></SkipUnlessUpdated>',
                          '<BehaviorTree ID="Main"><Sequence>\n  <Script code="seen := 1"/>\n'

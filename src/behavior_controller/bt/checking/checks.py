@@ -320,7 +320,8 @@ class _Index(_Faults):
         self.used = set(sizes)
         if main and sizes.get(main, 0) > MOST_NODES:
             self.fault(rules.TOO_LARGE, self.trees[main], "the mission unfolds to {} nodes; at most {} are allowed"
-                       .format("more than a billion" if sizes[main] > 10 ** 9 else sizes[main], MOST_NODES), "call fewer SubTrees")
+                       .format("more than a billion" if sizes[main] > 10 ** 9 else sizes[main], MOST_NODES),
+                       "call fewer SubTrees")
         for start in self.trees:
             self._unfold(start, sizes, self.warn)
 
@@ -469,7 +470,8 @@ class _Nodes:
         elif name == "ID":
             if element.tag not in EXPLICIT:
                 self.fault_in_use(rules.ID_NOT_ALLOWED, element,
-                                  "the attribute ID is not allowed in <{}>".format(element.tag), "write name=\"…\" for the name of the node", "ID")
+                                  "the attribute ID is not allowed in <{}>".format(element.tag),
+                                  "write name=\"…\" for the name of the node", "ID")
         elif is_port_name(name):
             hint = _PORTS_ELSEWHERE.get((known.spec.id, name)) or condition_meant(name) or self.index.nearest(
                 name, known.ports, "its ports")

@@ -58,7 +58,7 @@ def used_types(documents: Iterable[Document]) -> List[str]:
 
 def _stub(model: Element, node_id: str) -> NodeSpec:
     elements = [port for port in model.children if port.tag in _DIRECTIONS and port.attributes.get("name")]
-    # a palette of the library's does not tell which ports a node does without; one that says it of a port means the rest
+    # the library's own palettes do not tell which ports a node does without; one that does, of a port, means the rest
     tells = any("optional" in port.attributes for port in elements)
     kind = _KINDS[model.tag]
     return NodeSpec(node_id, kind, partial(_FACTORIES[kind]), tuple(_port(port, tells) for port in elements),
