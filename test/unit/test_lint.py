@@ -338,3 +338,12 @@ def test_an_alias_that_says_what_it_does_may_have_any_name(tmp_path):
     path.write_text("""<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><RetrieveListOfExhibits/><SelectExhibit/>
  <DescribeExhibitSpeech_1 name="3"/></Sequence></BehaviorTree></root>""")
     assert load_tree(str(path)).warnings == []
+
+
+@pytest.mark.parametrize("text, words", [
+    ("2 min", '"2 min" is read only up to "min": as 2'), ("soon", '"soon" cannot be of type int'),
+    ("{given}", None), ("5", None)])
+def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, words):
+    inside = '<Drive target="{x}" speed="5"/>'
+    found = warnings('<SubTree ID="Sub"\nx="{}"/>'.format(text), tree("Sub", inside))
+    assert [(line, column, words in said) for line, column, said in found] == [(3, 1, True)] * (words is not None)

@@ -250,7 +250,9 @@ NUMBER_CUT_SHORT = _warning("number-cut-short", "Only the beginning of the text 
                             '<Sleep ▸msec="2 min"/>', '<Sleep ▸msec="120,000"/>', '<Sleep ▸msec="1.5"/>',
                             '<Sleep ▸msec="12e4"/>', '<Timeout ▸msec="10s"><Sleep msec="5"/></Timeout>',
                             '<LoopDouble ▸queue="1.5;2,5" value="{x}"><AlwaysSuccess/></LoopDouble>',
-                            '<Delay ▸delay_msec="1_000"><AlwaysSuccess/></Delay>')
+                            '<Delay ▸delay_msec="1_000"><AlwaysSuccess/></Delay>',
+                            '<BehaviorTree ID="Main"><SubTree ID="Wait" ▸pause="2 min"/></BehaviorTree>\n'
+                            '<BehaviorTree ID="Wait"><Sleep msec="{pause}"/></BehaviorTree>')
 PORT_MISSING = _warning("port-missing", "A port that the node needs is not given.",
                         "▸<Sleep/>", "▸<Repeat><IsVisitorDiscovered/></Repeat>",
                         '▸<SetBlackboard value="a"/>', '▸<Timeout><Sleep msec="5"/></Timeout>')

@@ -491,10 +491,9 @@ class _Nodes:
 
     def _unread(self, element: Element, port: Port, text: str, type_name: str) -> None:
         """Warn of a number that is followed by more than blanks: BehaviorTree.CPP reads it no further."""
-        rest = values.unread(text, type_name)
-        if rest:
-            self.warn(rules.NUMBER_CUT_SHORT, element, "{}=\"{}\" is read only up to \"{}\": as {}".format(
-                port.name, text, rest, _read(text, type_name)), _meant(text, port, type_name), port.name)
+        said = read_in_part(text, port, type_name)
+        if said:
+            self.warn(rules.NUMBER_CUT_SHORT, element, "{}=\"{}\" {}".format(port.name, text, said[0]), said[1], port.name)
 
     def _script(self, element: Element, name: str, text: str) -> None:
         if text not in self._scripts:
@@ -558,6 +557,14 @@ class _Nodes:
                           "the entry of that name is written {{{}}}".format(text), name)
 
 
+def read_in_part(text: str, port: Port, type_name: str) -> Optional[Tuple[str, str]]:
+    """Return what is read of a number that ``port`` does not read to its end, and what may be meant; else None."""
+    rest = values.unread(text, type_name)
+    if not rest:
+        return None
+    return "is read only up to \"{}\": as {}".format(rest, _read(text, type_name)), _meant(text, port, type_name)
+
+
 def _read(text: str, type_name: str) -> str:
     """Return the value that a literal is read as, for a message."""
     try:
@@ -584,8 +591,9 @@ def _meant(text: str, port: Port, type_name: str) -> str:
         return "a number has no separators: write {}".format(re.sub("[^-0-9]", "", text))
     if number is not None and type_name == "double":
         return "write {}".format(text.replace(",", "."))
-    if number is not None and math.isfinite(number) and type_name != "double":
-        return "the type is {}: write {:.0f}".format(type_name, number)
+    if number is not None and type_name != "double":
+        whole = ": write {:.0f}".format(number) if math.isfinite(number) and number == int(number) else ", without fraction"
+        return "the type is {}{}".format(type_name, whole)
     return "the type is {}".format(type_name)
 
 

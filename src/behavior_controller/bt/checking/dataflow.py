@@ -39,6 +39,7 @@ class Flow:
         self.keys: Dict[str, Set[str]] = {}
         self.is_known = True
         self.scripts: List[Use] = []
+        self.readers: Dict[Key, Port] = {}  # the first port that reads an entry
         self.created: Set[Key] = set()  # what exists without a script, or by := in one
         self.touched: Set[Key] = set()  # what not only scripts write
         self.mentions: Dict[Key, int] = {}  # how often a tree names an entry
@@ -140,6 +141,7 @@ def _port(result: Flow, tree: str, element: Element, port: Port, is_condition: b
     if key is not None:
         if port.direction is not Direction.OUT and (port.name in element.attributes or not port.is_optional):
             result.read(tree, key, element, port.name)
+            result.readers.setdefault(result.key(tree, key), port)
         if port.direction is not Direction.IN:
             result.write(tree, key)
         if port.name in element.attributes:

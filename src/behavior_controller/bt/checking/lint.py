@@ -8,13 +8,14 @@ import re
 from typing import Collection, Dict, List, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt import rules
-from behavior_controller.bt.checking.checks import CONDITIONS, Checked, below, condition_meant, is_port_name
+from behavior_controller.bt.checking.checks import CONDITIONS, Checked, below, condition_meant, is_port_name, read_in_part
 from behavior_controller.bt.checking.dataflow import Flow, Key, flow
 from behavior_controller.bt.checking.outcomes import outcomes
 from behavior_controller.bt.checking.scripts import WORDS, remarks
 from behavior_controller.bt.ends import FAILS, SKIPS, SUCCEEDS
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
+from behavior_controller.bt.language.values import TEXT
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry, Role, did_you_mean
 from behavior_controller.bt.rules import Rule
 from behavior_controller.bt.status import BY_NAME
@@ -83,7 +84,7 @@ class _Linter:
     def warn(self, rule: Rule, element: Element, text: str, hint: str = "", attribute: Optional[str] = None,
              at: int = 0) -> None:
         if len(self.faults) < _MOST_WARNINGS:
-            self.faults.append(element.fault(rule, text, hint, attribute, at=at))
+            self.faults.append(element.fault(rule, text, hint, attribute, is_warning=True, at=at))
 
     def _is_stub(self, element: Element) -> bool:
         spec = self.registry.find(element.type_id)
@@ -251,6 +252,7 @@ class _Linter:
             if not is_port_name(name):
                 continue
             self._remapped(element, name, text, tree)
+            self._given(element, name, text, called)
             if not self._braces(element, name, text, tree) and name not in used | model:
                 near = self.nearest(name, (used | model) - set(element.attributes)) if len(name) > 2 else ""
                 if condition_meant(name):
@@ -262,6 +264,19 @@ class _Linter:
                 elif near:
                     self.warn(rules.SUBTREE_PORT_UNKNOWN, element, "the tree {} uses no entry {}".format(called, name),
                               near, name)
+
+    def _given(self, element: Element, name: str, text: str, called: str) -> None:
+        """Warn of a literal that a port of the called tree reads in part, or cannot read."""
+        port = self.flow.readers.get((called, name))
+        if port is None or ports.reference(text, name) is not None or ports.subtree_literal(text)[0] != TEXT:
+            return
+        said = read_in_part(text, port, port.type)
+        wrong = ports.literal_fault(text, port, {})
+        if said:
+            self.warn(rules.NUMBER_CUT_SHORT, element, "{}=\"{}\" {}".format(name, text, said[0]), said[1], name)
+        elif wrong is not None:
+            self.warn(rules.WRONG_LITERAL, element, "{}=\"{}\" cannot be of type {}, as the port {} there".format(
+                name, text, port.type, port.name), wrong, name)
 
     def _remapped(self, element: Element, name: str, text: str, tree: str) -> None:
         """Warn of an entry that is named nowhere else in the tree, but nearly so."""

@@ -5,6 +5,7 @@ from behavior_controller.bt import rules
 from behavior_controller.bt.checking.dataflow import Flow, Key, Use
 from behavior_controller.bt.language.operators import ScriptError, leading_number
 from behavior_controller.bt.language.script import Assignment, Operand, Operation
+from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.bt.rules import Rule
 
 WORDS = {"not": "write !", "and": "write &&", "or": "write ||", "True": "write true", "TRUE": "write true",
@@ -75,8 +76,13 @@ def _not_created(use: Use, flow: Flow, given: Collection[str], told: Set[Key], i
         told.add(key)
         if not is_excused:
             yield Remark(rules.NOT_CREATED, use, "{} {} …, but nothing creates the entry {}".format(
-                assignment.name, assignment.sign, assignment.name), "create it first: {} := …".format(assignment.name),
+                assignment.name, assignment.sign, assignment.name),
+                _near(assignment.name, created, use.tree) or "create it first: {} := …".format(assignment.name),
                 assignment.position)
+
+
+def _near(name: str, created: Collection[Key], tree: str) -> str:
+    return did_you_mean(name, sorted(other for of_tree, other in created if of_tree == tree), likeness=0.75)
 
 
 # ------------------------------------------------------------------------------------------------- texts and numbers
