@@ -217,6 +217,26 @@ def circle(text, draw):
     return replaced(text, match, own, 1)
 
 
+def definition_misspelt(text, draw):
+    """A tree under another name: it is told where it is called, or where it stands unused."""
+    match = chosen(text, r'<BehaviorTree ID="(\w+)"', draw)
+    wrong, lines = replaced(text, match, misspelt(match.group(1), draw), 1)
+    named = re.finditer(r'(?:<SubTree ID|main_tree_to_execute)="%s"' % match.group(1), text)
+    return (wrong, lines | {line_of(text, other.start()) for other in named}) if wrong != text else MISSING
+
+
+def writer_gone(text, draw):
+    """A node that writes what others read; it is told at one of these."""
+    match = chosen(text, r"\n *<(?:SelectExhibit|RetrieveListOfExhibits|SeekOvertAttentionMode|IsYesNoUttered)/>", draw)
+    if match is MISSING or len(re.findall("<{}/>".format(match.group().strip(" \n</>")), text)) > 1:
+        return MISSING
+    readers = re.finditer(r"<(?:IsListWithExhibit|Navigate|DescribeExhibitSpeech|PerformDeicticGesture|SelectExhibit|"
+                          r"IsMutualGazeDiscovered|IsVisitorResponseYes|HandleFallBack)\b", text)
+    removed = match.group().count("\n")
+    return text[:match.start()] + text[match.end():], {
+        line_of(text, reader.start()) - removed * (reader.start() > match.start()) for reader in readers}
+
+
 def element_as_text(text, draw):
     match = chosen(text, r"<(\w+)/>", draw)
     return replaced(text, match, match.group(1))
@@ -286,6 +306,9 @@ MISTAKES = {
     "another kind": by_pattern(r"<(WelcomeSpeech|IsVisitorDiscovered|Navigate)(?: [^<>]*)?/>",
                                lambda word, _draw: ('Action ID="{}"' if word[0] == "I" else 'Condition ID="{}"').format(
                                    word)),
+    "a tree's own name misspelt": definition_misspelt,
+    "a port of the model not given": attribute_gone(r' (?:known|tone)="[^"]*"'),
+    "a writer gone": writer_gone,
     "a version 3 name": by_pattern(r"<(SubTree) ID", constant("SubTreePlus", "Subtree")),
 }
 
