@@ -19,7 +19,7 @@ from behavior_controller.bt.rules import RULES
 from behavior_controller.errors import MissionError
 from behavior_controller.mission import load_tree
 from behavior_controller.text import clean
-from behavior_controller.validation import Validation, as_json, expanded
+from behavior_controller.validation import Validation, as_json, listed
 
 _WATCH_EVERY = 0.3  # seconds
 
@@ -70,7 +70,7 @@ def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
         judgements.append(judgement)
         if not options.json:
             for fault in judgement.faults:
-                print(str(fault))
+                print("{} [{}]".format(fault, fault.code) if fault.code else str(fault))
             print(str(judgement))
     if options.json:
         faults = dict.fromkeys(fault for judgement in judgements for fault in judgement.faults)
@@ -96,7 +96,7 @@ def _watch(options: argparse.Namespace) -> None:
 def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, int]]]:
     """Return when each file was written, and its length; None for one that is not there."""
     state: Dict[str, Optional[Tuple[int, int]]] = {}
-    for path in files.union(file for path in given for file in expanded(path)):
+    for path in files.union(file for path in given for file in listed(path)):
         try:
             status = os.stat(path)
             state[path] = (status.st_mtime_ns, status.st_size)

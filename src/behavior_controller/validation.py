@@ -152,13 +152,18 @@ class Validation:
 
 def expanded(path: str) -> List[str]:
     """Return a file as it is, and the missions, projects and palettes in a folder and its folders."""
+    return [file for file in listed(path) if _may_be_a_mission(file)] if os.path.isdir(path) else [path]
+
+
+def listed(path: str) -> List[str]:
+    """Return a file as it is, and the files in a folder and its folders that may be missions by their names."""
     if not os.path.isdir(path):
         return [path]
     found = []
     for folder, inner, names in os.walk(path):
         inner[:] = sorted(name for name in inner if not name.startswith("."))
         found += [os.path.join(folder, name) for name in sorted(names) if name.endswith(ENDINGS)]
-    return [file for file in found if _may_be_a_mission(file)]
+    return found
 
 
 def _may_be_a_mission(path: str) -> bool:

@@ -46,10 +46,10 @@ def test_every_fault_of_every_file_is_printed_with_its_place(file, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("{}:1:48: warning: the entry targetLocation is read here".format(good))
     assert lines[1] == "{}: can be run, 1 node, 1 warning".format(good)
-    assert lines[2] == "{}:3:11: unknown node Navigat (did you mean Navigate?)".format(bad)
+    assert lines[2] == "{}:3:11: unknown node Navigat (did you mean Navigate?) [unknown-node]".format(bad)
     assert lines[3].startswith('{}:4:9: port msec of type uint cannot be "x"'.format(bad))
     assert lines[4] == "{}: 2 faults".format(bad)
-    assert lines[5:] == ["{}x: the file cannot be read: No such file or directory".format(good),
+    assert lines[5:] == ["{}x: the file cannot be read: No such file or directory [unreadable-file]".format(good),
                          "{}x: 1 fault".format(good)]
 
 
