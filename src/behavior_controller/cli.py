@@ -133,7 +133,7 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
 def _document(includes: List[str], attributes: str) -> str:
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4"{}>'.format(attributes)]
     lines += ["  <include path={}/>".format(quoteattr(path)) for path in includes]
-    return "\n".join(lines + [tree_nodes_model(leaves.SPECS, indent="  "), "</root>"])
+    return "\n".join(lines + [tree_nodes_model(leaves.beyond_builtins(), indent="  "), "</root>"])
 
 
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:

@@ -1,10 +1,11 @@
 """The reference of all mistakes as docs/faults.md has it: ``python3 -m behavior_controller.faults_page``."""
 from typing import Iterator, List, Sequence
 
+from behavior_controller import settings
 from behavior_controller.bt.language.document import parse, with_includes
 from behavior_controller.bt.rules import EXAMPLE_NAME, RULES, Rule, example_file
 from behavior_controller.errors import Fault, MissionError
-from behavior_controller.mission import build_tree
+from behavior_controller.mission import build_tree, on_robot
 
 _LONGEST = 600  # characters of an example
 _HEAD = """# What validateMission tells
@@ -55,16 +56,18 @@ def _escaped(text: str) -> str:
 
 def _example(rule: Rule, example: str) -> Iterator[str]:
     text, line, column = example_file(rule, example)
-    told = [str(fault) for fault in _told(text) if (fault.line, fault.column) == (line, column)]
+    found = [str(fault) for fault in told(text) if (fault.line, fault.column) == (line, column)]
     yield from ("", "```xml", _shown(text), "```", "")
-    yield from ("`{}`".format(_cut(words)) for words in told)
+    yield from ("`{}`".format(_cut(words)) for words in found)
 
 
-def _told(text: str) -> List[Fault]:
+def told(text: str) -> List[Fault]:
+    """Return what is told of an example on the robot of the default configuration."""
     try:
-        return build_tree(with_includes(parse(text, EXAMPLE_NAME))).warnings
+        tree = build_tree(with_includes(parse(text, EXAMPLE_NAME)))
     except MissionError as error:
         return list(error.faults)
+    return tree.warnings + on_robot(tree, settings.defaults())
 
 
 def _cut(text: str) -> str:

@@ -121,8 +121,8 @@ class _Reader:
             self._keep(number, Rule(node, cause, int(retries), float(back_off), last, self.nodes.get(then)))
 
     def _is_request(self, node: str) -> bool:
-        """Return whether the node is one that asks a service for something, and so can stand in for another."""
-        return node in self.nodes and bool(self.nodes[node].calls)
+        """Return whether the node is one that asks a service for the same whatever it is called, and so can stand in."""
+        return node in self.nodes and bool(self.nodes[node].calls) and not self.nodes[node].names
 
     def _keep(self, number: int, rule: Rule) -> None:
         """Append a rule that is right in itself, unless the rules before it leave it nothing to decide."""

@@ -78,7 +78,8 @@ class Runner:
         self.mission.events.emit(RunStarted(
             self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values),
             Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source,
-                    self.mission.interface.name)))
+                    self.mission.interface.name,
+                    self.mission.knowledge.sources if self.mission.knowledge is not None else ())))
 
     def _pass(self) -> None:
         """Run the mission once, for a visitor of whom nothing is known."""

@@ -4,15 +4,16 @@ import re
 from dataclasses import dataclass, field
 from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
-from behavior_controller import knowledge_files, leaves
+from behavior_controller import folders, knowledge_files, leaves, settings
 from behavior_controller.bt import rules
 from behavior_controller.bt.checking.checks import below
 from behavior_controller.bt.checking.models import stale_models
 from behavior_controller.bt.checking.stubs import is_palette, models, stubs, used_types
 from behavior_controller.bt.language.document import Document, read, with_includes
 from behavior_controller.bt.registry import NodeSpec, Registry, did_you_mean
-from behavior_controller.errors import Fault, MissionError
-from behavior_controller.mission import build_tree
+from behavior_controller.errors import ConfigurationError, Fault, MissionError
+from behavior_controller.mission import build_tree, on_robot
+from behavior_controller.settings import Settings
 from behavior_controller.text import Unreadable, clean, read_text
 
 ENDINGS = (".xml", ".btproj")
@@ -82,6 +83,7 @@ class Validation:
         self.ignored = ignored
         self.in_folder = in_folder
         self.files: Set[str] = set()  # that were read
+        self._settings = _configured()
 
     def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
         """Yield a judgement for each file; a folder stands for all its files."""
@@ -144,10 +146,20 @@ class Validation:
                 judgement.faults.extend(error.faults)
             else:
                 judgement.faults.extend(tree.warnings)
+                if not judgement.stubs:
+                    judgement.faults.extend(on_robot(tree, self._settings))
                 judgement.nodes += len(tree.nodes)
         judgement.faults += list(_near_misses(documents, found))
         judgement.faults = sorted(self._told(judgement.faults), key=lambda fault: fault[:3])
         return judgement
+
+
+def _configured() -> Settings:
+    """Return the configuration, or its defaults where it cannot be read: the node tells what is wrong with it."""
+    try:
+        return settings.load(folders.config(settings.FILE_NAME))
+    except ConfigurationError:
+        return settings.defaults()
 
 
 def expanded(path: str) -> List[str]:

@@ -19,7 +19,7 @@ LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli", "command", "faults_page"],
     ["watch", "runner", "validation"],
-    ["mission"],
+    ["mission", "foresight"],
     ["leaves"],
     ["recovery", "apart", "bt.compiler"],
     ["bt.checking"],

@@ -6,7 +6,7 @@ have found, so that no judgement waits for a master. What changes goes to ``Heal
 """
 import threading
 import time
-from typing import Callable, Dict, List, Tuple
+from typing import Callable, Dict, List, Set, Tuple
 
 import rosgraph
 
@@ -77,6 +77,7 @@ class Monitor:
         self._connections: Dict[Part, Connection] = {}
         self._reported: Dict[Tuple[str, str], bool] = {}  # whether it was well, by name and respect
         self._closed = threading.Event()
+        self._was_there: Set[Part] = set()  # the optional services that the robot has
         self._lonely: Dict[Part, float] = {}  # since when a topic has had no connection
         # when a topic that is silent was heard last, and after how much silence it is connected to again
         self._silent: Dict[Part, Tuple[float, float]] = {}
@@ -101,7 +102,8 @@ class Monitor:
             try:
                 self._hold(part)
             except Trouble as trouble:
-                self._tell_gone(part, "{}: {}".format(trouble.cause.text, trouble))
+                if part in self._was_there or not part.is_optional:  # what a robot lacks cannot go
+                    self._tell_gone(part, "{}: {}".format(trouble.cause.text, trouble))
                 self._closed.wait(ROUND)
 
     def _hold(self, part: Part) -> None:
@@ -110,6 +112,7 @@ class Monitor:
         while not self._closed.is_set():
             connection = self._connections[part] = Connection()
             open_service_at(place, connection, part.name, "*", limit, persistent="1")
+            self._was_there.add(part)
             self._tell_back(part)
             self._wait_for_end(connection)
             self._closed.wait(RETRY)
@@ -199,7 +202,7 @@ def _absence(latch: Latch) -> str:
         return "published by {}; expected is {}".format(", ".join(latch.wrong_publishers), latch.type_name)
     if latch.unreachable:
         return "its publisher at {} cannot be reached".format(", ".join(latch.unreachable))
-    return "no node publishes it"
+    return "no node publishes it" + latch.no_action
 
 
 def patience(count: int, usual_gap: float) -> float:

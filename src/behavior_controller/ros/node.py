@@ -329,7 +329,13 @@ class _Run:
     def _read_again(self) -> None:
         """Read the files; what is right follows the running mission after its pass."""
         try:
-            self._following.append(read_plan(self._clock, self._wake, self._console.tell))
+            following = read_plan(self._clock, self._wake, self._console.tell)
+            chosen, now = following.settings.robot_interface, self._plan.settings.robot_interface
+            if chosen != now:
+                self._console.tell("error", "refused, the running mission stays: robotInterface {} cannot follow {} "
+                                   "while the node runs; start the node again".format(chosen, now))
+                return
+            self._following.append(following)
             self._console.tell("info", "reloaded: this mission follows when the visitor's pass is over")
         except FaultsFound as found:
             tell_faults(found, self._console.tell, "refused, the running mission stays")

@@ -15,7 +15,7 @@ from behavior_controller.bt.language import ports, values
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
 from behavior_controller.bt.language.script import ScriptSyntaxError, compile_script
 from behavior_controller.bt.language.values import ValueFault
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role, did_you_mean
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role, argument, did_you_mean
 from behavior_controller.bt.rules import Rule
 from behavior_controller.errors import Fault
 
@@ -383,7 +383,8 @@ class _Nodes:
         self.is_used = True  # the tree being checked is part of the mission
         self._known = {spec.id: _known(spec) for spec in registry.all() if spec.kind is not Kind.SUBTREE}
         self._compact = {name: known for name, known in self._known.items()
-                         if name not in EXPLICIT and not known.minds_children and not known.spec.warning}
+                         if name not in EXPLICIT and not known.minds_children
+                         and not known.spec.warning and not known.spec.names}
         self._scripts: Dict[str, Optional[ScriptSyntaxError]] = {}  # text -> what is wrong with it
 
     def check_tree(self, tree: Element, is_used: bool) -> None:
@@ -423,7 +424,20 @@ class _Nodes:
             self.warn(rules.NODE_TYPE_WARNING, element, known.spec.warning)
         if known.minds_children:
             self._kinds_of_children(element, known.spec)
+        if known.spec.names:
+            self._name(element, known.spec)
         return known
+
+    def _name(self, element: Element, spec: NodeSpec) -> None:
+        """Check the name of a node whose name is its argument."""
+        name = element.attributes.get("name", "")
+        allowed = "allowed: name=\"…\" with {}".format(", ".join(spec.names))
+        if not argument(name):
+            self.fault_in_use(rules.NAME_ARGUMENT, element,
+                              "{} takes an argument in its name, which is not given".format(spec.id), allowed)
+        elif argument(name) not in spec.names:
+            self.fault_in_use(rules.NAME_ARGUMENT, element, "the name of {} cannot be {}".format(spec.id, name), allowed,
+                              "name")
 
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
@@ -475,6 +489,8 @@ class _Nodes:
         elif is_port_name(name):
             hint = _PORTS_ELSEWHERE.get((known.spec.id, name)) or condition_meant(name) or self.index.nearest(
                 name, known.ports, "its ports")
+            if known.spec.names:
+                hint = "its argument is its name: {}".format(", ".join(known.spec.names))
             self.fault_in_use(rules.UNKNOWN_PORT, element, "{} has no port {}".format(known.spec.id, name), hint, name)
 
     def _port(self, element: Element, port: Port, text: str) -> None:

@@ -45,7 +45,6 @@ def lint(documents: Sequence[Document], checked: Checked, registry: Registry,
             linter.node(element, tree)
     linter.unwritten()
     linter.scripts()
-    linter.needs()
     return sorted(set(linter.faults), key=lambda fault: (fault.file, fault.line, fault.column))
 
 
@@ -341,16 +340,6 @@ class _Linter:
             if remark.rule is rules.NOT_CREATED and not self.is_host_known:
                 continue
             self.warn(remark.rule, remark.use.element, remark.text, remark.hint, remark.use.attribute, remark.at)
-
-    def needs(self) -> None:
-        """Warn of nodes that can do nothing, because a node that must go before them is not there."""
-        present = {element.type_id: element for elements in self.trees.values() for element in reversed(elements)}
-        for node_id, element in present.items():
-            spec = self.registry.find(node_id)
-            need = spec.needs if spec is not None else None
-            if need is not None and not any(other in present for other in need.any_of):
-                self.warn(rules.NEED_MISSING, element, "{} can never succeed: {}".format(node_id, need.why),
-                          "the mission lacks {}".format(" or ".join(need.any_of[:2])))
 
 
 def is_misspelling(word: str, other: str) -> bool:
