@@ -1,4 +1,4 @@
-"""The reference of all mistakes as docs/faults.md has it: ``python3 -m behavior_controller.faults_page``."""
+"""The reference of all mistakes as docs/faults.md has it; ``make derived`` writes it."""
 from typing import Iterator, List, Sequence
 
 from behavior_controller import settings
@@ -12,7 +12,7 @@ _HEAD = """# What validateMission tells
 
 Every kind of mistake has a code that stays the same. `error`: the file is not run. `warning`: it is run, but hardly
 does what its author means; `validateMission --ignore CODE` leaves out the warnings with a code. What is an error may be
-a warning in a tree that the mission does not use. This page is printed by `python3 -m behavior_controller.faults_page`;
+a warning in a tree that the mission does not use. This page is written by `make derived`;
 a test checks each example.
 
 ## The JSON of an editor
@@ -76,7 +76,3 @@ def _cut(text: str) -> str:
 
 def _shown(text: str) -> str:
     return "".join(letter if letter.isprintable() or letter == "\n" else ascii(letter)[1:-1] for letter in _cut(text))
-
-
-if __name__ == "__main__":
-    print(page(), end="")

@@ -22,8 +22,9 @@ from behavior_controller.phrases import YES
 from behavior_controller.settings import Settings
 
 _MODE_MISSING = rules.warning(
-    "mode-missing", "A sign of the visitor is asked for, and no node before it sets the mode of attention that tells it.",
-    "▸<IsMutualGazeDiscovered/>", "<Sequence>\n  <SocialOvertAttentionMode/>\n  ▸<IsMutualGazeDiscovered/>\n</Sequence>")
+    "mode-missing", "A sign of the visitor is asked for, and no node before sets the mode of attention that tells it.",
+    "▸<IsMutualGazeDiscovered/>",
+    "<Sequence>\n  <SocialOvertAttentionMode/>\n  ▸<IsMutualGazeDiscovered/>\n</Sequence>")
 _FAREWELL = rules.warning(
     "farewell-to-nobody", "The mission bids farewell to a visitor who has left.",
     "<Fallback>\n  <IsVisitorDiscovered/>\n  ▸<SayGoodByeSpeech/>\n</Fallback>")

@@ -116,8 +116,8 @@ def _misfit(element: Element, spec: MissionSpec, robot: Interface) -> Optional[F
     if spec.does_without:
         return element.fault(_DOES_WITHOUT, "{} does without the robot: {} has no {}".format(
             spec.id, robot.name, lacking), "robotInterface {} has it".format(others))
-    return element.fault(_ROBOT_LACKS, "{} cannot work with the robot {}: it has no {}".format(spec.id, robot.name, lacking),
-                         "set robotInterface {}".format(others))
+    return element.fault(_ROBOT_LACKS, "{} cannot work with the robot {}: it has no {}".format(
+        spec.id, robot.name, lacking), "set robotInterface {}".format(others))
 
 
 def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:

@@ -16,7 +16,6 @@ from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
-from behavior_controller.leaves import registry as mission_registry
 from behavior_controller.mission import load_tree
 
 REGISTRY = Registry(builtin_specs() + [

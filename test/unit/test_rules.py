@@ -92,13 +92,6 @@ def test_a_warning_in_a_later_line_of_a_script_is_told_in_that_line():
 # ------------------------------------------------------------------------------------------------------ the reference
 
 
-def test_the_reference_page_is_that_of_the_rules(tmp_path, monkeypatch):
-    with open(os.path.join(ROOT, "docs", "faults.md"), encoding="utf-8") as file:
-        text = file.read()
-    monkeypatch.chdir(tmp_path)  # the examples include files that are not there
-    assert text == page(), "print it again: python3 -m behavior_controller.faults_page > docs/faults.md"
-
-
 def test_the_reference_explains_each_code_with_what_is_told():
     text = page()
     assert all("\n### {}\n".format(code) in text for code in RULES)

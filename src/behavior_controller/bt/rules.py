@@ -1,7 +1,8 @@
 """Every kind of mistake in a mission, declared once: its code, what it means, and files that have it.
 
-A message is made through its rule. What only the robot's own nodes can do wrong is declared beside its check. docs/faults.md, the codes that ``validateMission --ignore`` takes and the tests of
-each example are derived from this table. The examples are judged with the node types of the mission vocabulary.
+A message is made through its rule; rules that only a robot's own nodes can break are declared beside their checks.
+docs/faults.md, the codes that ``validateMission --ignore`` takes and the tests of each example are derived from them. The
+examples are judged with the node types of the mission vocabulary.
 """
 import textwrap
 from typing import Dict, NamedTuple, Tuple

@@ -436,8 +436,8 @@ class _Nodes:
             self.fault_in_use(rules.NAME_ARGUMENT, element,
                               "{} takes an argument in its name, which is not given".format(spec.id), allowed)
         elif argument(name) not in spec.names:
-            self.fault_in_use(rules.NAME_ARGUMENT, element, "the name of {} cannot be {}".format(spec.id, name), allowed,
-                              "name")
+            self.fault_in_use(rules.NAME_ARGUMENT, element, "the name of {} cannot be {}".format(spec.id, name),
+                              allowed, "name")
 
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
@@ -509,7 +509,8 @@ class _Nodes:
         """Warn of a number that is followed by more than blanks: BehaviorTree.CPP reads it no further."""
         said = read_in_part(text, port, type_name)
         if said:
-            self.warn(rules.NUMBER_CUT_SHORT, element, "{}=\"{}\" {}".format(port.name, text, said[0]), said[1], port.name)
+            self.warn(rules.NUMBER_CUT_SHORT, element, "{}=\"{}\" {}".format(port.name, text, said[0]), said[1],
+                      port.name)
 
     def _script(self, element: Element, name: str, text: str) -> None:
         if text not in self._scripts:
@@ -608,8 +609,9 @@ def _meant(text: str, port: Port, type_name: str) -> str:
     if number is not None and type_name == "double":
         return "write {}".format(text.replace(",", "."))
     if number is not None and type_name != "double":
-        whole = ": write {:.0f}".format(number) if math.isfinite(number) and number == int(number) else ", without fraction"
-        return "the type is {}{}".format(type_name, whole)
+        is_whole = math.isfinite(number) and number == int(number)
+        return "the type is {}{}".format(type_name, ": write {:.0f}".format(number) if is_whole else
+                                         ", without fraction")
     return "the type is {}".format(type_name)
 
 

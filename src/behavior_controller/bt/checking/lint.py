@@ -8,7 +8,8 @@ import re
 from typing import Collection, Dict, List, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt import rules
-from behavior_controller.bt.checking.checks import CONDITIONS, Checked, below, condition_meant, is_port_name, read_in_part
+from behavior_controller.bt.checking.checks import (CONDITIONS, Checked, below, condition_meant, is_port_name,
+                                                    read_in_part)
 from behavior_controller.bt.checking.dataflow import Flow, Key, flow
 from behavior_controller.bt.checking.outcomes import outcomes
 from behavior_controller.bt.checking.scripts import WORDS, remarks
