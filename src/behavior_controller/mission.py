@@ -1,7 +1,7 @@
 """Puts a mission together from its files, without ROS: for the node, a replay, a rehearsal and the tests."""
 import os
 from dataclasses import dataclass
-from typing import Callable, Iterator, List, Optional, Sequence, Tuple, TypeVar
+from typing import Callable, Iterator, List, Optional, Sequence, Tuple, TypeVar, Union
 
 from behavior_controller import folders, knowledge_files, leaves, phrases, policy
 from behavior_controller.bt.compiler import build
@@ -16,7 +16,7 @@ from behavior_controller.events import Events
 from behavior_controller.foresight import foresee
 from behavior_controller.gateway import FilesGateway, Gateway, Topics
 from behavior_controller.health import Health
-from behavior_controller.interface import Interface
+from behavior_controller.interface import Interface, Service, Topic
 from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves.base import MissionContext
@@ -54,6 +54,16 @@ class Mission:
         return self.settings.language if self.knowledge is None else self.knowledge.language
 
     @property
+    def offers(self) -> Tuple[Union[Service, Topic], ...]:
+        """The services and topics that the mission's nodes use, or all of the robot's if ``startupCheck`` says so."""
+        robot = self.settings.interface
+        if self.settings.startup_check == "all":
+            return robot.offers
+        specs = [node.spec for node in self.tree.nodes if isinstance(node.spec, MissionSpec)]
+        return robot.used({request for spec in specs for request in spec.calls},
+                          {sense for spec in specs for sense in spec.listens})
+
+    @property
     def warnings(self) -> Tuple[Fault, ...]:
         """The warnings of mission and knowledge files."""
         return tuple(self.tree.warnings) + (self.knowledge.warnings if self.knowledge is not None else ())
@@ -65,7 +75,8 @@ class Mission:
         if known is not None:
             gateway = FilesGateway(gateway, {"exhibits": known.tour, "home": (known.start,), "entrance": (known.end,)})
         return MissionContext(
-            gateway, topics, self.settings, self.phrases, self.policy, self.tree.clock, events, health, known)
+            gateway, topics, self.settings, self.phrases, self.policy, self.tree.clock, events, health, known,
+            self.offers)
 
 
 def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeUp] = None,

@@ -54,6 +54,7 @@ class Policy:
         return Rule(node.id, "*", 0, 0.0, GIVE_UP)
 
 
+
 def load(path: str, specs: Iterable[MissionSpec]) -> Policy:
     """Read a policy file; ``specs`` are the nodes that it may name. Raises ConfigurationError with every fault."""
     return read(read_source(path, "the recovery policy"), specs)

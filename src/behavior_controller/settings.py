@@ -30,6 +30,8 @@ class Settings:
     language: str = key(language_name, "English", "the robot's phrases: `data/phrases_<language>.ini`")
     mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0 is for ever")
     startup_timeout: float = key(seconds(), 0.0, "seconds to wait for missing robot nodes at the start")
+    startup_check: str = key(one_of("mission", "all"), "mission", "what is checked at the start and monitored: what the "
+                                                                  "`mission` uses, or `all` that the robot offers")
     topic_max_age: float = key(seconds(0.001), 2.0, "seconds after which a face or gaze message counts as absent")
     condition_wait: float = key(
         seconds(), 0.0, "seconds that a condition waits for its evidence, for missions that do not wait themselves")

@@ -5,7 +5,7 @@ declarations all that they need to know of a service or topic.
 """
 import enum
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Generic, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+from typing import Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
 
 from behavior_controller.interface.records import Answer, QueryKnowledge, Request
 
@@ -186,6 +186,12 @@ class Interface:
             return self._evidence[sense]
         except KeyError:
             raise LookupError("the robot {} does not tell of the visitor's {}".format(self.name, sense.value)) from None
+
+    def used(self, requests: Collection[type], senses: Collection[Sense]) -> Tuple[Union[Service, Topic], ...]:
+        """Return the services and topics that these kinds of requests and these senses need, in their order."""
+        topics = [self.evidence(sense).topic for sense in senses if self.tells(sense)]
+        return tuple(service for service in self.services if service.request in requests) + tuple(
+            topic for topic in self.topics if topic in topics)
 
     def topic(self, name: str) -> Topic:
         """Return the topic of that canonical name. Raises LookupError if none is declared."""

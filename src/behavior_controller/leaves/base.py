@@ -5,7 +5,7 @@ A service leaf fills a request and reads an answer; deadline, waiting and the ma
 import itertools
 import math
 from functools import partial
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
@@ -20,7 +20,7 @@ from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
-from behavior_controller.interface import Evidence, Sense, Topic
+from behavior_controller.interface import Evidence, Sense, Service, Topic
 from behavior_controller.interface.records import Answer, Request
 from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves import data
@@ -67,10 +67,12 @@ class MissionContext:
     """What the leaves of a running mission share. ``setup(mission=…)`` hands it to each."""
 
     def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases, policy: Policy,
-                 clock: Clock, events: Events, health: Optional[Health] = None, knowledge: Optional[Knowledge] = None):
+                 clock: Clock, events: Events, health: Optional[Health] = None, knowledge: Optional[Knowledge] = None,
+                 offers: Sequence[Union[Service, Topic]] = ()):
         """``health`` tells what is known of the robot's nodes; without it they count as well.
 
-        ``knowledge`` is that of files, where they stand for a knowledge base.
+        ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the services and topics that
+        the mission cannot do without.
         """
         self.gateway = gateway
         self.topics = topics
@@ -82,6 +84,7 @@ class MissionContext:
         self.events = events
         self.health = health or Health()
         self.knowledge = knowledge
+        self.offers = offers
         self.language = settings.language if knowledge is None else knowledge.language
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget

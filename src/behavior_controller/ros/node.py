@@ -191,7 +191,7 @@ class _Node:
         topics = self._apart(
             lambda: RosTopics(plan.settings.interface, wake.emit, lambda text: console.tell("warning", text)), master,
             silent_master)
-        check = StartUpCheck(plan.settings, console.tell)
+        check = StartUpCheck(plan, console.tell)
         if not check.run(wake, self._is_stopped):
             raise Stopped("stopped")
         self._run = _Run(plan, topics, console, self._signals)
@@ -311,6 +311,7 @@ class _Run:
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
+        self._monitor.include(plan.offers)
         context = plan.context(self._gateway, self._topics, self._events, self._health)
         return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
 
@@ -363,7 +364,7 @@ class _Run:
             self._wake.wait(max(0.0, ends - time.monotonic()))
             self._wake.test_and_clear()
             self._clock.run_posted()
-        for line in not_calm(calls, self._plan.settings.interface):
+        for line in not_calm(calls, self._plan.settings.interface, self._plan.offers):
             self._console.tell("warning", line)
 
 

@@ -6,20 +6,20 @@ hands, all at once and each bounded in time; whatever is missing is told in one 
 import collections
 import threading
 import time
-from typing import Any, Callable, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import rospy
 
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
 from behavior_controller.gateway import Cause
-from behavior_controller.interface import Interface, Sense, Service, Topic
+from behavior_controller.interface import Sense, Service, Topic
 from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.mission import Mission
 from behavior_controller.ros.connection import Connection, Trouble, ask_master
 from behavior_controller.ros.services import open_service
 from behavior_controller.ros.subscription import STEP_LIMIT, open_publisher
 from behavior_controller.ros.types import TYPES
-from behavior_controller.settings import Settings
 from behavior_controller.text import clean
 
 PROBE_LIMIT = 3.0
@@ -60,9 +60,9 @@ class Part(NamedTuple):
         return self.offer.absence
 
 
-def parts_of(interface: Interface) -> Tuple[Part, ...]:
-    """Return what the nodes of a robot offer."""
-    return tuple(map(Part, interface.offers))
+def parts_of(offers: Iterable[Union[Service, Topic]]) -> Tuple[Part, ...]:
+    """Return the parts that are declared so."""
+    return tuple(map(Part, offers))
 
 
 def _key(part: Part) -> Tuple[str, str]:
@@ -72,7 +72,8 @@ def _key(part: Part) -> Tuple[str, str]:
 
 def _common_keys() -> FrozenSet[Tuple[str, str]]:
     """Return the keys of what more than one of the robots has."""
-    count = collections.Counter(key for interface in INTERFACES.values() for key in set(map(_key, parts_of(interface))))
+    count = collections.Counter(
+        key for interface in INTERFACES.values() for key in set(map(_key, parts_of(interface.offers))))
     return frozenset(key for key, robots in count.items() if robots > 1)
 
 
@@ -185,13 +186,13 @@ def find_missing(parts: Sequence[Part], wake: WakeUp, is_stopped: Callable[[], b
 class StartUpCheck:
     """Waits for the robot's nodes as long as the configuration allows."""
 
-    def __init__(self, settings: Settings, tell: Callable[[str, str], None]):
+    def __init__(self, plan: Mission, tell: Callable[[str, str], None]):
         """``tell`` takes a severity and a line for the operator."""
-        self._asr_enabled = settings.asr_enabled
-        self._patience = settings.startup_timeout
-        self._interface = settings.interface
-        self._parts = parts_of(settings.interface)
-        self._speech = settings.interface.evidence(Sense.UTTERANCE).topic
+        self._asr_enabled = plan.settings.asr_enabled
+        self._patience = plan.settings.startup_timeout
+        self._interface = plan.settings.interface
+        self._parts = parts_of(plan.offers)
+        self._speech = self._interface.evidence(Sense.UTTERANCE).topic
         self._tell = tell
 
     def run(self, wake: WakeUp, is_stopped: Callable[[], bool]) -> bool:
@@ -240,7 +241,7 @@ class StartUpCheck:
         if set(map(_key, self._parts)).difference(_key(each.part) for each in missing) - _common_keys():
             return
         for name, interface in INTERFACES.items():
-            parts = [part for part in parts_of(interface) if _key(part) not in _common_keys()]
+            parts = [part for part in parts_of(interface.offers) if _key(part) not in _common_keys()]
             if interface is self._interface:
                 continue
             found = set(parts).difference(each.part for each in find_missing(parts, wake, is_stopped))
