@@ -254,7 +254,7 @@ def _included_path(element: Element) -> Optional[str]:
         folder = package_folder(package)
         if folder is not None:
             return os.path.join(folder, path)
-        faults.append(element.fault(rules.INCLUDE_PACKAGE, "there is no ROS package {}".format(package),
+        faults.append(element.fault(rules.INCLUDE_PACKAGE, "no ROS package {} is found for ros_pkg".format(package),
                                     "ROS_PACKAGE_PATH says where packages are: source the workspace's setup.bash",
                                     "ros_pkg"))
     else:
