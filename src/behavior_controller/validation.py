@@ -205,11 +205,15 @@ def _main_trees(documents: Sequence[Document], main: Optional[str]) -> Tuple[str
 
 def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
     """Return the files that another of them includes, and which."""
+    included = {path: {os.path.realpath(document.file) for document in documents[:-1]}
+                for path, documents in read_ones.items()}
     owners: Dict[str, str] = {}
-    for path, documents in read_ones.items():
-        for document in documents[:-1]:
-            owners.setdefault(os.path.realpath(document.file), path)
-    return {path: owners[os.path.realpath(path)] for path in read_ones if os.path.realpath(path) in owners}
+    for path in read_ones:
+        for owner, files in included.items():
+            # files that include each other are both judged: each tells of the circle
+            if os.path.realpath(path) in files and os.path.realpath(owner) not in included[path]:
+                owners.setdefault(path, owner)
+    return owners
 
 
 def _completed(documents: List[Document]) -> List[Document]:

@@ -145,6 +145,13 @@ def test_an_included_file_is_judged_as_a_part(file):
     assert said(part, whole) == ["part.xml: a part of whole.xml", "whole.xml: can be run, 2 nodes, 0 warnings"]
 
 
+def test_files_that_include_each_other_are_no_parts(file):
+    one = file("one.xml", '<include path="two.xml"/>', TREE.format("A", LEAF))
+    two = file("two.xml", '<include path="one.xml"/>', TREE.format("B", LEAF))
+    assert {code for _, _, code in told(one, two)} == {"include-circle"}
+    assert len(judged(one, two)) == 2
+
+
 def test_each_tree_of_a_project_that_no_other_calls_is_a_main_tree(file):
     file("a.xml", TREE.format("A", '<SubTree ID="C"/>'))
     file("b.xml", TREE.format("B", '<Sequence>{}<Slep/></Sequence>'.format(LEAF)), TREE.format("C", LEAF))
