@@ -5,6 +5,7 @@ stored. Where the file does not decide (scripts, the recovery policy), the visit
 """
 from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Set, Tuple
 
+from behavior_controller.bt import rules
 from behavior_controller.bt.ends import ANY, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, chosen
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Tree
@@ -24,6 +25,17 @@ DEEPEST, LARGEST = 150, 2_000
 """Levels and elements of a mission beyond which its ways are not followed: none that is drawn by hand has so many."""
 
 _CONDITIONS = frozenset(PRE_CONDITIONS)
+_MODE_MISSING = rules.warning(
+    "mode-missing", "A sign of the visitor is asked for, and no node before sets the mode of attention that tells it.",
+    "▸<IsMutualGazeDiscovered/>",
+    "<Sequence>\n  <SocialOvertAttentionMode/>\n  ▸<IsMutualGazeDiscovered/>\n</Sequence>")
+_FAREWELL = rules.warning(
+    "farewell-to-nobody", "The mission bids farewell to a visitor who has left.",
+    "<Fallback>\n  <IsVisitorDiscovered/>\n  ▸<SayGoodByeSpeech/>\n</Fallback>")
+_NO_TOUR = rules.warning(
+    "no-tour", "Without speech recognition no tour is ever given.",
+    "<Sequence>\n  <RetrieveListOfExhibits/>\n  <IsYesNoUttered/>\n  ▸<IsVisitorResponseYes/>\n  <SelectExhibit/>\n"
+    "</Sequence>")
 _ENDS = (SUCCEEDS, FAILS, SKIPS)
 
 
@@ -75,16 +87,15 @@ def _of_one(node: Any, states: Set[State], settings: Settings) -> Iterator[Fault
         mode = settings.interface.evidence(node.sense).mode
         if mode and mode not in {state.mode for state in states}:
             yield node.element.fault(
-                "{} can never succeed: overtAttention tells of the visitor's {} only in the mode {}".format(
-                    node.registration_id, node.sense.value, mode),
+                _MODE_MISSING, "{} can never succeed: overtAttention tells of the visitor's {} only in the mode {}"
+                .format(node.registration_id, node.sense.value, mode),
                 "no node before it sets that mode, as {} does".format(
-                    next(name for name, state, _, _ in MODES if state == mode)), is_warning=True)
+                    next(name for name, state, _, _ in MODES if state == mode)))
     if isinstance(node, MissionLeaf) and node.spec.bids_farewell(node.name):
         for missed_by in sorted({state.missed_by for state in states} - {""})[:1]:
             yield node.element.fault(
-                "{} bids farewell to a visitor who has left: the mission goes on to it after {} failed".format(
-                    node.registration_id, missed_by), "end the mission, or the branch, with FAILURE before it",
-                is_warning=True)
+                _FAREWELL, "{} bids farewell to a visitor who has left: the mission goes on to it after {} failed"
+                .format(node.registration_id, missed_by), "end the mission, or the branch, with FAILURE before it")
 
 
 def _without_recognition(tree: Tree, found: "_Follower", deaf: "_Follower") -> Iterator[Fault]:
@@ -96,8 +107,8 @@ def _without_recognition(tree: Tree, found: "_Follower", deaf: "_Follower") -> I
     asked = [node for node in _once(tree.nodes) if isinstance(node, IsVisitorResponseYes) and found.seen_at(node)]
     node = (asked + tours)[0]
     how = "never succeeds" if deaf.seen_at(node) else "is never reached"
-    yield node.element.fault("with asrEnabled false {} {}, and no tour is ever given".format(node.registration_id, how),
-                             "without speech recognition, the mission stores no yes on a way to it", is_warning=True)
+    yield node.element.fault(_NO_TOUR, "with asrEnabled false {} {}, and no tour is ever given".format(
+        node.registration_id, how), "without speech recognition, the mission stores no yes on a way to it")
 
 
 class _Follower:

@@ -6,6 +6,7 @@ import time
 import pytest
 
 from behavior_controller import folders
+from behavior_controller.bt import rules
 from behavior_controller.bt.language import document
 from behavior_controller.bt.language.document import parse, read, with_includes
 from behavior_controller.bt.language.markup import mended
@@ -118,7 +119,7 @@ def test_an_attribute_is_not_found_inside_the_value_of_another():
 
 
 def test_a_fault_is_one_line_whatever_it_quotes():
-    fault = parse(mission(), "m.xml").root.fault("x\n\x1b[31m" + "y" * 1000)
+    fault = parse(mission(), "m.xml").root.fault(rules.NO_TREE, "x\n\x1b[31m" + "y" * 1000)
     assert "\n" not in str(fault) and "\x1b" not in str(fault)
     assert len(fault.text) < 320
 

@@ -149,6 +149,19 @@ def test_an_error_in_a_node_ends_the_pass_with_one_line_and_the_next_one_runs():
     assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE", "FAILURE"]
 
 
+@pytest.mark.parametrize("leaf, column", [
+    ("<Script code=\"x := 'a' * 2\"/>", 9),
+    ("<WelcomeSpeech name=\"hi\" _skipIf=\"never == 1\"/>", 26),
+    ("<AlwaysSuccess _onSuccess=\"x := never\"/>", 16),
+    ("<Sleep msec=\"{never}\"/>", 1),
+])
+def test_a_fault_at_run_time_names_its_place(leaf, column):
+    rig = one_leaf("\n" + leaf)
+    rig.run(advance, runs=1)
+    text, = [event.text for event in rig.of(Noticed)]
+    assert text.endswith(":2:{})".format(column)), text
+
+
 def test_a_mission_that_busy_loops_can_be_stopped_and_is_named():
     rounds = []
 
