@@ -1,7 +1,7 @@
 """Write what is derived from declarations: ``make derived`` writes each file that is not up to date, and names it.
 
-These are the README's tables, the keys of both configurations, the arguments and nodes of the launch files, and the executables
-of the simulated nodes. A derived part of a file is below a line with ``derived: NAME`` and ends before ``derived: end``.
+These are the README's tables, the keys of both configurations, the arguments and nodes of the launch files, the executables
+of the simulated nodes, and docs/faults.md. A derived part of a file is below a line with ``derived: NAME`` and ends before ``derived: end``.
 A value that a configuration file gives stays as it is.
 """
 import os
@@ -13,7 +13,7 @@ from typing import Callable, Dict, Iterable, List, Sequence, Tuple
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 sys.path[:0] = [os.path.join(ROOT, "src"), os.path.join(ROOT, "unit_tests", "src")]
 
-from behavior_controller import leaves, settings  # noqa: E402
+from behavior_controller import faults_page, leaves, settings  # noqa: E402
 from behavior_controller.bt.registry import Direction, NodeSpec, Port  # noqa: E402
 from behavior_controller.interface import Interface  # noqa: E402
 from behavior_controller.interface.robots import DEFAULT, INTERFACES  # noqa: E402
@@ -186,6 +186,7 @@ def outdated() -> Dict[str, str]:
     """Return path -> text of each file that is not as it is derived."""
     wanted = {path: with_parts(_read(path), parts) for path, parts in PARTS.items()}
     wanted.update(EXECUTABLES)
+    wanted[os.path.join("docs", "faults.md")] = faults_page.page()
     return {path: text for path, text in wanted.items() if _read(path) != text
             or path in EXECUTABLES and not os.access(os.path.join(ROOT, path), os.X_OK)}
 

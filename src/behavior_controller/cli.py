@@ -3,39 +3,106 @@ import argparse
 import json
 import os
 import sys
-from typing import Any, List, Optional, Tuple
+import time
+from typing import Any, Dict, List, Optional, Set, Tuple
+from xml.sax.saxutils import quoteattr
 
 try:
     import behavior_controller.bt
 except ImportError as error:  # py-trees-render would show a traceback
     sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
-from behavior_controller import exits, folders, knowledge_files, leaves, settings
+from behavior_controller import exits, folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
-from behavior_controller.errors import ConfigurationError, Fault, MissionError
-from behavior_controller.mission import load_tree, on_robot
-from behavior_controller.settings import Settings
+from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.bt.rules import RULES
+from behavior_controller.errors import MissionError
+from behavior_controller.mission import load_tree
 from behavior_controller.text import clean
+from behavior_controller.validation import Validation, as_json, listed
+
+_WATCH_EVERY = 0.3  # seconds
 
 
 def validate(argv: Optional[List[str]] = None) -> int:
-    """``validateMission FILE…``: print every fault of each file. Return 0 if all can be run, else 2."""
+    """``validateMission FILE…``: print every fault of each file. Return 0 if none has a fault, else 2."""
+    options = _validation_arguments().parse_args(_without_ros_arguments(argv))
+    if not options.watch:
+        return _judge_all(options)[0]
+    try:
+        _watch(options)
+    except KeyboardInterrupt:
+        pass
+    return exits.SUCCESS
+
+
+def _validation_arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="validateMission", description="Check robot missions without running them.",
-                                     epilog="exit code: 0 if every file can be run, 2 if not, 1 if a Python "
+                                     epilog="exit code: 0 if no file has a fault, 2 if one has, 1 if a Python "
                                             "package is missing or too old")
     parser.add_argument("files", nargs="+", metavar="FILE",
-                        help="a mission, as Groot2 saves it, or a knowledge file of release 1.0")
+                        help="a mission or a project (.btproj), as Groot2 saves it, a folder of such files, or a "
+                             "knowledge file of release 1.0")
     parser.add_argument("--json", action="store_true", help="print the faults as a JSON array, for editors")
-    options = parser.parse_args(_without_ros_arguments(argv))
-    found: List[Fault] = []
-    for path in options.files:
-        faults, nodes = _judged(path)
-        found.extend(faults)
+    parser.add_argument("--main", metavar="TREE", help="the main tree, whatever the file says")
+    parser.add_argument("--palette", metavar="FILE", action="append", default=[],
+                        help="a file with a TreeNodesModel: its node types are taken as stubs")
+    parser.add_argument("--folder", action="store_true",
+                        help="take trees that a file lacks from the other files in its folder")
+    parser.add_argument("--ignore", metavar="CODE", action="append", default=[], type=_code,
+                        help="leave out the warnings with this code (docs/faults.md)")
+    parser.add_argument("--watch", action="store_true", help="check again whenever a file is saved, until Ctrl-C")
+    return parser
+
+
+def _code(text: str) -> str:
+    if text not in RULES:
+        raise argparse.ArgumentTypeError("there is no code {} ({})".format(
+            text, did_you_mean(text, RULES) or "docs/faults.md has them all"))
+    return text
+
+
+def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
+    """Print what is to be said of all files; return the exit code, and which files were read."""
+    validation = Validation(options.main, options.palette, options.ignore, options.folder)
+    judgements = []
+    for judgement in validation.judge(options.files):
+        judgements.append(judgement)
         if not options.json:
-            _print_judgement(path, faults, nodes)
+            for fault in judgement.faults:
+                print("{} [{}]".format(fault, fault.code) if fault.code else str(fault))
+            print(str(judgement))
     if options.json:
-        print(json.dumps([fault._asdict() for fault in found], indent=1))
-    return exits.WRONG_INPUT if any(not fault.is_warning for fault in found) else exits.SUCCESS
+        faults = dict.fromkeys(fault for judgement in judgements for fault in judgement.faults)
+        print(json.dumps([as_json(fault) for fault in faults], indent=1))
+    wrong = any(judgement.is_wrong for judgement in judgements)
+    return exits.WRONG_INPUT if wrong else exits.SUCCESS, validation.files
+
+
+def _watch(options: argparse.Namespace) -> None:
+    """Judge the files at each change of one of them, for ever."""
+    given = list(options.files) + list(options.palette)
+    files: Set[str] = set()
+    while True:
+        before = _state(given, files)
+        _, read_ones = _judge_all(options)
+        sys.stdout.flush()
+        before.update(_state([], read_ones.difference(before)))
+        files = read_ones
+        while _state(given, files) == before:
+            time.sleep(_WATCH_EVERY)
+
+
+def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, int]]]:
+    """Return when each file was written, and its length; None for one that is not there."""
+    state: Dict[str, Optional[Tuple[int, int]]] = {}
+    for path in files.union(file for path in given for file in listed(path)):
+        try:
+            status = os.stat(path)
+            state[path] = (status.st_mtime_ns, status.st_size)
+        except OSError:
+            state[path] = None
+    return state
 
 
 def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
@@ -43,50 +110,30 @@ def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
     return [argument for argument in (sys.argv[1:] if argv is None else argv) if ":=" not in argument]
 
 
-def _judged(path: str) -> Tuple[List[Fault], int]:
-    """Return the faults of a file, and how many nodes it unfolds to if it is a mission that can be run."""
-    knowledge = knowledge_files.check(path)
-    if knowledge is not None:
-        return knowledge, 0
-    try:
-        tree = load_tree(path)
-    except MissionError as error:
-        return list(error.faults), 0
-    faults = sorted(tree.warnings + on_robot(tree, _settings()), key=lambda fault: (fault.file, fault.line, fault.column))
-    return faults, len(tree.nodes) if all(fault.is_warning for fault in faults) else 0
-
-
-def _settings() -> Settings:
-    """Return the configuration, or its defaults where it cannot be read: the node tells what is wrong with it."""
-    try:
-        return settings.load(folders.config(settings.FILE_NAME))
-    except ConfigurationError:
-        return settings.defaults()
-
-
-def _print_judgement(path: str, faults: List[Fault], nodes: int) -> None:
-    for fault in faults:
-        print(str(fault))
-    warnings = sum(fault.is_warning for fault in faults)
-    counts = [] if nodes else [_count(len(faults) - warnings, "fault")]
-    if warnings or nodes:
-        counts.append(_count(warnings, "warning"))
-    good = "can be run, {}, ".format(_count(nodes, "node")) if nodes else ""
-    print("{}: {}{}".format(clean(path), good, ", ".join(counts)))
-
-
-def _count(number: int, what: str) -> str:
-    return "{} {}{}".format(number, what, "" if number == 1 else "s")
-
-
 def export_node_model(argv: Optional[List[str]] = None) -> int:
-    """``exportNodeModel``: print the mission's node types as Groot2 imports them. Return 0."""
+    """``exportNodeModel``: print the mission's node types as Groot2 imports them, or write a project. Return 0."""
     parser = argparse.ArgumentParser(
         prog="exportNodeModel", description="Print the palette of mission nodes for Groot2 (Import models from file).")
-    parser.parse_args(_without_ros_arguments(argv))
-    print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n{}\n</root>'.format(
-        tree_nodes_model(leaves.beyond_builtins(), indent="  ")))
+    parser.add_argument("--project", metavar="FILE.btproj",
+                        help="write a project for Groot2 instead: the palette, and the missions of the folder data")
+    options = parser.parse_args(_without_ros_arguments(argv))
+    if options.project is None:
+        print(_document([], ""))
+        return exits.SUCCESS
+    missions = sorted(name for name in os.listdir(folders.data("")) if name.endswith(".xml"))
+    here = os.path.dirname(os.path.abspath(options.project))
+    includes = [os.path.relpath(folders.data(name), here) for name in missions]
+    name = os.path.splitext(os.path.basename(options.project))[0]
+    with open(options.project, "w", encoding="utf-8") as file:
+        file.write(_document(includes, " project_name={}".format(quoteattr(name))) + "\n")
+    print("{}: a project of {}".format(clean(options.project), ", ".join(missions)))
     return exits.SUCCESS
+
+
+def _document(includes: List[str], attributes: str) -> str:
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4"{}>'.format(attributes)]
+    lines += ["  <include path={}/>".format(quoteattr(path)) for path in includes]
+    return "\n".join(lines + [tree_nodes_model(leaves.beyond_builtins(), indent="  "), "</root>"])
 
 
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:

@@ -7,13 +7,17 @@
     ├── NodesMissing             robot nodes that the start-up check did not find
     └── bt errors                (script, port, tick) derive from it where they are defined
 """
-from typing import NamedTuple, Sequence
+from typing import Any, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller.text import clean
 
 
 class Fault(NamedTuple):
-    """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not known."""
+    """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not known.
+
+    ``code`` names the kind of a mistake in a mission (``bt.rules``). ``end_line`` and ``end_column`` are those of the
+    first character that does not belong to it any more.
+    """
 
     file: str
     line: int
@@ -21,6 +25,9 @@ class Fault(NamedTuple):
     text: str
     hint: str = ""
     is_warning: bool = False
+    code: str = ""
+    end_line: int = 0
+    end_column: int = 0
 
     def __str__(self) -> str:
         """Return ``file:line:column: text (hint)`` on one line, leaving out what is not known."""
@@ -31,6 +38,9 @@ class Fault(NamedTuple):
 
 class BehaviorControllerError(Exception):
     """Whatever this package raises on purpose; its text is one line for an operator, or one line per fault."""
+
+    origin: Optional[Tuple[Any, str]] = None
+    """The element and the attribute of a mission with the script that failed, where that is known."""
 
 
 class FaultsFound(BehaviorControllerError):

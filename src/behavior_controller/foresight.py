@@ -5,6 +5,7 @@ stored. Where the file does not decide (scripts, the recovery policy), the visit
 """
 from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Set, Tuple
 
+from behavior_controller.bt import rules
 from behavior_controller.bt.ends import ANY, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, chosen
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Tree
@@ -20,6 +21,21 @@ from behavior_controller.leaves.release_1_0 import HasVisitorResponded
 from behavior_controller.phrases import YES
 from behavior_controller.settings import Settings
 
+DEEPEST, LARGEST = 150, 2_000
+"""Levels and elements of a mission beyond which its ways are not followed: none that is drawn by hand has so many."""
+
+_CONDITIONS = frozenset(PRE_CONDITIONS)
+_MODE_MISSING = rules.warning(
+    "mode-missing", "A sign of the visitor is asked for, and no node before sets the mode of attention that tells it.",
+    "▸<IsMutualGazeDiscovered/>",
+    "<Sequence>\n  <SocialOvertAttentionMode/>\n  ▸<IsMutualGazeDiscovered/>\n</Sequence>")
+_FAREWELL = rules.warning(
+    "farewell-to-nobody", "The mission bids farewell to a visitor who has left.",
+    "<Fallback>\n  <IsVisitorDiscovered/>\n  ▸<SayGoodByeSpeech/>\n</Fallback>")
+_NO_TOUR = rules.warning(
+    "no-tour", "Without speech recognition no tour is ever given.",
+    "<Sequence>\n  <RetrieveListOfExhibits/>\n  <IsYesNoUttered/>\n  ▸<IsVisitorResponseYes/>\n  <SelectExhibit/>\n"
+    "</Sequence>")
 _ENDS = (SUCCEEDS, FAILS, SKIPS)
 
 
@@ -43,12 +59,21 @@ Ways = FrozenSet[Way]
 
 def foresee(tree: Tree, settings: Settings) -> List[Fault]:
     """Return the warnings about a mission on the robot of ``settings``. Speech recognition is looked at on and off."""
+    if not _is_drawn_by_hand(tree):
+        return []
     found = _Follower(settings, is_heard=True)
     found.ways(tree.root, State())
     faults = [fault for node in _once(tree.nodes) for fault in _of_one(node, found.seen_at(node), settings)]
     deaf = _Follower(settings, is_heard=False)
     deaf.ways(tree.root, State())
     return faults + list(_without_recognition(tree, found, deaf))
+
+
+def _is_drawn_by_hand(tree: Tree) -> bool:
+    levels: Dict[int, int] = {}
+    for node in tree.nodes:  # parents come before their children
+        levels[node.uid] = levels[node.parent.uid] + 1 if node.parent is not None else 1
+    return max(levels.values()) <= DEEPEST and len({id(node.element) for node in tree.nodes}) <= LARGEST
 
 
 def _once(nodes: Iterable[Any]) -> List[Any]:
@@ -62,16 +87,15 @@ def _of_one(node: Any, states: Set[State], settings: Settings) -> Iterator[Fault
         mode = settings.interface.evidence(node.sense).mode
         if mode and mode not in {state.mode for state in states}:
             yield node.element.fault(
-                "{} can never succeed: overtAttention tells of the visitor's {} only in the mode {}".format(
-                    node.registration_id, node.sense.value, mode),
+                _MODE_MISSING, "{} can never succeed: overtAttention tells of the visitor's {} only in the mode {}"
+                .format(node.registration_id, node.sense.value, mode),
                 "no node before it sets that mode, as {} does".format(
-                    next(name for name, state, _, _ in MODES if state == mode)), is_warning=True)
+                    next(name for name, state, _, _ in MODES if state == mode)))
     if isinstance(node, MissionLeaf) and node.spec.bids_farewell(node.name):
         for missed_by in sorted({state.missed_by for state in states} - {""})[:1]:
             yield node.element.fault(
-                "{} bids farewell to a visitor who has left: the mission goes on to it after {} failed".format(
-                    node.registration_id, missed_by), "end the mission, or the branch, with FAILURE before it",
-                is_warning=True)
+                _FAREWELL, "{} bids farewell to a visitor who has left: the mission goes on to it after {} failed"
+                .format(node.registration_id, missed_by), "end the mission, or the branch, with FAILURE before it")
 
 
 def _without_recognition(tree: Tree, found: "_Follower", deaf: "_Follower") -> Iterator[Fault]:
@@ -83,8 +107,8 @@ def _without_recognition(tree: Tree, found: "_Follower", deaf: "_Follower") -> I
     asked = [node for node in _once(tree.nodes) if isinstance(node, IsVisitorResponseYes) and found.seen_at(node)]
     node = (asked + tours)[0]
     how = "never succeeds" if deaf.seen_at(node) else "is never reached"
-    yield node.element.fault("with asrEnabled false {} {}, and no tour is ever given".format(node.registration_id, how),
-                             "without speech recognition, the mission stores no yes on a way to it", is_warning=True)
+    yield node.element.fault(_NO_TOUR, "with asrEnabled false {} {}, and no tour is ever given".format(
+        node.registration_id, how), "without speech recognition, the mission stores no yes on a way to it")
 
 
 class _Follower:
@@ -93,7 +117,7 @@ class _Follower:
     def __init__(self, settings: Settings, is_heard: bool):
         self._is_heard = is_heard
         self._tablet_stores = settings.interface.tells_pressed or settings.tablet_success_is == YES
-        self._known: Dict[Tuple[int, State], Ways] = {}
+        self._known: Dict[Tuple[int, State], Ways] = {}  # by id() of the element: a tree is the same wherever it is used
         self._seen: Dict[int, Set[State]] = {}  # id() of an element -> the states in which it is reached
 
     def seen_at(self, node: Any) -> Set[State]:
@@ -102,15 +126,17 @@ class _Follower:
 
     def ways(self, node: Any, state: State) -> Ways:
         """Return how ``node`` can end if it is reached with ``state``."""
-        if any(name in node.attributes for name in PRE_CONDITIONS):
-            state = state._replace(missed_by="")
-        known = self._known.get((node.uid, state))
+        key = id(node.element), state
+        known = self._known.get(key)
         if known is None:
-            self._seen.setdefault(id(node.element), set()).add(state)
+            is_conditional = not _CONDITIONS.isdisjoint(node.attributes)
+            if is_conditional:
+                state = state._replace(missed_by="")
+            self._seen.setdefault(key[0], set()).add(state)
             found = set(self._inside(node, state))
-            if any(name in node.attributes for name in PRE_CONDITIONS):
+            if is_conditional:
                 found.update(Way(end, state) for end in _ENDS)
-            known = self._known[node.uid, state] = frozenset(found)
+            known = self._known[key] = frozenset(found)
         return known
 
     def _inside(self, node: Any, state: State) -> Iterable[Way]:

@@ -9,7 +9,8 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.language.document import Document, Element, read, with_includes
-from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.bt.registry import Registry, did_you_mean
+from behavior_controller.bt.rules import error, warning
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.events import Events
 from behavior_controller.foresight import foresee
@@ -19,12 +20,18 @@ from behavior_controller.interface import Interface, Service, Topic
 from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves.base import MissionContext
+from behavior_controller.leaves.release_1_0 import SayText
 from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.phrases import YES, Phrases
 from behavior_controller.policy import Policy
 from behavior_controller.settings import Settings
 
 POLICY = "recoveryPolicy.ini"
+
+_ROBOT_LACKS = error("robot-lacks", "A node cannot work, because the configured robot lacks what it asks for.")
+_DOES_WITHOUT = warning("does-without", "A node does nothing, because the configured robot lacks what it asks for.",
+                        '▸<SetSpeechEvent name="true"/>')
+_UNSAID = warning("phrase-missing", "A node says a phrase that the robot's culture file does not have.")
 
 Part = TypeVar("Part")
 
@@ -99,7 +106,7 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     if settings.interface.tells_pressed and settings.tablet_success_is == YES:
         faults.append(Fault("tabletSuccessIs", 0, 0, "the tablet of the robot {} says which button was pressed".format(
             settings.robot_interface), "leave tabletSuccessIs out, or choose another robotInterface"))
-    told = [] if tree is None else on_robot(tree, settings)
+    told = [] if tree is None else on_robot(tree, settings, known)
     faults += [fault for fault in told if not fault.is_warning]
     if spoken is None or rules is None or tree is None or faults:
         raise FaultsFound(list(dict.fromkeys(faults)))
@@ -107,13 +114,20 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     return Mission(settings, file, spoken, rules, tree, known)
 
 
-def on_robot(tree: Tree, settings: Settings) -> List[Fault]:
-    """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there."""
+def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = None) -> List[Fault]:
+    """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there.
+
+    ``knowledge`` is that of the robot's files, if there are any.
+    """
     nodes = [(node.element, node.spec) for node in reversed(tree.nodes) if isinstance(node.spec, MissionSpec)]
     # what a node type does without is told at its first place alone
     elements = {spec.id if spec.does_without else id(element): (element, spec) for element, spec in nodes}
     misfits = [_misfit(element, spec, settings.interface) for element, spec in elements.values()]
-    return [fault for fault in misfits if fault is not None] + foresee(tree, settings)
+    unsaid = [] if knowledge is None else [
+        node.element.fault(_UNSAID, "the culture file has no utility phrase {}".format(node.number),
+                           knowledge.sources[1].file, "name")
+        for node in tree.nodes if isinstance(node, SayText) and node.number not in knowledge.phrases]
+    return [fault for fault in misfits if fault is not None] + list(dict.fromkeys(unsaid)) + foresee(tree, settings)
 
 
 def _misfit(element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
@@ -122,10 +136,10 @@ def _misfit(element: Element, spec: MissionSpec, robot: Interface) -> Optional[F
         return None
     others = " or ".join(name for name, other in INTERFACES.items() if not list(_lacking(spec, other)))
     if spec.does_without:
-        return element.fault("{} does without the robot: {} has no {}".format(spec.id, robot.name, lacking),
-                             "robotInterface {} has it".format(others), is_warning=True)
-    return element.fault("{} cannot work with the robot {}: it has no {}".format(spec.id, robot.name, lacking),
-                         "set robotInterface {}".format(others))
+        return element.fault(_DOES_WITHOUT, "{} does without the robot: {} has no {}".format(
+            spec.id, robot.name, lacking), "robotInterface {} has it".format(others))
+    return element.fault(_ROBOT_LACKS, "{} cannot work with the robot {}: it has no {}".format(
+        spec.id, robot.name, lacking), "set robotInterface {}".format(others))
 
 
 def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:
@@ -145,9 +159,9 @@ def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock]
 
 
 def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None, clock: Optional[Clock] = None,
-               wake: Optional[WakeUp] = None) -> Tree:
-    """As ``load_tree``, for documents that were read already, the mission last."""
-    return build(documents, leaves.registry(), clock, main_tree=main_tree, wake=wake, with_lint=True)
+               wake: Optional[WakeUp] = None, registry: Optional[Registry] = None) -> Tree:
+    """As ``load_tree``, for documents that were read already, the mission last, and perhaps with other node types."""
+    return build(documents, registry or leaves.registry(), clock, main_tree=main_tree, wake=wake, with_lint=True)
 
 
 def find(name: str) -> str:

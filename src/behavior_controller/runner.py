@@ -2,7 +2,7 @@
 from typing import Callable, Container, Iterable, Iterator, NamedTuple, Optional, Union
 
 from behavior_controller import exits
-from behavior_controller.bt.engine.node import Result
+from behavior_controller.bt.engine.node import Result, place_of
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
@@ -108,7 +108,9 @@ class Runner:
         try:
             result = self.tree.tick_once()
         except BehaviorControllerError as error:
-            self.mission.events.emit(Noticed("error", " ".join(str(error).split())))
+            place = place_of(error)
+            text = " ".join(str(error).split())
+            self.mission.events.emit(Noticed("error", "{} ({})".format(text, place) if place else text))
             self._halt()
             return FAILURE
         if self.tree.busy_loops and not self._warned:

@@ -3,7 +3,7 @@ import ast
 import copy
 import os
 import random
-from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 
 class Place(NamedTuple):
@@ -119,6 +119,11 @@ def sample(sources: Sequence[Tuple[str, str]], count: int, seed: int) -> List[Mu
     places = [(file, source, number) for file, source in sources for number in range(len(_sites(ast.parse(source))))]
     drawn = random.Random(seed).sample(places, min(count, len(places)))
     return [_mutation(file, source, number) for file, source, number in sorted(drawn)]
+
+
+def statements(source: str) -> Set[Tuple[str, str]]:
+    """Return (scope, code) of every statement of ``source`` that can be broken."""
+    return {(scope, _code(statement)) for scope, statement, _ in _sites(ast.parse(source))}
 
 
 def _mutation(file: str, source: str, number: int) -> Mutation:

@@ -2,6 +2,7 @@
 
 As a plugin it also ends a run in which a test hangs or swallows the memory, as broken code makes it.
 """
+import ast
 import glob
 import os
 import resource
@@ -40,26 +41,44 @@ class Reached:
     """What was measured below ``place``."""
 
     def __init__(self, place: str):
+        self._place = place
         self._tests: Dict[Tuple[str, int], Set[str]] = {}  # by file and line
+        self._at_import: Set[Tuple[str, int]] = set()  # what runs before the first test, also in functions
         self._reach: Dict[str, int] = {}  # how many lines a test runs
         for path in glob.glob(os.path.join(place, "notes", "coverage.*")):
             measured = coverage.CoverageData(path)
             measured.read()
             for file in measured.measured_files():
                 for line, contexts in measured.contexts_by_lineno(file).items():
-                    self._note(os.path.relpath(file, place), line, {_test(context) for context in contexts} - {""})
+                    self._note(os.path.relpath(file, place), line, {_test(context) for context in contexts})
 
     def _note(self, file: str, line: int, tests: Set[str]) -> None:
-        self._tests.setdefault((file, line), set()).update(tests)
-        for test in tests:
+        if "" in tests:
+            self._at_import.add((file, line))
+        self._tests.setdefault((file, line), set()).update(tests - {""})
+        for test in tests - {""}:
             self._reach[test] = self._reach.get(test, 0) + 1
 
     def tests(self, file: str, line: int) -> List[str]:
-        """Return the tests that run the line, those of few lines first; of the whole module if importing it does."""
+        """Return the tests that run the line, those of few lines first.
+
+        What an import runs matters to all tests of the module's functions; to all tests if it has none.
+        """
+        inside = _inside_functions(os.path.join(self._place, file))
         found = self._tests.get((file, line), set())
-        if not found and (file, line) in self._tests:
-            found = {test for (name, _), tests in self._tests.items() if name == file for test in tests}
+        if line not in inside or (file, line) in self._at_import:
+            users = {test for number in inside for test in self._tests.get((file, number), ())}
+            found = found | users if users else set(self._reach)
         return sorted(found, key=lambda test: (self._reach[test], test))
+
+
+def _inside_functions(path: str) -> Set[int]:
+    """Return the lines that an import of the file does not run."""
+    with open(path, encoding="utf-8") as file:
+        functions = [node for node in ast.walk(ast.parse(file.read()))
+                     if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
+    return {line for function in functions for statement in function.body
+            for line in range(statement.lineno, (statement.end_lineno or statement.lineno) + 1)}
 
 
 def _test(context: str) -> str:

@@ -1,6 +1,6 @@
 """Break the code in one place at a time and see that a test notices.
 
-``python3 test/mutation/run_mutations.py [rules] [sample] [--count N] [--seed S]``: ``rules`` breaks each named rule of
+``python3 test/mutation/run_mutations.py [rules] [sample] [--count N] [--seed S …]``: ``rules`` breaks each named rule of
 the engine, which the recorded traces or the tests of exact time must notice; ``sample`` draws mutations from all other
 modules that know no ROS, of which at least 95 % must be noticed by the tests that run the broken line. Those that change
 nothing are listed with the reason in ``changes_nothing.json``. Exit code 0 only if all this holds. Needs Python 3.9.
@@ -17,7 +17,7 @@ import sys
 import tempfile
 from typing import Dict, List, NamedTuple, Set, Tuple
 
-from mutate import Mutation, Stale, broken, sample
+from mutate import Mutation, Stale, broken, sample, statements
 from reached import SETTINGS, Reached
 from rules import RULES
 
@@ -38,7 +38,7 @@ def main(arguments: List[str]) -> int:
     parser = argparse.ArgumentParser(prog="run_mutations", description=__doc__.split("\n")[0])
     parser.add_argument("parts", nargs="*", metavar="rules|sample", help="both, if none is given")
     parser.add_argument("--count", type=int, default=200, help="size of the sample (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="which sample (default %(default)s)")
+    parser.add_argument("--seed", type=int, nargs="+", default=[1], help="which samples (default 1)")
     chosen = parser.parse_args(arguments)
     if sys.version_info < (3, 9):
         print("mutations need Python 3.9, which writes a syntax tree as code; this is {}.{}".format(*sys.version_info))
@@ -48,7 +48,7 @@ def main(arguments: List[str]) -> int:
     if "rules" in parts:
         codes.append(break_rules())
     if "sample" in parts:
-        codes.append(break_sample(chosen.count, chosen.seed))
+        codes.append(break_samples(chosen.count, chosen.seed))
     return max(codes)
 
 
@@ -110,17 +110,33 @@ class Judged(NamedTuple):
     noticed: str
 
 
-def break_sample(count: int, seed: int) -> int:
-    """Break a sample of the other pure modules. Return the exit code."""
+def break_samples(count: int, seeds: List[int]) -> int:
+    """Break a sample of the other pure modules for each seed. Return the exit code."""
     excused = {tuple(entry["key"]): entry["reason"] for entry in json.loads(_read(CHANGES_NOTHING))}
-    judged = []
+    sources = [(path, _read(os.path.join(ROOT, path))) for path in pure_modules()]
+    codes = [tell_stale(set(excused), sources)]
     with tempfile.TemporaryDirectory() as place:
         shutil.copytree(ROOT, place, ignore=shutil.ignore_patterns(*NOT_COPIED), dirs_exist_ok=True)
         measured, failing = measure(place)
-        for mutation in sample([(path, _read(os.path.join(ROOT, path))) for path in pure_modules()], count, seed):
-            judged.append(Judged(mutation, judge(place, mutation, measured, failing)))
-            _show(judged[-1], excused)
-    return _sum(judged, excused)
+        for seed in seeds:
+            judged = []
+            for mutation in sample(sources, count, seed):
+                judged.append(Judged(mutation, judge(place, mutation, measured, failing)))
+                _show(judged[-1], excused)
+            print("seed {}: ".format(seed), end="")
+            codes.append(_sum(judged, excused))
+    return max(codes)
+
+
+def tell_stale(excused: Set[Tuple[str, ...]], sources: List[Tuple[str, str]]) -> int:
+    """Tell which of the mutations that change nothing break code that is not there any more. Return the exit code."""
+    files = {key[0] for key in excused}
+    there = {(file,) + place for file, source in sources if file in files for place in statements(source)}
+    stale = sorted(key for key in excused if key[:3] not in there)
+    for file, scope, old, new in stale:
+        print("STALE   {} {}: {}  ->  {}: take it out of {}".format(
+            file, scope, old, new, os.path.basename(CHANGES_NOTHING)), flush=True)
+    return 1 if stale else 0
 
 
 def measure(place: str) -> Tuple[Reached, Set[str]]:
@@ -132,6 +148,8 @@ def measure(place: str) -> Tuple[Reached, Set[str]]:
     if code not in (0, 1):
         sys.exit("the tests cannot be run:\n" + output[-3000:])
     failing = set(_failures(output))
+    if failing:  # those with a limit of time may pass as soon as nothing is measured
+        failing = set(_failures(_pytest(place, sorted(failing))[1]))
     for test in sorted(failing):
         print("left out, since it fails before any mutation: {}".format(test), flush=True)
     return Reached(place), failing
@@ -151,7 +169,10 @@ def judge(place: str, mutation: Mutation, measured: Reached, failing: Set[str]) 
         _write(path, source)
     if code == 0:
         return ""
-    return "no end" if code == -signal.SIGALRM else (_failures(output) + ["exit code {}".format(code)])[0]
+    failures = _failures(output)
+    if code == 1 and not failures:
+        sys.exit("the tests cannot be run:\n" + output[-3000:])
+    return "no end" if code == -signal.SIGALRM else (failures + ["exit code {}".format(code)])[0]
 
 
 def _show(result: Judged, excused: Dict[Tuple[str, ...], str]) -> None:
@@ -219,9 +240,8 @@ def _end(tests: "subprocess.Popen[bytes]") -> None:
 
 
 def _failures(output: str) -> List[str]:
-    """Return the tests that failed, without their parameters."""
-    return [re.split(r"[\[ ]", line.split(" ", 1)[1])[0] for line in output.splitlines()
-            if line.startswith(("FAILED ", "ERROR "))]
+    """Return the tests that failed, without their parameters; a line that a test logs is not among them."""
+    return re.findall(r"^(?:FAILED|ERROR) ([^\s\[]+\.py[^\s\[]*)", output, re.MULTILINE)
 
 
 def _read(path: str) -> str:

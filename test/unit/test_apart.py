@@ -32,6 +32,14 @@ def test_slow_work_is_told_once():
     assert len(told) == 1
 
 
+def test_the_wait_takes_no_processor_time():
+    wake, looks = WakeUp(), []
+    wake.emit()  # for another reason
+    with pytest.raises(Late):
+        run_apart(threading.Event().wait, wake, lambda: looks.append(1) or False, 0.3)
+    assert len(looks) < 10
+
+
 def test_a_stop_ends_the_wait_at_once():
     wake, stopped = WakeUp(), threading.Event()
 

@@ -17,8 +17,8 @@ PRODUCT = "behavior_controller"
 # From the top: a module imports from its own layer and from those below. The longest name that fits decides.
 LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
-    ["ros", "cli", "command"],
-    ["watch", "runner"],
+    ["ros", "cli", "command", "faults_page"],
+    ["watch", "runner", "validation"],
     ["mission", "foresight"],
     ["leaves"],
     ["recovery", "apart", "bt.compiler"],

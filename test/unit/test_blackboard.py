@@ -242,6 +242,15 @@ def test_a_text_empties_an_entry_of_generic_type():
     assert (entry.value, entry.type, entry.sequence) == (None, "Any", 2)
 
 
+def test_an_entry_of_the_root_is_written_as_the_root_itself_would():
+    root, board = chain({})
+    root.create("k").replace(1)
+    board.set_any("@k", 5, "int64")
+    board.set("@text", "one")
+    board.set("@text", "two")
+    assert [(key, entry.type) for key, entry in root.local.items()] == [("k", "Any"), ("text", "string")]
+
+
 def test_unset_reaches_the_local_storage_alone():
     root, board = chain({"i": "x"})
     root.set("x", 1)

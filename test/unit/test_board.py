@@ -2,6 +2,7 @@
 import json
 import sys
 import time
+import types
 
 import pytest
 
@@ -107,6 +108,15 @@ def test_passes_health_trouble_and_blackboard():
     assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")
 
 
+def test_the_newest_forty_lines_are_kept():
+    rig = one_leaf("<WelcomeSpeech/>")
+    board = board_of(rig)
+    for number in range(41):
+        rig.mission.events.emit(Noticed("warning", "line {}".format(number)))
+        rig.mission.events.emit(Noticed("info", "no trouble"))
+    assert [line["text"] for line in board.part("trouble")] == ["line {}".format(number) for number in range(1, 41)]
+
+
 def test_a_recovery_that_gives_up_is_told_by_what_it_decided():
     rig = Rig(answer=lambda request: refusal(request) if isinstance(request, QueryKnowledge) else NotImplemented)
     board = board_of(rig)
@@ -128,6 +138,8 @@ def test_calls_and_the_age_of_topics_are_part_of_the_health():
     said, seen = parts["/textToSpeech/say_text"], parts["/faceDetection/data"]
     assert (said["calls"], said["failures"], said["seconds"], said["age"]) == (1, 1, 0.25, None)
     assert 3.0 <= seen["age"] < 5.0
+    goal = parts["/robotNavigation/set_goal"]
+    assert (goal["calls"], goal["failures"], goal["seconds"], goal["age"]) == (0, 0, None, None)
 
 
 def test_there_is_a_sign_of_life_every_second_though_nothing_happens():
@@ -146,6 +158,7 @@ def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatc
     rig = one_leaf("<Sleep msec='9000'/>")
     board = Board(rig.mission.events, rig.mission.health, registry())
     assert board.part("alive") == {"age": None, "hangs": False}
+    assert board.part("passes")["text"] == "no pass yet" and board.part("mission")["nodes"] == []
     board.show(rig.tree)
     rig.tick()
     time.sleep(0.3)
@@ -156,6 +169,17 @@ def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatc
     rig.mission.events.emit(RunFinished("stopped", 0))
     time.sleep(0.3)
     assert not board.part("alive")["hangs"]
+
+
+def test_the_age_of_a_sign_of_life_is_told_in_tenths_of_a_second(monkeypatch):
+    now = [50.0]
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
+    board = board_of(one_leaf("<Sleep msec='9000'/>"))
+    found = []
+    for now[0] in (50.0, 51.26, 52.9, 53.0):
+        found.append(board.part("alive"))
+    assert found == [{"age": 0.0, "hangs": False}, {"age": 1.3, "hangs": False}, {"age": 2.9, "hangs": False},
+                     {"age": 3.0, "hangs": True}]
 
 
 def test_statuses_of_a_visitor_end_with_the_pass():

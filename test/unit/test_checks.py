@@ -293,6 +293,13 @@ def test_what_is_wrong_inside_a_faulty_element_is_told_too():
     assert [(fault.line, fault.column) for fault in caught.value.faults] == [(3, 5), (4, 1), (4, 24), (4, 39), (5, 1)]
 
 
+@pytest.mark.parametrize("text", [root(tree('<SubTree ID="S"/>') + tree(LEAF + LEAF, "S")), main(LEAF + LEAF)])
+def test_a_tree_of_two_nodes_is_one_fault(text):
+    with pytest.raises(MissionError) as caught:
+        load_text(text, REGISTRY)
+    assert [fault.text.split("> ")[1] for fault in caught.value.faults] == ["has 2 children; it must have exactly 1"]
+
+
 def test_a_tree_that_is_defined_again_is_checked_too():
     text = root(tree("<Navigat/>") + "\n" + tree(LEAF))
     assert [fault[:3] for fault in told(text)] == [(3, 5, False), (5, 17, True)]
@@ -388,6 +395,39 @@ def test_a_mission_that_unfolds_without_end_is_refused_before_it_is_built():
         number, number + 1) for number in range(64)) + tree(LEAF, "T64")
     errors = timed(root(trees, 'BTCPP_format="4" main_tree_to_execute="T0"')).errors
     assert len(errors) == 1 and str(MOST_NODES) in errors[0].text
+
+
+@pytest.mark.parametrize("more, is_taken", [(0, True), (1, False)])
+def test_the_number_of_nodes_has_an_end(more, is_taken):
+    called = tree("<Sequence>{}</Sequence>".format(LEAF * 498), "T")  # 499 nodes, and the SubTree that calls it
+    calls = "<Sequence>{}{}</Sequence>".format('<SubTree ID="T"/>' * 499, LEAF * (499 + more))
+    found = checked(root(tree(calls) + called)).errors
+    assert [fault.text for fault in found] == ([] if is_taken else [
+        "the mission unfolds to 250001 nodes; at most 250000 are allowed"])
+
+
+@pytest.mark.parametrize("length, is_taken", [(20_000, True), (20_001, False)])
+def test_the_length_of_a_script_has_an_end(length, is_taken):
+    assert bool(checked(main('<Script code="a:={}"/>'.format("1" * (length - 3)))).errors) is not is_taken
+
+
+@pytest.mark.parametrize("faults", [999, 1000, 1001])
+def test_a_thousand_faults_are_told(faults):
+    found = checked(main("<Sequence>{}</Sequence>".format("<Nope/>" * faults))).faults
+    assert len([fault for fault in found if fault.line]) == min(faults, 1000)
+    assert [str(fault) for fault in found if not fault.line] == ["m.xml: 1 more faults are not shown"] * (faults > 1000)
+
+
+def test_a_thousand_warnings_are_told():
+    found = checked(main("<Sequence>{}</Sequence>".format('<Old/>' * 1001))).faults
+    assert [fault.is_warning for fault in found] == [True] * 1000
+
+
+@pytest.mark.parametrize("length, is_compared", [(59, True), (60, False)])
+def test_a_long_name_is_compared_with_no_other(length, is_compared):
+    name = "N" * (length - 1)
+    text = root(tree('<SubTree ID="{}x"/>'.format(name)) + tree(LEAF, name + "y"))
+    assert ("did you mean" in told(text)[0][3]) is is_compared
 
 
 def test_thousands_of_trees_that_call_each_other_are_no_trouble():

@@ -46,10 +46,10 @@ def test_every_fault_of_every_file_is_printed_with_its_place(file, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("{}:1:48: warning: the entry targetLocation is read here".format(good))
     assert lines[1] == "{}: can be run, 1 node, 1 warning".format(good)
-    assert lines[2] == "{}:3:11: unknown node Navigat (did you mean Navigate?)".format(bad)
+    assert lines[2] == "{}:3:11: unknown node Navigat (did you mean Navigate?) [unknown-node]".format(bad)
     assert lines[3].startswith('{}:4:9: port msec of type uint cannot be "x"'.format(bad))
     assert lines[4] == "{}: 2 faults".format(bad)
-    assert lines[5:] == ["{}x: the file cannot be read: No such file or directory".format(good),
+    assert lines[5:] == ["{}x: the file cannot be read: No such file or directory [unreadable-file]".format(good),
                          "{}x: 1 fault".format(good)]
 
 
@@ -61,10 +61,11 @@ def test_json_holds_all_that_an_editor_needs(file, capsys):
     bad = file(BAD)
     assert cli.validate(["--json", bad, LAB_TOUR]) == 2
     unknown, literal = json.loads(capsys.readouterr().out)
-    assert unknown == {"file": bad, "line": 3, "column": 11, "text": "unknown node Navigat",
-                       "hint": "did you mean Navigate?",
-                       "is_warning": False}
-    assert (literal["line"], literal["column"]) == (4, 9)
+    assert unknown == {"file": bad, "range": {"start": {"line": 3, "column": 11}, "end": {"line": 3, "column": 19}},
+                       "severity": "error", "code": "unknown-node", "text": "unknown node Navigat",
+                       "hint": "did you mean Navigate?"}
+    assert literal["range"] == {"start": {"line": 4, "column": 9}, "end": {"line": 4, "column": 17}}
+    assert literal["code"] == "wrong-literal"
     assert cli.validate(["--json", LAB_TOUR]) == 0
     assert json.loads(capsys.readouterr().out) == []
 
@@ -110,6 +111,33 @@ def test_ports_have_type_default_and_description():
         ("input_port", {"name": "first", "type": "unsigned int", "default": "1 < 2"}, "how <long> & why"),
         ("inout_port", {"name": "second", "type": "std::string"}, None),
         ("output_port", {"name": "third", "type": "double"}, None)]
+
+
+def test_each_port_of_a_mission_leaf_has_its_type_and_a_description(capsys):
+    cli.export_node_model([])
+    root = etree.fromstring(capsys.readouterr().out.encode("utf-8"))
+    ports = [port for model in root[0] for port in model if port.tag.endswith("_port")]
+    assert ports and [port.get("name") for port in ports if not port.get("type") or not port.text] == []
+
+
+def test_a_project_has_the_palette_and_the_missions_of_the_data_folder(tmp_path, capsys):
+    path = tmp_path / "projects" / "tours & more.btproj"
+    path.parent.mkdir()
+    assert cli.export_node_model(["--project", str(path)]) == 0
+    assert capsys.readouterr().out == "{}: a project of lab_tour.xml\n".format(path)
+    root = etree.parse(str(path)).getroot()
+    assert dict(root.attrib) == {"BTCPP_format": "4", "project_name": "tours & more"}
+    assert [child.tag for child in root] == ["include", "TreeNodesModel"]
+    assert os.path.samefile(os.path.join(str(path.parent), root[0].get("path")), LAB_TOUR)
+    assert [model.get("ID") for model in root[1]] == [spec.id for spec in leaves.SPECS]
+    assert cli.validate([str(path)]) == 0
+    assert capsys.readouterr().out == "{}: can be run, 216 nodes, 0 warnings\n".format(path)
+
+
+def test_a_project_that_cannot_be_written_is_one_line(tmp_path):
+    done = run("exportNodeModel", "--project", str(tmp_path / "none" / "x.btproj"))
+    assert (done.returncode, done.stderr.count(b"\n")) == (1, 1)
+    assert done.stderr.startswith(b"exportNodeModel: the output cannot be written: No such file")
 
 
 # What BehaviorTree.CPP 4.10 itself writes of some nodes: kind, and (direction, name, type, default) of each port.

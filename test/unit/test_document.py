@@ -6,8 +6,10 @@ import time
 import pytest
 
 from behavior_controller import folders
+from behavior_controller.bt import rules
 from behavior_controller.bt.language import document
-from behavior_controller.bt.language.document import MOST_FILES, parse, read, with_includes
+from behavior_controller.bt.language.document import parse, read, with_includes
+from behavior_controller.bt.language.markup import mended
 from behavior_controller.errors import MissionError
 
 LEAF = "<AlwaysSuccess/>"
@@ -117,7 +119,7 @@ def test_an_attribute_is_not_found_inside_the_value_of_another():
 
 
 def test_a_fault_is_one_line_whatever_it_quotes():
-    fault = parse(mission(), "m.xml").root.fault("x\n\x1b[31m" + "y" * 1000)
+    fault = parse(mission(), "m.xml").root.fault(rules.NO_TREE, "x\n\x1b[31m" + "y" * 1000)
     assert "\n" not in str(fault) and "\x1b" not in str(fault)
     assert len(fault.text) < 320
 
@@ -158,6 +160,8 @@ def test_a_fault_is_one_line_whatever_it_quotes():
     ("\n\ufeff<root/>", (2, 1), "text before"),
     ("<root>\n</root></root>", (2, 8), "</root> closes nothing"),
     ("<root>\n <\x00/></root>", (2, 3), "NUL"),
+    ("\ufeff x<root/>", (1, 3), "text before the first element"),
+    ("\ufeff<root/>x", (1, 9), "text after the end of the first element"),
     ('<!DOCTYPE r [\n<!ENTITY a "b">]><root/>', (1, 1), "declarations inside DOCTYPE"),
     ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root/>', (1, 1), "declarations inside DOCTYPE"),
 ])
@@ -230,6 +234,45 @@ def test_a_tree_of_2000_levels_is_read():
     assert levels == 2_002
 
 
+def attributes(number):
+    return '<root {}/>'.format(" ".join('a{}="1"'.format(each) for each in range(number)))
+
+
+@pytest.mark.parametrize("most, make, words", [
+    (2_040, lambda number: "<root>" + "<a>" * (number - 1) + "</a>" * (number - 1) + "</root>", "deeper than 2040 levels"),
+    (500, attributes, "<root> has more than 500 attributes"),
+    (300, lambda number: "<{}/>".format("r" * number), "the name of the element is longer than 300"),
+    (300, lambda number: "<root {}='1'/>".format("a" * number), "names may have 300 characters"),
+    (100_000, lambda number: "<root a='{}'/>".format("1" * number), "values 100000"),
+], ids=["levels", "attributes", "name of an element", "name of an attribute", "value"])
+def test_the_limits_of_the_markup(most, make, words):
+    parse(make(most))
+    with pytest.raises(MissionError, match=words):
+        parse(make(most + 1))
+
+
+def test_the_number_of_tags_has_an_end():
+    tags = "<root>{}</root>".format("<a/>" * 399_998)
+    assert mended(tags) == tags
+    with pytest.raises(MissionError, match="<text>:1:1: the file has more than 400000 tags"):
+        parse(tags + "<a/>")
+
+
+def test_of_many_markup_faults_the_first_hundred_are_told():
+    twice = '<a x="1" x="2"/>'
+    for number, told in ((99, 99), (100, 100), (101, 100)):
+        with pytest.raises(MissionError) as caught:
+            parse("<root>{}</root>".format(twice * number))
+        assert len(caught.value.faults) == told
+
+
+def test_the_last_character_of_all_is_no_fault():
+    with pytest.raises(MissionError) as caught:
+        parse('<root><a x="&#x10FFFF;&#1114111;"/><a x="&#x110000;"/></root>')
+    (fault,) = caught.value.faults
+    assert fault.column == 39 and "a character that XML does not allow" in fault.text
+
+
 # --------------------------------------------------------------------------------------------------------------- files
 
 
@@ -273,6 +316,15 @@ def test_a_file_of_100_mb_is_not_read(tmp_path):
         read(str(path))
 
 
+def test_the_size_of_a_file_has_an_end(tmp_path):
+    path = tmp_path / "large.xml"
+    path.write_text("<root>{}</root>".format(" " * (10_000_000 - len("<root></root>"))))
+    assert read(str(path)).root.tag == "root"
+    path.write_text(path.read_text() + "\n")
+    with pytest.raises(MissionError, match="large.xml: the file cannot be read: it has 10000001 bytes"):
+        read(str(path))
+
+
 def test_included_files_come_first_each_once_relative_to_who_includes_them(tmp_path):
     path = write(tmp_path, main=library("Main", "sub/a", "b"), sub__a=library("A", "../b", "c"), b=library("B"),
                  sub__c=library("C"))
@@ -308,17 +360,20 @@ def test_includes_without_a_path_or_with_ros_pkg(tmp_path):
     assert "ros_pkg" in faults[2].text
 
 
-def test_a_chain_of_includes_has_an_end(tmp_path):
-    files = {"f{}".format(i): library("T{}".format(i), "f{}".format(i + 1)) for i in range(100)}
-    faults = included_faults(write(tmp_path, main=library("Main", "f0"), **files))
-    assert len(faults) == 1 and "are included" in faults[0].text
+@pytest.mark.parametrize("length, faults", [(50, 0), (51, 1), (100, 1)])
+def test_a_chain_of_includes_has_an_end(tmp_path, length, faults):
+    files = {"f{}".format(i): library("T{}".format(i), "f{}".format(i + 1)) for i in range(length - 1)}
+    files["f{}".format(length - 1)] = library("Last")
+    found = included_faults(write(tmp_path, main=library("Main", "f0"), **files))
+    assert len(found) == faults and all("are included" in fault.text for fault in found)
 
 
-def test_the_number_of_included_files_has_an_end(tmp_path):
-    names = ["f{}".format(i) for i in range(MOST_FILES + 1)]
+@pytest.mark.parametrize("number, faults", [(500, 0), (501, 1), (503, 3)])
+def test_the_number_of_included_files_has_an_end(tmp_path, number, faults):
+    names = ["f{}".format(i) for i in range(number)]
     path = write(tmp_path, main=library("Main", *names), **{name: library(name) for name in names})
-    assert [fault.text for fault in included_faults(path) if "more than" not in fault.text] == []
-    assert len(with_includes(read(path))) <= MOST_FILES + 1
+    found = included_faults(path)
+    assert len(found) == faults and all("more than 500 files are included" in fault.text for fault in found)
 
 
 def test_the_collector_is_left_as_it_was():

@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sys
 import time
+import types
 import xml.etree.ElementTree as ElementTree
 
 import msgpack
@@ -391,6 +392,33 @@ def test_a_replacement_at_every_tick_and_hooks_that_change_all_the_time_do_not_f
         tree.sleep(0.0)
     assert served.told("more changes of breakpoints and replacements", 1)
     assert sum("decides" in line for line in served.warnings) == 1 and len(served.warnings) < 300
+
+
+def test_twenty_lines_about_hooks_are_told_in_a_second(served, monkeypatch):
+    begin = float(int(time.monotonic()) + 10)
+    now = [begin]
+    monkeypatch.setattr(groot2, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    client = served.client()
+    for _ in range(25):
+        client.ask("I", hook(1))
+        tree.sleep(0.0)
+    client.ask("S")  # answered after all of them are counted
+    now[0] = begin + 0.75
+    assert served.told("is set", 20)
+    now[0] = begin + 1.0
+    assert served.told("Groot2: 5 more changes of breakpoints and replacements in one second", 1)
+
+
+def test_nothing_listens_after_the_end(served):
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    served.client().ask("S")
+    served.close()
+    for port in (served.port, served.port + 1):
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", port), timeout=5).close()
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")

@@ -72,10 +72,23 @@ def test_three_failures_in_a_row_are_told_until_a_call_succeeds():
 
 
 def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline():
-    health = Health()
+    wakes = []
+    health = Health(lambda: wakes.append(True))
     health.slow("/say", 8.0)
+    assert wakes == [True]
     health.ended("/say", 5.0, 8.0, False)
     health.ended("/say", 1.0, 8.0, True)
     assert statuses(health) == [(False, "slow")]
     health.ended("/say", 3.9, 8.0, False)
     assert statuses(health) == [(True, "answers in time again")]
+
+
+def test_when_a_topic_was_heard_is_known_after_the_next_look_and_wakes_nothing():
+    wakes = []
+    health = Health(lambda: wakes.append(True))
+    for number in range(250):  # more than is kept between two looks
+        health.hear("/faces", float(number))
+    assert published(health) == [] and health.heard == {"/faces": 249.0} and wakes == []
+    health.hear("/text", 300.0)
+    published(health)
+    assert health.heard == {"/faces": 249.0, "/text": 300.0}

@@ -7,7 +7,8 @@ import pytest
 
 from behavior_controller.interface import Sense, release_1_0
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.interface.records import AttentionStatus, QueryKnowledge, SetPose
+from behavior_controller.interface.records import (AttentionStatus, Faces, GoTo, Location, PerformGesture, Point, Prompt,
+                                                   QueryKnowledge, Say, SetAnimation, SetAttention, SetPose)
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -46,6 +47,45 @@ def test_each_declared_type_has_its_file():
         files = ["{}/{}.{}".format(folder, name, folder) for name in own]
         missing += [path for path in files if not os.path.exists(os.path.join(ROOT, path))]
     assert missing == []
+
+
+# the tables 2 and 3: request, name, robot's node, type, what is sent, and the field that tells the outcome
+SERVICES = [
+    (SetAnimation("enabled"), "/animateBehaviour/set_activation", "animateBehavior", "animateBehaviorService",
+     ("enabled",), ("success", "1", "0")),
+    (PerformGesture("deictic", 2, 3000, Point(1.0, 2.0, 3.0), 20), "/gestureExecution/perform_gesture",
+     "gestureExecution", "gestureExecutionService", ("deictic", 2, 3000, 20, 1.0, 2.0, 3.0), ("gesture_success", 1, 0)),
+    (QueryKnowledge("exhibits"), "/knowledgeBase/query", "knowledgeBase", "knowledgeBaseService", ("exhibits",),
+     ("success", True, False)),
+    (SetAttention("location", Point(1.0, 2.0, 3.0)), "/overtAttention/set_mode", "overtAttention",
+     "overtAttentionService", ("location", 1.0, 2.0, 3.0), ("mode_set_success", 1, 0)),
+    (GoTo(Location(2.0, 3.5, 90.0)), "/robotNavigation/set_goal", "robotNavigation", "robotNavigationService",
+     (2.0, 3.5, 90.0), ("navigation_goal_success", 1, 0)),
+    (Prompt(("Yes", "No")), "/tabletEvent/prompt_and_get_response", "tabletEvent", "textService", ("Yes|No",),
+     ("success", True, False)),
+    (Say("hello"), "/textToSpeech/say_text", "textToSpeech", "textService", ("hello",), ("success", True, False)),
+]
+
+
+@pytest.mark.parametrize("request_, name, node, type_, fields, success", SERVICES, ids=[row[2] for row in SERVICES])
+def test_a_service_is_called_as_the_document_says(request_, name, node, type_, fields, success):
+    service = INTERFACE.service(type(request_))
+    assert (service.name, service.node, service.type) == (name, node, "cssr_system/" + type_)
+    assert service.fields(request_) == fields
+    assert tuple(service.success) == success
+    assert [type(value) for value in service.success] == [type(value) for value in success]
+
+
+def test_the_services_and_topics_are_those_of_the_document():
+    assert [service.name for service in INTERFACE.services] == [row[1] for row in SERVICES]
+    assert [(topic.name, topic.is_continuous) for topic in INTERFACE.topics] == [
+        ("/faceDetection/data", True), ("/overtAttention/mode", True), ("/speechEvent/text", False)]
+
+
+def test_an_attention_without_a_place_and_a_gesture_without_a_target_send_zeros():
+    assert INTERFACE.service(SetAttention).fields(SetAttention("social")) == ("social", 0.0, 0.0, 0.0)
+    assert INTERFACE.service(PerformGesture).fields(PerformGesture("iconic", 1, 500)) == (
+        "iconic", 1, 500, 0, 0.0, 0.0, 0.0)
 
 
 # ------------------------------------------------------------------------------------------------- the published types
@@ -138,6 +178,12 @@ def test_what_tells_of_a_visitor(sense, given, others, wait):
     assert (evidence.topic.name, evidence.wait) == ("/overtAttention/mode", wait)
     assert evidence.is_given(given, 2)
     assert not any(evidence.is_given(other, 2) for other in others)
+
+
+def test_on_the_document_s_robot_a_face_tells_of_presence():
+    evidence = INTERFACE.evidence(Sense.PRESENCE)
+    assert (evidence.topic.name, evidence.wait) == ("/faceDetection/data", 10.0)
+    assert evidence.is_given(Faces(("1",), (False,)), 1) and not evidence.is_given(Faces((), ()), 1)
 
 
 def test_the_knowledge_is_asked_of_files_in_release_1_0_alone():

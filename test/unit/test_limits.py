@@ -61,6 +61,20 @@ def test_a_policy_of_mistakes_is_told_as_far_as_a_person_reads_it(tmp_path):
     assert "policy.ini:101:1: " in str(caught.value.faults[-1])
 
 
+@pytest.mark.parametrize("line, is_taken", [
+    ("budget 99 3600", True), ("budget 100 3600", False), ("budget 1 3600.001", False), ("budget 0 0", True),
+    ("* * 99 0 giveUp", True), ("* * 100 0 giveUp", False), ("* * 0 3600 skip", True), ("* * 0 3600.001 skip", False),
+])
+def test_the_numbers_of_a_policy(tmp_path, line, is_taken):
+    path = tmp_path / "policy.ini"
+    path.write_text(line + ("\n" if line.startswith("budget") else "\nbudget 5 60\n"))
+    if is_taken:
+        policy.load(str(path), leaves.SPECS)
+    else:
+        with pytest.raises(ConfigurationError, match="policy.ini:1:1: "):
+            policy.load(str(path), leaves.SPECS)
+
+
 def test_a_service_fails_after_three_failures_without_a_success_between():
     health, seen, events = Health(), [], Events()
     events.subscribe(seen.append)

@@ -16,7 +16,6 @@ from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
-from behavior_controller.leaves import registry as mission_registry
 from behavior_controller.mission import load_tree
 
 REGISTRY = Registry(builtin_specs() + [
@@ -87,7 +86,7 @@ CANNOT_BE_MEANT = {
                                      ["only 2 children"]),
     "no success wanted": ('<Parallel success_count="0"><Act/><Act/></Parallel>', (2, 11), ["decided before"]),
     "IfThenElse with one child": ("<IfThenElse><Cond/></IfThenElse>", (2, 1), ["has 1 children; it must have 2 or 3"]),
-    "Switch without a default": ('<Switch2 variable="x" case_1="a" case_2="b"><Act/><Act/></Switch2>', (2, 1),
+    "Switch without a default": ('<Switch2 variable="{given}" case_1="a" case_2="b"><Act/><Act/></Switch2>', (2, 1),
                                  ["must have 3"]),
     "a port without a value": ("<Sleep/>", (2, 1), ["Sleep needs the port msec"]),
     "a condition misspelled": ('<Act _skipif="true"/>', (2, 6), ["_skipif is ignored", "did you mean _skipIf?"]),
@@ -199,6 +198,13 @@ def test_entries_are_followed_through_subtrees(call, inside, is_written):
 def test_an_entry_of_the_whole_mission_is_pointed_out():
     (line, column, text), = warnings('<SubTree ID="Sub"/>', tree("Sub", '<In in="{given}"/>'))
     assert (line, column) == (3, 28) and "that of the whole mission is @given" in text
+
+
+@pytest.mark.parametrize("body", ['<In in="{{e{}}}"/>', '<Act _skipif="{}"/>'])
+def test_two_hundred_warnings_are_told(body):
+    for number, told in ((199, 199), (200, 200), (201, 200)):
+        found = warnings("<Sequence>{}</Sequence>".format("".join(map(body.format, range(number)))))
+        assert len(found) == told
 
 
 def test_defaults_of_a_model_are_written():
@@ -325,3 +331,12 @@ def test_an_alias_that_says_what_it_does_may_have_any_name(tmp_path):
     path.write_text("""<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><RetrieveListOfExhibits/><SelectExhibit/>
  <DescribeExhibitSpeech_1 name="3"/></Sequence></BehaviorTree></root>""")
     assert load_tree(str(path)).warnings == []
+
+
+@pytest.mark.parametrize("text, words", [
+    ("2 min", '"2 min" is read only up to "min": as 2'), ("soon", '"soon" cannot be of type int'),
+    ("{given}", None), ("5", None)])
+def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, words):
+    inside = '<Drive target="{x}" speed="5"/>'
+    found = warnings('<SubTree ID="Sub"\nx="{}"/>'.format(text), tree("Sub", inside))
+    assert [(line, column, words in said) for line, column, said in found] == [(3, 1, True)] * (words is not None)

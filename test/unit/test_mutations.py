@@ -7,7 +7,7 @@ import pytest
 pytestmark = pytest.mark.skipif(sys.version_info < (3, 9), reason="Python 3.8 cannot write a syntax tree as code")
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "mutation"))
 
-from mutate import Rule, Stale, broken, sample  # noqa: E402
+from mutate import Rule, Stale, broken, sample, statements  # noqa: E402
 
 SOURCE = '''"""Ä module."""
 import os
@@ -39,6 +39,11 @@ def test_a_sample_has_each_place_once_and_leaves_the_rest_as_it_is():
         (told, "return ('ö' != angle or angle > LIMIT - self.play)")}
     assert len(mutations) == len(changed) == len({mutation.key for mutation in mutations})
     assert {mutation.scope for mutation in mutations} == {"", "Door.is_open"}
+
+
+def test_every_mutation_is_of_a_statement_that_is_named():
+    mutations = sample([("door.py", SOURCE)], 100, 1)
+    assert {(mutation.scope, mutation.old) for mutation in mutations} == statements(SOURCE)
 
 
 def test_a_seed_draws_the_same_again_and_another_seed_does_not():

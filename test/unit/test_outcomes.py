@@ -24,6 +24,7 @@ def ends(body):
     return outcomes({"Main": elements}, REGISTRY)[id(elements[0])]
 
 
+REPEAT = '<Repeat num_cycles="{}"><{}/></Repeat>'
 RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
 
 
@@ -55,6 +56,50 @@ RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
     (RETRY.format("2", "Either"), ANY_END),
     (RETRY.format("-1", "Either"), SUCCEEDS),
     (RETRY.format("-1", "Win"), SUCCEEDS),
+    (RETRY.format("-1", "Lose"), 0),
+    (RETRY.format("2", "LoseOrSkip"), FAILS | SKIPS),
+    # no round is a SUCCESS, whatever the child; an endless one is none
+    (REPEAT.format("2", "Win"), SUCCEEDS),
+    (REPEAT.format("1", "Lose"), FAILS),
+    (REPEAT.format("0", "Lose"), SUCCEEDS | FAILS),
+    (REPEAT.format("-3", "Lose"), SUCCEEDS | FAILS),
+    (REPEAT.format("{n}", "Lose"), SUCCEEDS | FAILS),
+    (REPEAT.format("2", "WinOrSkip"), SUCCEEDS | SKIPS),
+    (REPEAT.format("-1", "Win"), 0),
+    (REPEAT.format("-1", "Either"), FAILS),
+    (REPEAT.format("-1", "WinOrSkip"), SKIPS),
+    # other decorators change the end of their child, or may end before it
+    ("<Inverter><Win/></Inverter>", FAILS),
+    ("<Inverter><Lose/></Inverter>", SUCCEEDS),
+    ("<Inverter><LoseOrSkip/></Inverter>", SUCCEEDS | SKIPS),
+    ("<ForceSuccess><LoseOrSkip/></ForceSuccess>", SUCCEEDS | SKIPS),
+    ("<ForceFailure><Win/></ForceFailure>", FAILS),
+    ("<ForceFailure><Skip/></ForceFailure>", SKIPS),
+    ("<KeepRunningUntilFailure><Either/></KeepRunningUntilFailure>", FAILS),
+    ("<KeepRunningUntilFailure><WinOrSkip/></KeepRunningUntilFailure>", 0),
+    ("<RunOnce><Win/></RunOnce>", SUCCEEDS | SKIPS),
+    ('<Delay delay_msec="1"><Lose/></Delay>', FAILS),
+    ('<Timeout msec="1"><Win/></Timeout>', SUCCEEDS | FAILS),
+    ('<SkipUnlessUpdated entry="{e}"><Win/></SkipUnlessUpdated>', SUCCEEDS | SKIPS),
+    ('<WaitValueUpdate entry="{e}"><Win/></WaitValueUpdate>', SUCCEEDS),
+    ('<Precondition if="true"><Win/></Precondition>', SUCCEEDS | FAILS),
+    ('<Precondition if="true" else="SKIPPED"><Win/></Precondition>', SUCCEEDS | SKIPS),
+    ('<Precondition if="true" else="RUNNING"><Lose/></Precondition>', FAILS),
+    ('<LoopInt queue="1"><Win/></LoopInt>', SUCCEEDS),
+    ('<LoopInt queue="1" if_empty="SKIPPED"><Either/></LoopInt>', FAILS | SKIPS),
+    ('<LoopInt queue="1" if_empty="{e}"><Skip/></LoopInt>', ANY_END),
+    # a choice ends as what it may choose; without an else, its false condition is its end
+    ("<IfThenElse><Either/><Win/><Skip/></IfThenElse>", SUCCEEDS | SKIPS),
+    ("<IfThenElse><Either/><Win/></IfThenElse>", SUCCEEDS | FAILS),
+    ("<IfThenElse><Win/><Skip/><Lose/></IfThenElse>", SKIPS),
+    ("<IfThenElse><Lose/><Win/><Skip/></IfThenElse>", SKIPS),
+    ("<WhileDoElse><Lose/><Win/></WhileDoElse>", FAILS),
+    ('<Switch2 variable="{v}" case_1="1" case_2="2"><Win/><Lose/><Win/></Switch2>', SUCCEEDS | FAILS),
+    ('<Switch2 variable="{v}" case_1="1" case_2="2"><Win/><Skip/><Win/></Switch2>', SUCCEEDS | SKIPS),
+    # what catches a failure cannot undo it
+    ("<TryCatch><Lose/><Win/></TryCatch>", FAILS),
+    ("<TryCatch><Win/><Lose/></TryCatch>", SUCCEEDS),
+    ("<TryCatch><Skip/><Skip/><Win/></TryCatch>", SKIPS),
     # a Parallel needs all of its children; those that are SKIPPED count as done
     ("<Parallel><Win/><Win/></Parallel>", SUCCEEDS),
     ("<Parallel><Win/><Lose/></Parallel>", FAILS),
@@ -62,6 +107,15 @@ RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
     ("<Parallel><Win/><Either/></Parallel>", ANY_END),
     ("<Parallel><Skip/><Win/></Parallel>", SUCCEEDS),
     ("<Parallel><Skip/><Skip/></Parallel>", SUCCEEDS),
+    ("<Parallel><LoseOrSkip/><Win/></Parallel>", ANY_END),
+    ('<Parallel success_count="1"><Win/><Win/></Parallel>', ANY),
+    ('<Parallel failure_count="2"><Win/><Win/></Parallel>', ANY),
+    # a condition may end a node before it runs
+    ('<Win _failureIf="x"/>', SUCCEEDS | FAILS),
+    ('<Lose _successIf="x"/>', SUCCEEDS | FAILS),
+    ('<Win _skipIf="x"/>', SUCCEEDS | SKIPS),
+    ('<Win _while="x"/>', SUCCEEDS | SKIPS),
+    ('<Win _post="x"/>', SUCCEEDS),
     # of a node type that declares nothing, anything is thought
     ("<Own><Lose/></Own>", ANY),
     ("<OwnControl><Lose/></OwnControl>", ANY),

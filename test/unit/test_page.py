@@ -18,6 +18,7 @@ from behavior_controller.events import HealthChanged, RunFinished
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, PerformGesture, Say
 from behavior_controller.leaves import registry
+from behavior_controller.watch import server
 from behavior_controller.watch.board import PARTS, Board
 from behavior_controller.watch.page import Page
 from browser import open_browser
@@ -373,6 +374,40 @@ def test_idle_connections_are_capped_and_make_room(show):
         each.close()
 
 
+def test_a_browser_that_is_served_keeps_its_place(show, monkeypatch):
+    monkeypatch.setattr(server, "SHORTEST_IDLE", 0.3)
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
+        stream.readline()
+        idle = [socket.create_connection(("127.0.0.1", shown.port)) for _ in range(70)]
+        for _ in range(5):
+            wait_until(lambda: is_served(shown))  # it takes the place of the connection that is idle longest
+        shown.rig.mission.events.emit(RunFinished("stopped; last pass: none", 0))
+        wait_until(lambda: b"stopped; last pass: none" in stream.readline())
+        for each in idle:
+            each.close()
+
+
+def answer_to(shown, request):
+    with socket.create_connection(("127.0.0.1", shown.port), timeout=5) as connection:
+        connection.sendall(request)
+        return connection.recv(100)
+
+
+@pytest.mark.parametrize("length, is_taken", [(1024, True), (1025, False)])
+def test_a_request_has_no_long_body(show, length, is_taken):
+    head = "GET /state HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n".format(length)
+    found = answer_to(show(Rig()), head.encode() + length * b"x")
+    assert found.startswith(b"HTTP/1.1 200 " if is_taken else b"HTTP/1.1 400 ")
+
+
+@pytest.mark.parametrize("length, is_taken", [(16384, True), (16385, False)])
+def test_a_request_has_no_long_header(show, length, is_taken):
+    head = b"GET /state HTTP/1.1\r\nHost: localhost\r\nX: %s\r\n\r\n"
+    found = answer_to(show(Rig()), head % ((length - len(head % b"")) * b"x"))
+    assert found.startswith(b"HTTP/1.1 200 ") if is_taken else found == b""
+
+
 def is_served(shown):
     try:
         return shown.fetch("state")[0] == 200
@@ -412,6 +447,15 @@ def test_the_end_reaches_a_browser_before_the_server_closes(show):
         shown.page.close()
         messages = [json.loads(line[6:]) for line in stream if line.startswith(b"data: ")]
     assert messages[-1]["passes"]["ended"] == "stopped; last pass: none"
+
+
+def test_a_controller_that_ends_without_a_word_has_stopped(show):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
+        stream.readline()
+        shown.page.close()
+        messages = [json.loads(line[6:]) for line in stream if line.startswith(b"data: ")]
+    assert messages[-1]["passes"]["ended"] == "the controller has stopped"
 
 
 def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):

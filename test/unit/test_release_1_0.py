@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from behavior_controller import folders, leaves, policy, settings
+from behavior_controller import cli, folders, leaves, policy, settings
 from behavior_controller.bt.compiler import load_text
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, MissionError
@@ -112,6 +112,23 @@ def test_a_phrase_that_the_culture_file_lacks_is_a_failure_that_can_be_skipped(r
     assert rig.of(LeafFinished)[0].failure == Failure(
         Cause.MISSING_DATA, "there is no utility phrase 8", "/textToSpeech/say_text")
     assert ran("<Fallback><SayText name='8'/><HandleFallBack/></Fallback>", robot)[1] is SUCCESS
+
+
+def test_a_phrase_that_the_culture_file_lacks_is_told_at_load_and_by_validate_mission(tmp_path, monkeypatch, capsys):
+    text = file("<Sequence><SayText name='7'/>\n<SayText name='8'/></Sequence>")
+    rig = Rig(text, robotInterface=RELEASE)
+    assert [(fault.line, fault.column, fault.text) for fault in rig.tree.warnings] == [
+        (2, 10, "the culture file has no utility phrase 8")]
+    assert Rig(text).tree.warnings == []
+    (tmp_path / settings.FILE_NAME).write_text(
+        "scenarioSpecification m\nverboseMode false\nasrEnabled true\nrobotInterface release-1.0\n", "utf-8")
+    for kind in ("culture", "environment"):
+        (tmp_path / "{}KnowledgeBaseConfiguration.ini".format(kind)).write_text(
+            "knowledgeBase {}\n".format(folders.data(kind + "KnowledgeBase.dat")), "utf-8")
+    (tmp_path / "m.xml").write_text(text, "utf-8")
+    monkeypatch.setattr(folders, "config", lambda name: str(tmp_path / name))
+    assert cli.validate([str(tmp_path / "m.xml")]) == 0
+    assert "m.xml:2:10: warning: the culture file has no utility phrase 8" in capsys.readouterr().out
 
 
 def test_nothing_is_looked_at_where_there_is_nothing():
@@ -645,6 +662,13 @@ def test_a_tour_that_is_never_given_without_recognition_is_told(body, robot, how
     for each in [robot] if robot else [RELEASE, document.INTERFACE.name]:
         assert foreseen(body, each) == (
             [(2, "with asrEnabled false IsVisitorResponseYes {}, and no tour is ever given".format(how))] if how else [])
+
+
+@pytest.mark.parametrize("body", ["<Sequence>" * 1900 + "<IsVisitorPresent/>" + "</Sequence>" * 1900,
+                                  "<Sequence>" + "<IsVisitorPresent/>" * 2001 + "</Sequence>"])
+def test_a_mission_that_is_too_large_to_be_followed_still_loads(body):
+    assert foreseen(body) == []
+    assert Rig(file(body), robotInterface=RELEASE).tree.warnings == []
 
 
 def test_ways_through_nested_loops_are_followed_in_little_time():

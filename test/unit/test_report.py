@@ -124,6 +124,12 @@ def test_a_bar_stands_where_its_result_was():
         ("h", "80.00", "20.00", "IDLE 2.000 s")]
 
 
+def test_results_that_lie_nearer_than_a_400th_of_the_run_are_one_bar():
+    text = page_of(lines_of(finished(110.0), finished(111.25), finished(112.75), finished(500.0)))  # the run took 400 s
+    assert re.findall(r'class="bar S" [^>]* title="([^"]*)"', text) == [
+        "2 × SUCCESS 1.750 s", "SUCCESS 0.500 s", "SUCCESS 0.500 s"]
+
+
 def test_failures_recoveries_and_notices_are_told_in_order_with_their_causes():
     recovered = {"event": "Recovered", "time": 104.0, "node": "A", "path": "A::1", "failure": FAILED,
                  "policy": "retry 1x, then skip", "attempts": 1, "success": True, "outcome": "skipped"}
@@ -148,6 +154,12 @@ def test_each_node_has_the_count_of_its_results():
     items = {part[:part.index('"')]: part for part in text.split('<li class="node" title="')[1:]}
     assert re.findall(r"(.)</span>&thinsp;(\d+)", items["A::2"]) == [("✔", "3"), ("✘", "1")]
     assert "never" in items["B::3"] and "never" not in items["A::2"]
+
+
+def test_a_node_is_told_by_its_name_and_by_its_type_if_that_is_another():
+    text = page_of(lines_of(nodes=(["S", "Sequence", "the tour", 0], ["A::2", "A", "A", 1])))
+    labels = [re.sub("<[^>]*>", " ", part).split() for part in text.split('<li class="node" title="')[1:]]
+    assert [label[1:-1] for label in labels] == [["the", "tour", "Sequence"], ["A"]]
 
 
 def test_of_a_mission_that_was_changed_the_last_one_is_reported_and_the_first_is_named():
@@ -306,3 +318,4 @@ def test_a_tree_of_many_levels_is_reported():
     nodes = [["N::{}".format(number), "N", "N", number - 1] for number in range(1, 2001)]
     page = Page(page_of(lines_of(tick([2000, "S"]), nodes=nodes)))
     assert page.tags.count("li") == 2000 and page.deepest < 3 * DEEPEST + 20
+    assert page.tags.count("details") == 99  # the hundredth level has no other below it

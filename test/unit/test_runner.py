@@ -45,6 +45,19 @@ def test_what_was_posted_for_a_wake_up_that_is_cleared_is_not_waited_for():
     assert rig.gateway.calls[0].result is not None and time.monotonic() - began < 4.0
 
 
+def test_an_event_is_answered_by_one_tick():
+    rig = one_leaf("<ReactiveSequence><ScriptCondition code='count += 1; true'/><Sleep msec='9000'/></ReactiveSequence>")
+    rig.tree.blackboard.set("count", 0)
+    waits = []
+
+    def event(rig):
+        waits.append(rig.tree.blackboard.get("count"))
+        rig.tree.wake.emit()
+
+    rig.run(event, is_stopped=lambda: len(waits) > 9)
+    assert [after - before for before, after in zip(waits[1:], waits[2:])] == [1] * 8
+
+
 def test_passes_that_end_at_once_are_paced():
     rig = one_leaf("<AlwaysFailure/>")
     assert rig.run(advance, runs=4) == 3
@@ -114,6 +127,12 @@ def test_a_part_of_the_safe_state_that_fails_is_told():
         "/animateBehaviour/set_activation failed while stopping: not reachable: no way"]
 
 
+def test_a_mission_that_is_skipped_leaves_nothing_running():
+    rig = one_leaf("<Inverter><AlwaysSuccess _skipIf='true'/></Inverter>")  # it says RUNNING before it asks its child
+    rig.run(advance)
+    assert [event.outcome for event in rig.of(PassFinished)] == ["SKIPPED"] and rig.tree.is_idle
+
+
 def test_a_run_that_ends_by_itself_asks_for_nothing_more():
     rig = one_leaf("<WelcomeSpeech/>")
     rig.run(advance)
@@ -128,6 +147,19 @@ def test_an_error_in_a_node_ends_the_pass_with_one_line_and_the_next_one_runs():
     assert lines[0].startswith("Exception in node 'Script::1' [Script]: Error in script [x := 'a' * 2]")
     assert "\n" not in lines[0]
     assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE", "FAILURE"]
+
+
+@pytest.mark.parametrize("leaf, column", [
+    ("<Script code=\"x := 'a' * 2\"/>", 9),
+    ("<WelcomeSpeech name=\"hi\" _skipIf=\"never == 1\"/>", 26),
+    ("<AlwaysSuccess _onSuccess=\"x := never\"/>", 16),
+    ("<Sleep msec=\"{never}\"/>", 1),
+])
+def test_a_fault_at_run_time_names_its_place(leaf, column):
+    rig = one_leaf("\n" + leaf)
+    rig.run(advance, runs=1)
+    text, = [event.text for event in rig.of(Noticed)]
+    assert text.endswith(":2:{})".format(column)), text
 
 
 def test_a_mission_that_busy_loops_can_be_stopped_and_is_named():

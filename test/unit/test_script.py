@@ -129,6 +129,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
     ("1 ? 0 ? 4 : 5 : 6", 5),
     ("x := y := 3", 3),
     ("1 2 3", 3),
+    ("end := 3", 3), ("name := 1 integer := 2 real := 3 text := 4", 4), ("operator := 5; end := operator; end", 5),
     ("5..'x'", "5x"),
     ("5.5..'x'", "5.500000x"),
 ])
@@ -147,7 +148,8 @@ def test_names_that_are_read_and_written_are_known():
 
 @pytest.mark.parametrize("text, value", [
     ("7 / 2", 3.5), ("4 / 2", 2.0), ("1 / 0", math.inf), ("-1 / 0", -math.inf), ("1 / (0 * -1)", -math.inf),
-    ("~0", -1.0), ("~1.5", -2.0), ("!2", 0.0), ("!0.0", 1.0), ("- - 3", 3.0), ("-~1", 2.0),
+    ("~0", -1.0), ("~9223372036854774784.0", -9223372036854774784.0), ("-9223372036854775808.0 & -2", -2.0 ** 63),
+     ("~1.5", -2.0), ("!2", 0.0), ("!0.0", 1.0), ("- - 3", 3.0), ("-~1", 2.0),
     ("6.0 & 3", 2.0), ("5 ^ 3", 6.0),
     ("2.0 && 1", 1.0), ("0 || 0.0", 0.0),
     ("1.0 == 1.00000001", 1.0), ("1.0 >= 1.00000001", 0.0), ("1 != 1.000001", 1.0),
@@ -180,12 +182,17 @@ def test_values(text, value):
     ("-none", "is not initialized"),
     ("a := 1 .. 2", "The right operand of the operator [:=] is not initialized"),
     ("none += 1", "The left operand of the operator [+=] is not initialized"),
-    ("'x' + 1", "Operation not permitted"),
-    ("'x' - 'y'", "Operation not permitted"),
-    ("'true' && true", "Operation not permitted"),
+    ("'x' + 1", "Operation not permitted: [+] on a text and a number"),
+    ("'x' - 'y'", "Operation not permitted: [-] on a text and a text"),
+    ("'true' && true", "Operation not permitted: [&&] on a text and a number"),
+    ("1 || 'true'", "Operation not permitted: [||] on a number and a text"),
+    ("list .. 1", "Operation not permitted: [..] on list and a number"),
+    ("'x' & 1", "Operation not permitted: [&] on a text and a number"),
+    ("1 * none", "The right operand of the operator [*] is not initialized"),
     ("2 && 1", "Logic operators are not allowed"),
     ("5.5 | 2", "Binary operators are not allowed"),
-    ("~(1 / 0)", "out of range"),
+    ("~(1 / 0)", "out of range"), ("~9223372036854775808.0", "out of range"),
+    ("-1e300 & 1", "Binary operators are not allowed"), ("1 | 9223372036854775808.0", "Binary operators are not allowed"),
     ("-'x'", "Invalid operator [-]"),
     ("'abc' == 3", "Any failed string to number conversion"),
     ("'abc' ? 1 : 2", "Any failed string to number conversion"),
@@ -198,10 +205,10 @@ def test_values(text, value):
     ("n := 1.5", "Error assigning a value to entry [n]"),
     ("n := 'zz'", "Any failed string to number conversion"),
     ("n /= 2", "Invalid floating point to integer conversion"),
-    ("n += '2'", "Operation not permitted"),
+    ("n += '2'", "Operation not permitted: [+=] on a number and a text"),
     ("s := 1", "Error assigning a value to entry [s]"),
-    ("s += 2", "Operation not permitted"),
-    ("s -= 'x'", "Operation not permitted"),
+    ("s += 2", "Operation not permitted: [+=] on a text and a number"),
+    ("s -= 'x'", "Operation not permitted: [-=] on a text and a text"),
     ("list := 'x'", "Error assigning a text"),
     ("1e300 & 1", "Binary operators are not allowed"),
 ])
@@ -210,6 +217,10 @@ def test_failures_name_their_cause_and_the_script(text, reason):
         run(text, none=None, list=[1], n=3, s="text", minus=-2 ** 53)
     assert reason in str(raised.value)
     assert "Error in script [{}]: ".format(text) in str(raised.value)
+
+
+def test_what_no_number_divided_by_nothing_is():
+    assert math.isnan(run("0 / 0")[0]) and math.isnan(run("(0 / 0) / 0")[0])
 
 
 def test_a_message_is_one_line_and_not_long():
@@ -295,6 +306,13 @@ def test_nesting_is_limited_long_before_the_stack_ends(shape):
             assert depth <= 100
         except ScriptSyntaxError as error:
             assert "Nested too deeply" in str(error) and depth > 10
+
+
+def test_ninety_nine_parentheses_are_fine_and_no_more():
+    """Each takes two of the 200 levels, and so does what is inside."""
+    assert run("(" * 99 + "1" + ")" * 99)[0] == 1
+    with pytest.raises(ScriptSyntaxError, match="Nested too deeply at position 100: at most 200 levels are allowed"):
+        compile_script("(" * 100 + "1" + ")" * 100)
 
 
 def test_ninety_parentheses_are_fine():

@@ -49,6 +49,33 @@ def test_what_does_not_fit_is_counted_and_told_where_it_is_missing():
     assert gate.written == [0, 1, 2, 3, 4, "6 left out", 11]
 
 
+def test_a_full_sink_takes_items_again_when_half_of_them_are_written():
+    written, reached, going_on = [], threading.Semaphore(0), threading.Semaphore(0)
+
+    def write(item):
+        reached.release()
+        assert going_on.acquire(timeout=10)
+        written.append(item)
+
+    def write_one():
+        going_on.release()
+        assert reached.acquire(timeout=5)
+
+    sink = Sink("test", write, "{} left out".format, 4)
+    sink.put(0)
+    assert reached.acquire(timeout=5)
+    for number in range(1, 6):
+        sink.put(number)  # the fifth does not fit
+    write_one()
+    sink.put(6)  # three are left
+    write_one()
+    sink.put(7)  # two are left
+    for _ in range(10):
+        going_on.release()
+    sink.drain(10)
+    assert written == [0, 1, 2, 3, 4, "2 left out", 7]
+
+
 def test_a_sink_that_is_blocked_keeps_nobody_waiting():
     gate, sink = gated(most=4)
     began = time.monotonic()
@@ -57,6 +84,28 @@ def test_a_sink_that_is_blocked_keeps_nobody_waiting():
     sink.drain(0.2)
     assert 0.2 <= time.monotonic() - began < 1.0
     gate.open.set()
+
+
+def test_a_thousand_items_wait_if_nothing_else_is_said():
+    gate, written = Gate(), []
+    sink = Sink("test", gate.write, written.append)
+    sink.put(0)
+    assert gate.reached.acquire(timeout=5)
+    for number in range(1002):
+        sink.put(number)
+    gate.open.set()
+    sink.drain(10)
+    assert written == [2] and len(gate.written) == 1002
+
+
+def test_what_is_just_being_written_is_waited_for():
+    gate, sink = gated(most=4)
+    began = time.monotonic()
+    sink.drain(0.2)
+    assert time.monotonic() - began >= 0.2
+    threading.Timer(0.2, gate.open.set).start()
+    sink.drain(30)
+    assert gate.written == [0] and time.monotonic() - began < 5.0
 
 
 def test_a_blocked_sink_takes_no_time_from_the_others():

@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from behavior_controller.events import HealthChanged, RunFinished
+from behavior_controller.events import HealthChanged, Noticed, RunFinished
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, Say
 from behavior_controller.leaves import registry
@@ -62,6 +62,18 @@ def test_what_is_wrong_is_shown():
     assert "no message for 7 s" in status.lines(dict(state, silent=7.2), False)[1]
     hung = status.lines(dict(state, alive={"age": 8.5, "hangs": True}), False)[1]
     assert "hangs" in hung and "8.5 s" in hung
+
+
+def test_a_picture_is_old_after_two_seconds_and_five_lines_of_trouble_are_shown():
+    rig = one_leaf("<WelcomeSpeech/>")
+    board = board_of(rig)
+    for number in range(7):
+        rig.mission.events.emit(Noticed("error", "line {}".format(number)))
+    state = state_of(board)
+    assert [line.split("  ")[1] for line in status.lines(state, False)[-5:]] == [
+        "line {}".format(number) for number in range(2, 7)]
+    assert len(status.lines(state, False)) == 7 == len(status.lines(dict(state, silent=1.99), False))
+    assert len(status.lines(dict(state, silent=2.0), False)) == 8
 
 
 def test_names_cannot_steer_the_terminal():

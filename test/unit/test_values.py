@@ -63,6 +63,49 @@ def test_text_that_cannot_be_converted(type_name, text, reason):
     assert len(str(raised.value)) < 250 and "\n" not in str(raised.value)
 
 
+# of the C++ types, on which the library's converters and casts depend
+LIMITS = {"int": (-2 ** 31, 2 ** 31 - 1), "uint": (0, 2 ** 32 - 1), "int8": (-128, 127), "uint8": (0, 255),
+          "int64": (-2 ** 63, 2 ** 63 - 1), "uint64": (0, 2 ** 64 - 1), "enum": (-2 ** 31, 2 ** 31 - 1)}
+
+
+@pytest.mark.parametrize("type_name", sorted(LIMITS))
+def test_the_limits_of_the_integers(type_name):
+    low, high = LIMITS[type_name]
+    for limit in (low, high):
+        assert TYPES[type_name].from_text(str(limit), {}) == limit
+        assert values.convert(limit, type_name, {}) == limit
+    for beyond in (low - 1, high + 1):
+        with pytest.raises(ValueFault):
+            TYPES[type_name].from_text(str(beyond), {})
+        with pytest.raises(ValueFault):
+            values.convert(beyond, type_name, {})
+
+
+@pytest.mark.parametrize("text", ["{}", "1;{}", "json:[{}]"])
+def test_the_limits_of_the_items_of_a_vector(text):
+    low, high = LIMITS["int"]
+    for limit in (low, high):
+        assert TYPES["vec_int"].from_text(text.format(limit), {})[-1] == limit
+    for beyond in (low - 1, high + 1):
+        with pytest.raises(ValueFault):
+            TYPES["vec_int"].from_text(text.format(beyond), {})
+
+
+def test_a_real_becomes_an_integer_of_64_bits_where_one_is_stored():
+    assert values.same_kind(-2.0 ** 63, 1) == -2 ** 63
+    assert values.same_kind(2.0 ** 62, 1) == 2 ** 62
+    for beyond in (2.0 ** 63, -2.0 ** 63 - 2048):  # the next real below
+        with pytest.raises(ValueFault):
+            values.same_kind(beyond, 1)
+
+
+@pytest.mark.parametrize("whole", [2 ** 53 - 1, 1 - 2 ** 53])
+def test_an_integer_is_a_real_as_long_as_every_neighbour_is_one(whole):
+    assert values.to_real(whole) == whole
+    with pytest.raises(ValueFault):
+        values.to_real(whole + (1 if whole > 0 else -1))
+
+
 @pytest.mark.parametrize("value, text", [
     (3, "3"), (-3, "-3"), (2.0, "2.000000"), (1e-9, "0.000000"), ("x", "x"), (math.inf, "inf"),
 ])

@@ -2,6 +2,7 @@
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
+from behavior_controller.bt import rules
 from behavior_controller.bt.checking.checks import CONDITIONS, Checked, check, is_port_name
 from behavior_controller.bt.checking.lint import lint
 from behavior_controller.bt.checking.models import stale_models
@@ -91,11 +92,12 @@ class _Compiler:
         """Make every node, parents before children, in document order."""
         self.blackboards[""] = blackboard
         waiting = [_Place(child, None, blackboard, "", 1)
-                   for child in self.checked.trees[self.checked.main].children[:1]]
+                   for child in self.checked.trees[self.checked.main].children]
         while waiting:
             place = waiting.pop()
             if place.depth > DEEPEST:
-                self.faults.append(place.element.fault("the mission unfolds to more than {} levels".format(DEEPEST)))
+                self.faults.append(place.element.fault(
+                    rules.TOO_LARGE, "the mission unfolds to more than {} levels".format(DEEPEST)))
                 break
             self._deepest = max(self._deepest, place.depth)
             node = None if id(place.element) in self.checked.faulty else self._node(place)
@@ -148,7 +150,8 @@ class _Compiler:
             if target is not None:
                 replacement = self.registry.find(target)
                 if replacement is None:
-                    self.faults.append(element.fault("the substitute {} is not a node type".format(target)))
+                    self.faults.append(element.fault(rules.SUBSTITUTE_UNKNOWN,
+                                                     "the substitute {} is not a node type".format(target)))
                 else:
                     spec = replacement
         try:
@@ -162,11 +165,12 @@ class _Compiler:
 
     def _broken(self, element: Element, spec: NodeSpec, error: Exception) -> None:
         """Record that the code of a node type failed where it makes a node."""
-        self.faults.append(element.fault("{} cannot be made: {}: {}".format(spec.id, type(error).__name__, error),
-                                         "a mistake in the code of the node type, not in this file"))
+        self.faults.append(element.fault(rules.NODE_BROKEN, "{} cannot be made: {}: {}".format(
+            spec.id, type(error).__name__, error), "a mistake in the code of the node type, not in this file"))
 
     def _bind(self, element: Element, spec: NodeSpec, node: Node) -> None:
         attribute: Optional[str] = None
+        rule = rules.ENTRY_TYPE
         try:
             if spec.kind is not Kind.SUBTREE:
                 for attribute in element.attributes:
@@ -175,14 +179,14 @@ class _Compiler:
             for attribute in element.attributes:
                 if attribute in CONDITIONS:
                     scripts[attribute] = self._script(element.attributes[attribute])
-            attribute = None
+            attribute, rule = None, rules.NODE_REFUSES
             if scripts:
                 node.set_conditions([(name, scripts[name]) for name in PRE_CONDITIONS if name in scripts], scripts)
             node.configure()
         except ConfigureError as error:
-            self.faults.append(element.fault(str(error), attribute=error.attribute))
+            self.faults.append(element.fault(rules.NODE_REFUSES, str(error), attribute=error.attribute))
         except (ValueFault, ScriptSyntaxError) as error:
-            self.faults.append(element.fault(str(error), attribute=attribute))
+            self.faults.append(element.fault(rule, str(error), attribute=attribute))
         except Exception as error:  # in ``configure``, whatever a leaf's author got wrong
             self._broken(element, spec, error)
 
@@ -211,12 +215,12 @@ class _Compiler:
         tree_id = element.attributes["ID"]
         path = place.prefix + element.attributes.get("name", "{}::{}".format(tree_id, node.uid))
         if path in self.blackboards:
-            self.faults.append(element.fault("two SubTrees have the same path {}".format(path),
+            self.faults.append(element.fault(rules.SAME_PATH, "two SubTrees have the same path {}".format(path),
                                              "give them different names, or none", "name"))
         inner = Blackboard(place.blackboard)
         self.blackboards[path] = inner
         self._remap(element, tree_id, inner)
-        return (place._replace(blackboard=inner, prefix=path + "/"), self.checked.trees[tree_id].children[:1])
+        return (place._replace(blackboard=inner, prefix=path + "/"), self.checked.trees[tree_id].children)
 
     def _remap(self, element: Element, tree_id: str, inner: Blackboard) -> None:
         autoremap = bool(TYPES["bool"].from_text(  # type: ignore[misc]

@@ -73,17 +73,18 @@ def until_failure(_attributes: Attributes, children: List[int]) -> int:
 
 def repeated(attributes: Attributes, children: List[int]) -> int:
     """Return how a Repeat can end."""
-    child = children[0]
-    endless = attributes.get("num_cycles") == "-1"
-    return child & (FAILS | SKIPS) | (0 if endless and child & SUCCEEDS else SUCCEEDS)
+    return _in_rounds(attributes.get("num_cycles", ""), children[0], SUCCEEDS, FAILS)
 
 
 def retried(attributes: Attributes, children: List[int]) -> int:
     """Return how a RetryUntilSuccessful can end."""
-    child, attempts = children[0], attributes.get("num_attempts", "")
-    gives_up = child & FAILS and attempts != "-1"
-    is_run = attempts == "-1" or (attempts.isdigit() and int(attempts[:9]) > 0)
-    return child & (SUCCEEDS | SKIPS) | (FAILS if gives_up or not is_run else 0)
+    return _in_rounds(attributes.get("num_attempts", ""), children[0], FAILS, SUCCEEDS)
+
+
+def _in_rounds(count: str, child: int, goes_on: int, ends: int) -> int:
+    may_be_none = count != "-1" and not (count.isdigit() and int(count[:9]) > 0)
+    may_be_the_last = count != "-1" and child & goes_on
+    return child & (ends | SKIPS) | (goes_on if may_be_none or may_be_the_last else 0)
 
 
 def in_parallel(attributes: Attributes, children: List[int]) -> int:

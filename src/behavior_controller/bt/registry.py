@@ -37,6 +37,8 @@ class Role(enum.Enum):
     WRITES = "the name of an entry that is written"
     NAMES = "the name of an entry whose value does not matter"
     CHILDREN = "a number of children"
+    CHOICE = "what is compared with the cases"
+    CASE = "a text that chooses a child"
 
 
 class Port(NamedTuple):
@@ -44,7 +46,8 @@ class Port(NamedTuple):
 
     ``type`` is a name of ``values.TYPES``, ``literal`` the type of a literal if that is another. ``default`` is text as
     it would stand in the file, or None for no default. ``is_optional``: the node does without a value. ``names`` are
-    names of an instance that stand for a value where none is given; all other names mean nothing.
+    names of an instance that stand for a value where none is given; all other names mean nothing. ``if_zero`` says what
+    a number of children that is 0 leads to.
     """
 
     name: str
@@ -56,6 +59,7 @@ class Port(NamedTuple):
     is_optional: bool = False
     literal: str = ""
     names: Tuple[str, ...] = ()
+    if_zero: str = ""
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,7 @@ class NodeSpec:
     rounds: str = ""  # the port with the number of times that the child is run
     repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
     is_recovery: bool = False  # it looks at the failure of a node before it
+    is_stub: bool = False  # only a palette has it: it can be checked, not run
 
     @property
     def summary(self) -> str:

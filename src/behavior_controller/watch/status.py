@@ -98,9 +98,7 @@ def _port(text: str) -> int:
 
 
 def _print(text: str, is_again: bool) -> None:
-    """Print in place of what was printed before; what the terminal's encoding does not have is escaped."""
-    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    text = text.encode(encoding, "backslashreplace").decode(encoding)
+    """Print in place of what was printed before."""
     print(CLEAR + text if is_again and sys.stdout.isatty() else text, flush=True)
 
 

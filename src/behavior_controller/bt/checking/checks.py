@@ -3,15 +3,20 @@
 ``check`` accepts what BehaviorTree.CPP's loader accepts, says everything wrong in one pass, and warns of what loads but
 is likely a mistake. What depends on an instance (types of entries, paths of SubTrees) is the compiler's to find.
 """
+import difflib
 import itertools
+import math
+import re
 from typing import Callable, Collection, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
+from behavior_controller.bt import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.language import ports, values
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
 from behavior_controller.bt.language.script import ScriptSyntaxError, compile_script
 from behavior_controller.bt.language.values import ValueFault
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role, argument, did_you_mean
+from behavior_controller.bt.rules import Rule
 from behavior_controller.errors import Fault
 
 FORBIDDEN = " \t\n\r<>&\"'/\\:*?|."
@@ -26,8 +31,7 @@ _COMPARISONS = 20_000  # names compared for "did you mean", in all: each takes s
 _BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
 
 _BLACKBOARD_CHECK = "version 4 writes _skipIf, _failureIf or Precondition"
-# what other versions and other tools call it
-_ELSEWHERE = {
+ELSEWHERE = {
     "SubTreePlus": "version 4 writes <SubTree>, and _autoremap for __autoremap",
     "SequenceStar": "version 4 calls it SequenceWithMemory",
     "FallbackStar": "version 4 calls it Fallback",
@@ -42,6 +46,7 @@ _ELSEWHERE = {
     "include": "it stands directly below <root>",
     "TreeNodesModel": "it stands directly below <root>",
 }
+"""What other versions and other tools call a node type, and what it is here."""
 _PORTS_ELSEWHERE = {
     ("Parallel", "threshold"): "version 4 writes success_count",
     ("Parallel", "success_threshold"): "version 4 writes success_count",
@@ -113,29 +118,35 @@ class _Faults:
         self.unrecorded = 0
         self._comparisons = _COMPARISONS
 
-    def fault(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
+    def fault(self, rule: Rule, element: Element, text: str, hint: str = "", attribute: Optional[str] = None,
+              at: int = 0) -> None:
         """Record a fault; the element cannot be instantiated."""
         self.faulty.add(id(element))
         if len(self.errors) < MOST_FAULTS:
-            self.errors.append(element.fault(text, hint, attribute))
+            self.errors.append(element.fault(rule, text, hint, attribute, is_warning=False, at=at))
         else:
             self.unrecorded += 1
 
-    def warn(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
+    def warn(self, rule: Rule, element: Element, text: str, hint: str = "", attribute: Optional[str] = None,
+             at: int = 0) -> None:
         if len(self.warnings) < MOST_FAULTS:
-            self.warnings.append(element.fault(text, hint, attribute, is_warning=True))
+            self.warnings.append(element.fault(rule, text, hint, attribute, is_warning=True, at=at))
+
+    def no_id(self, element: Element, where: str = "", hint: str = "") -> None:
+        """Record that an element lacks the attribute ID."""
+        self.fault(rules.ID_MISSING, element, "<{}>{} lacks the attribute ID".format(element.tag, where),
+                   *_instead_of_id(element, hint))
 
     def all(self, file: str) -> List[Fault]:
         """Return every fault in the order of the files; the last may say that there are more in ``file``."""
         faults = sorted(self.errors + self.warnings, key=lambda fault: (fault.file, fault.line, fault.column))
         if self.unrecorded:
-            faults.append(Fault(file, 0, 0, "{} more faults are not shown".format(self.unrecorded)))
+            faults.append(Fault(file, 0, 0, "{} more faults are not shown".format(self.unrecorded),
+                                code=rules.TOO_LARGE.code))
         return faults
 
     def nearest(self, word: str, known: Collection[str], otherwise: str = "") -> str:
         """Return ``did you mean …?``, or ``otherwise`` and the known names if they are few."""
-        if len(self.errors) >= MOST_FAULTS:
-            return ""
         self._comparisons -= len(known)
         near = did_you_mean(word, known) if len(word) < 60 and self._comparisons > 0 else ""
         if near or not otherwise:
@@ -166,56 +177,59 @@ class _Index(_Faults):
         self.errors.extend(document.faults)
         self.is_complete = self.is_complete and not document.faults
         if root.tag != "root":
-            self.fault(root, "the first element is <{}>; it must be <root>".format(root.tag))
+            self.fault(rules.WRONG_ROOT, root, "the first element is <{}>; it must be <root>".format(root.tag))
             return
         self._format(root)
         self.warnings.extend(document.stray_text(MOST_FAULTS - len(self.warnings)))
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
         for extra in models[1:]:
-            self.fault(extra, "a file may hold only one <TreeNodesModel>")
+            self.fault(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")
         for child in root.children:
             if child.tag == "BehaviorTree":
                 self._tree(child, root)
             elif models and child.tag in EXPLICIT + ("SubTree",) and "ID" not in child.attributes:
-                self.fault(child, "<{}> lacks the attribute ID".format(child.tag))
+                self.no_id(child)
             elif child.tag not in _BELOW_ROOT:
-                self.warn(child, "<{}> below <root> is ignored".format(child.tag), self.nearest(child.tag, _BELOW_ROOT))
+                self.warn(rules.IGNORED_BELOW_ROOT, child, "<{}> below <root> is ignored".format(child.tag),
+                          self.nearest(child.tag, _BELOW_ROOT))
         for model in models[:1]:
             self._models(model)
 
     def _format(self, root: Element) -> None:
         version = root.attributes.get("BTCPP_format")
         if version is None:
-            self.warn(root, "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4")
+            self.warn(rules.FORMAT_MISSING, root, "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4")
         elif version != "4":
-            self.warn(root, "BTCPP_format is {}; the file is read as version 4".format(version),
+            self.warn(rules.OTHER_FORMAT, root, "BTCPP_format is {}; the file is read as version 4".format(version),
                       attribute="BTCPP_format")
 
     def _tree(self, tree: Element, root: Element) -> None:
         tree_id = tree.attributes.get("ID", "")
         if not tree_id:
             if len(root.children) > 1:
-                self.fault(tree, "<BehaviorTree> lacks the attribute ID",
-                           "only a file with nothing else may go without")
+                self.fault(rules.TREE_WITHOUT_ID, tree, "<BehaviorTree> lacks the attribute ID",
+                           *_instead_of_id(tree, "only a file with nothing else may go without"))
             tree_id = "BehaviorTree_{}".format(len(self.trees) + 1)
         else:
             self.check_id(tree, tree_id)
         if tree_id in self.trees:
             first = self.trees[tree_id]
-            self.warn(tree, "the tree {} is defined again; this one is used, not that of {}:{}".format(
-                tree_id, first.document.file, first.place()[0]), attribute="ID")
+            self.warn(rules.TREE_TWICE, tree, "the tree {} is defined again; this one is used, not that of {}:{}"
+                      .format(tree_id, first.document.file, first.place()[0]), attribute="ID")
         if len(tree.children) != 1:
-            self.fault(tree, "<BehaviorTree ID=\"{}\"> has {} children; it must have exactly 1".format(
-                tree_id, len(tree.children)), "put a Sequence around them" if tree.children else "")
+            self.fault(rules.TREE_CHILDREN, tree, "<BehaviorTree ID=\"{}\"> has {} children; it must have exactly 1"
+                       .format(tree_id, len(tree.children)), "put a Sequence around them" if tree.children else "")
         self.trees[tree_id] = tree
         self.bodies.append((tree_id, tree))
 
     def check_id(self, element: Element, tree_id: str) -> None:
         """Check the ID of a <BehaviorTree> or <SubTree>."""
         if tree_id in ("Root", "root"):
-            self.fault(element, "{} is a reserved name; a tree cannot be called so".format(tree_id), attribute="ID")
+            self.fault(rules.RESERVED_ID, element, "{} is a reserved name; a tree cannot be called so".format(tree_id),
+                       attribute="ID")
         elif self.registry.find(tree_id) is not None:
-            self.fault(element, "{} is the name of a node type; a tree cannot be called so".format(tree_id),
+            self.fault(rules.ID_OF_A_NODE, element,
+                       "{} is the name of a node type; a tree cannot be called so".format(tree_id),
                        "a node of that type is written <{}/>".format(tree_id) if element.tag == "SubTree" else "", "ID")
         elif any(letter in FORBIDDEN or letter < " " or letter == "\x7f" for letter in tree_id):
             self._forbidden(element, tree_id)
@@ -224,10 +238,10 @@ class _Index(_Faults):
         bad = sorted({letter for letter in tree_id if letter in FORBIDDEN or letter < " " or letter == "\x7f"})
         shown = " and ".join(repr(letter) for letter in bad)
         if not set(bad) <= set(self.tolerated):
-            self.fault(element, "the ID {} contains {}; not allowed are blanks and any of <>&\"'/\\:*?|.".format(
-                tree_id, shown), attribute="ID")
+            self.fault(rules.ID_LETTERS, element, "the ID {} contains {}; not allowed are blanks and any of "
+                       "<>&\"'/\\:*?|.".format(tree_id, shown), attribute="ID")
         elif element.tag == "BehaviorTree":
-            self.warn(element,
+            self.warn(rules.ID_BLANKS, element,
                       "the ID {} contains {}; BehaviorTree.CPP 4.10 refuses such a name".format(tree_id, shown),
                       attribute="ID")
 
@@ -238,7 +252,7 @@ class _Index(_Faults):
             if model.tag != "SubTree":
                 continue
             if "ID" not in model.attributes:
-                self.fault(model, "<SubTree> in <TreeNodesModel> lacks the attribute ID")
+                self.no_id(model, " in <TreeNodesModel>")
                 continue
             self.models[model.attributes["ID"]] = [
                 Port(port.attributes["name"], default=port.attributes.get("default"))
@@ -247,18 +261,18 @@ class _Index(_Faults):
     def _usable_port(self, port: Element) -> bool:
         name = port.attributes.get("name")
         if name is None:
-            self.fault(port, "<{}> lacks the attribute name".format(port.tag))
+            wrong = "<{}> lacks the attribute name".format(port.tag)
         elif not name:
-            self.fault(port, "the name of a port cannot be empty", attribute="name")
+            wrong = "the name of a port cannot be empty"
         elif name in RESERVED_PORTS:
-            self.fault(port, "{} is a reserved attribute; a port cannot be called so".format(name), attribute="name")
+            wrong = "{} is a reserved attribute; a port cannot be called so".format(name)
         elif name[0] in "0123456789":
-            self.fault(port, "the name of a port cannot start with a digit: {}".format(name), attribute="name")
+            wrong = "the name of a port cannot start with a digit: {}".format(name)
         elif any(letter in FORBIDDEN or letter < " " for letter in name):
-            self.fault(port, "the name of a port cannot contain blanks or any of <>&\"'/\\:*?|.: {}".format(name),
-                       attribute="name")
+            wrong = "the name of a port cannot contain blanks or any of <>&\"'/\\:*?|.: {}".format(name)
         else:
             return True
+        self.fault(rules.MODEL_PORT_NAME, port, wrong, attribute="name")
         return False
 
     # -------------------------------------------------------------------------------------- the calls between trees
@@ -273,7 +287,7 @@ class _Index(_Faults):
             return named
         own = [tree_id for tree_id, tree in self.trees.items() if tree.document is document]
         if named:
-            self.fault(root, "there is no tree {} to execute".format(named),
+            self.fault(rules.MAIN_TREE_UNKNOWN, root, "there is no tree {} to execute".format(named),
                        self.nearest(named, self.trees, "the trees"), None if wanted else "main_tree_to_execute")
             return ""
         if len(own) == 1 or len(self.trees) == 1:
@@ -288,12 +302,12 @@ class _Index(_Faults):
 
     def _no_main_tree(self, root: Element, free: List[str]) -> None:
         if not self.trees:
-            self.fault(root, "the file has no <BehaviorTree>")
+            self.fault(rules.NO_TREE, root, "the file has no <BehaviorTree>")
             return
         why = "each tree is called by another"
         if free:
             why = "these trees are called by no other: {}".format(", ".join(free[:10]))
-        self.fault(root, "main_tree_to_execute is not given, and {}".format(why),
+        self.fault(rules.MAIN_TREE_MISSING, root, "main_tree_to_execute is not given, and {}".format(why),
                    "name the main tree in <root main_tree_to_execute=\"…\">")
 
     def check_calls(self, main: str) -> None:
@@ -303,8 +317,9 @@ class _Index(_Faults):
             self._unfold(start, sizes, self.fault)
         self.used = set(sizes)
         if main and sizes.get(main, 0) > MOST_NODES:
-            self.fault(self.trees[main], "the mission unfolds to {} nodes; at most {} are allowed".format(
-                "more than a billion" if sizes[main] > 10 ** 9 else sizes[main], MOST_NODES), "call fewer SubTrees")
+            self.fault(rules.TOO_LARGE, self.trees[main], "the mission unfolds to {} nodes; at most {} are allowed"
+                       .format("more than a billion" if sizes[main] > 10 ** 9 else sizes[main], MOST_NODES),
+                       "call fewer SubTrees")
         for start in self.trees:
             self._unfold(start, sizes, self.warn)
 
@@ -320,8 +335,8 @@ class _Index(_Faults):
                 sizes[tree_id] = self._size(tree_id, sizes)
             elif tree_id in opened:
                 circle = path[opened[tree_id]:opened[tree_id] + 8]
-                complain(call, "the tree {} contains itself: {}".format(tree_id, " > ".join(circle + [tree_id])),
-                         attribute="ID")
+                complain(rules.TREE_CIRCLE, call, "the tree {} contains itself: {}".format(
+                    tree_id, " > ".join(circle + [tree_id])), attribute="ID")
             elif tree_id in self.calls and tree_id not in sizes:
                 opened[tree_id] = len(path)
                 path.append(tree_id)
@@ -368,7 +383,7 @@ class _Nodes:
         self._compact = {name: known for name, known in self._known.items()
                          if name not in EXPLICIT and not known.minds_children
                          and not known.spec.warning and not known.spec.names}
-        self._scripts: Dict[str, str] = {}  # text -> what is wrong with it
+        self._scripts: Dict[str, Optional[ScriptSyntaxError]] = {}  # text -> what is wrong with it
 
     def check_tree(self, tree: Element, is_used: bool) -> None:
         """Check what is below a <BehaviorTree>. What BehaviorTree.CPP notices only when it makes a node is a warning
@@ -385,9 +400,10 @@ class _Nodes:
                 if name != "name":
                     self._attribute(element, found, name, text)
 
-    def fault_in_use(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
+    def fault_in_use(self, rule: Rule, element: Element, text: str, hint: str = "", attribute: Optional[str] = None,
+                     at: int = 0) -> None:
         """Record a fault of an element that may not be in use."""
-        (self.fault if self.is_used else self.warn)(element, text, hint, attribute)
+        (self.fault if self.is_used else self.warn)(rule, element, text, hint, attribute, at)
 
     def _identified(self, element: Element) -> Optional[_Known]:
         """Return the node type that an element names; None if there is nothing more to check."""
@@ -396,14 +412,14 @@ class _Nodes:
             return None
         node_id = element.type_id
         if not node_id:
-            self.fault(element, "<{}> lacks the attribute ID".format(element.tag), "the ID is the node type")
+            self.index.no_id(element, "", "the ID is the node type")
             return None
         known = self._known.get(node_id)
         if known is None:
             self._unknown(element, node_id)
             return None
         if known.spec.warning:
-            self.warn(element, known.spec.warning)
+            self.warn(rules.NODE_TYPE_WARNING, element, known.spec.warning)
         if known.minds_children:
             self._kinds_of_children(element, known.spec)
         if known.spec.names:
@@ -415,42 +431,47 @@ class _Nodes:
         name = element.attributes.get("name", "")
         allowed = "allowed: name=\"…\" with {}".format(", ".join(spec.names))
         if not argument(name):
-            self.fault_in_use(element, "{} takes an argument in its name, which is not given".format(spec.id), allowed)
+            self.fault_in_use(rules.NAME_ARGUMENT, element,
+                              "{} takes an argument in its name, which is not given".format(spec.id), allowed)
         elif argument(name) not in spec.names:
-            self.fault_in_use(element, "the name of {} cannot be {}".format(spec.id, name), allowed, "name")
+            self.fault_in_use(rules.NAME_ARGUMENT, element, "the name of {} cannot be {}".format(spec.id, name),
+                              allowed, "name")
 
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
         if node_id == "BehaviorTree":
-            self.fault_in_use(element, "a <BehaviorTree> cannot stand inside another",
+            self.fault_in_use(rules.TREE_IN_TREE, element, "a <BehaviorTree> cannot stand inside another",
                               "call it with <SubTree ID=\"…\"/>")
         elif node_id in self.index.trees:
-            self.fault(element, "{} is a tree, not a node".format(node_id),
+            self.fault(rules.TREE_AS_NODE, element, "{} is a tree, not a node".format(node_id),
                        "it is called with <SubTree ID=\"{}\"/>".format(node_id), attribute)
         else:
-            hint = _ELSEWHERE.get(node_id) or self.index.nearest(node_id, list(self._known) + ["SubTree"])
-            self.fault(element, "unknown node {}".format(node_id), hint, attribute)
+            hint = ELSEWHERE.get(node_id) or self.index.nearest(node_id, list(self._known) + ["SubTree"])
+            self.fault(rules.UNKNOWN_NODE, element, "unknown node {}".format(node_id), hint, attribute)
 
     def _kinds_of_children(self, element: Element, spec: NodeSpec) -> None:
         for child in element.children if spec.refuses_explicit else ():
             if child.tag in EXPLICIT and child.type_id:
-                self.fault(child, "BehaviorTree.CPP refuses <{}> directly below {}".format(child.tag, spec.id),
+                self.fault(rules.EXPLICIT_IN_REACTIVE, child,
+                           "BehaviorTree.CPP refuses <{}> directly below {}".format(child.tag, spec.id),
                            "write <{}/>".format(child.type_id))
         if spec.at_most_one and sum(child.tag == spec.at_most_one for child in element.children) > 1:
-            self.fault(element, "a {} cannot have more than one {} child".format(spec.id, spec.at_most_one))
+            self.fault(rules.TWO_ASYNC, element, "a {} cannot have more than one {} child".format(
+                spec.id, spec.at_most_one))
 
     def _children(self, element: Element, known: _Known) -> None:
         count, node_id = len(element.children), known.spec.id
         if known.most == 0:
-            self.fault(element, "{} is a leaf and cannot have children".format(node_id))
+            self.fault(rules.LEAF_CHILDREN, element, "{} is a leaf and cannot have children".format(node_id))
         elif known.most == 1:
-            self.fault(element, "{} has {} children; a decorator must have exactly 1".format(node_id, count),
+            self.fault(rules.DECORATOR_CHILDREN, element,
+                       "{} has {} children; a decorator must have exactly 1".format(node_id, count),
                        "put a Sequence around them" if count else "")
         elif known.fewest > 1:
-            self.fault(element, "{} must have at least {} children: {}".format(
+            self.fault(rules.FEW_CHILDREN, element, "{} must have at least {} children: {}".format(
                 node_id, known.fewest, known.spec.children))
         else:
-            self.fault(element, "{} has no child; it must have 1 or more".format(node_id))
+            self.fault(rules.NO_CHILD, element, "{} has no child; it must have 1 or more".format(node_id))
 
     def _attribute(self, element: Element, known: _Known, name: str, text: str) -> None:
         port = known.ports.get(name)
@@ -460,19 +481,21 @@ class _Nodes:
             self._port(element, port, text)
         elif name == "ID":
             if element.tag not in EXPLICIT:
-                self.fault_in_use(element, "the attribute ID is not allowed in <{}>".format(element.tag),
+                self.fault_in_use(rules.ID_NOT_ALLOWED, element,
+                                  "the attribute ID is not allowed in <{}>".format(element.tag),
                                   "write name=\"…\" for the name of the node", "ID")
         elif is_port_name(name):
-            hint = _PORTS_ELSEWHERE.get((known.spec.id, name)) or self.index.nearest(name, known.ports, "its ports")
+            hint = _PORTS_ELSEWHERE.get((known.spec.id, name)) or condition_meant(name) or self.index.nearest(
+                name, known.ports, "its ports")
             if known.spec.names:
                 hint = "its argument is its name: {}".format(", ".join(known.spec.names))
-            self.fault_in_use(element, "{} has no port {}".format(known.spec.id, name), hint, name)
+            self.fault_in_use(rules.UNKNOWN_PORT, element, "{} has no port {}".format(known.spec.id, name), hint, name)
 
     def _port(self, element: Element, port: Port, text: str) -> None:
         wrong = ports.literal_fault(text, port, {})
         if wrong is not None:
-            self.fault_in_use(element, "port {} of type {} cannot be \"{}\"".format(port.name, port.type, text), wrong,
-                              port.name)
+            self.fault_in_use(rules.WRONG_LITERAL, element, "port {} of type {} cannot be \"{}\"".format(
+                port.name, port.type, text), wrong, port.name)
         elif ports.reference(text, port.name) is not None:
             return
         elif port.role is Role.SCRIPT and text:
@@ -482,17 +505,18 @@ class _Nodes:
 
     def _unread(self, element: Element, port: Port, text: str, type_name: str) -> None:
         """Warn of a number that is followed by more than blanks: BehaviorTree.CPP reads it no further."""
-        rest = values.unread(text, type_name)
-        if rest:
-            self.warn(element, "{}=\"{}\" is read only up to \"{}\": as {}".format(
-                port.name, text, rest, _read(text, type_name)), "the type is {}".format(type_name), port.name)
+        said = read_in_part(text, port, type_name)
+        if said:
+            self.warn(rules.NUMBER_CUT_SHORT, element, "{}=\"{}\" {}".format(port.name, text, said[0]), said[1],
+                      port.name)
 
     def _script(self, element: Element, name: str, text: str) -> None:
-        wrong = self._scripts.get(text)
-        if wrong is None:
-            wrong = self._scripts[text] = _script_fault(text)
-        if wrong:
-            self.fault_in_use(element, "the script of {} cannot be read: {}".format(name, wrong), text, name)
+        if text not in self._scripts:
+            self._scripts[text] = _script_fault(text)
+        wrong = self._scripts[text]
+        if wrong is not None:
+            self.fault_in_use(rules.SCRIPT_SYNTAX, element, "the script of {} cannot be read: {}".format(
+                name, wrong), wrong.hint or text, name, wrong.position)
 
     def _subtree(self, element: Element) -> None:
         tree_id = element.attributes.get("ID", "")
@@ -500,13 +524,14 @@ class _Nodes:
             if name in CONDITIONS:
                 self._script(element, name, text)
             elif name in _SUBTREE_ELSEWHERE:
-                self.warn(element, "{} means nothing in version 4".format(name), _SUBTREE_ELSEWHERE[name], name)
+                self.warn(rules.SUBTREE_OLD, element, "{} means nothing in version 4".format(name),
+                          _SUBTREE_ELSEWHERE[name], name)
         if not tree_id:
-            self.fault(element, "<SubTree> lacks the attribute ID", "the ID is that of a <BehaviorTree>")
+            self.index.no_id(element, "", "the ID is that of a <BehaviorTree>")
         else:
             self.index.check_id(element, tree_id)
         if element.children:
-            self.fault(element, "<SubTree ID=\"{}\"> cannot have children".format(tree_id))
+            self.fault(rules.LEAF_CHILDREN, element, "<SubTree ID=\"{}\"> cannot have children".format(tree_id))
         if tree_id and id(element) not in self.index.faulty:
             self._call(element, tree_id)
 
@@ -514,26 +539,45 @@ class _Nodes:
         if tree_id not in self.index.trees:
             self.index.faulty.add(id(element))
             if self.index.is_complete:
-                self.fault_in_use(element, "there is no tree {}".format(tree_id),
+                self.fault_in_use(rules.UNKNOWN_TREE, element, "there is no tree {}".format(tree_id),
                                   self.index.nearest(tree_id, self.index.trees, "the trees"), "ID")
         try:
             remaps_all = values.TYPES["bool"].from_text(  # type: ignore[misc]
                 element.attributes.get("_autoremap", "false"), {})
         except ValueFault as fault:
-            self.fault_in_use(element, str(fault), attribute="_autoremap")
+            self.fault_in_use(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
             return
         for port in self.index.models.get(tree_id, ()):
             if not remaps_all and port.default is None and port.name not in element.attributes:
-                self.fault_in_use(element, "the model of {} asks for the port {}, which is not given".format(
-                    tree_id, port.name), "write {0}=\"{{{0}}}\"".format(port.name))
+                self._missing(element, tree_id, port)
         if element.document.root.attributes.get("BTCPP_format") != "4":
             self._unbraced(element)
+
+    def _missing(self, element: Element, tree_id: str, port: Port) -> None:
+        """Record that a port of a tree's model is not given; at the attribute that is meant for it, if there is one."""
+        known = [known.name for known in self.index.models[tree_id]]
+        other = next((name for name in element.attributes if is_port_name(name) and name not in known
+                      and did_you_mean(name, known) == did_you_mean(port.name, [port.name])), None)
+        text = "the model of {} asks for the port {}, which is not given".format(tree_id, port.name)
+        if other:
+            self.fault_in_use(rules.MODEL_PORT_MISSING, element, "{}; it has no port {}".format(text, other),
+                              "did you mean {}?".format(port.name), other)
+        else:
+            self.fault_in_use(rules.MODEL_PORT_MISSING, element, text, "write {0}=\"{{{0}}}\"".format(port.name))
 
     def _unbraced(self, element: Element) -> None:
         for name, text in element.attributes.items():
             if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
-                self.warn(element, "{0}=\"{1}\" is the text {1} in version 4".format(name, text),
+                self.warn(rules.UNBRACED, element, "{0}=\"{1}\" is the text {1} in version 4".format(name, text),
                           "the entry of that name is written {{{}}}".format(text), name)
+
+
+def read_in_part(text: str, port: Port, type_name: str) -> Optional[Tuple[str, str]]:
+    """Return what is read of a number that ``port`` does not read to its end, and what may be meant; else None."""
+    rest = values.unread(text, type_name)
+    if not rest:
+        return None
+    return "is read only up to \"{}\": as {}".format(rest, _read(text, type_name)), _meant(text, port, type_name)
 
 
 def _read(text: str, type_name: str) -> str:
@@ -545,15 +589,52 @@ def _read(text: str, type_name: str) -> str:
     return ";".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
-def _script_fault(text: str) -> str:
-    """Return what is wrong with the text of a script, or nothing."""
+_THOUSANDS = re.compile(r"-?[0-9]{1,3}(?:[,._' ][0-9]{3})+")
+_AMOUNT = re.compile(r"([0-9]+(?:[.,][0-9]+)?)\s*([a-z]+)", re.IGNORECASE)
+_MILLISECONDS = {"ms": 1, "msec": 1, "s": 1000, "sec": 1000, "second": 1000, "seconds": 1000, "min": 60_000,
+                 "minute": 60_000, "minutes": 60_000, "h": 3_600_000, "hour": 3_600_000, "hours": 3_600_000}
+
+
+def _meant(text: str, port: Port, type_name: str) -> str:
+    """Return what may be meant by a number that is read only in part."""
+    amount = _AMOUNT.fullmatch(text.strip())
+    number = values.whole_real(text.replace(",", "."))
+    if amount is not None and port.name.endswith("msec") and amount.group(2).lower() in _MILLISECONDS:
+        milliseconds = float(amount.group(1).replace(",", ".")) * _MILLISECONDS[amount.group(2).lower()]
+        return "the number is of milliseconds: {} is {:.0f}".format(text, milliseconds)
+    if _THOUSANDS.fullmatch(text):
+        return "a number has no separators: write {}".format(re.sub("[^-0-9]", "", text))
+    if number is not None and type_name == "double":
+        return "write {}".format(text.replace(",", "."))
+    if number is not None and type_name != "double":
+        is_whole = math.isfinite(number) and number == int(number)
+        return "the type is {}{}".format(type_name, ": write {:.0f}".format(number) if is_whole else
+                                         ", without fraction")
+    return "the type is {}".format(type_name)
+
+
+def condition_meant(name: str) -> str:
+    """Return ``did you mean _…?`` if an attribute is a condition that lacks its underscore."""
+    by_lower = {condition.lower(): condition for condition in CONDITIONS}
+    near = difflib.get_close_matches("_" + name.lower(), list(by_lower), n=1, cutoff=0.8)
+    return "did you mean {}?".format(by_lower[near[0]]) if near else ""
+
+
+def _instead_of_id(element: Element, otherwise: str) -> Tuple[str, Optional[str]]:
+    """Return a hint and the attribute it is about, for an element without the attribute ID."""
+    other = next((name for name in element.attributes if name.lower() == "id"), None)
+    return ("did you mean ID? write ID=\"{}\"".format(element.attributes[other]), other) if other else (otherwise, None)
+
+
+def _script_fault(text: str) -> Optional[ScriptSyntaxError]:
+    """Return what is wrong with the text of a script, or None."""
     if len(text) > LONGEST_SCRIPT:
-        return "it has {} characters; at most {} are allowed".format(len(text), LONGEST_SCRIPT)
+        return ScriptSyntaxError("it has {} characters; at most {} are allowed".format(len(text), LONGEST_SCRIPT))
     try:
         compile_script(text)
     except ScriptSyntaxError as error:
-        return str(error)
-    return ""
+        return error
+    return None
 
 
 def is_port_name(name: str) -> bool:

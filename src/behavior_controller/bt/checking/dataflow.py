@@ -4,18 +4,29 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.document import Element
-from behavior_controller.bt.language.script import ScriptSyntaxError, compile_script
-from behavior_controller.bt.registry import Direction, Port, Registry, Role
+from behavior_controller.bt.language.script import Script, ScriptSyntaxError, compile_script
+from behavior_controller.bt.registry import Direction, Kind, Port, Registry, Role
 
 Key = Tuple[str, str]  # tree, entry; the tree of ``@`` entries is that of the root
 
 
 class Read(NamedTuple):
-    """The first place where an entry is read."""
+    """The first place where an entry is read; ``at`` is where in the attribute's value."""
 
     key: Key
     element: Element
     attribute: str
+    at: int = 0
+
+
+class Use(NamedTuple):
+    """A script, and where it stands. ``is_condition``: its value decides something."""
+
+    tree: str
+    element: Element
+    attribute: str
+    script: Script
+    is_condition: bool
 
 
 class Flow:
@@ -27,7 +38,14 @@ class Flow:
         self.written: Set[Key] = set()
         self.keys: Dict[str, Set[str]] = {}
         self.is_known = True
+        self.scripts: List[Use] = []
+        self.readers: Dict[Key, Port] = {}  # the first port that reads an entry
+        self.created: Set[Key] = set()  # what exists without a script, or by := in one
+        self.touched: Set[Key] = set()  # what not only scripts write
+        self.mentions: Dict[Key, int] = {}  # how often a tree names an entry
+        self.used: Dict[str, Set[str]] = {}  # tree -> names that it uses itself; not what its callers give it
         self._same: Dict[Key, Key] = {}
+        self._created: Optional[Set[Key]] = None
 
     def key(self, tree: str, name: str) -> Key:
         """Return the entry called ``name`` in ``tree``."""
@@ -35,20 +53,54 @@ class Flow:
         self.keys.setdefault(key[0], set()).add(key[1])
         return key
 
-    def read(self, tree: str, name: str, element: Element, attribute: str) -> None:
+    def read(self, tree: str, name: str, element: Element, attribute: str, at: int = 0) -> None:
         """Note that an entry is read."""
-        key = self.key(tree, name)
-        self.reads.setdefault(key, Read(key, element, attribute))
+        key = self._used(tree, name)
+        self.reads.setdefault(key, Read(key, element, attribute, at))
 
     def write(self, tree: str, name: str) -> None:
-        """Note that an entry is written."""
-        self.written.add(self.key(tree, name))
+        """Note that an entry is written other than by a script."""
+        key = self._used(tree, name)
+        self.written.add(key)
+        self.created.add(key)
+        self.touched.add(key)
+
+    def give(self, tree: str, name: str) -> None:
+        """Note that a caller of ``tree`` gives it an entry."""
+        key = self.key(tree, name)
+        self.written.add(key)
+        self.created.add(key)
+        self.touched.add(key)
+
+    def _used(self, tree: str, name: str) -> Key:
+        key = self.key(tree, name)
+        self.used.setdefault(key[0], set()).add(key[1])
+        self.mentions[key] = self.mentions.get(key, 0) + 1
+        return key
+
+    def remap(self, called: str, inner: str, tree: str, outer: str) -> None:
+        """Note that ``inner`` of the called tree is ``outer`` of the tree that calls it."""
+        self.join(self.key(called, inner), self._used(tree, outer))
+
+    def assign(self, tree: str, name: str, creates: bool) -> None:
+        """Note that a script writes an entry."""
+        key = self._used(tree, name)
+        self.written.add(key)
+        if creates:
+            self.created.add(key)
+
+    def created_first(self) -> Set[Key]:
+        """Return those of ``created`` by the names that stand for them; not before all is noted."""
+        if self._created is None:
+            self._created = {self.first(key) for key in self.created}
+        return self._created
 
     def join(self, one: Key, other: Key) -> None:
         """Note that two names mean one entry."""
-        self._same[self._first(one)] = self._first(other)
+        self._same[self.first(one)] = self.first(other)
 
-    def _first(self, key: Key) -> Key:
+    def first(self, key: Key) -> Key:
+        """Return the name that stands for all that mean the same entry."""
         while key in self._same and self._same[key] != key:
             self._same[key] = self._same.get(self._same[key], self._same[key])  # halves the way for the next time
             key = self._same[key]
@@ -56,9 +108,9 @@ class Flow:
 
     def never_written(self, given: Set[str]) -> List[Read]:
         """Return the reads of what nothing writes; ``given`` are entries of the root that come from elsewhere."""
-        written = {self._first(key) for key in self.written}
-        written |= {self._first((self.main, name)) for name in given}
-        return [read for key, read in self.reads.items() if self._first(key) not in written]
+        written = {self.first(key) for key in self.written}
+        written |= {self.first((self.main, name)) for name in given}
+        return [read for key, read in self.reads.items() if self.first(key) not in written]
 
 
 def flow(trees: Mapping[str, List[Element]], main: str, models: Mapping[str, List[Port]], registry: Registry) -> Flow:
@@ -71,14 +123,15 @@ def flow(trees: Mapping[str, List[Element]], main: str, models: Mapping[str, Lis
                 _call(result, tree, element, models.get(element.attributes.get("ID", ""), []))
             else:
                 for port in spec.ports if spec is not None else ():
-                    _port(result, tree, element, port)
+                    _port(result, tree, element, port, spec is not None and spec.kind is not Kind.ACTION)
             for name in PRE_CONDITIONS + POST_CONDITIONS:
                 if name in element.attributes:
-                    _script(result, tree, element, name, element.attributes[name])
+                    _script(result, tree, element, name, element.attributes[name], name in PRE_CONDITIONS)
     return result
 
 
-def _port(result: Flow, tree: str, element: Element, port: Port) -> None:
+def _port(result: Flow, tree: str, element: Element, port: Port, is_condition: bool) -> None:
+    """Note what a port reads and writes; ``is_condition``: the script that it may hold decides something."""
     text = element.attributes.get(port.name, port.default)
     if text is None or port.role is Role.NAMES:
         return
@@ -88,25 +141,30 @@ def _port(result: Flow, tree: str, element: Element, port: Port) -> None:
     if key is not None:
         if port.direction is not Direction.OUT and (port.name in element.attributes or not port.is_optional):
             result.read(tree, key, element, port.name)
+            result.readers.setdefault(result.key(tree, key), port)
         if port.direction is not Direction.IN:
             result.write(tree, key)
+        if port.name in element.attributes:
+            result.created.add(result.key(tree, key))  # when the tree is made
     if port.role in (Role.SCRIPT, Role.WRITES) and key is not None:
         result.is_known = False
     elif port.role is Role.SCRIPT:
-        _script(result, tree, element, port.name, text)
+        _script(result, tree, element, port.name, text, is_condition)
     elif port.role is Role.WRITES:
         result.write(tree, text)
 
 
-def _script(result: Flow, tree: str, element: Element, attribute: str, text: str) -> None:
+def _script(result: Flow, tree: str, element: Element, attribute: str, text: str, is_condition: bool) -> None:
     try:
         script = compile_script(text, allow_empty=True)
     except ScriptSyntaxError:
         return
+    result.scripts.append(Use(tree, element, attribute, script, is_condition))
     for name in sorted(script.read):
-        result.read(tree, name, element, attribute)
+        result.read(tree, name, element, attribute, script.facts.names.get(name, 0))
+    creates = {assignment.name for assignment in script.facts.assignments if assignment.sign == ":="}
     for name in script.written:
-        result.write(tree, name)
+        result.assign(tree, name, name in creates)
 
 
 def _call(result: Flow, tree: str, element: Element, model: List[Port]) -> None:
@@ -117,10 +175,10 @@ def _call(result: Flow, tree: str, element: Element, model: List[Port]) -> None:
     for name, text in given.items():
         outer = None if text in (None, "=") else ports.reference(str(text), name)
         if outer is not None:
-            result.join(result.key(called, name), result.key(tree, outer))
+            result.remap(called, name, tree, outer)
         elif text is not None:
-            result.write(called, name)
+            result.give(called, name)
     if element.attributes.get("_autoremap") in ("1", "true", "True", "TRUE"):
         for name in sorted(result.keys.get(called, ())):
             if name[0] != "_" and name not in given:
-                result.join(result.key(called, name), result.key(tree, name))
+                result.remap(called, name, tree, name)

@@ -3,21 +3,30 @@
 What nodes do is told by their NodeSpec alone. A warning must be worth reading: where the file and the node types cannot
 tell, there is none.
 """
+import itertools
+import re
 from typing import Collection, Dict, List, Optional, Sequence, Set, Tuple
 
-from behavior_controller.bt.checking.checks import CONDITIONS, Checked, below, is_port_name
-from behavior_controller.bt.checking.dataflow import Flow, flow
+from behavior_controller.bt import rules
+from behavior_controller.bt.checking.checks import (CONDITIONS, Checked, below, condition_meant, is_port_name,
+                                                    read_in_part)
+from behavior_controller.bt.checking.dataflow import Flow, Key, flow
 from behavior_controller.bt.checking.outcomes import outcomes
+from behavior_controller.bt.checking.scripts import WORDS, remarks
 from behavior_controller.bt.ends import FAILS, SKIPS, SUCCEEDS
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
+from behavior_controller.bt.language.values import TEXT
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry, Role, did_you_mean
+from behavior_controller.bt.rules import Rule
+from behavior_controller.bt.status import BY_NAME
 from behavior_controller.errors import Fault
 
 IGNORED_ON_PURPOSE = ("_uid", "_fullpath", "_description", "__shared_blackboard", "__autoremap")
 _REPEATS = {SUCCEEDS: ("repeats", "succeeds", "goes round for ever and never waits", "put a Sleep inside"),
             FAILS: ("retries", "fails", "asks again and again without waiting",
                     "a ReactiveFallback of the condition and a Sleep waits for it")}
+_ODD_BRACES = re.compile(r"^\{[^{}]*$|^[^{}]*\}$|\$\{|\{=?[A-Za-z_@][A-Za-z0-9_]*\}")
 _MOST_WARNINGS = 200
 _COMPARISONS = 20_000  # names compared for suggestions, in all
 
@@ -32,10 +41,11 @@ def lint(documents: Sequence[Document], checked: Checked, registry: Registry,
         return []
     linter = _Linter(checked, registry, given)
     linter.unused(documents[-1])
-    for elements in linter.trees.values():
+    for tree, elements in linter.trees.items():
         for element in elements:
-            linter.node(element)
+            linter.node(element, tree)
     linter.unwritten()
+    linter.scripts()
     return sorted(set(linter.faults), key=lambda fault: (fault.file, fault.line, fault.column))
 
 
@@ -61,16 +71,28 @@ class _Linter:
         self.trees = _called_first(checked)
         self.ends = outcomes(self.trees, registry)
         self.flow: Flow = flow(self.trees, checked.main, checked.models, registry)
-        self.used: Dict[str, Set[str]] = {}  # tree -> entries that it reads or writes under its own name
-        for tree, name in list(self.flow.reads) + list(self.flow.written):
-            self.used.setdefault(tree, set()).add(name)
+        self.written: Dict[str, Set[str]] = {}  # tree -> entries that are written under its names
+        for tree, name in self.flow.written:
+            self.written.setdefault(tree, set()).add(name)
         self.defaults = _Defaults(registry, given)
+        # a mission for another robot may be given entries by it
+        self.is_host_known = not any(self._is_stub(element) for elements in self.trees.values() for element in elements)
+        self.misspelt: Set[Key] = set()
         self.faults: List[Fault] = []
         self._comparisons = _COMPARISONS
 
-    def warn(self, element: Element, text: str, hint: str = "", attribute: Optional[str] = None) -> None:
+    def warn(self, rule: Rule, element: Element, text: str, hint: str = "", attribute: Optional[str] = None,
+             at: int = 0) -> None:
         if len(self.faults) < _MOST_WARNINGS:
-            self.faults.append(element.fault(text, hint, attribute, is_warning=True))
+            self.faults.append(element.fault(rule, text, hint, attribute, is_warning=True, at=at))
+
+    def _is_stub(self, element: Element) -> bool:
+        spec = self.registry.find(element.type_id)
+        return spec is not None and spec.is_stub
+
+    def _is_misspelt(self, name: str, tree: str) -> bool:
+        """Return whether an entry that the host may give is more likely one that ``tree`` writes, spelt wrongly."""
+        return any(len(other) > 3 and is_misspelling(name, other) for other in self.written.get(tree, ()))
 
     def nearest(self, word: str, known: Set[str]) -> str:
         """Return ``did you mean …?`` or nothing, at a bounded cost for the whole mission."""
@@ -79,22 +101,22 @@ class _Linter:
 
     # ----------------------------------------------------------------------------------------------- one node at a time
 
-    def node(self, element: Element) -> None:
-        """Apply the rules of one element."""
+    def node(self, element: Element, tree: str) -> None:
+        """Apply the rules of one element of ``tree``."""
         if element.attributes:
             self._ignored_attributes(element)
         if element.tag == "SubTree":
-            self._call(element)
+            self._call(element, tree)
             return
         spec = self.registry.find(element.type_id)
         assert spec is not None  # the check has seen to it
         for port in spec.ports:
-            self._port(element, spec, port)
+            self._port(element, spec, port, tree)
         if element.tag in EXPLICIT and element.tag != spec.kind.value:
-            self.warn(element, "<{} ID=\"{}\">: {} is no {} but of kind {}".format(
+            self.warn(rules.KIND_MISMATCH, element, "<{} ID=\"{}\">: {} is no {} but of kind {}".format(
                 element.tag, spec.id, spec.id, element.tag, spec.kind.value))
         if spec.child_counts and len(element.children) not in spec.child_counts:
-            self.warn(element, "{} has {} children; it must have {}".format(
+            self.warn(rules.CHILD_COUNT, element, "{} has {} children; it must have {}".format(
                 spec.id, len(element.children), " or ".join(map(str, spec.child_counts))),
                 "{}; it will fail when it is ticked".format(spec.children))
         if spec.next_after:
@@ -102,18 +124,62 @@ class _Linter:
         if spec.repeats_on:
             self._repeat(element, spec)
 
-    def _port(self, element: Element, spec: NodeSpec, port: Port) -> None:
-        if port.name in element.attributes:
-            if port.role is Role.CHILDREN:
-                self._count(element, port.name, element.attributes[port.name])
+    def _port(self, element: Element, spec: NodeSpec, port: Port, tree: str) -> None:
+        text = element.attributes.get(port.name)
+        if text is not None:
+            if port.type == "NodeStatus" and text not in BY_NAME and ports.reference(text, port.name) is None:
+                self.warn(rules.STATUS_UNKNOWN, element, "{}=\"{}\" is no status".format(port.name, text),
+                          "allowed: {}".format(" ".join(BY_NAME)), port.name)
+            elif port.role is Role.CHILDREN:
+                self._count(element, port, text)
+            elif port.role in (Role.DATA, Role.CHOICE) and not self._braces(element, port.name, text, tree):
+                if port.role is Role.CHOICE and ports.reference(text, port.name) is None:
+                    self.warn(rules.SWITCH_VARIABLE, element, "{} compares the text {}, which never changes".format(
+                        port.name, text), "an entry is written {{{}}}".format(text), port.name)
+            elif port.role is Role.WATCHED and ports.reference(text, port.name) is None and set(text) & set("{}$"):
+                self.warn(rules.BRACES_ODD, element, "{}=\"{}\" names no entry".format(port.name, text),
+                          "write {}=\"{{{}}}\"".format(port.name, text.strip("{}$ ")), port.name)
+            elif port.role is Role.CASE:
+                self._case(element, spec, port, text)
             return
         if port.direction is not Direction.OUT and port.default is None and not port.is_optional:
-            self.warn(element, "{} needs the port {}, which is not given".format(spec.id, port.name),
-                      "it will fail when it is ticked")
+            self.warn(rules.PORT_MISSING, element, "{} needs the port {}, which is not given".format(
+                spec.id, port.name), "it will fail when it is ticked")
         name = element.attributes.get("name", spec.id)
         if port.names and name not in port.names + (spec.id,) and any(letter.isdigit() for letter in name):
-            self.warn(element, "the name {} chooses nothing; {} knows the names {}".format(
+            self.warn(rules.NAME_CHOOSES_NOTHING, element, "the name {} chooses nothing; {} knows the names {}".format(
                 name, spec.id, " and ".join(port.names)), spec.description, "name")
+
+    def _braces(self, element: Element, attribute: str, text: str, tree: str) -> bool:
+        """Warn of a text that is nearly a reference to an entry; return whether it is."""
+        key = ports.reference(text, attribute)
+        inner = text.strip("${} \t")
+        if key is None and text in self.written.get(tree, ()) and text.isidentifier() and not self._is_stub(element):
+            self.warn(rules.BRACES_FORGOTTEN, element, "{}=\"{}\" is the text {}, not the entry".format(
+                attribute, text, text), "the entry is written {{{}}}".format(text), attribute)
+        elif key is None and not text.startswith("json:") and _ODD_BRACES.search(text):
+            self.warn(rules.BRACES_ODD, element, "{}=\"{}\" is a text, no entry".format(attribute, text),
+                      "the whole value is written {{{}}}".format(inner) if inner.isidentifier() else
+                      "a text is not filled in: a reference is the whole value", attribute)
+        elif key is not None and (key != key.strip() or "{" in key or "}" in key):
+            self.warn(rules.BRACES_ODD, element, "{}=\"{}\" is the entry called \"{}\"".format(attribute, text, key),
+                      "write {{{}}}".format(inner), attribute)
+        else:
+            return False
+        return True
+
+    def _case(self, element: Element, spec: NodeSpec, port: Port, text: str) -> None:
+        for other in spec.ports:
+            if other.name == port.name:
+                break
+            if other.role is Role.CASE and element.attributes.get(other.name) == text:
+                self.warn(rules.SWITCH_CASE, element, "{} is never chosen: {} is the same".format(
+                    port.name, other.name), attribute=port.name)
+                return
+        bare = text.strip(" \t,;'\"")
+        if bare != text and ports.reference(text, port.name) is None:
+            self.warn(rules.SWITCH_CASE, element, "{}=\"{}\" is compared with all that stands in it".format(
+                port.name, text), "write {}=\"{}\"".format(port.name, bare), port.name)
 
     def _ignored_attributes(self, element: Element) -> None:
         for name in element.attributes:
@@ -121,11 +187,12 @@ class _Linter:
                 continue
             if name == "_autoremap":
                 if element.tag != "SubTree":
-                    self.warn(element, "_autoremap means something only on a <SubTree>", attribute=name)
+                    self.warn(rules.AUTOREMAP_MISPLACED, element, "_autoremap means something only on a <SubTree>",
+                              attribute=name)
                 continue
             near = did_you_mean(name, CONDITIONS + ("_autoremap",))
             if near:
-                self.warn(element, "{} is ignored".format(name), near, name)
+                self.warn(rules.CONDITION_MISSPELT, element, "{} is ignored".format(name), near, name)
 
     def _chain(self, element: Element, spec: NodeSpec) -> None:
         """Apply the rules of a control that ticks its next child when one has ended as it should."""
@@ -137,16 +204,17 @@ class _Linter:
             if found is None or not found.is_recovery:
                 continue
             if is_sequence:
-                self.warn(child, "{} is reached only if all before it succeeded: there is no failure to look at".format(
-                    child.type_id), "it belongs into a Fallback, after the step that may fail")
+                self.warn(rules.RECOVERY_MISPLACED, child, "{} is reached only if all before it succeeded: there is no "
+                          "failure to look at".format(child.type_id),
+                          "it belongs into a Fallback, after the step that may fail")
             else:
-                self.warn(child, "{} comes first: there is no failure before it to look at".format(child.type_id),
-                          "it belongs after the step that may fail")
+                self.warn(rules.RECOVERY_MISPLACED, child, "{} comes first: there is no failure before it to look "
+                          "at".format(child.type_id), "it belongs after the step that may fail")
 
     def _unreachable(self, children: List[Element], wanted: int, what: str) -> None:
         for child, following in zip(children, children[1:]):
             if not self.ends[id(child)] & wanted:
-                self.warn(following, "{} is never reached: {} before it never {}".format(
+                self.warn(rules.NEVER_REACHED, following, "{} is never reached: {} before it never {}".format(
                     _called(following), _called(child), what))
                 return
 
@@ -154,35 +222,77 @@ class _Linter:
         child, rounds = element.children[0], element.attributes.get(spec.rounds, "")
         repeats, ends, endlessly, hint = _REPEATS[spec.repeats_on]
         if not self.ends[id(child)] & spec.repeats_on:
-            self.warn(element, "{} never {}: {} never {}".format(spec.id, repeats, _called(child), ends))
+            self.warn(rules.NEVER_REPEATS, element, "{} never {}: {} never {}".format(
+                spec.id, repeats, _called(child), ends))
         elif rounds == "-1" and self._is_instant(child):
-            self.warn(element, "{} {}".format(spec.id, endlessly), hint, spec.rounds)
+            self.warn(rules.NEVER_WAITS, element, "{} {}".format(spec.id, endlessly), hint, spec.rounds)
         if rounds == "0" or (rounds[:1] == "-" and rounds[1:].isdigit() and rounds != "-1"):
-            self.warn(element, "{}=\"{}\": the child is never run".format(spec.rounds, rounds), "-1 is for ever",
-                      spec.rounds)
+            self.warn(rules.NEVER_RUN, element, "{}=\"{}\": the child is never run".format(spec.rounds, rounds),
+                      "-1 is for ever", spec.rounds)
 
     def _is_instant(self, element: Element) -> bool:
         """Return whether all below and including ``element`` is known to be done as soon as it is ticked."""
         specs = [self.registry.find(found.type_id) for found in [element] + below(element)]
         return all(spec is not None and (spec.is_instant or spec.kind is Kind.CONDITION) for spec in specs)
 
-    def _count(self, element: Element, attribute: str, text: str) -> None:
-        count = len(element.children)
+    def _count(self, element: Element, port: Port, text: str) -> None:
+        attribute, count = port.name, len(element.children)
         if text.isdigit() and len(text) < 10 and int(text) > count:
-            self.warn(element, "{}=\"{}\", but there are only {} children".format(attribute, text, count),
-                      "it will fail when it is ticked", attribute)
+            self.warn(rules.COUNT_TOO_HIGH, element, "{}=\"{}\", but there are only {} children".format(
+                attribute, text, count), "it will fail when it is ticked", attribute)
         elif text == "0":
-            self.warn(element, "{}=\"0\" is decided before any child has done its work".format(attribute),
+            self.warn(rules.COUNT_ZERO, element, "{}=\"0\" {}".format(attribute, port.if_zero),
                       "-1 is all children", attribute)
 
-    def _call(self, element: Element) -> None:
+    def _call(self, element: Element, tree: str) -> None:
         called = element.attributes.get("ID", "")
-        used = self.used.get(called, set())
-        for name in element.attributes:
-            if is_port_name(name) and name not in used and len(name) > 2:
-                near = self.nearest(name, used - set(element.attributes))
-                if near:
-                    self.warn(element, "the tree {} uses no entry {}".format(called, name), near, name)
+        used = self.flow.used.get(called, set())
+        model = {port.name for port in self.checked.models.get(called, ())}
+        for name, text in element.attributes.items():
+            if not is_port_name(name):
+                continue
+            self._remapped(element, name, text, tree)
+            self._given(element, name, text, called)
+            if not self._braces(element, name, text, tree) and name not in used | model:
+                near = self.nearest(name, (used | model) - set(element.attributes)) if len(name) > 2 else ""
+                if condition_meant(name):
+                    self.warn(rules.SUBTREE_CONDITION, element, "{} is an entry of the tree {}, no condition".format(
+                        name, called), condition_meant(name), name)
+                elif model:
+                    self.warn(rules.MODEL_PORT_UNKNOWN, element, "the model of {} has no port {}".format(called, name),
+                              near or "its ports: {}".format(", ".join(sorted(model))), name)
+                elif near:
+                    self.warn(rules.SUBTREE_PORT_UNKNOWN, element, "the tree {} uses no entry {}".format(called, name),
+                              near, name)
+
+    def _given(self, element: Element, name: str, text: str, called: str) -> None:
+        """Warn of a literal that a port of the called tree reads in part, or cannot read."""
+        port = self.flow.readers.get((called, name))
+        if port is None or ports.reference(text, name) is not None or ports.subtree_literal(text)[0] != TEXT:
+            return
+        said = read_in_part(text, port, port.type)
+        wrong = ports.literal_fault(text, port, {})
+        if said:
+            self.warn(rules.NUMBER_CUT_SHORT, element, "{}=\"{}\" {}".format(name, text, said[0]), said[1], name)
+        elif wrong is not None:
+            self.warn(rules.WRONG_LITERAL, element, "{}=\"{}\" cannot be of type {}, as the port {} there".format(
+                name, text, port.type, port.name), wrong, name)
+
+    def _remapped(self, element: Element, name: str, text: str, tree: str) -> None:
+        """Warn of an entry that is named nowhere else in the tree, but nearly so."""
+        outer = ports.reference(text, name)
+        key = self.flow.key(tree, outer) if outer is not None else None
+        if key is None or self.flow.mentions.get(key, 0) > 1:
+            return
+        known = self.flow.used.get(key[0], set())
+        self._comparisons -= len(known)
+        if self._comparisons < 0:
+            return
+        near = next((other for other in sorted(known) if is_misspelling(key[1], other)), "")
+        if near:
+            self.misspelt.add(self.flow.first(key))
+            self.warn(rules.ENTRY_MISSPELT, element, "the entry {} is named nowhere else".format(outer),
+                      "did you mean {}?".format(near), name)
 
     # ---------------------------------------------------------------------------------------------- the whole mission
 
@@ -190,30 +300,62 @@ class _Linter:
         """Warn of trees of the mission file itself that the mission does not use; what is included is a library."""
         for tree_id, tree in self.checked.trees.items():
             if tree_id not in self.trees and tree.document is document:
-                self.warn(tree, "the tree {} is not used".format(tree_id),
+                self.warn(rules.TREE_UNUSED, tree, "the tree {} is not used".format(tree_id),
                           "the main tree is {}".format(self.checked.main))
 
     def unwritten(self) -> None:
         """Warn of entries that are read and that nothing writes; of those that a node reads by default, of one."""
         if not self.flow.is_known:
             return
-        written: Dict[str, Set[str]] = {}
-        for tree, name in self.flow.written:
-            written.setdefault(tree, set()).add(name)
         told: Set[int] = set()  # elements
         for read in self.flow.never_written(self.defaults.given)[:_MOST_WARNINGS]:
             tree, name = read.key
+            if self.flow.first(read.key) in self.misspelt or name in WORDS or name != name.strip() or "{" in name:
+                continue  # it has been told in other words
             if read.attribute not in read.element.attributes:
                 if id(read.element) in told:
                     continue
                 told.add(id(read.element))
-            if tree != self.checked.main and name in self.defaults.known:
-                hint = "that of the whole mission is @{}".format(name)
-            else:
+            hint = self._other_scope(tree, name)
+            if not hint:
+                if not self.is_host_known and not self._is_misspelt(name, tree):
+                    continue
                 hint = self.defaults.written_by(name) if tree == self.checked.main else ""
-                hint = hint or self.nearest(name, written.get(tree, set()))
-            self.warn(read.element, "the entry {} is read here, but nothing writes it".format(name), hint,
-                      read.attribute)
+                hint = hint or self.nearest(name, self.written.get(tree, set()))
+            self.warn(rules.NEVER_WRITTEN, read.element, "the entry {} is read here, but nothing writes it".format(
+                name), hint, read.attribute, read.at)
+
+    def _other_scope(self, tree: str, name: str) -> str:
+        """Return a hint if an entry of that name is written, but in another tree's blackboard."""
+        main = self.checked.main
+        if tree != main:
+            of_all = name in self.defaults.known or name in self.written.get(main, ())
+            return "that of the whole mission is @{}".format(name) if of_all else ""
+        elsewhere = [other for other, names in self.written.items() if other != main and name in names]
+        return "the tree {} writes one of its own; that of the whole mission is @{}".format(
+            elsewhere[0], name) if elsewhere else ""
+
+    def scripts(self) -> None:
+        """Warn of scripts that hardly do what is meant."""
+        for remark in itertools.islice(remarks(self.flow, self.defaults.known), _MOST_WARNINGS):
+            if remark.rule is rules.NOT_CREATED and not self.is_host_known:
+                continue
+            self.warn(remark.rule, remark.use.element, remark.text, remark.hint, remark.use.attribute, remark.at)
+
+
+def is_misspelling(word: str, other: str) -> bool:
+    """Return whether two names differ by one letter left out, added or changed, or two exchanged.
+
+    A digit or an s at the end makes another name.
+    """
+    if word == other or word.rstrip("s0123456789") == other.rstrip("s0123456789"):
+        return False
+    short, long = sorted((word, other), key=len)
+    at = next((index for index, pair in enumerate(zip(short, long)) if pair[0] != pair[1]), len(short))
+    rest, longer = short[at:], long[at:]
+    if len(short) == len(long):
+        return rest[1:] == longer[1:] or (rest[1::-1] == longer[:2] and rest[2:] == longer[2:])
+    return rest == longer[1:]
 
 
 class _Defaults:

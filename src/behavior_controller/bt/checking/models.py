@@ -5,6 +5,7 @@ unnoticed until a node of it is used.
 """
 from typing import Dict, List, Sequence
 
+from behavior_controller.bt import rules
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
 from behavior_controller.bt.registry import Direction, NodeSpec, Port, Registry, did_you_mean
 from behavior_controller.errors import Fault
@@ -29,11 +30,12 @@ def _compared(model: Element, registry: Registry) -> List[Fault]:
     spec = registry.find(node_id)
     if spec is None:
         hint = did_you_mean(node_id, [known.id for known in registry.all()])
-        return [model.fault("the palette has an unknown node {}".format(node_id), hint, "ID", is_warning=True)]
+        return [model.fault(rules.PALETTE_UNKNOWN_NODE, "the palette has an unknown node {}".format(node_id),
+                            hint, "ID")]
     found = []
     if model.tag != spec.kind.value:
-        found.append(model.fault("the palette has {} as {} {}; it is {} {}".format(
-            node_id, _article(model.tag), model.tag, _article(spec.kind.value), spec.kind.value), is_warning=True))
+        found.append(model.fault(rules.PALETTE_KIND, "the palette has {} as {} {}; it is {} {}".format(
+            node_id, _article(model.tag), model.tag, _article(spec.kind.value), spec.kind.value)))
     return found + _compared_ports(model, spec)
 
 
@@ -50,10 +52,10 @@ def _compared_ports(model: Element, spec: NodeSpec) -> List[Fault]:
         name = element.attributes.get("name", "")
         port = known.get(name)
         if port is None:
-            found.append(element.fault("the palette has an unknown port {} of {}".format(name, spec.id),
-                                       did_you_mean(name, known) or "its ports: {}".format(", ".join(known) or "none"),
-                                       "name", is_warning=True))
+            found.append(element.fault(
+                rules.PALETTE_PORT, "the palette has an unknown port {} of {}".format(name, spec.id),
+                did_you_mean(name, known) or "its ports: {}".format(", ".join(known) or "none"), "name"))
         elif port.direction is not _DIRECTIONS[element.tag]:
-            found.append(element.fault("the port {} of {} is an {}, not an {}".format(
-                name, spec.id, port.direction.value, element.tag), is_warning=True))
+            found.append(element.fault(rules.PALETTE_DIRECTION, "the port {} of {} is an {}, not an {}".format(
+                name, spec.id, port.direction.value, element.tag)))
     return found

@@ -4,13 +4,13 @@ from xml.sax.saxutils import escape, quoteattr
 
 from behavior_controller.bt.registry import NodeSpec, Port
 
-# names of types as BehaviorTree.CPP writes them
-_TYPES = {
+TYPE_NAMES = {
     "string": "std::string", "uint": "unsigned int", "int8": "signed char", "uint8": "unsigned char", "int64": "long",
     "uint64": "unsigned long", "any": "BT::AnyTypeAllowed", "Any": "BT::Any", "NodeStatus": "BT::NodeStatus",
     "vec_int": "std::vector<int>", "vec_double": "std::vector<double>", "vec_string": "std::vector<std::string>",
     "vec_bool": "std::vector<bool>",
 }
+"""Our names of types, and those that BehaviorTree.CPP writes."""
 
 
 def tree_nodes_model(specs: Iterable[NodeSpec], indent: str = "") -> str:
@@ -36,5 +36,5 @@ def _port(port: Port) -> str:
     default = "" if port.default is None else " default={}".format(quoteattr(port.default))
     direction = port.direction.value
     start = "<{} name={} type={}{}".format(direction, quoteattr(port.name),
-                                           quoteattr(_TYPES.get(port.type, port.type)), default)
+                                           quoteattr(TYPE_NAMES.get(port.type, port.type)), default)
     return "{}>{}</{}>".format(start, escape(port.description), direction) if port.description else start + "/>"

@@ -192,6 +192,10 @@ def _in(name: str, type_name: str, default: Optional[str] = None, description: s
     return Port(name, type_name, Direction.IN, default, description, role)
 
 
+def _count(name: str, default: str, description: str, if_zero: str) -> Port:
+    return Port(name, "int", Direction.IN, default, description, Role.CHILDREN, if_zero=if_zero)
+
+
 def _loop(factory: Factory, item_type: str, literal: str = "") -> NodeSpec:
     return _decorator(factory, (
         Port("queue", "any", Direction.INOUT, None, "the items: an entry, or texts with ; between them",
@@ -203,8 +207,8 @@ def _loop(factory: Factory, item_type: str, literal: str = "") -> NodeSpec:
 def _switch(cases: int) -> NodeSpec:
     names = ["case_{}".format(number + 1) for number in range(cases)]
     return NodeSpec("Switch{}".format(cases), Kind.CONTROL, partial(controls.Switch, cases=cases),
-                    (_in("variable", TEXT, None, "compared with each case"),)
-                    + tuple(_in(name, TEXT, None, "value that chooses this child") for name in names),
+                    (_in("variable", TEXT, None, "compared with each case", Role.CHOICE),)
+                    + tuple(_in(name, TEXT, None, "value that chooses this child", Role.CASE) for name in names),
                     outcome=ends.of_any_child, is_instant=True, child_counts=(cases + 1,),
                     children="one for each case and the default")
 
@@ -237,6 +241,7 @@ def _action(node_id: str, factory: Factory, ports_: Tuple[Port, ...] = (), outco
     return NodeSpec(node_id, Kind.ACTION, factory, ports_, _described(factory), outcome=outcome, is_instant=is_instant)
 
 
+_DECIDED = "is decided before any child has done its work"
 _BRANCHES: Dict[str, Any] = {"child_counts": (2, 3), "children": "condition, then, else"}
 _ENTRY = (_in("entry", "Any", None, "the entry to watch", Role.WATCHED),)
 _SPECS = (
@@ -245,10 +250,11 @@ _SPECS = (
     _fallback(controls.Fallback), _fallback(controls.AsyncFallback), _fallback(controls.ReactiveFallback),
     _control(controls.IfThenElse, ends.chosen, **_BRANCHES), _control(controls.WhileDoElse, ends.chosen, **_BRANCHES),
     _control(controls.Parallel, ends.in_parallel, (
-        _in("success_count", "int", "-1", "children that must succeed; -1 is all", Role.CHILDREN),
-        _in("failure_count", "int", "1", "children that must fail to fail; -1 is all", Role.CHILDREN))),
+        _count("success_count", "-1", "children that must succeed; -1 is all", _DECIDED),
+        _count("failure_count", "1", "children that must fail to fail; -1 is all", _DECIDED))),
     _control(controls.ParallelAll, ends.ANY, (
-        _in("max_failures", "int", "1", "FAILURE if at least as many children fail", Role.CHILDREN),)),
+        _count("max_failures", "1", "FAILURE if at least as many children fail",
+               "waits for all children, and is then always FAILURE"),)),
     _control(controls.TryCatch, ends.in_sequence_before_the_last,
              (_in("catch_on_halt", "bool", "false", "tick the last child on a halt too"),), fewest_children=2,
              children="the last is the one that catches", next_after=ends.SUCCEEDS, last_is_apart=True),

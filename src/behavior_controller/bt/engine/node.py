@@ -15,8 +15,8 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.language.script import Script, to_bool
-from behavior_controller.bt.registry import NodeSpec, Port
+from behavior_controller.bt.language.script import Script, ScriptError, to_bool
+from behavior_controller.bt.registry import NodeSpec, Port, Role
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.text import clean
@@ -113,11 +113,11 @@ class Interception:
         status = node.status
         if status is IDLE:
             for attribute, script in self.conditions:
-                if _is_true(script, node) is not (attribute == "_while"):
+                if _is_true(script, node, attribute) is not (attribute == "_while"):
                     return _DECISIONS[attribute]
         elif status is RUNNING:
             for attribute, script in self.conditions:
-                if attribute == "_while" and not _is_true(script, node):
+                if attribute == "_while" and not _is_true(script, node, attribute):
                     node.halt_node()
                     return SKIPPED
         return None
@@ -127,11 +127,32 @@ class Interception:
         for attribute in attributes:
             script = self.scripts.get(attribute)
             if script is not None:
-                script.run(node.blackboard, node.services.enums)
+                _run(script, node, attribute)
 
 
-def _is_true(script: Script, node: "Node") -> bool:
-    return to_bool(script.run(node.blackboard, node.services.enums))
+def _is_true(script: Script, node: "Node", attribute: str) -> bool:
+    return to_bool(_run(script, node, attribute))
+
+
+def _run(script: Script, node: "Node", attribute: str) -> Any:
+    try:
+        return script.run(node.blackboard, node.services.enums)
+    except BehaviorControllerError as error:
+        error.origin = (node.element, attribute)
+        raise
+
+
+def place_of(error: BehaviorControllerError) -> str:
+    """Return ``file:line:column`` of what in a mission made a tick fail; "" if the tree is not from a file."""
+    node = error.node if isinstance(error, TickError) else None
+    cause = error.cause if isinstance(error, TickError) else error
+    element, attribute = cause.origin if isinstance(cause, BehaviorControllerError) and cause.origin else (
+        node.element if node is not None else None, None)
+    if element is None:
+        return ""
+    if attribute is None and node is not None and isinstance(cause, ScriptError):
+        attribute = next((port.name for port in node.spec.ports if port.role is Role.SCRIPT), None)
+    return "{}:{}:{}".format(clean(element.document.file), *element.place(attribute))
 
 
 class Node(Behaviour):

@@ -9,7 +9,11 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple, Un
 
 from lxml import etree
 
-from behavior_controller.bt.language.markup import ATTRIBUTE, STARTS, TOKEN, MarkupFault, diagnosis, mended, stray_text
+from behavior_controller.bt import rules
+from behavior_controller.bt.language.markup import (ATTRIBUTE, CHARACTER, STARTS, TAG_NAME, TOKEN, MarkupFault,
+                                                    diagnosis, mended, stray_text)
+from behavior_controller.bt.language.packages import package_folder
+from behavior_controller.bt.rules import Rule
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Unreadable, clean, decode, read_bytes
 
@@ -41,10 +45,15 @@ class Element:
         """Return line and column, from 1, of the element, or of one of its attributes if it has it."""
         return self.document.place(self.number, attribute)
 
-    def fault(self, text: str, hint: str = "", attribute: Optional[str] = None, is_warning: bool = False) -> Fault:
-        """Return a fault at this place, on one line whatever names and values the text quotes."""
-        line, column = self.place(attribute)
-        return Fault(self.document.file, line, column, clean(text, _LONGEST), clean(hint, _LONGEST), is_warning)
+    def fault(self, rule: Rule, text: str, hint: str = "", attribute: Optional[str] = None,
+              is_warning: Optional[bool] = None, at: int = 0) -> Fault:
+        """Return a fault at this place, on one line whatever names and values the text quotes.
+
+        ``is_warning``: if it is another than the rule says. ``at`` is the character of the attribute's value that it is
+        about, which matters if the value has several lines.
+        """
+        begin, end = self.document.span(self.number, attribute, at)
+        return self.document.fault_between(rule, begin, end, text, hint, is_warning)
 
 
 class Document:
@@ -60,6 +69,13 @@ class Document:
 
     def place(self, number: int, attribute: Optional[str] = None) -> Tuple[int, int]:
         """Return line and column of the element with that number in document order, or of one of its attributes."""
+        return self.position(self.span(number, attribute)[0])
+
+    def span(self, number: int, attribute: Optional[str] = None, at: int = 0) -> Tuple[int, int]:
+        """Return where an attribute of an element begins and ends, as offsets; of its tag's name if it has none such.
+
+        It begins with the character ``at`` of the value if that stands on a later line.
+        """
         if not self._starts:
             self._starts = [match.start() for match in TOKEN.finditer(self.text) if match.lastgroup in STARTS]
         offset = self._starts[number]
@@ -67,8 +83,17 @@ class Document:
             tag: Any = TOKEN.match(self.text, offset)
             for found in ATTRIBUTE.finditer(self.text, offset, tag.end()):
                 if found.group(1) == attribute:
-                    return self.position(found.start())
-        return self.position(offset)
+                    return self._in_value(found, at) or found.start(), found.end()
+        return offset, TAG_NAME.match(self.text, offset + 1).end()  # type: ignore[union-attr]
+
+    def _in_value(self, attribute: Any, at: int) -> int:
+        """Return the offset of a character of the value if there is a line break before it, else 0."""
+        begin, end = attribute.start(2) + 1, attribute.end(2) - 1
+        if not at or "\n" not in self.text[begin:end] and "\r" not in self.text[begin:end]:
+            return 0
+        pieces = itertools.islice(CHARACTER.finditer(self.text, begin, end), at, None)
+        offset = next((piece.start() for piece in pieces), end)
+        return offset if self.position(offset)[0] > self.position(begin)[0] else 0
 
     def position(self, offset: int) -> Tuple[int, int]:
         """Return line and column, from 1, of a character of the file."""
@@ -79,13 +104,18 @@ class Document:
 
     def fault(self, fault: MarkupFault) -> Fault:
         """Return a fault of the markup with its place."""
-        line, column = self.position(fault.offset)
-        return Fault(self.file, line, column, clean(fault.text, _LONGEST), clean(fault.hint, _LONGEST))
+        return self.fault_between(fault.rule, fault.offset, fault.offset + 1, fault.text, fault.hint)
+
+    def fault_between(self, rule: Rule, begin: int, end: int, text: str, hint: str = "",
+                      is_warning: Optional[bool] = None) -> Fault:
+        """Return a fault about the characters from ``begin`` to before ``end``."""
+        return Fault(self.file, *self.position(begin), clean(text, _LONGEST), clean(hint, _LONGEST),
+                     rule.is_warning if is_warning is None else is_warning, rule.code, *self.position(end))
 
     def stray_text(self, most: int) -> List[Fault]:
         """Return warnings of the first ``most`` texts that stand where only elements count."""
         found = itertools.islice(stray_text(self.text), most)
-        return [self.fault(fault)._replace(is_warning=True) for fault in found]
+        return [self.fault(fault) for fault in found]
 
 
 # ------------------------------------------------------------------------------------------------------------- one file
@@ -96,7 +126,8 @@ def read(path: str) -> Document:
     try:
         data = read_bytes(path, LARGEST)
     except Unreadable as error:
-        raise MissionError([Fault(path, 0, 0, "the file cannot be read: {}".format(error))]) from error
+        raise MissionError([Fault(path, 0, 0, "the file cannot be read: {}".format(error),
+                                  code=rules.UNREADABLE_FILE.code)]) from error
     return parse(data, path)
 
 
@@ -106,9 +137,10 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
     text = document.text
     try:
         if not text.strip("\ufeff \t\r\n"):
-            raise MarkupFault("the file is empty", 0, "a mission begins with <root BTCPP_format=\"4\">")
+            raise MarkupFault(rules.EMPTY_FILE, "the file is empty", 0,
+                              "a mission begins with <root BTCPP_format=\"4\">")
         if "\x00" in text:
-            raise MarkupFault("a NUL character: the file is not UTF-8 text", text.index("\x00"),
+            raise MarkupFault(rules.NOT_TEXT, "a NUL character: the file is not UTF-8 text", text.index("\x00"),
                               "save the file as UTF-8")
         with collector_at_rest():
             document.root = _parsed(mended(text), document)
@@ -126,8 +158,8 @@ def _decoded(data: bytes, file: str) -> str:
         # what comes before the first wrong byte is text, and says where it is
         before = Document(file, decode(data[:error.start], "ignore"))
         encoding = "UTF-16" if error.encoding.startswith("utf-16") else "UTF-8"
-        wrong = MarkupFault("byte 0x{:02x} is not {}".format(data[error.start], encoding), len(before.text),
-                            "save the file as UTF-8")
+        wrong = MarkupFault(rules.NOT_TEXT, "byte 0x{:02x} is not {}".format(data[error.start], encoding),
+                            len(before.text), "save the file as UTF-8")
         raise MissionError([before.fault(wrong)]) from error
 
 
@@ -177,7 +209,7 @@ def _not_well_formed(document: Document, error: Exception) -> MissionError:
     if not faults:
         message = re.sub(r",? line \d+(, column \d+)?.*", "", str(error))
         faults = [Fault(document.file, getattr(error, "lineno", None) or 0, 0,
-                        clean("not well-formed XML: " + message, _LONGEST))]
+                        clean("not well-formed XML: " + message, _LONGEST), code=rules.NOT_WELL_FORMED.code)]
     return MissionError(faults)
 
 
@@ -203,7 +235,8 @@ def _include(document: Document, found: List[Document], seen: Set[str], chain: T
                 continue
             real = os.path.realpath(path)
             if real in chain:
-                document.faults.append(element.fault("{} includes itself".format(path), attribute="path"))
+                document.faults.append(element.fault(rules.INCLUDE_CIRCLE, "{} includes itself".format(path),
+                                                     attribute="path"))
             elif real not in seen:
                 seen.add(real)
                 _include_file(element, path, found, seen, chain)
@@ -214,9 +247,16 @@ def _included_path(element: Element) -> Optional[str]:
     path = element.attributes.get("path", "")
     faults = element.document.faults
     if not path:
-        faults.append(element.fault("<include> lacks the attribute path", "it is relative to this file", "path"))
+        faults.append(element.fault(rules.INCLUDE_WITHOUT_PATH, "<include> lacks the attribute path",
+                                    "it is relative to this file", "path"))
     elif "ros_pkg" in element.attributes and not os.path.isabs(path):
-        faults.append(element.fault("ros_pkg is not supported", "give the path relative to this file", "ros_pkg"))
+        package = element.attributes["ros_pkg"]
+        folder = package_folder(package)
+        if folder is not None:
+            return os.path.join(folder, path)
+        faults.append(element.fault(rules.INCLUDE_PACKAGE, "no ROS package {} is found for ros_pkg".format(package),
+                                    "ROS_PACKAGE_PATH says where packages are: source the workspace's setup.bash",
+                                    "ros_pkg"))
     else:
         return os.path.join(os.path.dirname(element.document.file), path)
     return None
@@ -224,14 +264,15 @@ def _included_path(element: Element) -> Optional[str]:
 
 def _include_file(element: Element, path: str, found: List[Document], seen: Set[str], chain: Tuple[str, ...]) -> None:
     faults = element.document.faults
-    if len(seen) > MOST_FILES or len(chain) > DEEPEST_INCLUDE:
-        faults.append(element.fault("more than {} files are included, or {} deep".format(MOST_FILES, DEEPEST_INCLUDE)))
+    if len(seen) > MOST_FILES + 1 or len(chain) > DEEPEST_INCLUDE:
+        faults.append(element.fault(rules.TOO_LARGE, "more than {} files are included, or {} deep".format(
+            MOST_FILES, DEEPEST_INCLUDE)))
         return
     try:
         included = read(path)
     except MissionError as error:
         fault = error.faults[0]
-        faults.append(fault if fault.line else element.fault("cannot include {}: {}".format(path, fault.text),
-                                                             attribute="path"))
+        faults.append(fault if fault.line else element.fault(
+            rules.INCLUDE_UNREADABLE, "cannot include {}: {}".format(path, fault.text), attribute="path"))
         return
     _include(included, found, seen, chain)

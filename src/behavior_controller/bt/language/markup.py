@@ -9,6 +9,9 @@ Every pattern here is linear in the length of the file, also where it does not m
 import re
 from typing import Any, Iterator, List, Tuple
 
+from behavior_controller.bt import rules
+from behavior_controller.bt.rules import Rule
+
 DEEPEST = 2_040  # nested elements; libxml2 itself stops at 2,048
 MOST_TAGS = 400_000
 MOST_ATTRIBUTES = 500  # of one element; libxml2 2.9 compares each with each
@@ -41,10 +44,13 @@ _OUTSIDE = re.compile(r"""
     {0}+ | <!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*> | <\?.*?\?> | (?P<wrong>.)
 """.format(_BLANK), re.VERBOSE | re.DOTALL)
 _RAW_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
+CHARACTER = re.compile(r"&(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});|\r\n|.", re.DOTALL)
+"""One character of a value, as it may be written."""
+
 _CHARACTER = re.compile(r"&#(?:(\d{1,7})|x([0-9a-fA-F]{1,6}));")
 _NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _PLAIN_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
-_TAG_NAME = re.compile(_TAG)
+TAG_NAME = re.compile(_TAG)
 _GOOD_TAG = re.compile(
     r"""<[A-Za-z_][\w.-]*(?:[ ]+[A-Za-z_][\w.-]*="[^&"\x00-\x1f\ud800-\udfff\ufffe\uffff]*")?[ ]*/?>""")
 _PERHAPS_TEXT = re.compile(r">{0}*(?:[^ \t\r\n<]|<!\[CDATA\[)".format(_BLANK))
@@ -55,8 +61,9 @@ _REST_OF_TAG = re.compile(r"""({0}*)({1})?({0}*=)?{0}*(["']?)""".format(_BLANK, 
 class MarkupFault(Exception):
     """What is wrong with the markup, and the offset of the character where it is."""
 
-    def __init__(self, text: str, offset: int, hint: str = ""):
+    def __init__(self, rule: Rule, text: str, offset: int, hint: str = ""):
         super().__init__(text)
+        self.rule = rule
         self.text = text
         self.offset = offset
         self.hint = hint
@@ -68,7 +75,8 @@ class MarkupFault(Exception):
 def mended(text: str) -> str:
     """Return ``text`` as XML, each element on its line. Raises MarkupFault where the pieces cannot be told apart."""
     if text.count("<") > MOST_TAGS:
-        raise MarkupFault("the file has more than {} tags".format(MOST_TAGS), 0, "split the mission into several files")
+        raise MarkupFault(rules.TOO_LARGE, "the file has more than {} tags".format(MOST_TAGS), 0,
+                          "split the mission into several files")
     pieces: List[str] = []
     done = depth = end = 0
     for match in TOKEN.finditer(text):
@@ -82,8 +90,8 @@ def mended(text: str) -> str:
             done = match.end()
             depth += kind == "mend" and not match.group("mend")
         if depth > DEEPEST:
-            raise MarkupFault("elements are nested deeper than {} levels".format(DEEPEST), match.start(),
-                              "split the tree into SubTrees")
+            raise MarkupFault(rules.TOO_LARGE, "elements are nested deeper than {} levels".format(DEEPEST),
+                              match.start(), "split the tree into SubTrees")
         if depth == 0 and not end and kind in ("end", "leaf", "mend"):
             end = match.end()
     _check_outside(text, end)
@@ -117,14 +125,15 @@ def _check_outside(text: str, end: int) -> None:
     """Refuse what stands before the first element and after its ``end``, unless it is a comment or the like."""
     first = next((match.start() for match in TOKEN.finditer(text) if match.lastgroup in STARTS), None)
     if first is None:
-        raise MarkupFault("there is no element", 0, "a mission begins with <root BTCPP_format=\"4\">")
+        raise MarkupFault(rules.NO_ELEMENT, "there is no element", 0, "a mission begins with <root BTCPP_format=\"4\">")
     for begin, stop in ((text.startswith("\ufeff"), first), (end or len(text), len(text))):
         for match in _OUTSIDE.finditer(text, begin, stop):
             if match.group("wrong"):
                 for fault in diagnosis(text):
                     raise fault
                 what = "an element" if match.group("wrong") == "<" else "text"
-                raise MarkupFault("{} {} the first element".format(what, "after the end of" if begin > 1 else "before"),
+                raise MarkupFault(rules.OUTSIDE_ROOT, "{} {} the first element".format(
+                    what, "after the end of" if begin > 1 else "before"),
                                   match.start("wrong"), "a file holds one <root> and nothing else")
 
 
@@ -152,18 +161,18 @@ def stray_text(text: str) -> Iterator[MarkupFault]:
 def _dropped(text: str, begin: int, end: int) -> Iterator[MarkupFault]:
     words = text[begin:end].strip(BLANKS)
     if words:
-        yield MarkupFault("this text is dropped: {}".format(words), text.index(words, begin),
+        yield MarkupFault(rules.STRAY_TEXT, "this text is dropped: {}".format(words), text.index(words, begin),
                           "only elements count here; a remark is written <!-- … -->")
 
 
 # ------------------------------------------------------------------------------------------------------- what is wrong
 
 _UNENDED = (
-    ("<!--", "the comment is never closed", "it ends with -->"),
-    ("<![CDATA[", "the CDATA section is never closed", "it ends with ]]>"),
-    ("<!DOCTYPE", "declarations inside DOCTYPE are not allowed", "a mission needs no entities"),
-    ("<!", "<! begins nothing that a mission may hold", "a comment begins with <!--"),
-    ("</", "the closing tag is not ended with >", ""),
+    ("<!--", rules.NOT_CLOSED, "the comment is never closed", "it ends with -->"),
+    ("<![CDATA[", rules.NOT_CLOSED, "the CDATA section is never closed", "it ends with ]]>"),
+    ("<!DOCTYPE", rules.DOCTYPE, "declarations inside DOCTYPE are not allowed", "a mission needs no entities"),
+    ("<!", rules.STRAY_BRACKET, "<! begins nothing that a mission may hold", "a comment begins with <!--"),
+    ("</", rules.NOT_CLOSED, "the closing tag is not ended with >", ""),
 )
 
 
@@ -171,35 +180,38 @@ def _refusal(text: str, offset: int) -> MarkupFault:
     """Return why the ``<`` at ``offset`` begins nothing."""
     if text.startswith("<?", offset):
         closed = text.find("?>", offset) >= 0
-        return MarkupFault("a processing instruction <?…?> is not allowed inside <root>" if closed else
-                           "the instruction <? is never closed", offset)
-    for begin, wrong, hint in _UNENDED:
+        if not closed:
+            return MarkupFault(rules.NOT_CLOSED, "the instruction <? is never closed", offset)
+        return MarkupFault(rules.INSTRUCTION, "a processing instruction <?…?> is not allowed inside <root>", offset)
+    for begin, rule, wrong, hint in _UNENDED:
         if text.startswith(begin, offset):
-            return MarkupFault(wrong, offset, hint)
-    name = _TAG_NAME.match(text, offset + 1)
+            return MarkupFault(rule, wrong, offset, hint)
+    name = TAG_NAME.match(text, offset + 1)
     if name is None:
-        return MarkupFault("this < begins no tag", offset, "in text it is written &lt;")
+        return MarkupFault(rules.STRAY_BRACKET, "this < begins no tag", offset, "in text it is written &lt;")
     if text[name.end():name.end() + 1] == ":":
-        return MarkupFault("the name of an element cannot hold a colon", offset)
+        return MarkupFault(rules.ELEMENT_NAME, "the name of an element cannot hold a colon", offset)
     return _unfinished_tag(text, offset, name.group(), name.end())
 
 
 def _unfinished_tag(text: str, offset: int, tag: str, at: int) -> MarkupFault:
     """Return why the tag at ``offset``, whose name ends at ``at``, does not end where it should."""
     if len(tag) > LONGEST_NAME:
-        return MarkupFault("the name of the element is longer than {} characters".format(LONGEST_NAME), offset)
+        return MarkupFault(rules.TOO_LARGE, "the name of the element is longer than {} characters".format(LONGEST_NAME),
+                           offset)
     for _ in range(MOST_ATTRIBUTES):
         found = _NEXT_ATTRIBUTE.match(text, at)
         if found is None:
             return _no_attribute(text, offset, tag, at)
         name, value = found.group(2, 3)
         if "<" in value and "\n" in value:
-            return MarkupFault("the value of {} has no closing quote".format(name), found.start(2))
+            return MarkupFault(rules.QUOTE_NOT_CLOSED, "the value of {} has no closing quote".format(name),
+                               found.start(2))
         if max(len(name) - LONGEST_NAME, len(value) - LONGEST_VALUE - 2) > 0:
-            return MarkupFault("this attribute is too long: names may have {} characters, values {}".format(
-                LONGEST_NAME, LONGEST_VALUE), found.start(2))
+            return MarkupFault(rules.TOO_LARGE, "this attribute is too long: names may have {} characters, values {}"
+                               .format(LONGEST_NAME, LONGEST_VALUE), found.start(2))
         at = found.end()
-    return MarkupFault("<{}> has more than {} attributes".format(tag, MOST_ATTRIBUTES), offset)
+    return MarkupFault(rules.TOO_LARGE, "<{}> has more than {} attributes".format(tag, MOST_ATTRIBUTES), offset)
 
 
 def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
@@ -207,18 +219,20 @@ def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
     rest: Any = _REST_OF_TAG.match(text, at)
     blank, name, equals, quote = rest.groups()
     at = rest.end(1)
-    if name is None:
+    if name is None or name[0] in ",;.+*#&@$%()[]{}|":
         seen = text[at:at + 1]
         if seen in ("", "<"):
-            return MarkupFault("the tag <{}> is not ended with >".format(tag), offset)
-        return MarkupFault("unexpected {} in the tag <{}>".format(seen, tag), at)
+            return MarkupFault(rules.TAG_NOT_ENDED, "the tag <{}> is not ended with >".format(tag), offset)
+        return MarkupFault(rules.STRAY_CHARACTER, "unexpected {} in the tag <{}>".format(seen, tag), at)
     if not equals:
-        return MarkupFault("the attribute {} has no value".format(name), at, "write {}=\"…\"".format(name))
+        return MarkupFault(rules.ATTRIBUTE_VALUE, "the attribute {} has no value".format(name), at,
+                           "write {}=\"…\"".format(name))
     if not quote:
-        return MarkupFault("the value of {} must stand in quotes".format(name), at, "write {}=\"…\"".format(name))
+        return MarkupFault(rules.ATTRIBUTE_QUOTES, "the value of {} must stand in quotes".format(name), at,
+                           "write {}=\"…\"".format(name))
     if not blank:
-        return MarkupFault("a blank is missing before {}".format(name), at)
-    return MarkupFault("the value of {} has no closing quote".format(name), at)
+        return MarkupFault(rules.ATTRIBUTE_BLANK, "a blank is missing before {}".format(name), at)
+    return MarkupFault(rules.QUOTE_NOT_CLOSED, "the value of {} has no closing quote".format(name), at)
 
 
 def diagnosis(text: str) -> List[MarkupFault]:
@@ -239,37 +253,41 @@ def diagnosis(text: str) -> List[MarkupFault]:
                 return faults[:MOST_FAULTS] + [_mismatch(name, match.start(), opened)]
             opened.pop()
     if opened:
-        faults.append(MarkupFault("<{}> is never closed".format(opened[-1][0]), opened[-1][1]))
+        faults.append(MarkupFault(rules.ELEMENT_NOT_CLOSED, "<{}> is never closed".format(opened[-1][0]),
+                                  opened[-1][1]))
     if not faults:
-        faults = [MarkupFault("a character that XML does not allow", match.start())
+        faults = [MarkupFault(rules.FORBIDDEN_CHARACTER, "a character that XML does not allow", match.start())
                   for match in _NOT_IN_XML.finditer(text)]
     return faults[:MOST_FAULTS]
 
 
 def _tag_name(match: "re.Match[str]") -> str:
-    return _TAG_NAME.match(match.string, match.start() + 1).group()  # type: ignore[union-attr]
+    return TAG_NAME.match(match.string, match.start() + 1).group()  # type: ignore[union-attr]
 
 
 def _mismatch(name: str, offset: int, opened: List[Tuple[str, int]]) -> MarkupFault:
     if any(tag == name for tag, _ in opened):
-        return MarkupFault("<{}> is not closed before </{}>".format(opened[-1][0], name), opened[-1][1])
-    return MarkupFault("</{}> closes nothing".format(name), offset,
+        return MarkupFault(rules.ELEMENT_NOT_CLOSED, "<{}> is not closed before </{}>".format(opened[-1][0], name),
+                           opened[-1][1])
+    return MarkupFault(rules.CLOSES_NOTHING, "</{}> closes nothing".format(name), offset,
                        "</{}> is due".format(opened[-1][0]) if opened else "")
 
 
 def _tag_faults(match: "re.Match[str]") -> Iterator[MarkupFault]:
     """Yield what is wrong inside one start tag."""
     if not _PLAIN_NAME.fullmatch(_tag_name(match)):
-        yield MarkupFault("{} cannot be the name of an element".format(_tag_name(match)), match.start())
+        yield MarkupFault(rules.ELEMENT_NAME, "{} cannot be the name of an element".format(_tag_name(match)),
+                          match.start())
     seen = set()
     for found in ATTRIBUTE.finditer(match.string, match.start(), match.end()):
         name, value = found.groups()
         if name in seen:
-            yield MarkupFault("the attribute {} is given twice".format(name), found.start())
+            yield MarkupFault(rules.ATTRIBUTE_TWICE, "the attribute {} is given twice".format(name), found.start())
         elif not _PLAIN_NAME.fullmatch(name) and ":" not in name:
-            yield MarkupFault("{} cannot be the name of an attribute".format(name), found.start())
+            yield MarkupFault(rules.ATTRIBUTE_NAME, "{} cannot be the name of an attribute".format(name), found.start())
         elif _NOT_IN_XML.search(value + "".join(_character(*code) for code in _CHARACTER.findall(value))):
-            yield MarkupFault("the value of {} holds a character that XML does not allow".format(name), found.start())
+            yield MarkupFault(rules.FORBIDDEN_CHARACTER,
+                              "the value of {} holds a character that XML does not allow".format(name), found.start())
         seen.add(name)
 
 

@@ -3,7 +3,7 @@
 Nothing of Python can be reached from a script. Reading one takes time in proportion to its length, running one too.
 """
 import re
-from typing import Any, Callable, Dict, List, Optional, Set, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Set, Tuple
 
 from behavior_controller.bt.language import operators
 from behavior_controller.bt.language.blackboard import Blackboard
@@ -20,6 +20,53 @@ DEEPEST = 200
 
 class ScriptSyntaxError(BehaviorControllerError):
     """A script cannot be read; the text is the reason, positions count from 0 in the script."""
+
+    def __init__(self, text: str, position: int = 0, hint: str = ""):
+        super().__init__(text)
+        self.position = position
+        self.hint = hint
+
+
+class Operand(NamedTuple):
+    """What the text of a script tells of a value: it is that of an entry, a text or a number, or "" (of any kind)."""
+
+    kind: str  # "name", "text", "number" or ""
+    word: str  # the name or literal
+    position: int
+
+
+class Assignment(NamedTuple):
+    """``name sign value`` in a script."""
+
+    name: str
+    sign: str
+    value: Operand
+    position: int
+
+
+class Operation(NamedTuple):
+    """``left sign right`` in a script."""
+
+    sign: str
+    left: Operand
+    right: Operand
+
+
+class Statement(NamedTuple):
+    """One statement of a script; ``assigns`` if there is an assignment in it, ``is_assignment`` if it is one."""
+
+    position: int
+    is_assignment: bool
+    assigns: bool
+
+
+class Facts(NamedTuple):
+    """What a script does, for those who judge it without running it."""
+
+    statements: List[Statement]
+    assignments: List[Assignment]
+    operations: List[Operation]
+    names: Dict[str, int]  # the names that are read, and where first
 
 
 # what it is ("name", "integer", "real", "text", "end", or the operator itself), its text, its position
@@ -52,10 +99,33 @@ def _tokens(text: str) -> List[Token]:
             continue
         word = match.group()
         if kind == "wrong":
-            raise ScriptSyntaxError("Invalid token '{}' at position {}".format(shown(word), match.start()))
+            raise ScriptSyntaxError("Invalid token '{}' at position {}".format(shown(word), match.start()),
+                                    match.start(), _hint_at(word))
         found.append((word if kind == "operator" else str(kind), word, match.start()))
     found.append(("end", "", len(text)))
     return found
+
+
+_HINTS = {'"': "a text stands in single quotes: 'yes'", "%": "scripts have no remainder",
+          ",": "statements are separated by ;",
+          "[": "scripts have no lists", "#": "scripts have no remarks", "{": "a script names an entry without braces"}
+
+
+def _hint_at(word: str) -> str:
+    """Return what may be meant by something that begins no token."""
+    if word[0] == "'":
+        return "the text has no closing quote"
+    return "a number is followed by no unit" if word[0].isdigit() else _HINTS.get(word[0], "")
+
+
+def _hint_between(before: str, kind: str) -> str:
+    """Return what may be meant where an operand is missing after the token ``before``."""
+    pair = before + kind
+    known = {"=<": "write <=", "=>": "write >=", "===": "write ==", "!==": "write !=", "&&&": "write &&",
+             "|||": "write ||", "<>": "write !="}
+    if pair in known:
+        return known[pair]
+    return "write a += 1 or a -= 1" if before in ("+", "-") and kind in ("+", "-", "end", ";") else ""
 
 
 def _integer(text: str) -> int:
@@ -70,7 +140,7 @@ _LITERALS: Dict[str, Callable[[str], Any]] = {"integer": _integer, "real": float
 
 
 class _Parser:
-    """Recursive descent over the tokens of one script. ``read`` and ``written`` collect the names used."""
+    """Recursive descent over the tokens of one script. ``read``, ``written`` and ``facts`` collect what it does."""
 
     def __init__(self, text: str):
         self.tokens = _tokens(text)
@@ -79,6 +149,9 @@ class _Parser:
         self.read: Set[str] = set()
         self.written: Set[str] = set()
         self.bare: Optional[str] = None  # the name that the operand read last is, if it is nothing more
+        self.last = Operand("", "", 0)  # the operand read last
+        self.facts = Facts([], [], [], {})
+        self._is_assignment = False  # the expression read last
 
     def script(self) -> List[Evaluate]:
         """Return one closure for each statement; the semicolon between statements is optional."""
@@ -86,7 +159,10 @@ class _Parser:
             raise ScriptSyntaxError("Empty Script")
         statements = []
         while self.tokens[self.at][0] != "end":
+            before, position = len(self.facts.assignments), self.tokens[self.at][2]
             statements.append(self.expression())
+            self.facts.statements.append(Statement(position, self._is_assignment,
+                                                   len(self.facts.assignments) > before))
             while self.tokens[self.at][0] == ";":
                 self.at += 1
         return statements
@@ -103,19 +179,25 @@ class _Parser:
                 self.read.add(self.bare)
             if kind == "?":
                 whole = self._choice(whole)
+        self._is_assignment = kind in _ASSIGNMENTS
         self.depth -= 1
         return whole
 
     def _enter(self) -> None:
         self.depth += 1
         if self.depth > DEEPEST:
+            position = self.tokens[self.at][2]
             raise ScriptSyntaxError("Nested too deeply at position {}: at most {} levels are allowed".format(
-                self.tokens[self.at][2], DEEPEST))
+                position, DEEPEST), position)
 
     def _assignment(self, name: Optional[str]) -> Evaluate:
+        position = self.last.position
         sign = self._next()[0]
         right = self.expression()
         source, self.bare = self.bare, None
+        self.facts.assignments.append(Assignment(name or "", sign, self.last, position))
+        if self.last.kind == "name":
+            self.last = self.last._replace(kind="")
         if name is None:
             return operators.no_entry
         self.written.add(name)
@@ -132,11 +214,12 @@ class _Parser:
             kind, text, position = self._next()
             if kind != ":":
                 raise ScriptSyntaxError("Parse error at position {}: expected ':' in ternary expression "
-                                        "(got '{}')".format(position, shown(text)))
+                                        "(got '{}')".format(position, shown(text)), position)
             condition = self.operation(0)
             if self.bare is not None:
                 self.read.add(self.bare)
         self.bare = None
+        self.last = self.last._replace(kind="")
         return operators.chosen(choices, condition)
 
     def operation(self, weakest: int) -> Evaluate:
@@ -153,9 +236,15 @@ class _Parser:
     def _chain(self, first: Evaluate, level: int) -> Evaluate:
         self._use()
         rest: Rest = []
+        whole = left = self.last
         while _LEVELS.get(self.tokens[self.at][0]) == level:
-            rest.append((self._next()[0], self.operation(level + 1)))
+            sign = self._next()[0]
+            rest.append((sign, self.operation(level + 1)))
             self._use()
+            self.facts.operations.append(Operation(sign, left, self.last))
+            whole = Operand(_kind(sign, left, self.last), "", whole.position)
+            left = self.last if level == _COMPARISON else whole
+        self.last = whole
         return operators.compared(first, rest) if level == _COMPARISON else operators.folded(first, rest)
 
     def _use(self) -> None:
@@ -173,6 +262,7 @@ class _Parser:
         if not signs:
             return operand
         self._use()
+        self.last = Operand("number", "", self.last.position)
         return operators.prefixed(signs, operand)
 
     def operand(self) -> Evaluate:
@@ -180,23 +270,33 @@ class _Parser:
         kind, text, position = self._next()
         self.bare = None
         if kind == "name":
-            return self._name(text)
+            return self._name(text, position)
         if kind in _LITERALS:
             value = _LITERALS[kind](text)
+            self.last = Operand("text" if kind == "text" else "number", text, position)
             return lambda _blackboard, _enums: value
         if kind != "(":
-            raise ScriptSyntaxError("Expected operand at position {} (got '{}')".format(position, shown(text)))
+            raise ScriptSyntaxError("Expected operand at position {} (got '{}')".format(position, shown(text)),
+                                    position, self._missing_operand(kind))
         inner = self.expression()
         kind, text, position = self._next()
         if kind != ")":
-            raise ScriptSyntaxError("Parse error at position {}: expected ')' (got '{}')".format(position, shown(text)))
+            raise ScriptSyntaxError("Parse error at position {}: expected ')' (got '{}')".format(position, shown(text)),
+                                    position)
         return inner
 
-    def _name(self, name: str) -> Evaluate:
+    def _missing_operand(self, kind: str) -> str:
+        at = self.at - (kind != "end") - 1
+        return _hint_between(self.tokens[at][0], kind) if at >= 0 else ""
+
+    def _name(self, name: str, position: int) -> Evaluate:
         if name in ("true", "false"):
             truth = float(name == "true")
+            self.last = Operand("number", name, position)
             return lambda _blackboard, _enums: truth
         self.bare = name
+        self.last = Operand("name", name, position)
+        self.facts.names.setdefault(name, position)
         return operators.value_of(name)
 
     def _next(self) -> Token:
@@ -206,11 +306,21 @@ class _Parser:
         return token
 
 
-class Script:
-    """A script ready to run. ``read`` and ``written`` are the names of entries that it uses."""
+def _kind(sign: str, left: Operand, right: Operand) -> str:
+    """Return the kind of ``left sign right``, as far as the text tells."""
+    if sign == "..":
+        return "text"
+    if sign != "+":
+        return "number"
+    return left.kind if left.kind == right.kind and left.kind != "name" else ""
 
-    def __init__(self, text: str, statements: List[Evaluate], read: Set[str], written: Set[str]):
+
+class Script:
+    """A script ready to run. ``read`` and ``written`` are the names of entries that it uses, ``facts`` what it does."""
+
+    def __init__(self, text: str, statements: List[Evaluate], read: Set[str], written: Set[str], facts: Facts):
         self.text = text
+        self.facts = facts
         self.read = read
         self.written = written
         self._statements = statements
@@ -231,7 +341,7 @@ class Script:
 def compile_script(text: str, allow_empty: bool = False) -> Script:
     """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: an empty one fails when it runs."""
     if allow_empty and not text:
-        return Script(text, [], set(), set())
+        return Script(text, [], set(), set(), Facts([], [], [], {}))
     parser = _Parser(text)
     statements = parser.script()
-    return Script(text, statements, parser.read, parser.written)
+    return Script(text, statements, parser.read, parser.written, parser.facts)

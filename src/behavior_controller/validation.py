@@ -1,0 +1,270 @@
+"""Judges files of missions as an author has them: alone, as a project, as a folder, with a palette of their own."""
+import os
+import re
+from dataclasses import dataclass, field
+from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
+
+from behavior_controller import folders, knowledge_files, leaves, settings
+from behavior_controller.bt import rules
+from behavior_controller.bt.checking.checks import below
+from behavior_controller.bt.checking.models import stale_models
+from behavior_controller.bt.checking.stubs import is_palette, models, stubs, used_types
+from behavior_controller.bt.language.document import Document, read, with_includes
+from behavior_controller.bt.registry import NodeSpec, Registry, did_you_mean
+from behavior_controller.errors import ConfigurationError, Fault, MissionError
+from behavior_controller.knowledge_files import Knowledge
+from behavior_controller.mission import build_tree, on_robot
+from behavior_controller.settings import Settings
+from behavior_controller.text import Unreadable, clean, read_text
+
+ENDINGS = (".xml", ".btproj")
+_MOST_STUBS = 20  # that are named
+_PERHAPS_MISSION = re.compile(r"<(?:root|BehaviorTree|TreeNodesModel)\b")
+
+
+@dataclass
+class Judgement:
+    """What is to be said of one file and what it includes."""
+
+    file: str
+    faults: List[Fault] = field(default_factory=list)
+    nodes: int = 0  # of the unfolded trees, if they have no fault
+    stubs: Tuple[str, ...] = ()
+    mains: Tuple[str, ...] = ()  # more than one: each was checked as a main tree
+    palette: int = 0  # node types of a file that holds nothing else
+    part_of: str = ""
+    is_mission: bool = True
+
+    @property
+    def is_wrong(self) -> bool:
+        """Return whether the file has a fault."""
+        return any(not fault.is_warning for fault in self.faults)
+
+    def __str__(self) -> str:
+        """Return the line that sums it up."""
+        if self.part_of:
+            return "{}: a part of {}".format(clean(self.file), clean(self.part_of))
+        warnings = sum(fault.is_warning for fault in self.faults)
+        counts = [_count(len(self.faults) - warnings, "fault")]
+        if not self.is_wrong and self.is_mission:
+            counts = self._good()
+        if warnings or not self.is_wrong and self.is_mission:
+            counts.append(_count(warnings, "warning"))
+        return "{}: {}{}".format(clean(self.file), ", ".join(counts), self._stubs())
+
+    def _good(self) -> List[str]:
+        if self.palette:
+            return ["a palette of {}".format(_count(self.palette, "node type"))]
+        done = "checked" if self.stubs else "can be run"
+        if len(self.mains) > 1:
+            done += " from each of {}".format(", ".join(map(clean, self.mains)))
+        return [done, _count(self.nodes, "node")]
+
+    def _stubs(self) -> str:
+        if not self.stubs:
+            return ""
+        named = ", ".join(map(clean, self.stubs[:_MOST_STUBS])) + (", …" if len(self.stubs) > _MOST_STUBS else "")
+        return "; not a mission of this robot, which lacks {} (taken as stubs): {}".format(
+            _count(len(self.stubs), "node type"), named)
+
+
+def _count(number: int, what: str) -> str:
+    return "{} {}{}".format(number, what, "" if number == 1 else "s")
+
+
+class Validation:
+    """One look at files. ``main`` names the main tree, ``palettes`` are files with further node types, ``ignored`` are
+    codes of warnings that are left out; ``in_folder``: trees that a file lacks are taken from the files beside it.
+    """
+
+    def __init__(self, main: Optional[str] = None, palettes: Sequence[str] = (), ignored: Collection[str] = (),
+                 in_folder: bool = False):
+        self.main = main
+        self.palettes = palettes
+        self.ignored = ignored
+        self.in_folder = in_folder
+        self.files: Set[str] = set()  # that were read
+        self._settings = _configured()
+        self._knowledge = _known(self._settings)
+
+    def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
+        """Yield a judgement for each file; a folder stands for all its files."""
+        read_ones: Dict[str, List[Document]] = {}
+        done: Dict[str, Judgement] = {}  # without a mission
+        files = list(dict.fromkeys(list(self.palettes) + [file for path in paths for file in expanded(path)]))
+        for path in files:
+            self.files.add(path)
+            try:
+                knowledge = knowledge_files.check(path)
+                if knowledge is None:
+                    read_ones[path] = self._read(path)
+                else:
+                    done[path] = Judgement(path, knowledge, is_mission=False)
+            except MissionError as error:
+                done[path] = Judgement(path, self._told(error.faults))
+        parts = _parts(read_ones)
+        palettes = [documents[-1] for path, documents in read_ones.items()
+                    if is_palette(documents) or path in self.palettes]
+        has_main = any(self.main in _trees(documents) for documents in read_ones.values())
+        for path in files:
+            if path in done:
+                yield done[path]
+            elif path in parts:
+                yield Judgement(path, part_of=parts[path])
+            elif is_palette(read_ones[path]):
+                yield self._palette(path, read_ones[path])
+            elif path not in self.palettes:
+                main = self.main if not has_main or self.main in _trees(read_ones[path]) else None
+                yield self._mission(path, read_ones[path], palettes, main)
+
+    def _read(self, path: str) -> List[Document]:
+        documents = with_includes(read(path))
+        if self.in_folder:
+            documents = _completed(documents)
+        self.files.update(document.file for document in documents)
+        return documents
+
+    def _told(self, faults: Iterable[Fault]) -> List[Fault]:
+        return [fault for fault in dict.fromkeys(faults) if not fault.is_warning or fault.code not in self.ignored]
+
+    def _palette(self, path: str, documents: List[Document]) -> Judgement:
+        known = stale_models(documents, leaves.registry())
+        faults = stubs(documents, Registry())[1] + [
+            fault for fault in known if fault.code != rules.PALETTE_UNKNOWN_NODE.code]
+        return Judgement(path, self._told(faults), palette=len(list(models(documents))))
+
+    def _mission(self, path: str, documents: List[Document], palettes: List[Document],
+                 main: Optional[str]) -> Judgement:
+        registry = leaves.registry()
+        found, faults = stubs(documents + palettes, registry)
+        registry.extend(found)
+        used = set(used_types(documents))
+        judgement = Judgement(path, faults, stubs=tuple(spec.id for spec in found if spec.id in used),
+                              mains=_main_trees(documents, main))
+        for tree_id in judgement.mains or (main,):
+            try:
+                tree = build_tree(documents, tree_id, registry=registry)
+            except MissionError as error:
+                judgement.faults.extend(error.faults)
+            else:
+                judgement.faults.extend(tree.warnings)
+                if not judgement.stubs:
+                    judgement.faults.extend(on_robot(tree, self._settings, self._knowledge))
+                judgement.nodes += len(tree.nodes)
+        judgement.faults += list(_near_misses(documents, found))
+        judgement.faults = sorted(self._told(judgement.faults), key=lambda fault: fault[:3])
+        return judgement
+
+
+def _configured() -> Settings:
+    """Return the configuration, or its defaults where it cannot be read: the node tells what is wrong with it."""
+    try:
+        return settings.load(folders.config(settings.FILE_NAME))
+    except ConfigurationError:
+        return settings.defaults()
+
+
+def _known(chosen: Settings) -> Optional[Knowledge]:
+    """Return what the robot's knowledge files say; None if it has none, or they are wrong: the node tells what is."""
+    try:
+        return knowledge_files.load() if chosen.interface.has_knowledge_files else None
+    except ConfigurationError:
+        return None
+
+
+def expanded(path: str) -> List[str]:
+    """Return a file as it is, and the missions, projects and palettes in a folder and its folders."""
+    return [file for file in listed(path) if _may_be_a_mission(file)] if os.path.isdir(path) else [path]
+
+
+def listed(path: str) -> List[str]:
+    """Return a file as it is, and the files in a folder and its folders that may be missions by their names."""
+    if not os.path.isdir(path):
+        return [path]
+    found = []
+    for folder, inner, names in os.walk(path):
+        inner[:] = sorted(name for name in inner if not name.startswith("."))
+        found += [os.path.join(folder, name) for name in sorted(names) if name.endswith(ENDINGS)]
+    return found
+
+
+def _may_be_a_mission(path: str) -> bool:
+    try:
+        return bool(_PERHAPS_MISSION.search(read_text(path)))
+    except Unreadable:
+        return True
+
+
+def _trees(documents: Iterable[Document]) -> Dict[str, List[str]]:
+    """Return the trees of ``documents``, and which others each calls."""
+    return {tree.attributes.get("ID", ""): [call.attributes.get("ID", "") for call in below(tree)
+                                            if call.tag == "SubTree"]
+            for document in documents for tree in document.root.children if tree.tag == "BehaviorTree"}
+
+
+def _main_trees(documents: Sequence[Document], main: Optional[str]) -> Tuple[str, ...]:
+    """Return the trees of a project that no other calls, if nothing says which of several is the main tree."""
+    root = documents[-1].root
+    kinds = {child.tag for child in root.children}
+    if main or "BehaviorTree" in kinds or "include" not in kinds or "main_tree_to_execute" in root.attributes:
+        return ()
+    trees = _trees(documents)
+    called = {call for calls in trees.values() for call in calls}
+    return tuple(tree_id for tree_id in trees if tree_id not in called)
+
+
+def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
+    """Return the files that another of them includes, and which."""
+    included = {path: {os.path.realpath(document.file) for document in documents[:-1]}
+                for path, documents in read_ones.items()}
+    owners: Dict[str, str] = {}
+    for path in read_ones:
+        for owner, files in included.items():
+            # files that include each other are both judged: each tells of the circle
+            if os.path.realpath(path) in files and os.path.realpath(owner) not in included[path]:
+                owners.setdefault(path, owner)
+    return owners
+
+
+def _completed(documents: List[Document]) -> List[Document]:
+    """Return ``documents`` after those files of the last one's folder that hold trees which they call and lack."""
+    own = documents[-1].file
+    known = {os.path.realpath(document.file) for document in documents}
+    others: List[Document] = []
+    for path in expanded(os.path.dirname(own) or "."):
+        if os.path.realpath(path) not in known:
+            try:
+                others.append(read(path))
+            except MissionError:
+                continue  # it is told when it is judged itself
+    while True:
+        trees = _trees(documents)
+        missing = {call for calls in trees.values() for call in calls} - set(trees)
+        helper = next((document for document in others if missing & set(_trees([document]))), None)
+        if helper is None:
+            return documents
+        others.remove(helper)
+        helper.root.children = [child for child in helper.root.children if child.tag == "TreeNodesModel" or (
+            child.tag == "BehaviorTree" and child.attributes.get("ID") not in trees)]
+        documents = [helper] + documents
+
+
+def _near_misses(documents: Sequence[Document], found: List[NodeSpec]) -> Iterator[Fault]:
+    """Yield a warning for each stub whose name is nearly that of a node type of ours."""
+    known = [spec.id for spec in leaves.registry().all()]
+    names = {spec.id for spec in found}
+    for model in models(documents):
+        name = model.attributes.get("ID", "")
+        hint = did_you_mean(name, known, likeness=0.93) if name in names else ""
+        if hint:
+            yield model.fault(rules.PALETTE_UNKNOWN_NODE, "the palette has an unknown node {}".format(name), hint, "ID")
+
+
+def as_json(fault: Fault) -> Dict[str, Any]:
+    """Return a fault as ``--json`` has it (docs/faults.md)."""
+    place = None
+    if fault.line:
+        place = {"start": {"line": fault.line, "column": fault.column},
+                 "end": {"line": fault.end_line or fault.line, "column": fault.end_column or fault.column}}
+    return {"file": fault.file, "range": place, "severity": "warning" if fault.is_warning else "error",
+            "code": fault.code, "text": fault.text, "hint": fault.hint}

@@ -1,0 +1,262 @@
+"""What validateMission makes of the files that an author has: projects, folders, parts, palettes, other robots."""
+import os
+import subprocess
+import sys
+import threading
+
+import navigator
+import pytest
+
+from behavior_controller import cli, folders
+from behavior_controller.bt.checking.lint import is_misspelling
+from behavior_controller.validation import Validation
+
+HEAD = '<root BTCPP_format="4">\n{}\n</root>'
+TREE = '<BehaviorTree ID="{}">{}</BehaviorTree>'
+LEAF = '<Sleep msec="5"/>'
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(name, *inside):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True, parents=True)
+        path.write_text(HEAD.format("\n".join(inside)), encoding="utf-8")
+        return str(path)
+    return write
+
+
+def judged(*paths, **options):
+    return list(Validation(**options).judge(paths))
+
+
+def told(*paths, **options):
+    """Return file name, line and code of every fault and warning."""
+    return [(os.path.basename(fault.file), fault.line, fault.code)
+            for judgement in judged(*paths, **options) for fault in judgement.faults]
+
+
+def said(*paths, **options):
+    """Return the lines that sum up, with file names instead of paths."""
+    return [str(judgement).replace(os.path.dirname(judgement.file) + os.sep, "")
+            for judgement in judged(*paths, **options)]
+
+
+# ------------------------------------------------------------------------------------------------- a robot's own nodes
+
+
+def test_the_trees_of_a_navigator_are_clean_with_its_palette(tmp_path):
+    palette, trees = navigator.write(tmp_path)
+    found = judged(*trees, palettes=[palette])
+    assert len(trees) == 15 and len(found) == 16
+    assert [fault for judgement in found for fault in judgement.faults] == []
+    assert found[0].palette == len(navigator.PALETTE) == 60
+    assert all(judgement.stubs and judgement.nodes for judgement in found[1:])
+
+
+def test_a_folder_with_a_palette_is_checked_with_it(tmp_path):
+    navigator.write(tmp_path)
+    assert len(judged(str(tmp_path))) == 16 and told(str(tmp_path)) == []
+
+
+def test_without_the_palette_its_nodes_are_unknown(tmp_path):
+    _, trees = navigator.write(tmp_path)
+    assert {code for _, _, code in told(trees[0])} == {"unknown-node"}
+
+
+@pytest.mark.parametrize("old, new, code", [
+    ('path="{path}" controller', 'pfad="{path}" controller', "unknown-port"),
+    ('<FollowPath path="{path}"', '<FollowPath path="{paht}"', "never-written"),
+    ("<GoalUpdated/>", "<GoalUpdatet/>", "unknown-node"),
+    ('<SpinInPlace angle="1.57" error="{spin_error}"/>', '<SpinInPlace angle="1.57"><GoalUpdated/></SpinInPlace>',
+     "leaf-children"),
+    ('<AtRate hertz="1.0">', '<AtRate hertz="1.0"><GoalUpdated/>', "decorator-children"),
+    ('planner="{selected_planner}"', 'planner="{selected_planner"', "braces-odd"),
+])
+def test_mistakes_with_stubs_are_told(tmp_path, old, new, code):
+    palette, _ = navigator.write(tmp_path)
+    path = tmp_path / "to_pose.xml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    line = text[:text.index(old)].count("\n") + 1
+    assert (path.name, line, code) in told(str(path), palettes=[palette])
+    assert {found[1] for found in told(str(path), palettes=[palette])} == {line}
+
+
+def test_what_the_robot_provides_is_not_asked_for(file):
+    path = file("m.xml", TREE.format("Main", '<Drive goal="{goal}"/>'),
+                '<TreeNodesModel><Action ID="Drive"><input_port name="goal"/></Action></TreeNodesModel>')
+    assert told(path) == []
+    assert said(path) == ["m.xml: checked, 1 node, 0 warnings; not a mission of this robot, which lacks 1 node type "
+                          "(taken as stubs): Drive"]
+
+
+@pytest.mark.parametrize("port, is_told", [
+    ('<input_port name="speed"/>', False),
+    ('<input_port name="speed" optional="true"/>', False),
+    ('<input_port name="speed" optional="false"/>', True),
+    ('<input_port name="goal" optional="true"/><input_port name="speed"/>', True),
+    ('<input_port name="goal" optional="true"/><input_port name="speed" default="1"/>', False),
+])
+def test_ports_of_a_palette_may_be_optional(file, port, is_told):
+    path = file("m.xml", TREE.format("Main", "<Drive/>"),
+                '<TreeNodesModel><Action ID="Drive">{}</Action></TreeNodesModel>'.format(port))
+    assert told(path) == [("m.xml", 2, "port-missing")] * is_told
+
+
+@pytest.mark.parametrize("type_name, value, codes", [
+    ("unsigned int", "2 min", ["number-cut-short"]), ("int", "fast", ["wrong-literal"]), ("double", "2,5",
+                                                                                         ["number-cut-short"]),
+    ("bool", "yes", ["wrong-literal"]), ("geometry_msgs::Pose", "1;2", []), ("std::string", "2 min", [])])
+def test_types_of_a_palette_are_those_of_the_library(file, type_name, value, codes):
+    path = file("m.xml", TREE.format("Main", '<Drive how="{}"/>'.format(value)),
+                '<TreeNodesModel><Action ID="Drive"><input_port name="how" type="{}"/></Action></TreeNodesModel>'
+                .format(type_name))
+    assert [code for _, _, code in told(path)] == codes
+
+
+def test_a_stub_that_is_nearly_a_node_of_ours_is_pointed_out(file):
+    path = file("m.xml", TREE.format("Main", "<WelcomSpeech/>"),
+                '<TreeNodesModel><Action ID="WelcomSpeech"/></TreeNodesModel>')
+    assert told(path) == [("m.xml", 3, "palette-unknown-node")]
+
+
+def test_what_an_older_version_had_is_no_stub(file):
+    path = file("m.xml", TREE.format("Main", "<SequenceStar>{}</SequenceStar>".format(LEAF)),
+                '<TreeNodesModel><Control ID="SequenceStar"/></TreeNodesModel>')
+    assert [code for _, _, code in told(path)] == ["unknown-node"]
+
+
+@pytest.mark.parametrize("word, other, is_so", [
+    ("paht", "path", True), ("pat", "path", True), ("paath", "path", True), ("bath", "path", True),
+    ("goal", "goals", False), ("pose1", "pose2", False), ("goal", "path", False), ("path", "path", False),
+    ("apth", "path", True), ("goal_pose", "pose", False)])
+def test_what_is_a_misspelling(word, other, is_so):
+    assert is_misspelling(word, other) is is_so
+
+
+# ------------------------------------------------------------------------------------------- files that belong together
+
+
+def test_an_included_file_is_judged_as_a_part(file):
+    part = file("part.xml", TREE.format("A", LEAF), TREE.format("B", LEAF))  # nothing says which is its main tree
+    whole = file("whole.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
+    assert told(part) == [("part.xml", 1, "main-tree-missing")]
+    assert said(part, whole) == ["part.xml: a part of whole.xml", "whole.xml: can be run, 2 nodes, 0 warnings"]
+
+
+def test_files_that_include_each_other_are_no_parts(file):
+    one = file("one.xml", '<include path="two.xml"/>', TREE.format("A", LEAF))
+    two = file("two.xml", '<include path="one.xml"/>', TREE.format("B", LEAF))
+    assert {code for _, _, code in told(one, two)} == {"include-circle"}
+    assert len(judged(one, two)) == 2
+
+
+def test_each_tree_of_a_project_that_no_other_calls_is_a_main_tree(file):
+    file("a.xml", TREE.format("A", '<SubTree ID="C"/>'))
+    file("b.xml", TREE.format("B", '<Sequence>{}<Slep/></Sequence>'.format(LEAF)), TREE.format("C", LEAF))
+    project = file("p.btproj", '<include path="a.xml"/>', '<include path="b.xml"/>')
+    assert told(project) == [("b.xml", 2, "unknown-node")]
+    file("b.xml", TREE.format("B", LEAF), TREE.format("C", LEAF))
+    assert said(project) == ["p.btproj: can be run from each of A, B, 3 nodes, 0 warnings"]
+    assert said(project, main="A") == ["p.btproj: can be run, 2 nodes, 0 warnings"]
+
+
+def test_the_palette_of_a_project_is_that_of_its_files(file):
+    file("a.xml", TREE.format("A", "<Drive/>"))
+    project = file("p.btproj", '<include path="a.xml"/>', '<TreeNodesModel><Action ID="Drive"/></TreeNodesModel>')
+    assert told(project) == []
+
+
+def test_the_main_tree_may_be_chosen(file):
+    path = file("m.xml", TREE.format("A", LEAF), TREE.format("B", "<Sequence>{0}{0}</Sequence>".format(LEAF)))
+    assert said(path) == ["m.xml: 1 fault"]
+    assert told(path, main="B") == [("m.xml", 2, "tree-unused")]
+    assert told(path, main="C") == [("m.xml", 1, "main-tree-unknown")]
+
+
+def test_a_folder_is_all_missions_in_it(file, tmp_path):
+    file("a.xml", TREE.format("A", LEAF))
+    file("inner/b.xml", TREE.format("B", LEAF))
+    (tmp_path / "package.xml").write_text("<package><name>x</name></package>")
+    (tmp_path / "notes.txt").write_text("<root>")
+    (tmp_path / ".git").mkdir()
+    file(".git/c.xml", TREE.format("C", LEAF))
+    assert [os.path.basename(judgement.file) for judgement in judged(str(tmp_path))] == ["a.xml", "b.xml"]
+
+
+def test_trees_are_found_in_the_files_beside_only_when_asked(file):
+    path = file("m.xml", TREE.format("Main", '<Sequence><SubTree ID="A"/></Sequence>'))
+    file("other.xml", TREE.format("A", '<SubTree ID="B"/>'), TREE.format("Main", "<Slep/>"))
+    file("third.xml", TREE.format("B", LEAF))
+    assert told(path) == [("m.xml", 2, "unknown-tree")]
+    assert said(path, in_folder=True) == ["m.xml: can be run, 4 nodes, 0 warnings"]
+
+
+def test_a_file_of_a_ros_package_is_included(file, tmp_path, monkeypatch):
+    file("src/deep/robot/trees/part.xml", TREE.format("A", LEAF))
+    (tmp_path / "src/deep/robot/package.xml").write_text("<package>\n <name> my_robot </name></package>")
+    path = file("m.xml", '<include ros_pkg="my_robot" path="trees/part.xml"/>',
+                TREE.format("Main", '<SubTree ID="A"/>'))
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(["/nowhere", str(tmp_path / "src")]))
+    assert said(path) == ["m.xml: can be run, 2 nodes, 0 warnings"]
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    assert told(path) == [("m.xml", 2, "include-package")]
+
+
+def test_a_file_with_nothing_but_a_palette_is_one(file):
+    path = file("p.xml", '<TreeNodesModel><Action ID="Drive"/><Control ID="Both"/><Action/></TreeNodesModel>')
+    assert said(path) == ["p.xml: a palette of 3 node types, 1 warning"]
+    assert told(path) == [("p.xml", 2, "id-missing")]
+
+
+def test_a_palette_that_cannot_be_read_is_told(tmp_path, file):
+    path = file("m.xml", TREE.format("Main", LEAF))
+    assert told(path, palettes=[str(tmp_path / "none.xml")]) == [("none.xml", 0, "unreadable-file")]
+
+
+# -------------------------------------------------------------------------------------------------------- the command
+
+
+def test_a_warning_may_be_left_out_and_a_fault_not(file, capsys):
+    path = file("m.xml", TREE.format("Main", '<Sequence><Sleep msec="2 min"/></Sequence>'))
+    assert cli.validate(["--ignore", "number-cut-short", path]) == 0
+    assert capsys.readouterr().out == "{}: can be run, 2 nodes, 0 warnings\n".format(path)
+    path = file("m.xml", TREE.format("Main", "<Slep/>"))
+    assert cli.validate(["--ignore", "unknown-node", path]) == 2
+
+
+def test_a_code_that_does_not_exist_is_a_wrong_call(capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.validate(["--ignore", "number-cut-shor", "m.xml"])
+    assert caught.value.code == 2
+    assert "there is no code number-cut-shor (did you mean number-cut-short?)" in capsys.readouterr().err
+
+
+def test_no_delivered_mission_has_a_warning(capsys):
+    assert cli.validate([folders.data("")]) == 0
+    assert ", 0 warnings\n" in capsys.readouterr().out
+
+
+LIMIT = 30.0  # seconds
+
+
+def test_a_file_is_checked_again_at_each_save(file):
+    path = file("m.xml", TREE.format("Main", "<Slep/>"))
+    executable = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)), "validateMission")
+    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
+    process = subprocess.Popen([sys.executable, executable, "--watch", path], env=variables, stdout=subprocess.PIPE,
+                               universal_newlines=True)
+    limit = threading.Timer(LIMIT, process.kill)
+    limit.start()
+    try:
+        assert "unknown node Slep" in process.stdout.readline()
+        assert process.stdout.readline() == "{}: 1 fault\n".format(path)
+        file("m.xml", TREE.format("Main", LEAF))
+        assert process.stdout.readline() == "{}: can be run, 1 node, 0 warnings\n".format(path)
+        os.remove(path)
+        assert "cannot be read" in process.stdout.readline()
+    finally:
+        limit.cancel()
+        process.kill()
+        process.communicate()
