@@ -2,10 +2,13 @@
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
+from py_trees.behaviour import Behaviour
+
 from behavior_controller.bt.checking.checks import CONDITIONS, Checked, check, is_port_name
 from behavior_controller.bt.checking.lint import lint
 from behavior_controller.bt.checking.models import stale_models
 from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.leaf import BehaviourLeaf
 from behavior_controller.bt.engine.node import PRE_CONDITIONS, ConfigureError, Node, Services
 from behavior_controller.bt.engine.substitution import Substitutions, TestNode, substitutions
 from behavior_controller.bt.engine.tree import Tree
@@ -153,8 +156,11 @@ class _Compiler:
                     spec = replacement
         try:
             node = spec.factory(name)
+            if spec.kind in (Kind.ACTION, Kind.CONDITION) and not isinstance(node, Node) and isinstance(node, Behaviour):
+                node = BehaviourLeaf(name, node)
             if not isinstance(node, Node):
-                raise TypeError("its factory returned {!r}, which is no node".format(node))
+                raise TypeError("its factory returned {!r}, which is no {}".format(
+                    node, "node" if not isinstance(node, Behaviour) else "node of ours: a py_trees behaviour is a leaf"))
         except Exception as error:  # whatever a leaf's author got wrong
             self._broken(element, spec, error)
             return spec, None
