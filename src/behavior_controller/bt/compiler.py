@@ -7,6 +7,7 @@ from py_trees.behaviour import Behaviour
 from behavior_controller.bt.checking.checks import CONDITIONS, Checked, check, is_port_name
 from behavior_controller.bt.checking.lint import lint
 from behavior_controller.bt.checking.models import stale_models
+from behavior_controller.bt.clients import Clients
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.leaf import BehaviourLeaf
 from behavior_controller.bt.engine.node import PRE_CONDITIONS, ConfigureError, Node, Services
@@ -49,6 +50,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     with collector_at_rest():
         checked = check(documents, registry, main_tree, strict)
         compiler = _Compiler(checked, registry, Services(clock or Clock(), enums, wake), substitutions(rules or {}))
+        compiler.services.clients = Clients(checked.main, compiler.blackboards, registry)
         if checked.main and id(checked.trees[checked.main]) not in checked.faulty:
             compiler.unfold(blackboard if blackboard is not None else Blackboard())
     faults = list(dict.fromkeys(checked.faults + compiler.faults))

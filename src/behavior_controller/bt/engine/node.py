@@ -61,6 +61,7 @@ class Services:
         self.enums = enums or {}
         self.changes = 0  # what nodes have done, beside writing to entries, that may change what another tick would do
         self.tree: Any = None
+        self.clients: Any = None  # shows py_trees' tools the entries that a node uses
         self.ticked: Optional[Dict["Node", Result]] = None
         """What the last traversal ticked, children first; None as long as py_trees' tools do not ask for it."""
 
@@ -166,7 +167,6 @@ class Node(Behaviour):
         self.children: List[Any] = []
         self.feedback_message = ""
         self.blackbox_level = BlackBoxLevel.NOT_A_BLACKBOX
-        self.blackboards: List[Any] = []
         self.uid = 0
         self.registration_id = ""
         self.full_path = name
@@ -190,6 +190,14 @@ class Node(Behaviour):
     def qualified_name(self) -> str:
         """Type and name, for py_trees' tools."""
         return "{}/{}".format(self.registration_id, self.name)
+
+    @property
+    def blackboards(self) -> List[Any]:
+        """The py_trees clients of the node: its own ones, and one for the entries that it uses."""
+        clients = self.__dict__.setdefault("_blackboards", [])
+        if self.services is not None and self.services.clients is not None:
+            self.services.clients.show(self, clients)
+        return clients
 
     @property
     def iterator(self) -> Iterator[Behaviour]:

@@ -90,11 +90,11 @@ class Blackboard:
         """Return the entry that ``key`` means here, or None."""
         entry = self.local.get(key)
         if entry is None:
-            board, key = self._home(key)
+            board, key = self.home(key)
             entry = board.local.get(key)
         return entry
 
-    def _home(self, key: str) -> Tuple["Blackboard", str]:
+    def home(self, key: str) -> Tuple["Blackboard", str]:
         """Return the blackboard that holds, or would hold, the entry that ``key`` means here, and its name there."""
         board = self
         if key[:1] == "@":
@@ -113,7 +113,7 @@ class Blackboard:
 
     def create(self, key: str, entry_type: str = ANY) -> Entry:
         """Return the entry, made where the chain of remappings ends if it is new. Raises ValueFault on a type clash."""
-        board, key = self._home(key)
+        board, key = self.home(key)
         entry = board.local.get(key)
         if entry is None:
             entry = board.local[key] = Entry(entry_type, self._count)
