@@ -10,7 +10,7 @@ from behavior_controller.bt.checking.models import stale_models
 from behavior_controller.bt.clients import Clients
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.leaf import BehaviourLeaf
-from behavior_controller.bt.engine.node import PRE_CONDITIONS, ConfigureError, Node, Services
+from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services
 from behavior_controller.bt.engine.substitution import Substitutions, TestNode, substitutions
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -185,7 +185,8 @@ class _Compiler:
                     scripts[attribute] = self._script(element.attributes[attribute])
             attribute = None
             if scripts:
-                node.set_conditions([(name, scripts[name]) for name in PRE_CONDITIONS if name in scripts], scripts)
+                node.set_conditions([(name, scripts[name]) for name in PRE_CONDITIONS if name in scripts],
+                                    {name: scripts[name] for name in POST_CONDITIONS if name in scripts})
             node.configure()
         except ConfigureError as error:
             self.faults.append(element.fault(str(error), attribute=error.attribute))

@@ -62,8 +62,6 @@ class Services:
         self.changes = 0  # what nodes have done, beside writing to entries, that may change what another tick would do
         self.tree: Any = None
         self.clients: Any = None  # shows py_trees' tools the entries that a node uses
-        self.ticked: Optional[Dict["Node", Result]] = None
-        """What the last traversal ticked, children first; None as long as py_trees' tools do not ask for it."""
 
 
 class NodeHook:
@@ -93,7 +91,8 @@ class Interception:
 
     def __init__(self) -> None:
         self.conditions: Sequence[Tuple[str, Script]] = ()
-        self.scripts: Dict[str, Script] = {}
+        self.scripts: Dict[str, Script] = {}  # the post-conditions
+        self.ticked: Optional[Dict["Node", Result]] = None  # takes the result of each tick, if py_trees' tools ask for it
         self.hook: Optional[NodeHook] = None
         self._asks_hook = False  # after this tick's rule: no pre-condition has decided
 
@@ -109,13 +108,13 @@ class Interception:
         """Return the tick's result, which the hook may replace; post-conditions follow a completion."""
         if self._asks_hook:
             result = self.hook.after(node, result)  # type: ignore[union-attr]
-        if result is SUCCESS:
-            self.run(node, "_onSuccess", "_post")
-        elif result is FAILURE:
-            self.run(node, "_onFailure", "_post")
-        ticked = node.services.ticked
-        if ticked is not None:
-            ticked[node] = result
+        if self.scripts:
+            if result is SUCCESS:
+                self.run(node, "_onSuccess", "_post")
+            elif result is FAILURE:
+                self.run(node, "_onFailure", "_post")
+        if self.ticked is not None:
+            self.ticked[node] = result
         return result
 
     def _check_before(self, node: "Node") -> Optional[Result]:

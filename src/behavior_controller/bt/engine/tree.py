@@ -35,6 +35,7 @@ class Tree:
         self.traversals: Any = None
         """Told of each traversal, ``begin(is_first)`` and ``end()``: the record listens."""
         self._observers: List[Observer] = []
+        self._ticked: Optional[Dict[Node, Result]] = None  # by the last traversal, if py_trees' tools ask for it
         self._hidden: Dict[Node, Status] = {}  # the statuses of nodes that show another between two ticks
 
     def setup(self, **kwargs: Any) -> None:
@@ -83,8 +84,8 @@ class Tree:
 
         What was posted, and at first what is due, runs before.
         """
-        if self.services.ticked is not None:
-            self.services.ticked.clear()
+        if self._ticked is not None:
+            self._ticked.clear()
             self.show_own_statuses()
         clock = self.clock
         clock.hold()
@@ -134,13 +135,13 @@ class Tree:
 
         Until the next tick these nodes show how they ended, as py_trees' do, though the engine has reset them since.
         """
-        if self.services.ticked is None:
-            self.services.ticked = {}
+        if self._ticked is None:
+            self._ticked = {}
             for node in self.nodes:
-                node.intercepted()
+                node.intercepted().ticked = self._ticked
         if self._traverse(True, root) in (SUCCESS, FAILURE):
             root.reset()
-        ticked = dict(self.services.ticked)
+        ticked = dict(self._ticked)
         for node, result in ticked.items():
             shown = IDLE if result is SKIPPED else result
             if shown is not RUNNING and shown is not node.status:
