@@ -56,7 +56,7 @@ class Control(Node):
     def _is_fixed(self, *_arguments: Any) -> Any:
         """Raise NodeError."""
         raise NodeError("{}the children of {} are those of its file, which cannot be changed in the running tree; "
-                        "load another file".format(self.place(), self.full_path))
+                        "load another file".format(self.place_in_file(), self.full_path))
 
     insert_child = prepend_child = remove_child = remove_all_children = _is_fixed
 

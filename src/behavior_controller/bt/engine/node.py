@@ -46,7 +46,7 @@ class TickError(BehaviorControllerError):
 
     def __init__(self, node: "Node", cause: Exception):
         super().__init__("Exception in node '{}' [{}]: {}{}{}".format(
-            node.full_path, node.registration_id, node.place(),
+            node.full_path, node.registration_id, node.place_in_file(),
             "" if isinstance(cause, BehaviorControllerError) else type(cause).__name__ + ": ", cause))
         self.node = node
         self.cause = cause
@@ -263,7 +263,7 @@ class Node(Behaviour):
         return TickError(self, NodeError("its rule returned {}; it must be RUNNING, SUCCESS, FAILURE or SKIPPED".format(
             "IDLE" if status is IDLE else repr(status))))
 
-    def place(self) -> str:
+    def place_in_file(self) -> str:
         """Return ``file:line:column: `` as a message begins with it, or nothing if the node was not made from a file."""
         element = self.element
         return "{}:{}:{}: ".format(element.document.file, *element.place()) if element is not None else ""
