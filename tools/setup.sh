@@ -25,9 +25,15 @@ TEST_PACKAGES="chromium chromium-driver fonts-dejavu-core python3-selenium"
 # the interpreters of the two platforms
 PYTHONS="3.8 3.11"
 
+# what rospy and the tests of the ROS edge import
+ROS_MODULES="
+  actionlib actionlib_msgs catkin catkin_pkg genmsg genpy geometry_msgs rosclean roscpp rosgraph rosgraph_msgs roslib rospkg rospy rostest
+  rosunit std_msgs"
+
 REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 . "$REPOSITORY/tools/progress.sh"
 . "$REPOSITORY/tools/environment.sh"
+. "$REPOSITORY/tools/links.sh"
 
 main() {
   mkdir -p "$BUILD"
@@ -103,6 +109,19 @@ make_other_environments() {
       [ -z "$python" ] || make_environment "$BUILD/venv-$version" "$python"
     fi
   done
+  link_ros_modules
+}
+
+# ROS for an interpreter that is not the system's: rospy and what it imports are plain Python; other packages of the
+# system are compiled for its own interpreter, and must not be found.
+link_ros_modules() {
+  local module
+  rm -rf "$BUILD/ros_modules"
+  mkdir "$BUILD/ros_modules"
+  for module in $ROS_MODULES; do
+    [ ! -d "/usr/lib/python3/dist-packages/$module" ] ||
+      ln -s "/usr/lib/python3/dist-packages/$module" "$BUILD/ros_modules/$module"
+  done
 }
 
 python_version() {
@@ -125,33 +144,17 @@ build_workspace() {
   key="$(workspace_key)"
   up_to_date "$BUILD/workspace.stamp" "$key" && [ -f "$BUILD/devel/setup.bash" ] && return 0
   rm -rf "$BUILD/workspace.stamp" "$BUILD/src" "$BUILD/build" "$BUILD/devel"
-  link_packages
+  link_package "$BUILD/src/cssr_system"
+  ln -s "$REPOSITORY/unit_tests" "$BUILD/src/unit_tests"
   step workspace "building the catkin workspace" catkin_build
   echo "$key" >"$BUILD/workspace.stamp"
-}
-
-# catkin does not look for a package inside a package, so each gets its own place in the workspace. One link to the
-# whole repository would lead to the workspace again, and rosrun and roslib follow links: hence a link for each entry.
-link_packages() {
-  local entry
-  mkdir -p "$BUILD/src/cssr_system"
-  package_entries | while read -r entry; do
-    ln -s "../../../$entry" "$BUILD/src/cssr_system/$entry"
-  done
-  # CMake would install the link itself, which leads nowhere from there
-  cp --remove-destination "$REPOSITORY/package.xml" "$BUILD/src/cssr_system/package.xml"
-  ln -s ../../unit_tests "$BUILD/src/unit_tests"
-}
-
-package_entries() {
-  ls "$REPOSITORY" | grep -vx -e build -e unit_tests
 }
 
 # What the workspace is built from; Python modules, configuration and data are used where they lie.
 workspace_key() {
   cd "$REPOSITORY"
   echo "$BUILD $(cat "$BUILD/venv.stamp")"
-  sha256sum {.,unit_tests}/{package.xml,CMakeLists.txt,setup.py} srv/* msg/* env-hooks/* tools/setup.sh
+  sha256sum {.,unit_tests}/{package.xml,CMakeLists.txt,setup.py} srv/* msg/* env-hooks/* tools/{setup,links}.sh
   package_entries
   ls unit_tests/nodes test/rostest/*.test unit_tests/test/rostest/*.test 2>/dev/null || true
 }

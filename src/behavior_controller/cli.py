@@ -9,7 +9,7 @@ try:
     import behavior_controller.bt
 except ImportError as error:  # py-trees-render would show a traceback
     sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
-from behavior_controller import exits, folders, leaves
+from behavior_controller import exits, folders, knowledge_files, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
 from behavior_controller.errors import Fault, MissionError
@@ -22,7 +22,8 @@ def validate(argv: Optional[List[str]] = None) -> int:
     parser = argparse.ArgumentParser(prog="validateMission", description="Check robot missions without running them.",
                                      epilog="exit code: 0 if every file can be run, 2 if not, 1 if a Python "
                                             "package is missing or too old")
-    parser.add_argument("files", nargs="+", metavar="FILE", help="a mission, as Groot2 saves it")
+    parser.add_argument("files", nargs="+", metavar="FILE",
+                        help="a mission, as Groot2 saves it, or a knowledge file of release 1.0")
     parser.add_argument("--json", action="store_true", help="print the faults as a JSON array, for editors")
     options = parser.parse_args(_without_ros_arguments(argv))
     found: List[Fault] = []
@@ -42,7 +43,10 @@ def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
 
 
 def _judged(path: str) -> Tuple[List[Fault], int]:
-    """Return the faults of a mission, and how many nodes it unfolds to if it can be run."""
+    """Return the faults of a file, and how many nodes it unfolds to if it is a mission that can be run."""
+    knowledge = knowledge_files.check(path)
+    if knowledge is not None:
+        return knowledge, 0
     try:
         tree = load_tree(path)
     except MissionError as error:

@@ -28,7 +28,7 @@ LAYERS = [
     ["bt.engine"],
     ["bt.language"],
     ["bt.registry", "bt.status", "bt.ends", "bt.ownership", "bt.language.values", "mission_spec", "gateway", "events",
-      "health", "keys", "settings", "folders", "phrases", "policy", "sinks"],
+      "health", "keys", "settings", "folders", "phrases", "policy", "knowledge_files", "sinks"],
     ["interface"],
     ["errors", "exits"],
     ["text"],

@@ -130,8 +130,11 @@ class Registry:
         return list(self._specs.values())
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``did you mean X?`` for the nearest of ``known`` (case is no difference), or an empty text."""
+def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """Return ``did you mean X?`` for the nearest of ``known`` (case is no difference), or an empty text.
+
+    ``likeness`` says how near, from 0 to 1, the same word.
+    """
     by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), list(by_lower), n=1, cutoff=0.6)
+    near = difflib.get_close_matches(word.lower(), list(by_lower), n=1, cutoff=likeness)
     return "did you mean {}?".format(by_lower[near[0]]) if near else ""

@@ -137,14 +137,13 @@ class Directory:
         with self._lock:
             self._publishing = dict(publishers)
             self._offered = frozenset(name for name, _ in publishers + services)
+        self._unanswered = 0  # only now is it known whether the master is a new one
 
     def _ask(self, method: str, *arguments: Any) -> Any:
-        """Call the master, and note whether it answers."""
+        """Call the master, and note if it does not answer; that it does again is noted when a whole ``look`` is over."""
         self._asked_at = time.monotonic()
         try:
-            value = ask_master(method, *arguments, seconds=LOOK_LIMIT)
-            self._unanswered = 0
-            return value
+            return ask_master(method, *arguments, seconds=LOOK_LIMIT)
         except Trouble:
             self._unanswered += 1
             raise

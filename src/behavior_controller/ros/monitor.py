@@ -1,7 +1,7 @@
 """Monitors the robot while the mission runs: which node is gone or back, which topic silent, whether a master answers.
 
 Each service has a thread that holds an idle connection to its server: its end tells at once that the server is gone,
-and costs nothing while it is there. Topics and master are judged twice a second by what ``RosTopics`` and ``Directory``
+and costs nothing while it is there. Topics and master are judged four times a second by what ``RosTopics`` and ``Directory``
 have found, so that no judgement waits for a master. What changes goes to ``Health``.
 """
 import threading
@@ -20,8 +20,11 @@ from behavior_controller.ros.services import open_service_at
 from behavior_controller.ros.subscription import STEP_LIMIT
 from behavior_controller.ros.topics import Latch, RosTopics
 
+LOOK = 0.25
+"""Seconds between two looks at topics and master: what happens to them is to be told within two."""
+
 ROUND = 0.5
-"""Seconds between two looks at topics and master, and between two attempts to reach a server that is gone."""
+"""Seconds between two attempts to reach a server that is gone."""
 
 SILENCE = 1.25
 """Seconds without a message after which a continuous topic is silent, unless its messages are rare."""
@@ -139,7 +142,7 @@ class Monitor:
     # ----------------------------------------------------------------------------------------------- topics and master
 
     def _look_around(self) -> None:
-        while not self._closed.wait(ROUND):
+        while not self._closed.wait(LOOK):
             self._look_at_master()
             for part, latch in self._latches:
                 if part.offer is not self._speech or self._is_asr_enabled():
