@@ -279,11 +279,19 @@ def test_a_whole_py_trees_tree_is_a_leaf():
     assert first.calls[-1] == (Status.RUNNING, Status.INVALID)
 
 
-def test_a_running_behaviour_is_ticked_on_without_a_wake_up():
+def test_a_running_behaviour_asks_for_its_next_tick():
     tree = load("<Steps/>")
-    changes = tree.changes
     tree.tick_once()
-    assert tree.changes > changes
+    assert tree.clock.next_due() == pytest.approx(0.01)
+    tree.clock.advance(0.011)
+    assert tree.wake.test_and_clear()
+    tree.tick_once()
+    tree.halt()
+    assert tree.clock.next_due() is None
+
+
+def test_a_behaviour_comes_to_its_end_in_real_time():
+    assert load("<Steps/>", clock=bt.Clock()).tick_while_running(30.0) is Status.SUCCESS
 
 
 @pytest.mark.parametrize("leaf", ["Blank", "Invalid"])

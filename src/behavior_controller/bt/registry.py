@@ -43,8 +43,8 @@ class Port(NamedTuple):
     """A typed attribute of a node type.
 
     ``type`` is a name of ``values.TYPES`` or a PortType, ``literal`` the type of a literal if that is another. ``default``
-    is text as it would stand in the file, or None for no default. ``is_optional``: the node does without a value. ``names`` are
-    names of an instance that stand for a value where none is given; all other names mean nothing.
+    is text as it would stand in the file, or None for no default. ``is_optional``: the node does without a value. ``names``
+    are names of an instance that stand for a value where none is given; all other names mean nothing.
     """
 
     name: str

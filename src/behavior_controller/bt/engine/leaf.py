@@ -1,10 +1,14 @@
 """The kinds of leaf: stateful action, synchronous action, condition (BT.CPP section "Leaf kinds"), py_trees behaviour."""
-from typing import Any
+from typing import Any, Optional
 
 from py_trees.behaviour import Behaviour
 
+from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.node import Node, NodeError, Result
 from behavior_controller.bt.status import IDLE, RUNNING
+
+POLLING = 0.01
+"""Seconds until a RUNNING py_trees behaviour, which knows no wake-up, is ticked again (BT.CPP's default)."""
 
 
 class ActionLeaf(Node):
@@ -69,6 +73,7 @@ class BehaviourLeaf(Node):
             raise ValueError("its factory returned the same behaviour twice")
         behaviour.parent = self
         self.behaviour = behaviour
+        self.timer: Optional[Timer] = None
 
     @property
     def id(self) -> Any:
@@ -91,16 +96,26 @@ class BehaviourLeaf(Node):
             part.shutdown()
 
     def update(self) -> Result:
-        """Tick the behaviour as py_trees does; a RUNNING one may do more at every tick, so it is ticked on."""
-        self.services.changes += 1
+        """Tick the behaviour as py_trees does."""
+        self._stop_polling()
         self.behaviour.tick_once()
         self.feedback_message = self.behaviour.feedback_message
-        if self.behaviour.status is IDLE:
+        status = self.behaviour.status
+        if status is IDLE:
             raise NodeError("its update returned INVALID or no status; it must return RUNNING, SUCCESS or FAILURE")
-        return self.behaviour.status
+        if status is RUNNING:
+            self.timer = self.clock.call_after(POLLING, self.wake)
+        else:
+            self.services.changes += 1
+        return status
+
+    def _stop_polling(self) -> None:
+        if self.timer is not None:
+            self.timer.cancel()
 
     def halt(self) -> None:
         """Stop the behaviour if it is RUNNING, which calls its ``terminate(INVALID)``."""
+        self._stop_polling()
         if self.behaviour.status is RUNNING:
             self.behaviour.stop(IDLE)
         self.reset()
