@@ -32,10 +32,10 @@ def test_the_subtrees_fold():
     assert "GiveTour #73" in text and "Navigate" not in text
 
 
-@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not installed")
 OF_THE_FILE = {"tourBrokenOff"}  # the entry that its scripts use
 
 
+@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not installed")
 @pytest.mark.parametrize("options, entries", [
     ([], set()), (["-b"], {datum.name for datum in data.ALL} | OF_THE_FILE)])
 def test_the_command_draws_from_any_folder(tmp_path, options, entries):

@@ -196,6 +196,22 @@ def test_a_part_of_a_tree_has_a_manager_of_its_own():
     assert watched.tick(0.01) is Status.SUCCESS
 
 
+def test_a_mission_is_a_part_of_a_tree_of_py_trees():
+    tree = load("<Sequence name='mission'><AlwaysSuccess name='a'/><Sleep name='nap' msec='10' _onHalted='x := 1'/></Sequence>")
+    after = py_trees.behaviours.Success("after")
+    whole = py_trees.composites.Sequence("whole", True, [tree.root, after])
+    manager = py_trees.trees.BehaviourTree(py_trees.composites.Selector("top", False, [
+        py_trees.behaviours.Failure("no"), whole]))
+    manager.tick()
+    assert (whole.status, manager.tip().name) == (Status.RUNNING, "nap")
+    manager.root.stop(Status.INVALID)
+    assert tree.blackboard.get("x") == 1 and tree.is_idle
+    manager.tick()
+    tree.clock.advance(0.02)
+    manager.tick()
+    assert (tree.root.status, after.status, manager.root.status) == (Status.SUCCESS,) * 3
+
+
 def test_conditions_and_repeated_children_are_seen_once():
     watched = Watched(load("<Repeat num_cycles='2'><Sequence _while='true'><Sleep msec='5'/><AlwaysSuccess name='a'/>"
                            "</Sequence></Repeat>"))
