@@ -189,6 +189,16 @@ def test_an_interrupt_halts():
     assert set(watched.statuses().values()) == {Status.INVALID} and watched.manager.tip() is None
 
 
+@pytest.mark.parametrize("halt", [lambda tree: tree.halt(), lambda tree: tree.root.stop(Status.INVALID)])
+def test_a_halt_after_the_end_has_nothing_to_do(halt):
+    watched = Watched(load("<Sequence><AlwaysSuccess/><Inverter><AlwaysFailure/></Inverter></Sequence>"))
+    watched.tick()
+    changes = []
+    watched.tree.subscribe(lambda node, old, new: changes.append((node.uid, old, new)))
+    halt(watched.tree)
+    assert changes == [] and set(watched.statuses().values()) == {Status.INVALID}
+
+
 def test_a_part_of_a_tree_has_a_manager_of_its_own():
     tree = load("<Sequence><AlwaysSuccess/><Fallback name='part'><AlwaysFailure/><Sleep msec='9'/></Fallback></Sequence>")
     watched = Watched(tree, tree.nodes[2])
@@ -299,8 +309,14 @@ def test_a_running_behaviour_asks_for_its_next_tick():
     tree = load("<Steps/>")
     tree.tick_once()
     assert tree.clock.next_due() == pytest.approx(0.01)
+    tree.clock.advance(0.005)
+    assert not tree.wake.test_and_clear()
+    tree.tick_once()
+    assert tree.clock.next_due() == pytest.approx(0.015)
     tree.clock.advance(0.011)
     assert tree.wake.test_and_clear()
+    changes = tree.changes
+    assert tree.tick_once() is Status.SUCCESS and tree.changes > changes
     tree.tick_once()
     tree.halt()
     assert tree.clock.next_due() is None
@@ -368,6 +384,8 @@ def test_visitors_find_the_values_of_now(shown):
     tree.blackboard.set("y", 5)
     assert watched.tick() is Status.FAILURE
     assert shown.storage["/M/x"] == 5
+    tree.blackboard.unset("x")
+    assert tree.nodes[1].blackboards and "/M/x" not in shown.storage
 
 
 def test_a_leaf_may_have_a_py_trees_client_of_its_own(shown):
