@@ -7,17 +7,17 @@ set -eo pipefail
 # ROS 1 from Debian 12's own packages
 DEBIAN_PACKAGES="
   catkin cmake make g++ graphviz
-  libgeometry-msgs-dev libroscpp-dev librostest-dev libstd-msgs-dev
-  python3-geometry-msgs python3-lxml python3-msgpack python3-roslaunch python3-rosmsg python3-rosnode python3-rospy
-  python3-rosservice python3-rostest python3-rostopic python3-std-msgs python3-tornado python3-venv python3-zmq
-  ros-core ros-geometry-msgs ros-message-generation ros-message-runtime ros-std-msgs rosbash"
+  libactionlib-msgs-dev libgeometry-msgs-dev libroscpp-dev librostest-dev libstd-msgs-dev
+  python3-actionlib python3-actionlib-msgs python3-geometry-msgs python3-lxml python3-msgpack python3-roslaunch
+  python3-rosmsg python3-rosnode python3-rospy python3-rosservice python3-rostest python3-rostopic python3-std-msgs python3-tornado python3-venv python3-zmq
+  ros-actionlib-msgs ros-core ros-geometry-msgs ros-message-generation ros-message-runtime ros-std-msgs rosbash"
 
 # ROS Noetic on Ubuntu 20.04; its package source is set up where /opt/ros/noetic is
 NOETIC_PACKAGES="
   cmake make g++ graphviz python3-lxml python3-msgpack python3-tornado python3-venv python3-zmq
-  ros-noetic-catkin ros-noetic-geometry-msgs ros-noetic-message-generation ros-noetic-message-runtime
-  ros-noetic-rosbash ros-noetic-rosgraph ros-noetic-roslaunch ros-noetic-rosmsg ros-noetic-rosnode ros-noetic-rospy
-  ros-noetic-rosservice ros-noetic-rostest ros-noetic-rostopic ros-noetic-std-msgs"
+  ros-noetic-actionlib ros-noetic-actionlib-msgs ros-noetic-catkin ros-noetic-geometry-msgs
+  ros-noetic-message-generation ros-noetic-message-runtime ros-noetic-rosbash ros-noetic-rosgraph
+  ros-noetic-roslaunch ros-noetic-rosmsg ros-noetic-rosnode ros-noetic-rospy ros-noetic-rosservice ros-noetic-rostest ros-noetic-rostopic ros-noetic-std-msgs"
 
 # for the tests: a browser that looks at the page; Ubuntu 20.04 has none as a package, and its tests are skipped there
 TEST_PACKAGES="chromium chromium-driver fonts-dejavu-core python3-selenium"
@@ -154,7 +154,7 @@ build_workspace() {
 workspace_key() {
   cd "$REPOSITORY"
   echo "$BUILD $(cat "$BUILD/venv.stamp")"
-  sha256sum {.,unit_tests}/{package.xml,CMakeLists.txt,setup.py} srv/* msg/* env-hooks/* tools/{setup,links}.sh
+  sha256sum {.,unit_tests}/{package.xml,CMakeLists.txt,setup.py} action/* srv/* msg/* env-hooks/* tools/{setup,links}.sh
   package_entries
   ls unit_tests/nodes test/rostest/*.test unit_tests/test/rostest/*.test 2>/dev/null || true
 }

@@ -9,11 +9,12 @@ try:
     import behavior_controller.bt
 except ImportError as error:  # py-trees-render would show a traceback
     sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
-from behavior_controller import exits, folders, knowledge_files, leaves
+from behavior_controller import exits, folders, knowledge_files, leaves, settings
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import label
-from behavior_controller.errors import Fault, MissionError
-from behavior_controller.mission import load_tree
+from behavior_controller.errors import ConfigurationError, Fault, MissionError
+from behavior_controller.mission import load_tree, on_robot
+from behavior_controller.settings import Settings
 from behavior_controller.text import clean
 
 
@@ -51,7 +52,16 @@ def _judged(path: str) -> Tuple[List[Fault], int]:
         tree = load_tree(path)
     except MissionError as error:
         return list(error.faults), 0
-    return tree.warnings, len(tree.nodes)
+    faults = sorted(tree.warnings + on_robot(tree, _settings()), key=lambda fault: (fault.file, fault.line, fault.column))
+    return faults, len(tree.nodes) if all(fault.is_warning for fault in faults) else 0
+
+
+def _settings() -> Settings:
+    """Return the configuration, or its defaults where it cannot be read: the node tells what is wrong with it."""
+    try:
+        return settings.load(folders.config(settings.FILE_NAME))
+    except ConfigurationError:
+        return settings.defaults()
 
 
 def _print_judgement(path: str, faults: List[Fault], nodes: int) -> None:
@@ -75,7 +85,7 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
         prog="exportNodeModel", description="Print the palette of mission nodes for Groot2 (Import models from file).")
     parser.parse_args(_without_ros_arguments(argv))
     print('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4">\n{}\n</root>'.format(
-        tree_nodes_model(leaves.SPECS, indent="  ")))
+        tree_nodes_model(leaves.beyond_builtins(), indent="  ")))
     return exits.SUCCESS
 
 

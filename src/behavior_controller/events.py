@@ -12,13 +12,15 @@ from behavior_controller.text import Source
 class Sources(NamedTuple):
     """What a mission was made of besides its settings: texts of files, and the name of the interface.
 
-    ``documents`` are the mission file, which is the last, and what it includes.
+    ``documents`` are the mission file, which is the last, and what it includes. ``knowledge`` are the environment and
+    the culture file; empty where the robot has a knowledge base.
     """
 
     documents: Tuple[Source, ...]
     phrases: Source
     policy: Source
     interface: str
+    knowledge: Tuple[Source, ...] = ()
 
 
 class RunStarted(NamedTuple):

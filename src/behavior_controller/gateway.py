@@ -6,11 +6,11 @@ A leaf hands a request record to ``Gateway.start`` and gets a ``Call``, which is
 """
 import enum
 from dataclasses import dataclass
-from typing import Callable, Dict, Generic, Hashable, List, NamedTuple, Optional, Tuple, Union
+from typing import Callable, Dict, Generic, Hashable, List, Mapping, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.interface import Topic, Value
-from behavior_controller.interface.records import Answer, Request
+from behavior_controller.interface.records import Answer, Exhibit, QueryKnowledge, Request
 
 
 class Cause(enum.Enum):
@@ -87,6 +87,22 @@ class Gateway:
         raise NotImplementedError
 
 
+class FilesGateway(Gateway):
+    """Answers ``QueryKnowledge`` at once with ``places``, by what is asked for, and passes on all other requests."""
+
+    def __init__(self, inner: Gateway, places: Mapping[str, Tuple[Exhibit, ...]]):
+        self._inner = inner
+        self._places = places
+
+    def start(self, request: Request) -> Call:
+        """Return a call that has its answer, or the robot's."""
+        if not isinstance(request, QueryKnowledge):
+            return self._inner.start(request)
+        call = Call(request, lambda: None)
+        call.finish(Answer(exhibits=self._places[request.what]))
+        return call
+
+
 class Topics:
     """The newest message of each topic, and one-shot alarms."""
 
@@ -100,6 +116,12 @@ class Topics:
         ``wanted`` runs on the thread that receives messages, possibly thousands of times a second: it must be cheap.
         """
         raise NotImplementedError
+
+    def listen(self, topic: Topic, seconds: float) -> None:
+        """Have the robot listen for so long, from now; 0: no longer. What it hears arrives as messages of ``topic``.
+
+        Only a robot that offers an action in place of the topic needs to be told.
+        """
 
 
 # ------------------------------------------------------------------------------------------------------------ the fakes

@@ -138,7 +138,10 @@ folder = Reader("a folder, nothing, or none", str)
 
 @dataclass(frozen=True)
 class Key:
-    """One key: what turns its text into a value, its value where the file does not give it, and what it is for."""
+    """One key: what turns its text into a value, its value where the file does not give it, and what it is for.
+
+    In ``meaning`` words of a file stand between backquotes, as in the README.
+    """
 
     name: str
     read: Reader[Any]
@@ -155,6 +158,11 @@ class Key:
         """The default as a person reads it."""
         return "required" if self.default is REQUIRED else to_text(self.default) or "empty"
 
+    @property
+    def plain_meaning(self) -> str:
+        """The meaning where there is no Markdown."""
+        return self.meaning.replace("`", "")
+
 
 def to_text(value: object) -> str:
     """Return a value as a configuration has it."""
@@ -162,12 +170,14 @@ def to_text(value: object) -> str:
         return str(value).lower()
     if isinstance(value, float):
         return "{:.10g}".format(value)
+    if type(value) is tuple:
+        return ",".join(map(to_text, value))
     return "" if value is None else str(value)
 
 
 def help_lines(keys: Iterable[Key], values: Mapping[str, str]) -> List[str]:
     """Return a line for each key, with its name, what it is now or by default, and its meaning."""
-    return ["  {:<26} {:<12} {}".format(key.name, values[key.name] or "-", key.meaning) for key in keys]
+    return ["  {:<26} {:<12} {}".format(key.name, values[key.name] or "-", key.plain_meaning) for key in keys]
 
 
 def key(read: Reader[Value], default: Value, meaning: str) -> Value:
@@ -184,6 +194,11 @@ def keys_of(record: type) -> Dict[str, Key]:
 def filled(record: Type[Record], values: Mapping[str, Any], **others: Any) -> Record:
     """Return a dataclass whose fields have the ``values`` of their keys; ``others`` are fields that are no keys."""
     return record(**others, **{name: values[each.name] for name, each in keys_of(record).items()})
+
+
+def values_of(record: object) -> Dict[str, Any]:
+    """Return the value of each key of a dataclass that has keys."""
+    return {each.name: getattr(record, name) for name, each in keys_of(type(record)).items()}
 
 
 # -------------------------------------------------------------------------------------------------------------- reading

@@ -17,8 +17,11 @@ from behavior_controller.keys import (MOST_FAULTS, REQUIRED, Key, Reader, boolea
 from behavior_controller.text import Source, Unreadable, read_text
 
 LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
-UTILITY_PHRASES = range(1, 8)
+UTILITY_PHRASES = range(1, 9)
 """The numbers of the utility phrases that missions say."""
+
+LAST_REQUIRED = 7
+"""A culture file may go without the phrases beyond it, as that of release 1.0 does."""
 
 _ENVIRONMENT, _CULTURE, _CONFIGURATION = "environment", "culture", "configuration"
 _CONFIGURATIONS = {kind: "{}KnowledgeBaseConfiguration.ini".format(kind) for kind in (_ENVIRONMENT, _CULTURE)}
@@ -225,7 +228,9 @@ class _Culture(_File):
         if _LANGUAGE not in self.line_of:
             self.fault((0, 0), "the required key {} is missing".format(_LANGUAGE),
                        "add a line: {} <{}>".format(_LANGUAGE, _LANGUAGE_NAMES))
-        for key in _PHRASES[self.language].values() if self.language else ():
+        for each, key in _PHRASES[self.language].items() if self.language else ():
+            if key not in self.line_of and each > LAST_REQUIRED:
+                continue
             if key not in self.line_of:
                 self.fault((0, 0), "the required key {} is missing".format(key), "add a line: {} <text>".format(key))
             elif not self.texts[key]:
@@ -233,7 +238,8 @@ class _Culture(_File):
 
     def phrases(self, language: str) -> Mapping[int, str]:
         """Return the utility phrases, if there are no faults."""
-        return MappingProxyType({each: self.texts[key] for each, key in _PHRASES[language].items()})
+        return MappingProxyType({each: self.texts[key] for each, key in _PHRASES[language].items()
+                                 if key in self.texts})
 
 
 class _Environment(_File):

@@ -1,21 +1,26 @@
 """Puts a mission together from its files, without ROS: for the node, a replay, a rehearsal and the tests."""
 import os
 from dataclasses import dataclass
-from typing import Callable, List, Optional, Sequence, TypeVar
+from typing import Callable, Iterator, List, Optional, Sequence, Tuple, TypeVar, Union
 
-from behavior_controller import folders, leaves, phrases, policy
+from behavior_controller import folders, knowledge_files, leaves, phrases, policy
 from behavior_controller.bt.compiler import build
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
-from behavior_controller.bt.language.document import Document, read, with_includes
+from behavior_controller.bt.language.document import Document, Element, read, with_includes
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.events import Events
-from behavior_controller.gateway import Gateway, Topics
+from behavior_controller.foresight import foresee
+from behavior_controller.gateway import FilesGateway, Gateway, Topics
 from behavior_controller.health import Health
+from behavior_controller.interface import Interface, Service, Topic
+from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves.base import MissionContext
-from behavior_controller.phrases import Phrases
+from behavior_controller.mission_spec import MissionSpec
+from behavior_controller.phrases import YES, Phrases
 from behavior_controller.policy import Policy
 from behavior_controller.settings import Settings
 
@@ -26,18 +31,47 @@ Part = TypeVar("Part")
 
 @dataclass(frozen=True)
 class Mission:
-    """All that decides about a run, found right. ``file`` is the path of the mission; its warnings are the tree's."""
+    """All that decides about a run, found right. ``file`` is the path of the mission.
+
+    ``knowledge`` is there where files stand for the robot's knowledge base.
+    """
 
     settings: Settings
     file: str
     phrases: Phrases
     policy: Policy
     tree: Tree
+    knowledge: Optional[Knowledge] = None
+
+    @property
+    def language(self) -> str:
+        """The language that the robot speaks."""
+        return self.settings.language if self.knowledge is None else self.knowledge.language
+
+    @property
+    def offers(self) -> Tuple[Union[Service, Topic], ...]:
+        """The services and topics that the mission's nodes use, or all of the robot's if ``startupCheck`` says so."""
+        robot = self.settings.interface
+        if self.settings.startup_check == "all":
+            return robot.offers
+        specs = [node.spec for node in self.tree.nodes if isinstance(node.spec, MissionSpec)]
+        return robot.used({request for spec in specs for request in spec.calls},
+                          {sense for spec in specs for sense in spec.listens})
+
+    @property
+    def warnings(self) -> Tuple[Fault, ...]:
+        """The warnings of mission and knowledge files."""
+        return tuple(self.tree.warnings) + (self.knowledge.warnings if self.knowledge is not None else ())
 
     def context(self, gateway: Gateway, topics: Topics, events: Events,
                 health: Optional[Health] = None) -> MissionContext:
         """Return what the leaves share while the mission runs on ``gateway`` and ``topics``."""
-        return MissionContext(gateway, topics, self.settings, self.phrases, self.policy, self.tree.clock, events, health)
+        known = self.knowledge
+        if known is not None:
+            gateway = FilesGateway(gateway, {"exhibits": known.tour, "home": (known.start,), "entrance": (known.end,)})
+        return MissionContext(
+            gateway, topics, self.settings, self.phrases, self.policy, self.tree.clock, events, health, known,
+            self.offers)
 
 
 def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeUp] = None,
@@ -56,12 +90,50 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
             faults.extend(found.faults)
             return None
 
-    spoken = attempt(lambda: phrases.load(settings.language))
+    known = attempt(knowledge_files.load) if settings.interface.has_knowledge_files else None
+    spoken = attempt(lambda: phrases.load(settings.language if known is None else known.language))
     rules = attempt(lambda: policy.load(folders.config(POLICY), leaves.SPECS))
     tree = attempt(lambda: build_tree(documents or with_includes(read(file)), clock=clock, wake=wake))
-    if spoken is None or rules is None or tree is None:
+    if settings.interface.tells_pressed and settings.tablet_success_is == YES:
+        faults.append(Fault("tabletSuccessIs", 0, 0, "the tablet of the robot {} says which button was pressed".format(
+            settings.robot_interface), "leave tabletSuccessIs out, or choose another robotInterface"))
+    told = [] if tree is None else on_robot(tree, settings)
+    faults += [fault for fault in told if not fault.is_warning]
+    if spoken is None or rules is None or tree is None or faults:
         raise FaultsFound(faults)
-    return Mission(settings, file, spoken, rules, tree)
+    tree.warnings += told
+    return Mission(settings, file, spoken, rules, tree, known)
+
+
+def on_robot(tree: Tree, settings: Settings) -> List[Fault]:
+    """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there."""
+    nodes = [(node.element, node.spec) for node in reversed(tree.nodes) if isinstance(node.spec, MissionSpec)]
+    # what a node type does without is told at its first place alone
+    elements = {spec.id if spec.does_without else id(element): (element, spec) for element, spec in nodes}
+    misfits = [_misfit(element, spec, settings.interface) for element, spec in elements.values()]
+    return [fault for fault in misfits if fault is not None] + foresee(tree, settings)
+
+
+def _misfit(element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
+    lacking = ", ".join(_lacking(spec, robot))
+    if not lacking:
+        return None
+    others = " or ".join(name for name, other in INTERFACES.items() if not list(_lacking(spec, other)))
+    if spec.does_without:
+        return element.fault("{} does without the robot: {} has no {}".format(spec.id, robot.name, lacking),
+                             "robotInterface {} has it".format(others), is_warning=True)
+    return element.fault("{} cannot work with the robot {}: it has no {}".format(spec.id, robot.name, lacking),
+                         "set robotInterface {}".format(others))
+
+
+def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:
+    """Return what a node asks for that a robot does not offer."""
+    for request in spec.calls:
+        if not robot.serves(request):
+            yield "service for {}".format(request.__name__)
+    for sense in spec.listens:
+        if not robot.tells(sense):
+            yield "message that tells of the visitor's {}".format(sense.value)
 
 
 def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock] = None) -> Tree:

@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple
 
-from behavior_controller.bt.registry import Direction, NodeSpec
+from behavior_controller.bt.registry import Direction, NodeSpec, argument
 from behavior_controller.interface import Sense
 
 
@@ -12,6 +12,7 @@ class MissionSpec(NodeSpec):
 
     calls: Tuple[type, ...] = ()  # the kinds of requests that it makes
     listens: Tuple[Sense, ...] = ()  # what it learns of the visitor from topics
+    does_without: bool = False  # on a robot that has no service for its request it succeeds and does nothing
     is_indispensable: bool = False  # no policy may skip it
     leave_out: Optional[Callable[[Any], bool]] = None
     """Notes that the mission goes on without the node, through the ports of the leaf that recovers from its failure.
@@ -19,6 +20,11 @@ class MissionSpec(NodeSpec):
     Returns whether the mission may.
     """
     is_farewell: bool = False  # it makes no sense to a visitor who is not there any more
+    farewells: Tuple[str, ...] = ()  # names of an instance that make it one
+
+    def bids_farewell(self, name: str) -> bool:
+        """Return whether an instance of that name is a farewell."""
+        return self.is_farewell or argument(name) in self.farewells
 
     def writes(self, entry: str) -> bool:
         """Return whether the node writes that entry of the whole mission, if the file gives it no other."""

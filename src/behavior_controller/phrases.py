@@ -17,24 +17,28 @@ from behavior_controller.text import Source
 
 
 class Speech(NamedTuple):
-    """A mission node that says a fixed text; ``asks``: the visitor's answer may follow. See MissionSpec too."""
+    """A mission node that says a fixed text; ``asks``: the visitor's answer may follow. See MissionSpec too.
+
+    ``utility`` is the number of release 1.0's utility phrase that says the same; 0: none does.
+    """
 
     node: str
     asks: bool
     description: str
     is_farewell: bool = False
+    utility: int = 0
 
 
 SPEECHES = (
-    Speech("WelcomeSpeech", False, "Welcomes the visitor."),
-    Speech("QueryTourSpeech", True, "Asks whether the visitor would like a tour."),
+    Speech("WelcomeSpeech", False, "Welcomes the visitor.", utility=4),
+    Speech("QueryTourSpeech", True, "Asks whether the visitor would like a tour.", utility=5),
     Speech("SayYesNoSpeech", True, "Says that it only understands yes or no."),
-    Speech("PressYesNoSpeech", True, "Asks to press yes or no on the tablet."),
-    Speech("FollowMeSpeech", False, "Asks the visitor to follow."),
-    Speech("MaybeAnotherTimeSpeech", False, "Lets a visitor go without a tour."),
+    Speech("PressYesNoSpeech", True, "Asks to press yes or no on the tablet.", utility=1),
+    Speech("FollowMeSpeech", False, "Asks the visitor to follow.", utility=2),
+    Speech("MaybeAnotherTimeSpeech", False, "Lets a visitor go without a tour.", utility=3),
     Speech("EndTourSpeech", False, "Closes the tour after the last exhibit.", True),
-    Speech("HereIsTheDoorSpeech", False, "Shows the way out in words.", True),
-    Speech("SayGoodByeSpeech", False, "Says goodbye.", True),
+    Speech("HereIsTheDoorSpeech", False, "Shows the way out in words.", True, 6),
+    Speech("SayGoodByeSpeech", False, "Says goodbye.", True, 7),
 )
 
 YES, NO, UNCLEAR = "yes", "no", "unclear"
@@ -108,6 +112,10 @@ class Phrases:
         """Return the text that a mission node says."""
         return self.speeches[node]
 
+    def utility(self, number: int) -> Optional[str]:
+        """Return the text of the speech that says the same as release 1.0's utility phrase of that number, or None."""
+        return next((self.speeches[speech.node] for speech in SPEECHES if speech.utility == number), None)
+
     def spoken_answer(self, utterance: str) -> Optional[str]:
         """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes; ``Error…`` is no answer."""
         if utterance.lstrip().lower().startswith("error"):
@@ -134,6 +142,11 @@ class Phrases:
         if pressed in ("1", labels[0]):
             return YES
         return NO if pressed in ("2", labels[1]) else None
+
+
+def is_error(utterance: str) -> bool:
+    """Return whether this is not what a visitor said, but an error that the speech recognition tells of."""
+    return "Error" in utterance or utterance.lstrip().lower().startswith("error")
 
 
 def languages() -> List[str]:

@@ -54,6 +54,7 @@ class Policy:
         return Rule(node.id, "*", 0, 0.0, GIVE_UP)
 
 
+
 def load(path: str, specs: Iterable[MissionSpec]) -> Policy:
     """Read a policy file; ``specs`` are the nodes that it may name. Raises ConfigurationError with every fault."""
     return read(read_source(path, "the recovery policy"), specs)
@@ -121,8 +122,8 @@ class _Reader:
             self._keep(number, Rule(node, cause, int(retries), float(back_off), last, self.nodes.get(then)))
 
     def _is_request(self, node: str) -> bool:
-        """Return whether the node is one that asks a service for something, and so can stand in for another."""
-        return node in self.nodes and bool(self.nodes[node].calls)
+        """Return whether the node is one that asks a service for the same whatever it is called, and so can stand in."""
+        return node in self.nodes and bool(self.nodes[node].calls) and not self.nodes[node].names
 
     def _keep(self, number: int, rule: Rule) -> None:
         """Append a rule that is right in itself, unless the rules before it leave it nothing to decide."""

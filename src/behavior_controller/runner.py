@@ -1,5 +1,5 @@
 """The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the visitors' passes."""
-from typing import Callable, Iterable, Iterator, NamedTuple, Optional
+from typing import Callable, Container, Iterable, Iterator, NamedTuple, Optional, Union
 
 from behavior_controller import exits
 from behavior_controller.bt.engine.node import Result
@@ -7,8 +7,8 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Noticed, PassFinished, PassStarted, RunFinished, RunStarted, Sources
-from behavior_controller.gateway import Call, Failure
-from behavior_controller.interface import Interface
+from behavior_controller.gateway import Call, Cause, Failure
+from behavior_controller.interface import Interface, Service, Topic
 from behavior_controller.leaves.base import MissionContext
 
 SHORTEST_PASS = 1.0
@@ -78,7 +78,8 @@ class Runner:
         self.mission.events.emit(RunStarted(
             self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values),
             Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source,
-                    self.mission.interface.name)))
+                    self.mission.interface.name,
+                    self.mission.knowledge.sources if self.mission.knowledge is not None else ())))
 
     def _pass(self) -> None:
         """Run the mission once, for a visitor of whom nothing is known."""
@@ -166,16 +167,19 @@ class Runner:
             self.tree.wake.test_and_clear()
             if any(call.result is None for call in calls):
                 self.wait(end - self.clock.now())
-        for line in not_calm(calls, self.mission.interface):
+        for line in not_calm(calls, self.mission.interface, self.mission.offers):
             self.mission.events.emit(Noticed("warning", line))
 
 
-def not_calm(calls: Iterable[Call], interface: Interface) -> Iterator[str]:
-    """Drop what is not answered of the safe state, and yield a line for each part of it that is not reached."""
+def not_calm(calls: Iterable[Call], interface: Interface, used: Container[Union[Service, Topic]]) -> Iterator[str]:
+    """Drop what is not answered of the safe state, and yield a line for each part of it that is not reached.
+
+    A service that no node offers, and that is not among the ``used`` ones, has nothing to make safe.
+    """
     for call in calls:
+        service = interface.service(type(call.request))
         if call.result is None:
             call.drop()
-            yield "{} did not answer while stopping".format(interface.service(type(call.request)).name)
-        elif isinstance(call.result, Failure):
-            yield "{} failed while stopping: {}: {}".format(
-                interface.service(type(call.request)).name, call.result.cause.text, call.result.message)
+            yield "{} did not answer while stopping".format(service.name)
+        elif isinstance(call.result, Failure) and (service in used or call.result.cause is not Cause.NOT_ADVERTISED):
+            yield "{} failed while stopping: {}: {}".format(service.name, call.result.cause.text, call.result.message)

@@ -4,9 +4,11 @@ from types import MappingProxyType
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from behavior_controller.interface import Interface, Plain, Service
-from behavior_controller.interface.robots import DEFAULT, INTERFACES, services
+from behavior_controller.interface.robots import DEFAULT, INTERFACES, by_deadline
 from behavior_controller.keys import (REQUIRED, Collector, Key, bind_address, boolean, filled, folder, integer, key,
-                                      keys_of, language_name, mission_name, one_of, port, read_configuration, seconds)
+                                      keys_of, language_name, mission_name, one_of, port, read_configuration, seconds,
+                                      values_of)
+from behavior_controller.phrases import YES
 
 FILE_NAME = "behaviorControllerConfiguration.ini"
 
@@ -19,30 +21,33 @@ class Settings:
     """
 
     deadlines: Mapping[str, float]
-    scenario_specification: str = key(mission_name, REQUIRED, "the mission to run: data/<name>.xml")
-    verbose_mode: bool = key(boolean, REQUIRED, "true: a line for every leaf that finishes")
-    asr_enabled: bool = key(boolean, REQUIRED, "true: visitors answer by voice; false: on the tablet")
-    robot_interface: str = key(
-        one_of(*INTERFACES), DEFAULT.name, "the interface that the robot's nodes speak")
-    language: str = key(language_name, "English", "the robot's phrases: data/phrases_<language>.ini")
+    scenario_specification: str = key(mission_name, REQUIRED, "the mission to run: `data/<name>.xml`")
+    verbose_mode: bool = key(boolean, REQUIRED, "`true`: a line for every leaf that finishes")
+    asr_enabled: bool = key(boolean, REQUIRED, "`true`: visitors answer by voice; `false`: on the tablet")
+    robot_interface: str = key(one_of(*INTERFACES), DEFAULT.name, "the interface that the robot's nodes speak")
+    tablet_success_is: str = key(one_of("done", YES), "done", "release-1.0: `yes` takes what is pressed on the tablet "
+                                                              "for yes, `done` for no answer")
+    language: str = key(language_name, "English", "the robot's phrases: `data/phrases_<language>.ini`")
     mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0 is for ever")
     startup_timeout: float = key(seconds(), 0.0, "seconds to wait for missing robot nodes at the start")
+    startup_check: str = key(one_of("mission", "all"), "mission", "what is checked at the start and monitored: what the "
+                                                                  "`mission` uses, or `all` that the robot offers")
     topic_max_age: float = key(seconds(0.001), 2.0, "seconds after which a face or gaze message counts as absent")
     condition_wait: float = key(
         seconds(), 0.0, "seconds that a condition waits for its evidence, for missions that do not wait themselves")
-    mutual_gaze_value: int = key(
-        integer(1, 2), 1, "the value of /overtAttention/mode that means mutual gaze: 1 in the document, 2 on the robot")
+    mutual_gaze_value: int = key(integer(1, 2), 1, "the value of `/overtAttention/mode` that means mutual gaze: "
+                                                   "1 in the document, 2 on the robot")
     welcome_gesture_id: int = key(integer(0, 255), 1, "the iconic gesture of WelcomeGesture")
     goodbye_gesture_id: int = key(integer(0, 255), 3, "the iconic gesture of GoodbyeGesture")
     deictic_gesture_id: int = key(integer(0, 255), 1, "the gesture of PerformDeicticGesture")
     gesture_duration: int = key(integer(1, 600000, "milliseconds"), 3000, "how long a gesture takes, in ms")
     groot2_port: int = key(port(65534), 1667, "where Groot2 connects, with the port after it; 0: Groot2 cannot connect")
-    groot2_address: str = key(
-        bind_address, "127.0.0.1", "bind address for Groot2: 127.0.0.1 serves this computer alone, 0.0.0.0 all networks")
+    groot2_address: str = key(bind_address, "127.0.0.1", "bind address for Groot2: `127.0.0.1` serves this computer "
+                                                         "alone, `0.0.0.0` all networks")
     monitor_port: int = key(port(65535), 8080, "where a browser shows the mission; 0: there is no page")
-    monitor_address: str = key(bind_address, "127.0.0.1", "bind address for the page, as groot2Address")
+    monitor_address: str = key(bind_address, "127.0.0.1", "bind address for the page, as `groot2Address`")
     record_directory: str = key(
-        folder, "", "folder for the record mission.jsonl; empty: a new one among ROS' logs; none: no record")
+        folder, "", "folder for the record `mission.jsonl`; empty: a new one among ROS' logs; `none`: no record")
 
     def deadline(self, service: Service) -> float:
         """Return the seconds that a call of ``service`` may take."""
@@ -61,21 +66,18 @@ class Settings:
     @property
     def values(self) -> Dict[str, Plain]:
         """The value of each key."""
-        found = {each.name: getattr(self, name) for name, each in _FIELDS.items()}
-        found.update(self.deadlines)
-        return found
+        return dict(values_of(self), **self.deadlines)
 
 
-_FIELDS = keys_of(Settings)
-
-KEYS: Tuple[Key, ...] = tuple(_FIELDS.values()) + tuple(
-    Key(service.deadline_key, seconds(0.001), service.deadline, "seconds that {} may take".format(service.name))
-    for service in services())
+KEYS: Tuple[Key, ...] = tuple(keys_of(Settings).values()) + tuple(
+    Key(each[0].deadline_key, seconds(0.001), each[0].deadline, "seconds that {} may take".format(
+        " or ".join(dict.fromkeys("`{}`".format(service.name) for service in each))))
+    for each in by_deadline())
 
 
 def _settings(values: Mapping[str, object]) -> Settings:
     """Return the settings that have these values, one for each of ``KEYS``."""
-    deadlines = {each.deadline_key: values[each.deadline_key] for each in services()}
+    deadlines = {each[0].deadline_key: values[each[0].deadline_key] for each in by_deadline()}
     return filled(Settings, values, deadlines=MappingProxyType(deadlines))
 
 

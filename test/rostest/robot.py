@@ -74,6 +74,10 @@ class Robot:
         """Publish a message of these field values, once, or from now on ``hertz`` times per second."""
         self._order(topic=topic, values=list(values), hertz=more.get("hertz", 0))
 
+    def say(self, text):
+        """Let the action of speech recognition hear ``text``."""
+        self._order(say=text)
+
     def _order(self, **order):
         self.process.stdin.write(json.dumps(order) + "\n")
         self.process.stdin.flush()

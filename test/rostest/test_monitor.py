@@ -44,7 +44,7 @@ class TestMonitor(unittest.TestCase):
     def start(self, mission, environment=None, **keys):
         """Run ``mission`` (leaves) and wait until it has started."""
         self.package.write("data/m.xml", MISSION.format(mission))
-        self.package.configure(scenarioSpecification="m", **keys)
+        self.package.configure(scenarioSpecification="m", startupCheck="all", **keys)
         controller = Controller(self.package, **(environment or {}))
         self.addCleanup(controller.close)
         controller.lines.wait_for(lambda line: " starts, " in line, 20)

@@ -18,6 +18,7 @@ import rostest
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
 
+SPEAKS = "<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomeSpeech/></BehaviorTree></root>"
 PARTS = {  # what the robot's nodes offer (contract, sections 2 and 3), by the name of the node
     "/animateBehaviour/set_activation": "animateBehavior", "/gestureExecution/perform_gesture": "gestureExecution",
     "/knowledgeBase/query": "knowledgeBase", "/overtAttention/set_mode": "overtAttention",
@@ -132,6 +133,16 @@ class TestStartUp(unittest.TestCase):
         self.assertEqual(code, 1)
         self.assert_line(text, "ERROR", "/voice/say", "node /textToSpeech", "not advertised")
         self.assertNotIn("/textToSpeech/say_text", text)
+
+    def test_a_mission_that_only_speaks_needs_text_to_speech_alone(self):
+        self.robot(dict.fromkeys(set(PARTS) - {"/textToSpeech/say_text"}, "absent"))
+        self.package.write("data/speaks.xml", SPEAKS)
+        self.package.configure(scenarioSpecification="speaks", missionRuns="1")
+        code, text = self.run_node()
+        self.assertEqual((code, "WARN" in text), (0, False), text)
+        code, text = self.run_node("_startupCheck:=all")
+        self.assertEqual(code, 1)
+        self.assert_line(text, "ERROR", "/robotNavigation/set_goal", "not advertised")
 
     def test_without_speech_recognition_nobody_needs_speechEvent(self):
         self.robot({"/speechEvent/text": "absent"})

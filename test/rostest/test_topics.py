@@ -91,6 +91,7 @@ class TestTopics(unittest.TestCase):
     def test_a_connection_that_breaks_is_made_again(self):
         latch = self.topics.latches[SPEECH]
         monitor = Monitor(INTERFACE, self.topics, Health(), lambda: True)
+        monitor.include(INTERFACE.offers)
         monitor.start()
         self.addCleanup(monitor.close)
         for link in latch._links.values():
@@ -104,6 +105,7 @@ class TestTopics(unittest.TestCase):
         health, events, told = Health(), Events(), []
         events.subscribe(told.append)
         monitor = Monitor(INTERFACE, self.topics, health, lambda: True)
+        monitor.include(INTERFACE.offers)
         monitor.start()
         self.addCleanup(monitor.close)
         return lambda: health.publish(events) or told
@@ -129,7 +131,7 @@ class TestTopics(unittest.TestCase):
         try:
             died = time.monotonic()
             self.robot.kill()
-            names = {part.name for part in parts_of(INTERFACE)} | {rosgraph.get_master_uri()}
+            names = {part.name for part in parts_of(INTERFACE.offers)} | {rosgraph.get_master_uri()}
             self.wait_until(lambda: names == {change.name for change in told() if not change.is_well})
             print("death told after {:.2f} s".format(time.monotonic() - died))
             self.assertLess(time.monotonic() - died, 5.0)

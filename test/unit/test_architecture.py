@@ -19,7 +19,7 @@ LAYERS = [
     ["behaviorController", "exportNodeModel", "missionStatus", "replayMission", "validateMission"],
     ["ros", "cli", "command"],
     ["watch", "runner"],
-    ["mission"],
+    ["mission", "foresight"],
     ["leaves"],
     ["bt"],
     ["recovery", "apart", "bt.compiler"],

@@ -9,6 +9,7 @@ from behavior_controller.cli import create_tree
 from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted, Sources
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
+from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import Answer, PerformGesture, QueryKnowledge, Say
 from behavior_controller.leaves import registry
 from behavior_controller.text import Source
@@ -97,7 +98,7 @@ def test_passes_health_trouble_and_blackboard():
     ill = [part for part in board.part("health") if not part["well"]]
     assert [(part["name"], part["status"], part["consequence"]) for part in ill] == [
         ("/robotNavigation/set_goal", "gone", "it cannot drive")]
-    assert len(board.part("health")) == 10
+    assert len(board.part("health")) == len(INTERFACE.offers)
     texts = [line["text"] for line in board.part("trouble")]
     assert texts[0].endswith("WelcomeGesture::22 failed: refused: the server refused")
     assert texts[2].endswith("recovery: skipped (retry 1x, then skip), for refused: the server refused")

@@ -12,7 +12,7 @@ from lxml import etree
 from behavior_controller import cli, folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.builtins import builtin_specs
-from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 
 EXECUTABLES = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)))
 LAB_TOUR = folders.mission("lab_tour")
@@ -89,6 +89,15 @@ def test_the_palette_holds_every_mission_leaf(capsys):
     assert (root.tag, root.get("BTCPP_format"), [child.tag for child in root]) == ("root", "4", ["TreeNodesModel"])
     assert [(model.tag, model.get("ID")) for model in root[0]] == [(spec.kind.value, spec.id) for spec in leaves.SPECS]
     assert all(model.find("MetadataFields/Metadata").get("description") for model in root[0])
+
+
+def test_the_palette_holds_what_is_registered_beside_the_leaves(capsys, monkeypatch):
+    ours = NodeSpec("Hurry", Kind.DECORATOR, None)
+    registered = leaves.registry().all() + [ours]
+    monkeypatch.setattr(leaves, "registry", lambda: Registry(registered))
+    assert cli.export_node_model([]) == 0
+    root = etree.fromstring(capsys.readouterr().out.encode("utf-8"))
+    assert [model.get("ID") for model in root[0]] == [spec.id for spec in leaves.SPECS] + ["Hurry"]
 
 
 def test_ports_have_type_default_and_description():

@@ -5,8 +5,8 @@ from behavior_controller.events import PassFinished, RunStarted, Sources
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
-                                                   PerformGesture, Point, Prompt, QueryKnowledge, Say, SetAnimation,
-                                                   SetAttention)
+                                                   PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
+                                                   SetAnimation, SetAttention)
 from behavior_controller.text import Source
 from behavior_controller.watch.codec import (FORMAT, VERSION, Answered, Asked, Header, Line, Message, Tick, TreeNode,
                                              TreeShown, decode, encode)
@@ -38,7 +38,8 @@ def test_each_entry_comes_back_as_it_was(entry):
 
 
 def test_all_that_the_interface_asks_and_tells_can_be_recorded():
-    assert {type(request) for request in REQUESTS} == {service.request for service in INTERFACE.services}
+    assert [service.request for service in INTERFACE.services if not issubclass(service.request, Request)] == []
+    assert {type(request) for request in REQUESTS} <= {service.request for service in INTERFACE.services}
     assert {message.topic for message in MESSAGES} == {topic.name for topic in INTERFACE.topics}
     for message in MESSAGES[:-1]:
         assert type(message.value) is INTERFACE.topic(message.topic).value

@@ -85,7 +85,7 @@ def test_both_files_make_the_tour_and_the_phrases(package):
     assert found.tour == (CAFE, FORGE, CAFE)
     assert (found.start, found.end) == (CAFE, CAFE)
     assert found.language == "English"
-    assert found.phrases == {number: "phrase {}".format(number) for number in range(1, 8)}
+    assert found.phrases == {number: "phrase {}".format(number) for number in range(1, 9)}
     assert found.warnings == ()
     assert knowledge_files.read(*found.sources) == found
 

@@ -1,10 +1,9 @@
 """Each node of table 4: what it asks for, what it writes, and how it fails. Expected fields are the contract's."""
-import os
 from functools import partial
 
 import pytest
 
-from behavior_controller import folders, leaves
+from behavior_controller import leaves
 from behavior_controller.bt.compiler import load_text
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
@@ -14,8 +13,9 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface import Sense
 from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
-from behavior_controller.leaves import reference, registry
-from behavior_controller.leaves.base import FailureLog, ServiceLeaf
+from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.leaves import registry
+from behavior_controller.leaves.base import FailureLog, MissionLeaf, ServiceLeaf
 from behavior_controller.leaves.speech import FixedSpeech
 from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
@@ -286,7 +286,7 @@ def test_the_start_forgets_the_last_visitor():
         "questionAskedAt": 1000.0, "attentionSetAt": 1000.0}
 
 
-CALLERS = [spec.id for spec in leaves.SPECS if spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits"))
+CALLERS = [spec.id for spec in leaves.SPECS if not spec.names and spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits"))
            or spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))]
 
 
@@ -372,7 +372,7 @@ def test_the_failure_log_finds_the_newest_in_a_range():
 
 def test_every_leaf_can_be_made_without_anything_running():
     for spec in leaves.registry().all():
-        assert spec.factory("name") is not None
+        assert spec.factory((spec.names or ("name",))[0]) is not None
 
 
 def test_exhibits_are_plain_records():
@@ -396,9 +396,23 @@ def test_requests_and_topics_of_a_node_type_are_those_of_its_leaf():
     assert (spec["SelectExhibit"].calls, spec["HandleFallBack"].calls) == ((), ())
 
 
+def test_each_request_of_a_leaf_has_its_service():
+    lacking = [(spec.id, request.__name__) for spec in leaves.SPECS for request in spec.calls
+               if not any(robot.serves(request) for robot in INTERFACES.values())]
+    assert lacking == [], "no service is declared for the request in behavior_controller.interface"
+
+
 def test_each_leaf_that_calls_a_service_says_what_it_asks_for():
-    calling = {spec.id: type(spec.factory("name")) for spec in leaves.SPECS if spec.calls}
+    calling = {spec.id: type(spec.factory((spec.names or ("name",))[0])) for spec in leaves.SPECS if spec.calls}
     assert [node for node, leaf in calling.items() if leaf.request is ServiceLeaf.request] == []
+
+
+def test_each_leaf_has_its_row():
+    def below(kind):
+        return {kind}.union(*map(below, kind.__subclasses__()))
+    made = {base for spec in leaves.SPECS for base in type(spec.factory((spec.names or ("name",))[0])).__mro__}
+    ours = {kind for kind in below(MissionLeaf) if kind.__module__.startswith(leaves.__name__ + ".")}
+    assert {kind.__qualname__ for kind in ours - made} == set(), "no leaf_spec in the SPECS of their modules"
 
 
 def test_a_leaf_that_is_declared_without_its_facts_is_refused_at_load():
@@ -406,11 +420,3 @@ def test_a_leaf_that_is_declared_without_its_facts_is_refused_at_load():
     types.extend([NodeSpec("Bare", Kind.ACTION, partial(FixedSpeech, phrase="WelcomeSpeech"))])
     with pytest.raises(FaultsFound, match="Bare is a mission leaf.*declare it with leaf_spec"):
         load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Bare/></BehaviorTree></root>", types)
-
-
-def test_the_readme_has_the_reference_of_nodes_and_data():
-    with open(os.path.join(os.path.dirname(folders.config("")), os.pardir, "README.md"), encoding="utf-8") as file:
-        text = file.read()
-    for table in (reference.nodes(leaves.SPECS), reference.entries()):
-        missing = [row for row in table.split("\n") if row not in text]
-        assert table in text, "\n".join(missing + ["print the tables with python3 -m behavior_controller.leaves.reference"])

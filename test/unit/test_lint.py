@@ -15,7 +15,7 @@ from behavior_controller.bt.ends import FAILS, SUCCEEDS
 from behavior_controller.bt.engine.builtins import AlwaysSuccess, builtin_specs
 from behavior_controller.bt.engine.decorators import Inverter
 from behavior_controller.bt.language.document import parse
-from behavior_controller.bt.registry import Direction, Kind, Need, NodeSpec, Port, Registry
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.leaves import registry as mission_registry
 from behavior_controller.mission import load_tree
 
@@ -24,8 +24,6 @@ REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Cond", Kind.CONDITION, AlwaysSuccess),
     NodeSpec("Begin", Kind.ACTION, AlwaysSuccess, outcome=SUCCEEDS),
     NodeSpec("Recover", Kind.ACTION, AlwaysSuccess, is_recovery=True),
-    NodeSpec("Gaze", Kind.CONDITION, AlwaysSuccess, needs=Need(("Seek",), "nothing looks for it")),
-    NodeSpec("Seek", Kind.ACTION, AlwaysSuccess),
     NodeSpec("In", Kind.ACTION, AlwaysSuccess, (Port("in", "any"),)),
     NodeSpec("Out", Kind.ACTION, AlwaysSuccess, (Port("out", "any", Direction.OUT),)),
     NodeSpec("Own", Kind.DECORATOR, Inverter),
@@ -99,8 +97,6 @@ CANNOT_BE_MEANT = {
                                ["no failure to look at", "into a Fallback"]),
     "another kind than it says": ('<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1), [
         "Act is no Condition but of kind Action"]),
-    "a gaze that nobody looks for": ("<Sequence><Act/>\n<Gaze/></Sequence>", (3, 1), [
-        "Gaze can never succeed: nothing looks for it", "lacks Seek"]),
     "read, never written": ('<In\nin="{goal}"/>', (3, 1), ["the entry goal is read here, but nothing writes it"]),
     "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), ["the entry lives"]),
     "read in a condition": ('<Sequence><Script code="lifes := 1"/><Act _skipIf="lives == 0"/></Sequence>', (2, 43), [
@@ -133,7 +129,6 @@ def test_what_cannot_be_meant(rule):
     "<Fallback><Act/><Begin/></Fallback>",
     '<Fallback><Begin _skipIf="given == 1"/><Act/></Fallback>',
     "<Sequence><Begin/><Fallback><Act/><Recover/></Fallback></Sequence>",
-    "<Sequence><Seek/><Gaze/></Sequence>",
     '<Sequence><RunOnce><AlwaysFailure/></RunOnce><Act/></Sequence>',
     '<Inverter><KeepRunningUntilFailure><Act/></KeepRunningUntilFailure></Inverter>',
     '<Sequence><Inverter><KeepRunningUntilFailure><Act/></KeepRunningUntilFailure></Inverter><Act/></Sequence>',
@@ -239,11 +234,9 @@ def mission(*leaves):
 @pytest.mark.parametrize("leaves, words", [
     (["IsListWithExhibit", "SelectExhibit"], "nothing writes it (RetrieveListOfExhibits writes it)"),
     (["RetrieveListOfExhibits", "DescribeExhibitSpeech"], "nothing writes it (SelectExhibit writes it)"),
-    (["PerformDeicticGesture"], "(SelectExhibit, LookUpEntrance or LookUpHome writes it)"),
+    (["PerformDeicticGesture"], "(SelectExhibit, LookUpEntrance, LookUpHome or RetrieveInitialLocation writes it)"),
     (['Navigate target="2;3.5;90"', 'PerformDeicticGesture target="1;2;3"'], None),
     (["LookUpHome", "Navigate"], None),
-    (["IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),
-    (["SocialOvertAttentionMode", "IsMutualGazeDiscovered"], "SeekOvertAttentionMode"),
     (["Navigate"], "SelectExhibit"),
     (["RetrieveListOfExhibits", "SelectExhibit", "Navigate", "DescribeExhibitSpeech"], None),
     (["SeekingOvertAttentionMode", "IsMutualGazeDiscovered"], None),
@@ -253,12 +246,6 @@ def test_what_the_mission_needs(tmp_path, leaves, words):
     (tmp_path / "m.xml").write_text(mission(*leaves), encoding="utf-8")
     found = load_tree(str(tmp_path / "m.xml")).warnings
     assert [words in str(fault) for fault in found] == ([] if words is None else [True])
-
-
-def test_every_node_that_another_needs_exists():
-    registry = mission_registry()
-    named = {other for spec in registry.all() if spec.needs is not None for other in spec.needs.any_of}
-    assert named and {name for name in named if registry.find(name) is None} == set()
 
 
 def unfolded(checked):

@@ -65,3 +65,20 @@ def test_a_load_checks_the_mission_once():
     finally:
         sys.setprofile(None)
     assert len(calls) == 1
+
+
+# --------------------------------------------------------------------------------------- only what the mission needs
+
+
+def offers_of(element, **changed):
+    """Return the names of what a mission of these elements needs of the robot."""
+    text = "<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence>{}</Sequence></BehaviorTree></root>".format(element)
+    loaded = mission.load(settings.defaults(**changed), documents=[parse(text)])
+    return [offer.name for offer in loaded.offers]
+
+
+def test_a_mission_needs_what_its_nodes_use():
+    assert offers_of("<WelcomeSpeech/>") == ["/textToSpeech/say_text"]
+    assert offers_of("<IsVisitorDiscovered/><Navigate/>") == ["/robotNavigation/set_goal", "/faceDetection/data"]
+    assert offers_of("<Sleep msec='1'/>") == []
+    assert len(offers_of("<WelcomeSpeech/>", startupCheck="all")) == 10

@@ -19,7 +19,7 @@ def lines(record):
     with open(record.path, encoding="utf-8") as file:
         header, *found = [json.loads(line) for line in file]
     assert (header["event"], header["format"], header["version"], header["pid"]) == (
-        "Header", "behaviorController record", 1, os.getpid())
+        "Header", "behaviorController record", 2, os.getpid())
     return found
 
 
@@ -34,7 +34,7 @@ def test_events_are_written_as_they_happen(tmp_path):
         "RunStarted", [["a", "Navigate"]], {"asrEnabled": True})
     assert first["sources"] == {
         "documents": [{"file": "/m.xml", "text": "<root/>"}], "phrases": {"file": "/p.ini", "text": "yes yes\n"},
-        "policy": {"file": "/r.ini", "text": "budget 1 1\n"}, "interface": "R"}
+        "policy": {"file": "/r.ini", "text": "budget 1 1\n"}, "interface": "R", "knowledge": []}
     assert second["failure"] == {"cause": "refused", "message": "no", "resource": "/robotNavigation/set_goal"}
     assert (second["node"], second["path"], second["status"], second["seconds"]) == ("Navigate", "go/a", "FAILURE", 0.5)
 

@@ -102,11 +102,11 @@ def test_phrases_and_policy_are_those_of_the_record(tmp_path, part, old, new, ex
 
 
 def test_a_record_of_another_interface_is_refused(tmp_path):
-    lines = started_with(read_record(recorded(tmp_path, visitor_who(says="no"))), interface="release 1.0")
+    lines = started_with(read_record(recorded(tmp_path, visitor_who(says="no"))), interface="release 7")
     with pytest.raises(MissionError) as raised:
         replay(lines)
-    assert str(raised.value) == ("the record: its interface is release 1.0; this release has D5.4.3 (replay it with the "
-                                 "release that wrote it)")
+    assert str(raised.value) == ("the record: its interface is release 7; this release has D5.4.3, release-1.0 (replay "
+                                 "it with the release that wrote it)")
 
 
 @pytest.mark.parametrize("old, new, where", [
@@ -165,7 +165,7 @@ def changed(lines, kind, change, number):
 @pytest.mark.parametrize("kind, number, change, expected", [
     (Tick, 5, lambda entry: entry._replace(changes=entry.changes[:-1]), "recorded is no further change, now it is "),
     (Tick, 5, lambda entry: entry._replace(changes=entry.changes + [(1, "F")]), ", now it is no further change"),
-    (Asked, 5, lambda entry: entry._replace(request=Say("x")), "Say(text='x'), now it asks /"),
+    (Asked, 5, lambda entry: entry._replace(request=Say("x")), "Say(text='x', language='English'), now it asks /"),
     (Asked, -1, lambda entry: None, "recorded is no request, now it asks /"),
 ])
 def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, number, change, expected):
@@ -181,7 +181,7 @@ def test_a_request_that_is_no_longer_made_is_another_path(tmp_path):
     place = [place for place, (_, entry) in enumerate(lines) if isinstance(entry, Tick)][5]
     more = Line(1.0, Asked(99, "/x", Say("x")))
     divergence = replay(lines[:place] + [more] + lines[place:]).divergence
-    assert "recorded is the request Say(text='x'), now there is none" in divergence
+    assert "recorded is the request Say(text='x', language='English'), now there is none" in divergence
 
 
 def test_a_record_that_lacks_lines_says_so(tmp_path):
@@ -227,7 +227,7 @@ def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     assert outcome.divergence == "" and outcome.passes == 0 and outcome.changes > 50
 
 
-HEADER = '{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": 1, "pid": 7}\n'
+HEADER = '{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": 2, "pid": 7}\n'
 NOTICED = HEADER + '{"event": "Noticed", "time": 1.5, "level": "info", "text": "-"}\n'
 
 
@@ -242,9 +242,9 @@ NOTICED = HEADER + '{"event": "Noticed", "time": 1.5, "level": "info", "text": "
     (NOTICED.replace('"Noticed", "time": 1.5', '"Noticed", "time": NaN'), "2:1: this is no line of a record: time is "
      "not a number"),
     (HEADER + '{"event": "Noticed", "time": 1.5, "level": "info"}\n', "2:1: this is no line of a record: text is missing"),
-    (NOTICED[len(HEADER):], "1:1: the record has no version; this release reads version 1 (replay it with the release that "
+    (NOTICED[len(HEADER):], "1:1: the record has no version; this release reads version 2 (replay it with the release that "
      "wrote it)"),
-    (HEADER.replace('version": 1', 'version": 27'), "1:1: the record has the version 27; this release reads version 1 "
+    (HEADER.replace('version": 2', 'version": 27'), "1:1: the record has the version 27; this release reads version 2 "
      "(replay it with the release that wrote it)"),
     (HEADER.replace("behaviorController ", "other "), "1:1: this is no line of a record: format is not "),
 ])

@@ -74,7 +74,8 @@ def lines_of(*more, nodes=(["A::1", "A", "A", 0],), mission="/m/first.xml"):
     source = {"file": mission, "text": "-"}
     return [{"event": "TreeShown", "time": 100.0, "id": "M", "nodes": [dict(zip(keys, node)) for node in nodes]},
             {"event": "RunStarted", "time": 100.0, "mission": mission, "leaves": [], "settings": {"missionRuns": 1},
-             "sources": {"documents": [source], "phrases": source, "policy": source, "interface": "R"}}] + list(more)
+             "sources": {"documents": [source], "phrases": source, "policy": source, "interface": "R",
+                         "knowledge": []}}] + list(more)
 
 
 HEADER = {"event": "Header", "time": 100.0, "format": FORMAT, "version": VERSION, "pid": 1}
@@ -240,7 +241,7 @@ ONE_OF_EACH = lines_of(
     {"event": "Answered", "time": 100.0, "call": 1, "result": ["Answer", {"response": "", "exhibits": [EXHIBIT]}]},
     {"event": "Asked", "time": 101.0, "call": 2, "service": "/n", "request": ["GoTo", {"goal": LOCATION}]},
     {"event": "Answered", "time": 101.0, "call": 2, "result": ["Failure", FAILED]},
-    {"event": "Asked", "time": 101.0, "call": 3, "service": "/t", "request": ["Say", {"text": "hello"}]},
+    {"event": "Asked", "time": 101.0, "call": 3, "service": "/t", "request": ["Say", {"text": "hello", "language": "English"}]},
     {"event": "Answered", "time": 101.0, "call": 3, "result": ["Answer", {"response": "", "exhibits": []}]},
     tick([1, "S"]),
     finished(101.5, "FAILURE", failure=FAILED),

@@ -282,15 +282,3 @@ def test_a_key_takes_just_the_numbers_that_it_says(key):
 @pytest.mark.parametrize("key", [key for key in ALL_KEYS if key.default not in (keys.REQUIRED, ())], ids=lambda key: key.name)
 def test_each_default_is_a_value_that_its_key_takes(key):
     assert key.read(keys.to_text(key.default)) == key.default
-
-
-def readme_table(heading):
-    """Return the rows of the table below a heading of the README, without the marks of code."""
-    with open(os.path.join(folders.share(), "README.md"), encoding="utf-8") as file:
-        below = file.read().split(heading + "\n", 1)[1]
-    rows = [line.strip("|").split("|") for line in re.split(r"\n\|[-|]+\|\n", below, 1)[1].split("\n\n")[0].splitlines()]
-    return [tuple(cell.strip().replace("`", "") for cell in row) for row in rows]
-
-
-def test_the_readme_has_each_key_with_its_default_and_meaning():
-    assert readme_table("### Configuration") == [(key.name, key.default_text, key.meaning) for key in settings.KEYS]

@@ -58,19 +58,12 @@ class Port(NamedTuple):
     names: Tuple[str, ...] = ()
 
 
-class Need(NamedTuple):
-    """Node types of which one must be in the mission too, and why."""
-
-    any_of: Tuple[str, ...]
-    why: str
-
-
 @dataclass(frozen=True)
 class NodeSpec:
     """One node type, and what the checks know of it. ``factory(name)`` makes a node and needs nothing running.
 
-    ``warning`` is told to the author of a mission that uses it. A default says nothing of a node type, so that the
-    linter is silent about it.
+    ``warning`` is told to the author of a mission that uses it. ``names`` are what an instance must be called, since its
+    name is its argument; see ``argument``. A default says nothing of a node type, so that the linter is silent about it.
     """
 
     id: str
@@ -79,6 +72,7 @@ class NodeSpec:
     ports: Tuple[Port, ...] = ()
     description: str = ""
     warning: str = ""
+    names: Tuple[str, ...] = ()
     outcome: Optional[Outcome] = None  # how it can end; None: in any way
     is_instant: bool = False  # it adds no waiting to that of its children
     fewest_children: int = 1  # of a control
@@ -91,7 +85,16 @@ class NodeSpec:
     rounds: str = ""  # the port with the number of times that the child is run
     repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
     is_recovery: bool = False  # it looks at the failure of a node before it
-    needs: Optional[Need] = None
+
+    @property
+    def summary(self) -> str:
+        """What it does, and what an instance must be called."""
+        return self.description + (" Named {}.".format(", ".join(self.names)) if self.names else "")
+
+
+def argument(name: str) -> str:
+    """Return the argument that the name of an instance stands for: case and blanks around it are no difference."""
+    return name.strip().lower()
 
 
 class Registry:

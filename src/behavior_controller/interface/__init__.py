@@ -5,17 +5,20 @@ declarations all that they need to know of a service or topic.
 """
 import enum
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Generic, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+from typing import Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
 
-from behavior_controller.interface.records import Answer, Request
+from behavior_controller.interface.records import Answer, QueryKnowledge, Request
 
 
 Message = Any  # type: ignore
 """A message or response as ROS makes it; these classes are generated and have no types."""
 
-Asked = TypeVar("Asked")
+Asked = TypeVar("Asked", bound=Request)
 Value = TypeVar("Value")
 Plain = Union[bool, int, float, str]
+
+KNOWLEDGE_FILES = "the knowledge files"
+"""What answers ``QueryKnowledge`` where the robot has no such service."""
 
 
 class Unusable(ValueError):
@@ -41,7 +44,8 @@ class Service(Generic[Asked]):
     ``request`` is the kind of record that it carries out, ``fields`` gives the values of the srv request in order;
     ``answer`` reads a positive response and raises ``Unusable``. ``name`` is the canonical name, ``node`` the robot's
     node that offers it, ``type`` its ``package/Type``. ``deadline`` is the default, in seconds. ``absence`` says what
-    the robot cannot do without it; ``is_optional``: a mission runs without it, and its leaves then succeed.
+    the robot cannot do without it; ``is_optional``: a mission starts on a robot without it, where its leaves then
+    succeed, unless ``fails_without``.
     """
 
     request: Type[Asked]
@@ -54,6 +58,7 @@ class Service(Generic[Asked]):
     absence: str
     answer: Callable[[Message], Answer] = _nothing
     is_optional: bool = False
+    fails_without: bool = False
 
     @property
     def deadline_key(self) -> str:
@@ -62,11 +67,25 @@ class Service(Generic[Asked]):
 
 
 @dataclass(frozen=True, eq=False)
+class Action(Generic[Value]):
+    """An action that a robot may offer in place of a topic, one goal for one message.
+
+    ``goal`` gives the values of the goal's fields for the seconds that it may take; ``read`` turns a result into the
+    topic's plain data, None for a result that says nothing. ``type`` is the ``package/Type`` of the action file.
+    """
+
+    name: str
+    type: str
+    goal: Callable[[float], Tuple[object, ...]]
+    read: Callable[[Message], Optional[Value]]
+
+
+@dataclass(frozen=True, eq=False)
 class Topic(Generic[Value]):
     """A topic of the robot. ``read`` turns a message into plain data of the kind ``value``.
 
     ``is_continuous``: it is published all the time, so that silence means something and an old message counts as
-    absent. The other fields: see ``Service``.
+    absent. ``action``: what a robot may offer instead. The other fields: see ``Service``.
     """
 
     name: str
@@ -76,6 +95,7 @@ class Topic(Generic[Value]):
     read: Callable[[Message], Value]
     absence: str
     is_continuous: bool
+    action: Optional[Action[Value]] = None
 
 
 class Sense(enum.Enum):
@@ -93,26 +113,33 @@ class Evidence(Generic[Value]):
 
     ``is_given`` takes the message's value and the value of /overtAttention/mode that means mutual gaze. ``wait`` is how
     many seconds a condition waits for the evidence, infinity for no limit; None: as long as ``conditionWait`` says.
+    ``is_given_up``: the robot looks no longer, so that a condition waits no longer. ``mode`` is the mode of attention
+    without which the robot does not look; empty: any.
     """
 
     topic: Topic[Value]
     is_given: Callable[[Value, int], bool] = lambda value, gaze_value: True
     wait: Optional[float] = None
+    is_given_up: Callable[[Value], bool] = lambda value: False
+    mode: str = ""
 
 
 class Interface:
     """All services and topics of one robot, what they tell of a visitor, and the requests that make the robot safe.
 
     ``name`` tells it from others in the configuration and in a record. ``gaze_value`` is the value of
-    /overtAttention/mode that means mutual gaze; None: the configuration says it. Raises ValueError where two services
-    carry out the same kind of request.
+    /overtAttention/mode that means mutual gaze; None: the configuration says it. ``has_knowledge_files``: files answer
+    ``QueryKnowledge`` and hold the language and the phrases. ``tells_pressed``: the tablet's answer says which button
+    was pressed. Raises ValueError where two services carry out the same kind of request.
     """
 
     def __init__(self, name: str, services: Tuple[Service, ...], topics: Tuple[Topic, ...],
                  safe_state: Tuple[Request, ...], evidence: Mapping[Sense, Evidence],
-                 gaze_value: Optional[int] = None):
+                 gaze_value: Optional[int] = None, has_knowledge_files: bool = False, tells_pressed: bool = True):
         self.name = name
         self.gaze_value = gaze_value
+        self.has_knowledge_files = has_knowledge_files
+        self.tells_pressed = tells_pressed
         self._evidence = evidence
         self.services = services
         self.topics = topics
@@ -140,8 +167,18 @@ class Interface:
                               .format(request.__name__)) from None
 
     def serves(self, request: type) -> bool:
-        """Return whether the robot has a service for a kind of request."""
-        return request in self._by_request
+        """Return whether a kind of request is answered, by a service of the robot or from files."""
+        return request in self._by_request or self.has_knowledge_files and request is QueryKnowledge
+
+    def resource(self, request: type) -> str:
+        """Return what answers a kind of request: the service's canonical name. Raises LookupError as ``service``."""
+        if self.has_knowledge_files and request is QueryKnowledge:
+            return KNOWLEDGE_FILES
+        return self.service(request).name
+
+    def tells(self, sense: Sense) -> bool:
+        """Return whether the robot tells of ``sense``."""
+        return sense in self._evidence
 
     def evidence(self, sense: Sense) -> Evidence:
         """Return what tells of ``sense``. Raises LookupError if this robot cannot tell."""
@@ -149,6 +186,12 @@ class Interface:
             return self._evidence[sense]
         except KeyError:
             raise LookupError("the robot {} does not tell of the visitor's {}".format(self.name, sense.value)) from None
+
+    def used(self, requests: Collection[type], senses: Collection[Sense]) -> Tuple[Union[Service, Topic], ...]:
+        """Return the services and topics that these kinds of requests and these senses need, in their order."""
+        topics = [self.evidence(sense).topic for sense in senses if self.tells(sense)]
+        return tuple(service for service in self.services if service.request in requests) + tuple(
+            topic for topic in self.topics if topic in topics)
 
     def topic(self, name: str) -> Topic:
         """Return the topic of that canonical name. Raises LookupError if none is declared."""

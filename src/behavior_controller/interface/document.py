@@ -63,5 +63,6 @@ SPEECH = Topic("/speechEvent/text", "speechEvent", "std_msgs/String", str, lambd
 INTERFACE = Interface("D5.4.3", SERVICES, (FACES, ATTENTION, SPEECH),
                       (SetAttention("disabled"), SetAnimation("disabled")), {
                           Sense.VISITOR: Evidence(FACES, lambda faces, _: bool(faces.labels)),
-                          Sense.GAZE: Evidence(ATTENTION, lambda status, gaze: status == ("seeking", gaze)),
+                          Sense.PRESENCE: Evidence(FACES, lambda faces, _: bool(faces.labels), 10.0),
+                          Sense.GAZE: Evidence(ATTENTION, lambda status, gaze: status == ("seeking", gaze), mode="seeking"),
                           Sense.UTTERANCE: Evidence(SPEECH)})

@@ -1,6 +1,6 @@
 """What leaves ask of the robot and what they learn from it, as plain records that know no ROS types."""
 from dataclasses import dataclass
-from typing import NamedTuple, Tuple, Union
+from typing import NamedTuple, Tuple
 
 
 class Location(NamedTuple):
@@ -33,14 +33,19 @@ class Exhibit(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SetAnimation:
+class Request:
+    """What a service of the robot is asked to do."""
+
+
+@dataclass(frozen=True)
+class SetAnimation(Request):
     """Switch lifelike movement: ``enabled`` or ``disabled``."""
 
     state: str
 
 
 @dataclass(frozen=True)
-class PerformGesture:
+class PerformGesture(Request):
     """``iconic`` or ``deictic`` gesture number ``id``; ``target`` matters to deictic ones only."""
 
     type: str
@@ -51,14 +56,14 @@ class PerformGesture:
 
 
 @dataclass(frozen=True)
-class QueryKnowledge:
+class QueryKnowledge(Request):
     """Ask for ``exhibits`` (all, in tour order), ``entrance`` or ``home`` (one)."""
 
     what: str
 
 
 @dataclass(frozen=True)
-class SetAttention:
+class SetAttention(Request):
     """``disabled``, ``social``, ``scanning``, ``seeking`` or ``location`` (the only one that uses ``target``)."""
 
     state: str
@@ -66,27 +71,49 @@ class SetAttention:
 
 
 @dataclass(frozen=True)
-class GoTo:
+class GoTo(Request):
     """Drive to ``goal``."""
 
     goal: Location
 
 
 @dataclass(frozen=True)
-class Prompt:
+class Prompt(Request):
     """Show ``options`` on the tablet and wait for one to be pressed."""
 
     options: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Say:
-    """Speak ``text``; answered when it has been spoken."""
+class Say(Request):
+    """Speak ``text``; answered when it has been spoken. A robot of release 1.0 is told its ``language``."""
 
     text: str
+    language: str = "English"
 
 
-Request = Union[SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say]
+# -------------------------------------------------------------------------------------------- requests of release 1.0
+
+
+@dataclass(frozen=True)
+class SetPose(Request):
+    """Tell the localization that the robot stands at ``pose``."""
+
+    pose: Location
+
+
+@dataclass(frozen=True)
+class SetRecognition(Request):
+    """Switch speech recognition on or off."""
+
+    is_enabled: bool
+
+
+@dataclass(frozen=True)
+class SetRecognitionLanguage(Request):
+    """Recognise speech of ``language``."""
+
+    language: str
 
 
 class Answer(NamedTuple):

@@ -1,18 +1,18 @@
 """The robots that a configuration can choose from, by the name of their interface."""
-from typing import Dict, Tuple
+from typing import Dict, List, Tuple
 
 from behavior_controller.interface import Interface, Service
-from behavior_controller.interface import document
+from behavior_controller.interface import document, release_1_0
 
-INTERFACES: Dict[str, Interface] = {each.name: each for each in (document.INTERFACE,)}
+INTERFACES: Dict[str, Interface] = {each.name: each for each in (document.INTERFACE, release_1_0.INTERFACE)}
 
 DEFAULT = document.INTERFACE
 
 
-def services() -> Tuple[Service, ...]:
-    """Return a service for each key of a deadline: those of all robots, the first robot's where they share a key."""
-    found: Dict[str, Service] = {}
+def by_deadline() -> Tuple[Tuple[Service, ...], ...]:
+    """Return the services of all robots, those together that share the key of their deadline."""
+    found: Dict[str, List[Service]] = {}
     for interface in INTERFACES.values():
         for service in interface.services:
-            found.setdefault(service.deadline_key, service)
-    return tuple(found.values())
+            found.setdefault(service.deadline_key, []).append(service)
+    return tuple(map(tuple, found.values()))

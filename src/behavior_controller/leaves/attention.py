@@ -1,11 +1,11 @@
 """Leaves of the robot's attention and lifelike movement, and what its cameras see of a visitor."""
 from typing import Any, Optional, Set, Tuple
 
-from behavior_controller.bt.registry import Need, Port
+from behavior_controller.bt.registry import Port
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure, Sample
 from behavior_controller.interface import Sense
-from behavior_controller.interface.records import Answer, Request, SetAnimation, SetAttention
+from behavior_controller.interface.records import Answer, Point, Request, SetAnimation, SetAttention
 from behavior_controller.leaves.base import ServiceLeaf, TopicCondition, leaf_spec
 from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET
 
@@ -44,11 +44,12 @@ class OvertAttentionMode(ServiceLeaf):
         super().__init__(name)
         self.state = state
 
-    def request(self) -> Request:
-        """Set the mode."""
+    def request(self) -> Optional[Request]:
+        """Set the mode; a target of exactly (0, 0, 0) is nothing to look at."""
         if self.state != "location":
             return SetAttention(self.state)
-        return SetAttention(self.state, self.get_input("target"))
+        target = self.get_input("target")
+        return None if target == Point(0.0, 0.0, 0.0) else SetAttention(self.state, target)
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the mode was set."""
@@ -144,7 +145,5 @@ SPECS = tuple(
     leaf_spec("DisableAnimateBehavior", AnimateBehavior, "Stops lifelike movement.", arguments={"state": "disabled"}),
     leaf_spec("IsVisitorDiscovered", IsVisitorDiscovered, "Is a face in view?"),
     leaf_spec("IsMutualGazeDiscovered", IsMutualGazeDiscovered,
-              "Does the visitor look at the robot, since the mode was set?",
-              needs=Need(tuple(name for name, state, _, _ in MODES if state == SEEKING),
-                         "overtAttention looks for mutual gaze only in the mode seeking")),
+              "Does the visitor look at the robot, since the mode was set?"),
 )

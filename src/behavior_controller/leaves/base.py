@@ -3,8 +3,9 @@
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
 """
 import itertools
+import math
 from functools import partial
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
@@ -14,13 +15,14 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.ports import NoValue, PortError
 from behavior_controller.bt.ownership import tick_thread_only
-from behavior_controller.bt.registry import Kind, Port
+from behavior_controller.bt.registry import Kind, Port, argument
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished
 from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
-from behavior_controller.interface import Evidence, Sense, Topic
+from behavior_controller.interface import Evidence, Sense, Service, Topic
 from behavior_controller.interface.records import Answer, Request
+from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves import data
 from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.phrases import Phrases
@@ -65,8 +67,13 @@ class MissionContext:
     """What the leaves of a running mission share. ``setup(mission=…)`` hands it to each."""
 
     def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases, policy: Policy,
-                 clock: Clock, events: Events, health: Optional[Health] = None):
-        """``health`` tells what is known of the robot's nodes; without it they count as well."""
+                 clock: Clock, events: Events, health: Optional[Health] = None, knowledge: Optional[Knowledge] = None,
+                 offers: Sequence[Union[Service, Topic]] = ()):
+        """``health`` tells what is known of the robot's nodes; without it they count as well.
+
+        ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the services and topics that
+        the mission cannot do without.
+        """
         self.gateway = gateway
         self.topics = topics
         self.settings = settings
@@ -76,6 +83,9 @@ class MissionContext:
         self.clock = clock
         self.events = events
         self.health = health or Health()
+        self.knowledge = knowledge
+        self.offers = offers
+        self.language = settings.language if knowledge is None else knowledge.language
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget
         self._shared: Dict[Any, Any] = {}
@@ -103,6 +113,7 @@ class MissionLeaf(Node):
     PORTS: Tuple[Port, ...] = ()
     spec: MissionSpec
     mission: MissionContext
+    sense: Optional[Sense] = None  # what it learns of the visitor
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
 
@@ -228,8 +239,8 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
     @property
     def resource(self) -> str:
-        """The service's canonical name."""
-        return self.mission.interface.service(self.asks).name
+        """The service's canonical name, or the files."""
+        return self.mission.interface.resource(self.asks)
 
     def request(self) -> Union[Request, Failure, None]:
         """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
@@ -263,6 +274,23 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
             self.attempt.drop()
             self.attempt = None
         self.report(IDLE)
+
+
+class OptionalServiceLeaf(ServiceLeaf):
+    """A leaf that has nothing to do on a robot whose interface lacks the service."""
+
+    @property
+    def resource(self) -> str:
+        """The service's canonical name; empty if there is none."""
+        return super().resource if self.mission.interface.serves(self.asks) else ""
+
+    def request(self) -> Union[Request, Failure, None]:
+        """Ask for what is wanted, if the robot has a service for it."""
+        return self.wanted() if self.mission.interface.serves(self.asks) else None
+
+    def wanted(self) -> Union[Request, Failure, None]:
+        """As ``request`` of a ServiceLeaf."""
+        raise NotImplementedError
 
 
 def is_asked_again(node: Any) -> bool:
@@ -333,12 +361,19 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _answer(self) -> Result:
         sample = self.mission.topics.newest(self.topic)
-        is_true = sample is not None and self._counts(sample) and self.is_evidence(sample.value)
+        counts = sample is not None and self._counts(sample)
         self.judged(sample)
-        if sample is not None and is_true:
+        if sample is not None and counts and self.is_evidence(sample.value):
             return self._true(sample)
-        self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+        if sample is not None and counts and self.evidence.is_given_up(sample.value):
+            self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+            return self._false(sample)
+        self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
+        self.mission.topics.listen(self.topic, self._wait)
         return RUNNING if self._waits() else self._false(sample)
+
+    def _is_end(self, value: Any) -> bool:
+        return self.is_evidence(value) or self.evidence.is_given_up(value)
 
     def _counts(self, sample: Sample) -> bool:
         age = self.mission.clock.now() - sample.arrived
@@ -347,6 +382,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _true(self, sample: Sample) -> Result:
         self._stop_timers()
+        self.mission.topics.listen(self.topic, 0.0)
         if self.topic.is_continuous:
             self.mission.topics.wake_when(self.uid, self.topic, lambda value: not self.is_evidence(value))
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
@@ -372,14 +408,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         self._told = telling
         return self.failed(failure)
 
-    def _waits(self) -> bool:
+    @property
+    def _wait(self) -> float:
+        """Seconds that the condition waits for its evidence."""
         wait = self.evidence.wait
-        if wait is None:
-            wait = self.mission.settings.condition_wait
-        if wait <= 0.0 or self._is_over or is_asked_again(self):
+        return self.mission.settings.condition_wait if wait is None else wait
+
+    def _waits(self) -> bool:
+        if self._wait <= 0.0 or self._is_over or is_asked_again(self):
             return False
-        if self._patience is None:
-            self._patience = self.mission.clock.call_after(wait, self._give_up)
+        if self._patience is None and self._wait < math.inf:
+            self._patience = self.mission.clock.call_after(self._wait, self._give_up)
         return True
 
     def _give_up(self) -> None:
@@ -395,19 +434,28 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def halt(self) -> None:
         """Stop waiting."""
+        if self.status is RUNNING:
+            self.mission.topics.listen(self.topic, 0.0)
         self._stop_timers()
         super().halt()
 
 
+def _named(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]], name: str) -> MissionLeaf:
+    return leaf(name, **choices[argument(name)])
+
+
 def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),
-              arguments: Optional[Dict[str, Any]] = None, **facts: Any) -> MissionSpec:
+              arguments: Optional[Dict[str, Any]] = None, choices: Optional[Mapping[str, Dict[str, Any]]] = None,
+              **facts: Any) -> MissionSpec:
     """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
 
-    ``ports`` are added to those of the class, ``arguments`` are the constructor's beside the name.
+    ``ports`` are added to those of the class, ``arguments`` are the constructor's beside the name. With ``choices`` the
+    name of an instance chooses them.
     """
     return MissionSpec(
         node_id, Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION,
-        partial(leaf, **arguments) if arguments else leaf, leaf.PORTS + ports, description,
+        partial(_named, leaf, choices) if choices else partial(leaf, **arguments) if arguments else leaf,
+        leaf.PORTS + ports, description, names=tuple(choices or ()),
         is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
-        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
-        listens=(leaf.sense,) if issubclass(leaf, TopicCondition) else (), **facts)
+        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (), does_without=issubclass(leaf, OptionalServiceLeaf),
+        listens=(leaf.sense,) if leaf.sense is not None else (), **facts)

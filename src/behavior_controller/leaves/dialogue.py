@@ -55,7 +55,11 @@ class PressYesNoDialogue(ServiceLeaf):
         return Prompt(self.mission.phrases.tablet_options)
 
     def accept(self, answer: Answer) -> Optional[Failure]:
-        """Keep what was pressed."""
+        """Keep what was pressed; where the robot does not tell, ``tabletSuccessIs`` says what a press means."""
+        if not self.mission.interface.tells_pressed:
+            if self.mission.settings.tablet_success_is == YES:
+                self.set_output("visitorResponse", YES)
+            return None
         pressed = self.mission.phrases.pressed_answer(answer.response)
         if pressed is not None:
             self.set_output("visitorResponse", pressed)

@@ -4,7 +4,13 @@ from typing import Optional
 from behavior_controller.bt.ends import SUCCEEDS
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure
-from behavior_controller.leaves.base import InstantAction, InstantCondition, leaf_spec
+from behavior_controller.leaves.base import InstantAction, InstantCondition, MissionLeaf, leaf_spec
+
+
+def begin_pass(leaf: MissionLeaf) -> None:
+    """Tell that a pass begins, and forget the last visitor."""
+    leaf.mission.events.emit(Noticed("info", "a pass begins"))
+    leaf.mission.begin_visit(leaf.blackboard.root(), leaf.mission.clock.now())
 
 
 class StartOfTree(InstantAction):
@@ -12,8 +18,7 @@ class StartOfTree(InstantAction):
 
     def act(self) -> Optional[Failure]:
         """Tell, and forget."""
-        self.mission.events.emit(Noticed("info", "a pass begins"))
-        self.mission.begin_visit(self.blackboard.root(), self.mission.clock.now())
+        begin_pass(self)
         return None
 
 

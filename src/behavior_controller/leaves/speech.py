@@ -21,9 +21,9 @@ class FixedSpeech(ServiceLeaf):
         super().__init__(name)
         self.phrase = phrase
 
-    def request(self) -> Request:
+    def request(self) -> Union[Request, Failure]:
         """Say the phrase."""
-        return Say(self.mission.phrases.speech(self.phrase))
+        return Say(self.mission.phrases.speech(self.phrase), self.mission.language)
 
 
 class Question(FixedSpeech):
@@ -83,7 +83,7 @@ class DescribeExhibitSpeech(ServiceLeaf):
         if part not in self.PARTS:
             return Failure(Cause.MISSING_DATA, "the part cannot be {}".format(part), self.resource)
         text = " ".join(filter(None, (self.get_input_or(port, "") for port in self.PARTS[part])))
-        return Say(text) if text else None
+        return Say(text, self.mission.language) if text else None
 
 
 SPECS = tuple(

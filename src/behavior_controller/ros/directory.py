@@ -128,6 +128,10 @@ class Directory:
         uris = [known.get(node) or self._ask("lookupNode", node) for node in self._publishing.get(topic, ())]
         return self._settle(self._topics, topic, tuple(uri for uri in uris if uri))
 
+    def is_published(self, topic: str) -> bool:
+        """Return whether any node published ``topic`` at the last ``look``."""
+        return topic in self._publishing
+
     def look(self) -> None:
         """See how things stand, and register what the master does not know. Raises ``Trouble`` without an answer."""
         publishers, subscribers, services = self._ask("getSystemState") or ([], [], [])

@@ -6,13 +6,13 @@ have found, so that no judgement waits for a master. What changes goes to ``Heal
 """
 import threading
 import time
-from typing import Callable, Dict, List, Tuple
+from typing import Callable, Dict, Iterable, Set, Tuple, Union
 
 import rosgraph
 
 from behavior_controller.events import HealthChanged
 from behavior_controller.health import GONE, NEW, SILENT, Health
-from behavior_controller.interface import Interface, Sense, Topic
+from behavior_controller.interface import Interface, Sense, Service, Topic
 from behavior_controller.ros.connection import Connection, Trouble
 from behavior_controller.ros.directory import DIRECTORY
 from behavior_controller.ros.probe import Part, parts_of
@@ -63,28 +63,33 @@ NEW_MASTER = ("the mission goes on with them where they were last, as long as th
 
 
 class Monitor:
-    """Monitors what a robot's nodes offer, and the master, from ``start`` to ``close``."""
+    """Monitors what is ``include``d of what the robot's nodes offer, and the master, until ``close``."""
 
     def __init__(self, interface: Interface, topics: RosTopics, health: Health, is_asr_enabled: Callable[[], bool]):
         """While ``is_asr_enabled()`` is false speech is of no use, and its topic is not monitored."""
-        self._parts = parts_of(interface)
+        self._parts: Tuple[Part, ...] = ()
+        self._topics = topics
         self._speech = interface.evidence(Sense.UTTERANCE).topic
         self._health = health
         self._is_asr_enabled = is_asr_enabled
-        self._latches: List[Tuple[Part, Latch]] = [
-            (part, topics.latches[part.offer]) for part in self._parts if isinstance(part.offer, Topic)]
-        self._services = [part for part in self._parts if not isinstance(part.offer, Topic)]
         self._connections: Dict[Part, Connection] = {}
         self._reported: Dict[Tuple[str, str], bool] = {}  # whether it was well, by name and respect
         self._closed = threading.Event()
+        self._was_there: Set[Part] = set()  # the optional services that the robot has
         self._lonely: Dict[Part, float] = {}  # since when a topic has had no connection
         # when a topic that is silent was heard last, and after how much silence it is connected to again
         self._silent: Dict[Part, Tuple[float, float]] = {}
 
+    def include(self, offers: Iterable[Union[Service, Topic]]) -> None:
+        """Monitor these services and topics too, from now on or from the start on."""
+        added = [part for part in parts_of(offers) if part not in self._parts]
+        self._parts += tuple(added)
+        for part in added:
+            if not isinstance(part.offer, Topic):
+                threading.Thread(target=self._watch, args=(part,), daemon=True, name="monitor " + part.name).start()
+
     def start(self) -> None:
-        """Start the threads."""
-        for part in self._services:
-            threading.Thread(target=self._watch, args=(part,), daemon=True, name="monitor " + part.name).start()
+        """Start to look at topics and the master."""
         threading.Thread(target=self._look_around, daemon=True, name="monitor topics and master").start()
 
     def close(self) -> None:
@@ -101,7 +106,8 @@ class Monitor:
             try:
                 self._hold(part)
             except Trouble as trouble:
-                self._tell_gone(part, "{}: {}".format(trouble.cause.text, trouble))
+                if part in self._was_there or not part.is_optional:  # what a robot lacks cannot go
+                    self._tell_gone(part, "{}: {}".format(trouble.cause.text, trouble))
                 self._closed.wait(ROUND)
 
     def _hold(self, part: Part) -> None:
@@ -110,6 +116,7 @@ class Monitor:
         while not self._closed.is_set():
             connection = self._connections[part] = Connection()
             open_service_at(place, connection, part.name, "*", limit, persistent="1")
+            self._was_there.add(part)
             self._tell_back(part)
             self._wait_for_end(connection)
             self._closed.wait(RETRY)
@@ -144,9 +151,9 @@ class Monitor:
     def _look_around(self) -> None:
         while not self._closed.wait(LOOK):
             self._look_at_master()
-            for part, latch in self._latches:
-                if part.offer is not self._speech or self._is_asr_enabled():
-                    self._look_at(part, latch)
+            for part in self._parts:
+                if isinstance(part.offer, Topic) and (part.offer is not self._speech or self._is_asr_enabled()):
+                    self._look_at(part, self._topics.latches[part.offer])
 
     def _look_at_master(self) -> None:
         """Tell whether the master answers, and whether it is one that does not know the robot's nodes."""
@@ -199,7 +206,7 @@ def _absence(latch: Latch) -> str:
         return "published by {}; expected is {}".format(", ".join(latch.wrong_publishers), latch.type_name)
     if latch.unreachable:
         return "its publisher at {} cannot be reached".format(", ".join(latch.unreachable))
-    return "no node publishes it"
+    return "no node publishes it" + latch.no_action
 
 
 def patience(count: int, usual_gap: float) -> float:

@@ -191,7 +191,7 @@ class _Node:
         topics = self._apart(
             lambda: RosTopics(plan.settings.interface, wake.emit, lambda text: console.tell("warning", text)), master,
             silent_master)
-        check = StartUpCheck(plan.settings, console.tell)
+        check = StartUpCheck(plan, console.tell)
         if not check.run(wake, self._is_stopped):
             raise Stopped("stopped")
         self._run = _Run(plan, topics, console, self._signals)
@@ -311,6 +311,7 @@ class _Run:
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
+        self._monitor.include(plan.offers)
         context = plan.context(self._gateway, self._topics, self._events, self._health)
         return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
 
@@ -329,7 +330,13 @@ class _Run:
     def _read_again(self) -> None:
         """Read the files; what is right follows the running mission after its pass."""
         try:
-            self._following.append(read_plan(self._clock, self._wake, self._console.tell))
+            following = read_plan(self._clock, self._wake, self._console.tell)
+            chosen, now = following.settings.robot_interface, self._plan.settings.robot_interface
+            if chosen != now:
+                self._console.tell("error", "refused, the running mission stays: robotInterface {} cannot follow {} "
+                                   "while the node runs; start the node again".format(chosen, now))
+                return
+            self._following.append(following)
             self._console.tell("info", "reloaded: this mission follows when the visitor's pass is over")
         except FaultsFound as found:
             tell_faults(found, self._console.tell, "refused, the running mission stays")
@@ -357,7 +364,7 @@ class _Run:
             self._wake.wait(max(0.0, ends - time.monotonic()))
             self._wake.test_and_clear()
             self._clock.run_posted()
-        for line in not_calm(calls, self._plan.settings.interface):
+        for line in not_calm(calls, self._plan.settings.interface, self._plan.offers):
             self._console.tell("warning", line)
 
 

@@ -8,10 +8,19 @@ from behavior_controller import folders, mission, settings
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import FaultsFound, NodesMissing
+from behavior_controller.interface.records import Prompt
 from behavior_controller.mission import Mission
+from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.ros.connection import Trouble, ask_master
 
 Tell = Callable[[str, str], None]
+
+TABLET = {
+    "done": "the tablet of this robot does not say which button was pressed, and tabletSuccessIs is done: no press "
+            "counts as yes, so that a tour is given only to visitors who say yes; tabletSuccessIs yes takes any for yes",
+    "yes": "the tablet of this robot does not say which button was pressed, and tabletSuccessIs is yes: any press "
+           "counts as yes, No too"}
+"""What the tablet's success means for the mission, by ``tabletSuccessIs``."""
 
 
 def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Mission:
@@ -51,7 +60,13 @@ def _announce(plan: Mission, tell: Tell) -> None:
     """Tell what is going to run, and what is odd about it."""
     chosen = plan.settings
     tell("info", "mission {}: {} nodes; language {}; speech recognition {}; verbose mode {}".format(
-        plan.file, len(plan.tree.nodes), chosen.language, *("on" if switch else "off" for switch in (
+        plan.file, len(plan.tree.nodes), plan.language, *("on" if switch else "off" for switch in (
             chosen.asr_enabled, chosen.verbose_mode))))
-    for warning in plan.tree.warnings:
+    if plan.knowledge is not None:
+        tell("info", "robot interface {}; knowledge: {}".format(
+            chosen.robot_interface, ", ".join(source.file for source in plan.knowledge.sources)))
+    has_prompt = any(isinstance(node.spec, MissionSpec) and Prompt in node.spec.calls for node in plan.tree.nodes)
+    if has_prompt and not chosen.interface.tells_pressed:
+        tell("info", TABLET[chosen.tablet_success_is])
+    for warning in plan.warnings:
         tell("warning", str(warning))

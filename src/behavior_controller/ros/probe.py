@@ -3,21 +3,23 @@
 A master's entry proves nothing: it outlives its node. So each service and each publisher is connected to and shakes
 hands, all at once and each bounded in time; whatever is missing is told in one go.
 """
+import collections
 import threading
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import rospy
 
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import NodesMissing
 from behavior_controller.gateway import Cause
-from behavior_controller.interface import Interface, Sense, Service, Topic
+from behavior_controller.interface import Sense, Service, Topic
+from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.mission import Mission
 from behavior_controller.ros.connection import Connection, Trouble, ask_master
 from behavior_controller.ros.services import open_service
 from behavior_controller.ros.subscription import STEP_LIMIT, open_publisher
 from behavior_controller.ros.types import TYPES
-from behavior_controller.settings import Settings
 from behavior_controller.text import clean
 
 PROBE_LIMIT = 3.0
@@ -48,14 +50,31 @@ class Part(NamedTuple):
         return self.offer.node
 
     @property
+    def is_optional(self) -> bool:
+        """Whether a robot may lack it."""
+        return isinstance(self.offer, Service) and self.offer.is_optional
+
+    @property
     def absence(self) -> str:
         """What it means for the robot when this is not there."""
         return self.offer.absence
 
 
-def parts_of(interface: Interface) -> Tuple[Part, ...]:
-    """Return what the nodes of a robot offer."""
-    return tuple(map(Part, interface.offers))
+def parts_of(offers: Iterable[Union[Service, Topic]]) -> Tuple[Part, ...]:
+    """Return the parts that are declared so."""
+    return tuple(map(Part, offers))
+
+
+def _key(part: Part) -> Tuple[str, str]:
+    """Return what tells a part from others on the network."""
+    return part.name, TYPES[part.offer]._md5sum
+
+
+def _common_keys() -> FrozenSet[Tuple[str, str]]:
+    """Return the keys of what more than one of the robots has."""
+    count = collections.Counter(
+        key for interface in INTERFACES.values() for key in set(map(_key, parts_of(interface.offers))))
+    return frozenset(key for key, robots in count.items() if robots > 1)
 
 
 class Missing(NamedTuple):
@@ -63,6 +82,11 @@ class Missing(NamedTuple):
 
     part: Part
     reason: str
+
+    @property
+    def is_mismatch(self) -> bool:
+        """Whether it is there with another type."""
+        return self.reason.startswith(Cause.TYPE_MISMATCH.text)
 
     def __str__(self) -> str:
         """Return a line for an operator."""
@@ -91,19 +115,24 @@ def _examine_service(part: Part) -> Optional[str]:
 
 
 def _examine_topic(part: Part) -> Optional[str]:
-    """Connect to each publisher until one is right; else tell of the first."""
+    """Connect to each publisher until one is right; else tell of the first. An action may take the topic's place."""
     publishers, _, _ = ask_master("getSystemState", seconds=STEP_LIMIT) or ([], [], [])
-    nodes = [node for topic, names in publishers if topic == part.name for node in names]
+    wanted = [(part.name, TYPES[part.offer])]
+    action = part.offer.action if isinstance(part.offer, Topic) else None
+    if action is not None:
+        wanted.append((rospy.resolve_name(action.name) + "/result", type(TYPES[action]().action_result)))
     reasons: List[str] = []
-    for node in nodes:
-        reason = _examine_publisher(part, node)
-        if reason is None:
-            return None
-        reasons.append(reason)
-    return reasons[0] if reasons else "no node publishes it"
+    for topic, kind in wanted:
+        for node in dict(publishers).get(topic, ()):
+            reason = _examine_publisher(topic, kind, node)
+            if reason is None:
+                return None
+            reasons.append(reason)
+    otherwise = "" if action is None else ", and none offers the action {}".format(rospy.resolve_name(action.name))
+    return reasons[0] if reasons else "no node publishes it" + otherwise
 
 
-def _examine_publisher(part: Part, node: str) -> Optional[str]:
+def _examine_publisher(topic: str, kind: Any, node: str) -> Optional[str]:
     """Connect to the topic at ``node`` as a subscriber of any type does, and compare what it says that it publishes."""
     connection = Connection()
     try:
@@ -111,13 +140,13 @@ def _examine_publisher(part: Part, node: str) -> Optional[str]:
         if not uri:
             return "node {} does not publish it any more".format(node)
         # under a name of its own: a publisher drops the older of two connections from the same node, our subscription
-        answer = open_publisher(connection, uri, part.name, {
+        answer = open_publisher(connection, uri, topic, {
             "type": "*", "callerid": rospy.get_name() + "_start_up_check"})
     except Trouble as trouble:
         return "{}: node {} is listed as its publisher, but {}".format(trouble.cause.text, node, trouble)
     finally:
         connection.hang_up()
-    return _compare(answer, TYPES[part.offer], "node " + node)
+    return _compare(answer, kind, "node " + node)
 
 
 def _compare(answer: Any, wanted: Any, peer: str) -> Optional[str]:
@@ -157,12 +186,13 @@ def find_missing(parts: Sequence[Part], wake: WakeUp, is_stopped: Callable[[], b
 class StartUpCheck:
     """Waits for the robot's nodes as long as the configuration allows."""
 
-    def __init__(self, settings: Settings, tell: Callable[[str, str], None]):
+    def __init__(self, plan: Mission, tell: Callable[[str, str], None]):
         """``tell`` takes a severity and a line for the operator."""
-        self._asr_enabled = settings.asr_enabled
-        self._patience = settings.startup_timeout
-        self._parts = parts_of(settings.interface)
-        self._speech = settings.interface.evidence(Sense.UTTERANCE).topic
+        self._asr_enabled = plan.settings.asr_enabled
+        self._patience = plan.settings.startup_timeout
+        self._interface = plan.settings.interface
+        self._parts = parts_of(plan.offers)
+        self._speech = self._interface.evidence(Sense.UTTERANCE).topic
         self._tell = tell
 
     def run(self, wake: WakeUp, is_stopped: Callable[[], bool]) -> bool:
@@ -172,6 +202,8 @@ class StartUpCheck:
         """
         ends = time.monotonic() + self._patience
         missing = find_missing(self._parts, wake, is_stopped)
+        if self._needed(missing) and len(missing) < len(self._parts) and not is_stopped():
+            self._look_for_another_robot(missing, wake, is_stopped)
         awaited: List[str] = []
         while self._needed(missing) and time.monotonic() < ends and not is_stopped():
             names = [part.part.name for part in self._needed(missing)]
@@ -187,15 +219,43 @@ class StartUpCheck:
         return True
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
-        """Return those without which the mission does not start: without speech recognition its topic is optional."""
-        return [part for part in missing if self._asr_enabled or part.part.offer is not self._speech]
+        """Return those without which the mission does not start."""
+        return [part for part in missing if not self._reason_to_go_on(part)]
+
+    def _reason_to_go_on(self, missing: Missing) -> str:
+        """Return why the mission starts without a part; empty if it does not."""
+        offer = missing.part.offer
+        if offer is self._speech:
+            return "" if self._asr_enabled else "asrEnabled is false: going on"
+        if isinstance(offer, Topic) or not offer.is_optional or missing.is_mismatch:
+            return ""
+        if not offer.fails_without:
+            return "going on: a step that asks for it is passed over while no node offers it"
+        return "going on: a step that asks for it fails" if self._asr_enabled else ""
+
+    def _look_for_another_robot(self, missing: List[Missing], wake: WakeUp, is_stopped: Callable[[], bool]) -> None:
+        """Raise ``NodesMissing`` if what is there is another robot's than the configured one.
+
+        That is so if nothing is there that only the configured robot has, but something that only the other has.
+        """
+        if set(map(_key, self._parts)).difference(_key(each.part) for each in missing) - _common_keys():
+            return
+        for name, interface in INTERFACES.items():
+            parts = [part for part in parts_of(interface.offers) if _key(part) not in _common_keys()]
+            if interface is self._interface:
+                continue
+            found = set(parts).difference(each.part for each in find_missing(parts, wake, is_stopped))
+            if found and not is_stopped():
+                raise NodesMissing("the robot speaks {0}, and the configuration says robotInterface {1}: set "
+                                   "robotInterface {0} (found: {2})".format(name, self._interface.name, ", ".join(
+                                       sorted("{} as {}".format(part.name, part.offer.type) for part in found))))
 
     def _report(self, missing: List[Missing]) -> None:
         """Warn of what can be done without, and raise for the rest."""
         needed = self._needed(missing)
         for part in missing:
             if part not in needed:
-                self._tell("warning", "{} (asrEnabled is false: going on)".format(part))
+                self._tell("warning", "{} ({})".format(part, self._reason_to_go_on(part)))
         if needed:
             raise NodesMissing("{} of the {} services and topics that the mission needs are missing:\n{}\n{}".format(
                 len(needed), len(self._parts), "\n".join("  {}".format(part) for part in needed),

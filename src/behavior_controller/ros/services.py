@@ -156,7 +156,7 @@ class ServiceThread:
         self._connection.hang_up()
 
     def _ask(self, request: Request) -> Union[Answer, Failure]:
-        """Return the answer, or why there is none."""
+        """Return the answer, or why there is none. What a robot may lack is done where no node offers it."""
         try:
             data = encode(self._service, request)
             self._connect()
@@ -164,6 +164,9 @@ class ServiceThread:
             self._connection.send(data)
             return read_answer(self._service, receive_response(self._service, self._connection))
         except Trouble as trouble:
+            service = self._service
+            if trouble.cause is Cause.NOT_ADVERTISED and service.is_optional and not service.fails_without:
+                return Answer()
             return Failure(trouble.cause, str(trouble), self._name)
 
     def _connect(self) -> None:

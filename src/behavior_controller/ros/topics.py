@@ -15,6 +15,7 @@ from behavior_controller.gateway import Sample, Topics
 from behavior_controller.interface import Interface, Topic
 from behavior_controller.ros.connection import Trouble
 from behavior_controller.ros.directory import DIRECTORY
+from behavior_controller.ros.hearing import Hearing
 from behavior_controller.ros.subscription import Link
 from behavior_controller.ros.types import TYPES
 
@@ -51,6 +52,8 @@ class Latch:
         self._is_alarm_new = False
         self._sample: Optional[Sample] = None
         self._seen: Optional[Sample] = None
+        self._hearing = Hearing(topic, topic.action, lambda: self._is_published, self.hear, warn) if (
+            topic.action is not None) else None
 
     # ------------------------------------------------------------------------------------------------------ publishers
 
@@ -66,7 +69,11 @@ class Latch:
 
     @property
     def is_connected(self) -> bool:
-        """Whether any node publishes the expected type to us."""
+        """Whether any node publishes the expected type to us, or offers the action that takes the topic's place."""
+        return self._is_published or self._hearing is not None and self._hearing.is_there
+
+    @property
+    def _is_published(self) -> bool:
         return any(link.is_right for link in self._links.values())
 
     @property
@@ -74,6 +81,11 @@ class Latch:
         """The nodes that are connected and publish another type, each with that type."""
         headers = [link.header for link in self._links.values() if not link.is_right]
         return ["{} as {}".format(_sender(header), header.get("type")) for header in headers if header]
+
+    @property
+    def no_action(self) -> str:
+        """What is missing besides a publisher."""
+        return "" if self._hearing is None else ", and none offers the action {}".format(self._hearing.name)
 
     @property
     def unreachable(self) -> List[str]:
@@ -104,7 +116,7 @@ class Latch:
         """Return whether the publisher behind ``header`` sends the expected type."""
         wanted = self._type
         if header.get("md5sum") == wanted._md5sum:
-            if not self.is_connected:
+            if not self._is_published:
                 self.count = 0  # how often the topic speaks is learned again: the silence before was none of its gaps
             return True
         sender = _sender(header)
@@ -151,6 +163,18 @@ class Latch:
             if self._alarms and (is_news or self._is_alarm_new):
                 self._ring(value)
         return is_news
+
+    def hear(self, value: Any) -> None:
+        """Take what came by the action for the newest message. Any thread."""
+        with self._lock:
+            self._bytes = None
+            self._sample = Sample(value, time.monotonic())
+            self._ring(value)
+
+    def listen(self, seconds: float) -> None:
+        """Have the action listen for so long, if there is one."""
+        if self._hearing is not None:
+            self._hearing.listen(seconds)
 
     def _decode(self, data: bytes) -> Any:
         """Return the plain data of a message, or None if the bytes are not one of its type."""
@@ -222,3 +246,7 @@ class RosTopics(Topics):
         for latch in self.latches.values():
             latch.clear_alarm(key)
         self.latches[topic].set_alarm(key, wanted)
+
+    def listen(self, topic: Topic, seconds: float) -> None:
+        """See ``Topics``."""
+        self.latches[topic].listen(seconds)

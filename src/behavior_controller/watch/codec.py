@@ -16,7 +16,7 @@ from behavior_controller.interface.records import Answer, Request
 from behavior_controller.watch.plain import Count, Wrong, form, inside
 
 FORMAT = "behaviorController record"
-VERSION = 1
+VERSION = 2
 
 LATEST = 1e11
 """Unix seconds that no record reaches: a date in the year 5138."""

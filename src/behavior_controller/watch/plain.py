@@ -1,7 +1,7 @@
 """Values as plain data that JSON carries, and back: the types of a record's fields say how.
 
 A record (a NamedTuple or a dataclass) is an object of its fields, a tuple a list, a member of an enumeration its value.
-Where several kinds of records may stand, it is ``[kind, record]``. What is read is checked against the same types.
+Where several kinds of records may stand (a Union, or a base class), it is ``[kind, record]``. What is read is checked against the same types.
 """
 import dataclasses
 import enum
@@ -60,6 +60,8 @@ def _made(kind: Any) -> Form:
         return _mapping(form(inner[1]))
     if issubclass(kind, enum.Enum):
         return _word({member.value: member for member in kind})
+    if kind.__subclasses__():
+        return _any_of(kind.__subclasses__())
     return _record(kind)
 
 

@@ -173,7 +173,7 @@ class Record:
     def asked(self, request: Request) -> int:
         """Record a request and return its number."""
         self._calls += 1
-        self(Asked(Count(self._calls), self._interface.service(type(request)).name, request))
+        self(Asked(Count(self._calls), self._interface.resource(type(request)), request))
         return self._calls
 
     def answered(self, call: int, result: Union[Answer, Failure]) -> None:
@@ -239,3 +239,6 @@ class _Topics(Topics):
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
         self._inner.wake_when(key, topic, wanted)
+
+    def listen(self, topic: Topic, seconds: float) -> None:
+        self._inner.listen(topic, seconds)

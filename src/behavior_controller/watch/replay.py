@@ -6,19 +6,20 @@ import os
 import sys
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, TypeVar, Union
 
-from behavior_controller import exits, folders, leaves, phrases, policy, settings
+from behavior_controller import exits, folders, knowledge_files, leaves, phrases, policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.errors import BehaviorControllerError, Fault, FaultsFound, MissionError
+from behavior_controller.errors import BehaviorControllerError, ConfigurationError, Fault, FaultsFound, MissionError
 from behavior_controller.events import Events, HealthChanged, PassFinished, PassStarted, RunStarted
 from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
 from behavior_controller.interface import Interface, Topic
 from behavior_controller.interface.records import Answer, Request
 from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.mission import Mission, build_tree, load_tree
-from behavior_controller.text import Unreadable, clean, read_bytes
+from behavior_controller.text import Source, Unreadable, clean, read_bytes
 from behavior_controller.watch.codec import (LETTERS, Answered, Asked, Entry, Line, Lost, Message, Tick, TreeNode,
                                              TreeShown, decode)
 from behavior_controller.watch.record import FILE_NAME, MOST_BYTES
@@ -123,8 +124,9 @@ class _Replay:
         chosen = _restored("configuration", lambda: settings.recorded(started.settings, "settings"))
         spoken = _restored("phrases", lambda: phrases.read(sources.phrases))
         rules = _restored("recovery policy", lambda: policy.read(sources.policy, leaves.SPECS))
+        known = _restored("knowledge", lambda: _knowledge(sources.knowledge, INTERFACES[sources.interface]))
         self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
-        restored = Mission(chosen, started.mission, spoken, rules, self.tree)
+        restored = Mission(chosen, started.mission, spoken, rules, self.tree, known)
         self._mission = restored.context(self._world, self._world, Events(), self._health)
         self.tree.setup(mission=self._mission)
 
@@ -172,6 +174,13 @@ class _Replay:
                 break
         if any(differences):
             raise Diverged("{:.1f} s after its mission began: {}".format(seconds, "; ".join(filter(None, differences))))
+
+
+def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:
+    if interface.has_knowledge_files != (len(sources) == 2):
+        raise ConfigurationError([Fault("sources.knowledge", 0, 0, "{} files do not fit the robot {}".format(
+            len(sources), interface.name))])
+    return knowledge_files.read(sources[0], sources[1]) if sources else None
 
 
 def _words(change: Optional[Tuple[str, str]]) -> str:
@@ -228,7 +237,7 @@ class _World(Gateway, Topics):
         if not self._difference and recorded != request:
             self._difference = "recorded is {}, now it asks {} for {}".format(
                 "no request" if recorded is None else "the request {}".format(recorded),
-                self._interface.service(type(request)).name, request)
+                self._interface.resource(type(request)), request)
         call.result = self._results.pop(len(self._calls), None)
         return call
 

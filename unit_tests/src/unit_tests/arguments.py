@@ -8,7 +8,6 @@ from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.keys import Key, Reader, boolean
 
 from unit_tests import configuration
-from unit_tests.faults import PlannedFault
 from unit_tests.robot import NODES
 
 LAUNCH_FILE = "behaviorControllerTest.launch"
@@ -117,13 +116,12 @@ def _load_own(given: Mapping[str, str]) -> None:
 
 def usage() -> str:
     """Return all arguments with what they are if they are not given. Raises ConfigurationError."""
-    test = dict(zip((key.name for key in configuration.KEYS), load_test({})))
     controller = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
     lines = ["usage: rosrun unit_tests runTest [name:=value ...]", "",
              "Runs the mission against the simulated robot. The last line is the verdict; exit code 0: passed, 1: failed,",
              "2: nothing was tested. What is not given is as the configuration files say; this is shown here.", "",
              configuration.FILE_NAME + ":"]
-    lines += _table(configuration.KEYS, test)
+    lines += _table(configuration.KEYS, keys.values_of(load_test({})))
     lines += ["", CONTROLLER_FILE + " (verboseMode and missionRuns, which it has too, are as above):"]
     lines += _table([key for key in settings.KEYS if key.name not in TEST], controller)
     lines += ["", "the test as a whole:"] + _table(OWN, {key.name: key.default for key in OWN})
@@ -131,16 +129,7 @@ def usage() -> str:
 
 
 def _table(chosen: Sequence[Key], values: Mapping[str, object]) -> List[str]:
-    return keys.help_lines(chosen, {name: to_text(value) for name, value in values.items()})
-
-
-def to_text(value: object) -> str:
-    """Return a value of a configuration as an argument gives it."""
-    if isinstance(value, PlannedFault):
-        return ":".join(map(str, value))
-    if isinstance(value, tuple):
-        return ",".join(map(to_text, value))
-    return keys.to_text(value)
+    return keys.help_lines(chosen, {name: keys.to_text(value) for name, value in values.items()})
 
 
 # ---------------------------------------------------------------------------------------------------------- roslaunch

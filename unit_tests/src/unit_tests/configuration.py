@@ -1,9 +1,11 @@
 """The configuration of the simulated robot: behaviorControllerTestConfiguration.ini and what overrides it."""
 import os
 import re
-from typing import List, Mapping, NamedTuple, Optional, Tuple
+from dataclasses import dataclass
+from typing import List, Mapping, Optional, Tuple
 
-from behavior_controller.keys import REQUIRED, Key, Reader, boolean, integer, number, one_of, read_configuration
+from behavior_controller.keys import (REQUIRED, Reader, boolean, filled, integer, key, keys_of, number, one_of,
+                                      read_configuration)
 
 from unit_tests.faults import KINDS, REFUSED, PlannedFault, parse_planned_fault
 from unit_tests.robot import SERVICES
@@ -45,37 +47,32 @@ def _seed(text: str) -> Optional[int]:
     return _SEED(text) if text else None
 
 
-KEYS = (
-    Key("failureRate", number(0, 1), 0.1, "share of the service calls that go wrong"),
-    Key("arrivalRate", number(1, infinite=True, of="messages per minute"), REQUIRED,
-        "average rate of the messages on each topic"),
-    Key("verboseMode", boolean, REQUIRED, "a line for every request and for every new message"),
-    Key("visitorBehaviour", Reader(_BEHAVIOURS.allowed, _behaviour), ENGAGES, "what the visitor does"),
-    Key("missionRuns", integer(1, 10 ** 6), 1, "passes (visitors) until the test ends"),
-    Key("randomSeed", Reader(_SEED.allowed + ", or nothing", _seed), None,
-        "the same seed, the same faults and gaps; nothing: it is drawn"),
-    Key("faultKinds", Reader("some of {}, with commas between them".format(", ".join(KINDS)), _kinds), (REFUSED,),
-        "in which ways calls go wrong"),
-    Key("plannedFaults", Reader(
+@dataclass(frozen=True)
+class Configuration:
+    """The checked values. A field is the key of that name in camelCase."""
+
+    failure_rate: float = key(number(0, 1), 0.1, "share of the service calls that go wrong, 0 to 1")
+    arrival_rate: float = key(number(1, infinite=True, of="messages per minute"), REQUIRED,
+                              "messages per minute on each topic, on average; 1 or more, `inf` allowed")
+    verbose_mode: bool = key(boolean, REQUIRED, "`true`: a line for every request and every new message")
+    visitor_behaviour: str = key(Reader(_BEHAVIOURS.allowed, _behaviour), ENGAGES,
+                                 "what the visitor does: {}, or {}: one of them, drawn".format(
+                                     ", ".join(map("`{}`".format, BEHAVIOURS)), "`{}`".format(RANDOM)))
+    mission_runs: int = key(integer(1, 10 ** 6), 1, "visitors until the test ends")
+    random_seed: Optional[int] = key(Reader(_SEED.allowed + ", or nothing", _seed), None,
+                                     "the same seed, the same faults and gaps between messages; empty: drawn and printed")
+    fault_kinds: Tuple[str, ...] = key(
+        Reader("some of {}, with commas between them".format(", ".join(KINDS)), _kinds), (REFUSED,),
+        "in which ways calls go wrong: {}, with commas between them".format(", ".join(map("`{}`".format, KINDS))))
+    planned_faults: Tuple[PlannedFault, ...] = key(Reader(
         "node:call or node:call:kind, with commas between them, where node is one of {}, call counts from 1 and kind is "
         "one of {}".format(", ".join(SERVICES), ", ".join(KINDS)), _planned_faults), (),
-        "calls that go wrong in any case"),
-    Key("testTimeout", number(1, 10 ** 6, of="seconds"), 900.0, "a mission that has not ended by then has failed"),
-)
+        "calls that go wrong in any case, such as `robotNavigation:3, textToSpeech:1:crash`")
+    test_timeout: float = key(number(1, 10 ** 6, of="seconds"), 900.0,
+                              "seconds after which a mission that has not ended has failed")
 
 
-class Configuration(NamedTuple):
-    """The checked values, under the names of the keys in snake_case."""
-
-    failure_rate: float
-    arrival_rate: float
-    verbose_mode: bool
-    visitor_behaviour: str
-    mission_runs: int
-    random_seed: Optional[int]  # None: it is to be drawn
-    fault_kinds: Tuple[str, ...]
-    planned_faults: Tuple[PlannedFault, ...]
-    test_timeout: float
+KEYS = tuple(keys_of(Configuration).values())
 
 
 def share() -> str:
@@ -90,4 +87,5 @@ def share() -> str:
 
 def load(arguments: Mapping[str, str]) -> Configuration:
     """Read the configuration, overridden by ``arguments``. Raises ConfigurationError with every fault."""
-    return Configuration(*read_configuration(os.path.join(share(), "config", FILE_NAME), KEYS, {}, arguments).values())
+    path = os.path.join(share(), "config", FILE_NAME)
+    return filled(Configuration, read_configuration(path, KEYS, {}, arguments))

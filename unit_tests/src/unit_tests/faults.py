@@ -17,6 +17,10 @@ class PlannedFault(NamedTuple):
     call: int
     kind: str
 
+    def __str__(self) -> str:
+        """Return it as a configuration has it."""
+        return ":".join(map(str, self))
+
 
 def parse_planned_fault(text: str, nodes: Sequence[str]) -> PlannedFault:
     """Return ``node:call[:kind]`` as a record. Raises ValueError that says what is allowed."""

@@ -3,6 +3,7 @@
 All of it is in arguments, which end with the process. Parameters on a master would outlive the test, and count in the
 next one.
 """
+import dataclasses
 import os
 import random
 import sys
@@ -49,10 +50,11 @@ def read_configuration() -> configuration.Configuration:
     test = arguments.load_test(given())
     if test.random_seed is None:
         # a node that runs alone shares its seed with no other
-        test = test._replace(random_seed=int(given().get(arguments.DRAWN) or random.randrange(configuration.SEEDS)))
+        drawn = int(given().get(arguments.DRAWN) or random.randrange(configuration.SEEDS))
+        test = dataclasses.replace(test, random_seed=drawn)
     if test.visitor_behaviour == RANDOM:
         behaviour = random.Random("{}/behaviour".format(test.random_seed)).choice(BEHAVIOURS)
-        test = test._replace(visitor_behaviour=behaviour)
+        test = dataclasses.replace(test, visitor_behaviour=behaviour)
     return test
 
 

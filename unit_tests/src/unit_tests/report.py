@@ -6,9 +6,9 @@ from typing import List, Tuple
 
 from behavior_controller import settings
 from behavior_controller.gateway import Cause
+from behavior_controller.keys import to_text, values_of
 from behavior_controller.text import clean
 
-from unit_tests.arguments import to_text
 from unit_tests.configuration import KEYS, Configuration
 from unit_tests.facts import Facts, count, of
 from unit_tests.matching import CAUSE_OF, Matching
@@ -31,7 +31,7 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     """Return what ran and when: with the package's files as delivered, enough to repeat it (contract, section 10)."""
     started = of(facts.events, "RunStarted")
     mission = os.path.basename(started[-1]["mission"]) if started else "that did not start"
-    chosen = dict(zip((key.name for key in KEYS), test))
+    chosen = values_of(test)
     told = [(name, chosen[name]) for name in ALWAYS_TOLD]
     told += [(key.name, chosen[key.name]) for key in KEYS
              if key.name in TOLD_IF_SET and chosen[key.name] != key.default]

@@ -20,7 +20,7 @@ def test_every_key_of_both_configurations_is_an_argument_with_a_line_of_the_help
         assert arguments.read([key.name + ":=1"]) == {key.name: "1"}
         lines = [line for line in usage if line.split()[:1] == [key.name]]
         # the test's own meaning counts where both have the key
-        meaning = {each.name: each.meaning for each in settings.KEYS + configuration.KEYS}[key.name]
+        meaning = {each.name: each.plain_meaning for each in settings.KEYS + configuration.KEYS}[key.name]
         assert [line.endswith(meaning) for line in lines] == [True]
 
 

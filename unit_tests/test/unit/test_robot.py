@@ -29,10 +29,6 @@ def test_each_declared_service_and_topic_has_its_simulated_node():
     assert {offer.name for offer in INTERFACE.offers} ^ simulated == set()
 
 
-def test_each_simulated_node_has_its_executable():
-    assert set(NODES) - set(os.listdir(os.path.join(configuration.share(), "nodes"))) == set()
-
-
 @pytest.mark.parametrize("node, request_fields, answer", (
     ("animateBehavior", {"state": "enabled"}, {"success": "1"}),
     ("overtAttention", {"state": "seeking"}, {"mode_set_success": 1}),

@@ -11,7 +11,7 @@ from behavior_controller.bt.language import ports, values
 from behavior_controller.bt.language.document import EXPLICIT, Document, Element
 from behavior_controller.bt.language.script import ScriptSyntaxError, compile_script
 from behavior_controller.bt.language.values import ValueFault
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role, did_you_mean
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role, argument, did_you_mean
 from behavior_controller.errors import Fault
 
 FORBIDDEN = " \t\n\r<>&\"'/\\:*?|."
@@ -366,7 +366,8 @@ class _Nodes:
         self.is_used = True  # the tree being checked is part of the mission
         self._known = {spec.id: _known(spec) for spec in registry.all() if spec.kind is not Kind.SUBTREE}
         self._compact = {name: known for name, known in self._known.items()
-                         if name not in EXPLICIT and not known.minds_children and not known.spec.warning}
+                         if name not in EXPLICIT and not known.minds_children
+                         and not known.spec.warning and not known.spec.names}
         self._scripts: Dict[str, str] = {}  # text -> what is wrong with it
 
     def check_tree(self, tree: Element, is_used: bool) -> None:
@@ -405,7 +406,18 @@ class _Nodes:
             self.warn(element, known.spec.warning)
         if known.minds_children:
             self._kinds_of_children(element, known.spec)
+        if known.spec.names:
+            self._name(element, known.spec)
         return known
+
+    def _name(self, element: Element, spec: NodeSpec) -> None:
+        """Check the name of a node whose name is its argument."""
+        name = element.attributes.get("name", "")
+        allowed = "allowed: name=\"…\" with {}".format(", ".join(spec.names))
+        if not argument(name):
+            self.fault_in_use(element, "{} takes an argument in its name, which is not given".format(spec.id), allowed)
+        elif argument(name) not in spec.names:
+            self.fault_in_use(element, "the name of {} cannot be {}".format(spec.id, name), allowed, "name")
 
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
@@ -452,6 +464,8 @@ class _Nodes:
                                   "write name=\"…\" for the name of the node", "ID")
         elif is_port_name(name):
             hint = _PORTS_ELSEWHERE.get((known.spec.id, name)) or self.index.nearest(name, known.ports, "its ports")
+            if known.spec.names:
+                hint = "its argument is its name: {}".format(", ".join(known.spec.names))
             self.fault_in_use(element, "{} has no port {}".format(known.spec.id, name), hint, name)
 
     def _port(self, element: Element, port: Port, text: str) -> None:

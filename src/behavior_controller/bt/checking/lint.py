@@ -36,7 +36,6 @@ def lint(documents: Sequence[Document], checked: Checked, registry: Registry,
         for element in elements:
             linter.node(element)
     linter.unwritten()
-    linter.needs()
     return sorted(set(linter.faults), key=lambda fault: (fault.file, fault.line, fault.column))
 
 
@@ -215,16 +214,6 @@ class _Linter:
                 hint = hint or self.nearest(name, written.get(tree, set()))
             self.warn(read.element, "the entry {} is read here, but nothing writes it".format(name), hint,
                       read.attribute)
-
-    def needs(self) -> None:
-        """Warn of nodes that can do nothing, because a node that must go before them is not there."""
-        present = {element.type_id: element for elements in self.trees.values() for element in reversed(elements)}
-        for node_id, element in present.items():
-            spec = self.registry.find(node_id)
-            need = spec.needs if spec is not None else None
-            if need is not None and not any(other in present for other in need.any_of):
-                self.warn(element, "{} can never succeed: {}".format(node_id, need.why),
-                          "the mission lacks {}".format(" or ".join(need.any_of[:2])))
 
 
 class _Defaults:

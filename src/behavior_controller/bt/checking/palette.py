@@ -24,8 +24,8 @@ def tree_nodes_model(specs: Iterable[NodeSpec], indent: str = "") -> str:
 def _model(spec: NodeSpec) -> List[str]:
     kind = spec.kind.value
     inside = ["  " + _port(port) for port in spec.ports]
-    if spec.description:
-        inside += ["  <MetadataFields>", "    <Metadata description={}/>".format(quoteattr(spec.description)),
+    if spec.summary:
+        inside += ["  <MetadataFields>", "    <Metadata description={}/>".format(quoteattr(spec.summary)),
                    "  </MetadataFields>"]
     if not inside:
         return ["<{} ID={}/>".format(kind, quoteattr(spec.id))]

@@ -1,0 +1,202 @@
+"""The words of release 1.0's missions that D5.4.3 has not: their argument is the name of the instance.
+
+Most are a leaf of D5.4.3 with the argument as its constant.
+"""
+from typing import Any, Optional, Union
+
+from behavior_controller.bt.engine.clock import Timer
+from behavior_controller.bt.engine.leaf import ActionLeaf
+from behavior_controller.bt.engine.node import Result
+from behavior_controller.bt.language.ports import PortError
+from behavior_controller.bt.status import IDLE, RUNNING
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface import Sense, Topic
+from behavior_controller.interface.records import Request, Say, SetPose, SetRecognition, SetRecognitionLanguage
+from behavior_controller.knowledge_files import UTILITY_PHRASES
+from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAttentionMode
+from behavior_controller.leaves.base import (InstantCondition, MissionLeaf, OptionalServiceLeaf, TopicCondition,
+                                             leaf_spec)
+from behavior_controller.leaves.data import ATTENTION_SET_AT, EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
+from behavior_controller.leaves.gesture import IconicGesture
+from behavior_controller.leaves.knowledge import LookUp
+from behavior_controller.leaves.lifecycle import begin_pass
+from behavior_controller.leaves.speech import Question
+from behavior_controller.phrases import SPEECHES, is_error
+
+ANSWER_WAIT = 10.0
+"""Seconds that GetVisitorResponse listens."""
+
+
+class StartOfTree(OptionalServiceLeaf):
+    """``<StartOfTree/>``: shows that a pass begins, and has speech recognised in the mission's language."""
+
+    asks = SetRecognitionLanguage
+
+    def on_start(self) -> Result:
+        """Begin the pass, once however often the language is tried again."""
+        begin_pass(self)
+        return super().on_start()
+
+    def wanted(self) -> Optional[Request]:
+        """Set the language, if speech is recognised at all."""
+        return SetRecognitionLanguage(self.mission.language) if self.mission.settings.asr_enabled else None
+
+
+class SetSpeechEvent(OptionalServiceLeaf):
+    """``<SetSpeechEvent name="true"/>``: switches speech recognition on or off (/speechEvent/set_enabled)."""
+
+    asks = SetRecognition
+
+    def __init__(self, name: str, is_enabled: bool):
+        super().__init__(name)
+        self.is_enabled = is_enabled
+
+    def wanted(self) -> Request:
+        return SetRecognition(self.is_enabled)
+
+
+class SetRobotPose(OptionalServiceLeaf):
+    """``<SetRobotPose/>``: tells the localization that the robot is where the tour starts."""
+
+    asks = SetPose
+    PORTS = (EXHIBITS.read(is_optional=True),)
+
+    def wanted(self) -> Union[Request, Failure]:
+        """Tell the first location of the tour."""
+        exhibits = self.get_input_or("exhibits", ())
+        if not exhibits:
+            return Failure(Cause.MISSING_DATA, "there is no tour yet, whose first location it would be", self.resource)
+        return SetPose(exhibits[0].location)
+
+
+class SayText(Question):
+    """``<SayText name="4"/>``: says a utility phrase.
+
+    It ends the time of older answers, as a question does: some of the phrases are questions.
+    """
+
+    def __init__(self, name: str, number: int):
+        super().__init__(name, "")
+        self.number = number
+
+    def request(self) -> Union[Request, Failure]:
+        """Say the phrase; a culture file may have none of that number."""
+        knowledge = self.mission.knowledge
+        text = self.mission.phrases.utility(self.number) if knowledge is None else knowledge.phrases.get(self.number)
+        if text is None:
+            return Failure(Cause.MISSING_DATA, "there is no utility phrase {}".format(self.number), self.resource)
+        return Say(text, self.mission.language)
+
+
+class IsVisitorPresent(TopicCondition):
+    """``<IsVisitorPresent/>``: SUCCESS if the visitor is seen; since the mode of attention was set, if it tells."""
+
+    sense = Sense.PRESENCE
+    PORTS = (ATTENTION_SET_AT.read(is_optional=True),)
+    otherwise = "no visitor is seen"
+
+    def not_before(self) -> float:
+        """Return when the mode was set."""
+        return self.get_input_or("attentionSetAt", float("-inf"))
+
+
+class HasVisitorResponded(InstantCondition):
+    """``<HasVisitorResponded/>``: SUCCESS if an answer is stored."""
+
+    PORTS = (VISITOR_RESPONSE.read(),)
+    otherwise = "the visitor has not answered"
+
+    def holds(self) -> bool:
+        """Return whether there is one that is not empty."""
+        return bool(self.get_input_or("visitorResponse", ""))
+
+
+class GetVisitorResponse(MissionLeaf, ActionLeaf):
+    """``<GetVisitorResponse/>``: listens for a yes or a no that is said from now on, and stores it.
+
+    SUCCESS with an empty answer if none was understood in ``ANSWER_WAIT``; FAILURE at an error of the recognition.
+    """
+
+    listens = Sense.UTTERANCE
+    sense = Sense.UTTERANCE
+    PORTS = (VISITOR_RESPONSE.written(),)
+    topic: Topic
+    _patience: Optional[Timer] = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Find the topic of utterances."""
+        super().setup(**kwargs)
+        if "mission" in kwargs:
+            self.topic = self.mission.interface.evidence(self.sense).topic
+            self.resource = self.topic.name
+
+    def on_start(self) -> Result:
+        """Forget an older answer and listen."""
+        self.started_at = self.mission.clock.now()
+        self._patience = self.mission.clock.call_after(ANSWER_WAIT, self.wake)
+        self.mission.topics.listen(self.topic, ANSWER_WAIT)
+        return self.on_running()
+
+    def on_running(self) -> Result:
+        """Judge the newest utterance."""
+        sample = self.mission.topics.newest(self.topic)
+        utterance = sample.value if sample is not None and sample.arrived > self.started_at else ""
+        answer = self.mission.phrases.spoken_answer(utterance)
+        if is_error(utterance):
+            return self._end("", Failure(Cause.UNUSABLE_ANSWER, "the recognition says {!r}".format(utterance),
+                                         self.resource))
+        if answer is not None:
+            return self._end(answer)
+        if self._patience is not None and self._patience.callback is None:
+            return self._end("")
+        self.mission.topics.wake_when(self.uid, self.topic, self._ends)
+        return RUNNING
+
+    def _ends(self, utterance: str) -> bool:
+        """Return whether an utterance ends the listening. Called on the receiving thread too."""
+        return is_error(utterance) or self.mission.phrases.spoken_answer(utterance) is not None
+
+    def _end(self, answer: str, failure: Optional[Failure] = None) -> Result:
+        self._stop()
+        try:
+            self.set_output("visitorResponse", answer)
+        except PortError as error:
+            failure = self.missing(error)
+        return self.succeeded() if failure is None else self.failed(failure)
+
+    def on_halted(self) -> None:
+        """Listen no longer."""
+        self._stop()
+        self.report(IDLE)
+
+    def _stop(self) -> None:
+        self.mission.topics.listen(self.topic, 0.0)
+        if self._patience is not None:
+            self._patience.cancel()
+            self._patience = None
+
+
+SPECS = (
+    leaf_spec("StartOfTree", StartOfTree, "Shows that a visitor's pass begins, and sets the language of recognition."),
+    leaf_spec("SayText", SayText, "Says a utility phrase, by its number.",
+              choices={str(number): {"number": number} for number in UTILITY_PHRASES},
+              farewells=tuple(str(speech.utility) for speech in SPEECHES if speech.is_farewell and speech.utility)),
+    leaf_spec("SetOvertAttentionMode", OvertAttentionMode, "Sets the mode of attention.",
+              (GESTURE_TARGET.read("target", is_optional=True),), choices={state: {"state": state} for _, state, _, _ in MODES}),
+    leaf_spec("SetAnimateBehavior", AnimateBehavior, "Starts or stops lifelike movement.",
+              choices={state: {"state": state} for state in ("enabled", "disabled")}),
+    leaf_spec("SetSpeechEvent", SetSpeechEvent, "Switches speech recognition on or off.",
+              choices={"true": {"is_enabled": True}, "false": {"is_enabled": False},
+                       "enabled": {"is_enabled": True}, "disabled": {"is_enabled": False}}),
+    leaf_spec("PerformIconicGesture", IconicGesture, "Makes the welcome gesture or waves goodbye.",
+              choices={"welcome": {"setting": "welcome_gesture_id"}, "goodbye": {"setting": "goodbye_gesture_id"}},
+              farewells=("goodbye",)),
+    leaf_spec("SetRobotPose", SetRobotPose, "Tells the localization that the robot is at the first location of the tour."),
+    leaf_spec("ResetRobotPose", SetRobotPose, "Another name of SetRobotPose."),
+    leaf_spec("RetrieveInitialLocation", LookUp, "Makes the first location the target.", is_indispensable=True,
+              arguments={"place": "home", "has_gesture": False}),
+    leaf_spec("GetVisitorResponse", GetVisitorResponse,
+              "Listens for a yes or a no for up to {:g} s; an empty answer if there is none.".format(ANSWER_WAIT)),
+    leaf_spec("HasVisitorResponded", HasVisitorResponded, "Did the visitor answer?"),
+    leaf_spec("IsVisitorPresent", IsVisitorPresent, "Is the visitor there?"),
+)

@@ -1,0 +1,640 @@
+"""The words of release 1.0's missions: arguments, what each does on either robot, and whole missions in virtual time."""
+import os
+import re
+
+import pytest
+
+from behavior_controller import folders, leaves, policy, settings
+from behavior_controller.bt.compiler import load_text
+from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.errors import ConfigurationError, MissionError
+from behavior_controller.events import LeafFinished, Noticed
+from behavior_controller.foresight import foresee
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface import document, release_1_0
+from behavior_controller.interface.records import (AttentionStatus, Faces, GoTo, Location, PerformGesture, Point, Prompt,
+                                                   QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
+                                                   SetRecognition, SetRecognitionLanguage)
+from behavior_controller.leaves.release_1_0 import SPECS
+from behavior_controller.text import Source
+from mission_rig import EXHIBITS, HOME, Rig, one_leaf, write
+
+RELEASE = "release-1.0"
+WORDS = """StartOfTree SayText SetOvertAttentionMode SetAnimateBehavior SetSpeechEvent PerformIconicGesture SetRobotPose
+ResetRobotPose RetrieveInitialLocation GetVisitorResponse HasVisitorResponded IsVisitorPresent""".split()
+
+# the delivered knowledge files: data/*.dat
+START = Location(0.0, 0.0, 0.0)
+PHRASES = {1: "Please press Yes or No on my tablet.", 2: "Please follow me.",
+           3: "That is all right. Maybe another time! Have a nice day.",
+           4: "Hello, and welcome to our robotics lab! My name is Pepper.",
+           5: "Would you like me to give you a tour of the lab?", 6: "Here is the door.",
+           7: "Thank you for your visit. Goodbye!"}
+STOPS = [Location(0.0, 0.0, 0.0), Location(2.0, 1.0, 90.0), Location(4.5, 1.5, 45.0), Location(6.0, 4.0, 0.0),
+         Location(3.5, 6.0, 180.0), Location(1.5, 4.5, 270.0), Location(0.5, 2.0, 180.0)]
+
+
+def file(body, more=""):
+    return "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{}</BehaviorTree>{}</root>".format(
+        body, more)
+
+
+def ran(element, robot=RELEASE, ticks=1, **changed):
+    """Return a rig after that many ticks of one leaf, and the last result."""
+    rig = one_leaf(element, robotInterface=robot, **changed)
+    write(rig, exhibits=list(EXHIBITS))
+    return rig, [rig.tick() for _ in range(ticks)][-1]
+
+
+# -------------------------------------------------------------------------------------------------------------- the words
+
+
+def test_the_words_of_the_release_are_there_and_those_with_an_argument_say_which():
+    assert [spec.id for spec in SPECS] == WORDS
+    assert {spec.id for spec in leaves.SPECS} >= set(WORDS)
+    assert {spec.id: spec.names for spec in SPECS if spec.names} == {
+        "SayText": tuple("12345678"), "SetOvertAttentionMode": ("disabled", "social", "scanning", "seeking", "location"),
+        "SetAnimateBehavior": ("enabled", "disabled"), "SetSpeechEvent": ("true", "false", "enabled", "disabled"),
+        "PerformIconicGesture": ("welcome", "goodbye")}
+
+
+@pytest.mark.parametrize("element, request_", [
+    ("SetAnimateBehavior name='enabled'", SetAnimation("enabled")),
+    ("SetAnimateBehavior name='disabled'", SetAnimation("disabled")),
+    ("SetOvertAttentionMode name='disabled'", SetAttention("disabled")),
+    ("SetOvertAttentionMode name='social'", SetAttention("social")),
+    ("SetOvertAttentionMode name='scanning'", SetAttention("scanning")),
+    ("SetOvertAttentionMode name='seeking'", SetAttention("seeking")),
+    ("SetOvertAttentionMode name='location' target='1;2;3'", SetAttention("location", Point(1.0, 2.0, 3.0))),
+    ("PerformIconicGesture name='welcome'", PerformGesture("iconic", 1, 3000)),
+    ("PerformIconicGesture name='goodbye'", PerformGesture("iconic", 3, 3000)),
+    ("PerformIconicGesture name=' Goodbye '", PerformGesture("iconic", 3, 3000)),
+    ("SetOvertAttentionMode name='SOCIAL'", SetAttention("social")),
+    ("Action ID='SetAnimateBehavior' name='Enabled'", SetAnimation("enabled")),
+])
+@pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
+def test_what_both_robots_are_asked_for(element, request_, robot):
+    rig, result = ran("<{}/>".format(element), robot)
+    assert (result, rig.requests) == (SUCCESS, [request_])
+
+
+@pytest.mark.parametrize("element, request_", [
+    ("SetSpeechEvent name='true'", SetRecognition(True)), ("SetSpeechEvent name='enabled'", SetRecognition(True)),
+    ("SetSpeechEvent name='false'", SetRecognition(False)), ("SetSpeechEvent name='disabled'", SetRecognition(False)),
+    ("SetRobotPose", SetPose(EXHIBITS[0].location)), ("ResetRobotPose", SetPose(EXHIBITS[0].location)),
+    ("StartOfTree", SetRecognitionLanguage("English")),
+])
+def test_what_only_the_release_has_is_done_without_elsewhere_and_told_at_load(element, request_):
+    rig, result = ran("<{}/>".format(element))
+    assert (result, rig.requests) == (SUCCESS, [request_])
+    assert rig.tree.warnings == []
+    rig, result = ran("<{}/>".format(element), document.INTERFACE.name)
+    assert (result, rig.requests) == (SUCCESS, [])
+    assert [event.resource for event in rig.of(LeafFinished)] == [""]
+    assert [re.sub(".*: ", "", str(fault)) for fault in rig.tree.warnings] == [
+        "D5.4.3 has no service for {} (robotInterface release-1.0 has it)".format(type(request_).__name__)]
+
+
+@pytest.mark.parametrize("number", sorted(PHRASES))
+def test_the_phrases_are_those_of_the_culture_file_or_of_the_language(number):
+    rig, result = ran("<SayText name='{}'/>".format(number))
+    assert (result, rig.requests) == (SUCCESS, [Say(PHRASES[number], "English")])
+    rig, result = ran("<SayText name='{}'/>".format(number), document.INTERFACE.name)
+    speech = ["PressYesNo", "FollowMe", "MaybeAnotherTime", "Welcome", "QueryTour", "HereIsTheDoor", "SayGoodBye"]
+    expected = rig.mission.phrases.speech(speech[number - 1] + "Speech")
+    assert (result, rig.requests) == (SUCCESS, [Say(expected)])
+
+
+@pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
+def test_a_phrase_that_the_culture_file_lacks_is_a_failure_that_can_be_skipped(robot):
+    rig, result = ran("<SayText name='8'/>", robot)
+    assert (result, rig.requests) == (FAILURE, [])
+    assert rig.of(LeafFinished)[0].failure == Failure(
+        Cause.MISSING_DATA, "there is no utility phrase 8", "/textToSpeech/say_text")
+    assert ran("<Fallback><SayText name='8'/><HandleFallBack/></Fallback>", robot)[1] is SUCCESS
+
+
+def test_nothing_is_looked_at_where_there_is_nothing():
+    for element in ("SetOvertAttentionMode name='location'", "LocationOvertAttentionMode"):
+        rig, result = ran("<{} target='0;0;0'/>".format(element))
+        assert (result, rig.requests) == (SUCCESS, [])
+    rig, result = ran("<SetOvertAttentionMode name='location'/>")
+    assert (result, rig.requests) == (FAILURE, [])
+
+
+def test_the_pose_is_not_told_before_there_is_a_tour():
+    rig = one_leaf("<SetRobotPose/>", robotInterface=RELEASE)
+    assert (rig.tick(), rig.requests) == (FAILURE, [])
+    assert rig.of(LeafFinished)[0].failure.cause is Cause.MISSING_DATA
+
+
+def test_the_first_location_becomes_the_target():
+    rig = one_leaf("<Sequence><RetrieveInitialLocation/><Navigate/></Sequence>", robotInterface=RELEASE)
+    assert (rig.tick(), rig.requests) == (SUCCESS, [GoTo(START)])
+    rig = one_leaf("<Sequence><RetrieveInitialLocation/><Navigate/></Sequence>")
+    assert (rig.tick(), rig.requests) == (SUCCESS, [QueryKnowledge("home"), GoTo(HOME.location)])
+
+
+def test_the_start_forgets_the_last_visitor_and_is_told():
+    rig, result = ran("<StartOfTree/>", asrEnabled=False)
+    assert (result, rig.requests) == (SUCCESS, [])
+    assert [event.text for event in rig.of(Noticed)] == ["a pass begins"]
+    assert "exhibits" not in rig.tree.blackboard.local
+
+
+def test_the_page_has_each_word_with_its_arguments():
+    with open(os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "release_1_0.md"),
+              encoding="utf-8") as page:
+        rows = [line.strip("| ").split(" | ") for line in page if line.startswith("| ") and line.count("|") == 4]
+    arguments = {word: row[1] for row in rows for word in row[0].split(", ")}
+    for spec in SPECS:
+        assert {name for name in spec.names if name not in re.split("[^a-z0-9]+", arguments[spec.id])} == set()
+
+
+# ---------------------------------------------------------------------------------------------------------- the arguments
+
+
+@pytest.mark.parametrize("element, column, words", [
+    ("SayText name='9'", 10, "the name of SayText cannot be 9 (allowed: name=\"…\" with 1, 2, 3, 4, 5, 6, 7, 8)"),
+    ("SayText name='hello'", 10, "the name of SayText cannot be hello"),
+    ("SayText", 1, "SayText takes an argument in its name, which is not given"),
+    ("SayText name=' '", 1, "SayText takes an argument in its name, which is not given"),
+    ("Action ID='SayText' name='0'", 22, "the name of SayText cannot be 0"),
+    ("SetAnimateBehavior name='on'", 21, "cannot be on (allowed: name=\"…\" with enabled, disabled)"),
+    ("SetOvertAttentionMode name='sociable'", 24, "with disabled, social, scanning, seeking, location"),
+    ("SetSpeechEvent name='yes'", 17, "with true, false, enabled, disabled"),
+    ("PerformIconicGesture name='wave'", 23, "with welcome, goodbye"),
+])
+def test_a_wrong_argument_is_a_fault_with_its_place(element, column, words):
+    with pytest.raises(MissionError) as raised:
+        load_text(file("<Sequence>\n<{}/></Sequence>".format(element)), leaves.registry(), "m.xml")
+    fault, = raised.value.faults
+    assert words in str(fault)
+    assert (fault.line, fault.column) == (2, column)
+
+
+def test_in_a_tree_that_is_not_used_a_wrong_argument_is_a_warning():
+    tree = load_text(file("<IsASREnabled/>", "<BehaviorTree ID='N'><SayText name='9'/></BehaviorTree>"), leaves.registry())
+    assert [fault.text for fault in tree.warnings] == ["the name of SayText cannot be 9"]
+
+
+def test_an_argument_in_a_port_is_told_where_it_belongs():
+    with pytest.raises(MissionError) as raised:
+        load_text(file("<SetAnimateBehavior state='enabled'/>"), leaves.registry(), "m.xml")
+    assert "SetAnimateBehavior has no port state (its argument is its name: enabled, disabled)" in str(raised.value)
+
+
+@pytest.mark.parametrize("typed, meant", [
+    ("SetAnimateBehaviour", "SetAnimateBehavior"), ("SetAnimationBehavior", "SetAnimateBehavior"),
+    ("SetOvertAttention", "SetOvertAttentionMode"), ("SayTextNode", "SayText"), ("StartOfTre", "StartOfTree"),
+    ("START_OF_TRE", "START_OF_TREE"), ("GetVisitorsResponse", "GetVisitorResponse"),
+    ("HasVisitorResponse", "HasVisitorResponded"), ("RetrieveInitialLocations", "RetrieveInitialLocation"),
+    ("IsVisitorThere", "IsVisitorPresent"), ("SetRobotPoseNode", "SetRobotPose"),
+    ("PerformIconicGestures", "PerformIconicGesture"), ("DisableAnimateBehaviour", "DisableAnimateBehavior"),
+])
+def test_a_misspelt_word_is_answered_with_the_nearest(typed, meant):
+    with pytest.raises(MissionError) as raised:
+        load_text(file("<{}/>".format(typed)), leaves.registry())
+    assert "unknown node {} (did you mean {}?)".format(typed, meant) in str(raised.value)
+
+
+def test_a_word_with_an_argument_cannot_stand_in_for_a_failed_node():
+    with pytest.raises(ConfigurationError, match="the last word cannot be SayText"):
+        policy.read(Source("p.ini", "budget 1 1\nNavigate refused 0 0 SayText\n"), leaves.SPECS)
+
+
+# ------------------------------------------------------------------------------------------------- what a visitor tells
+
+
+def listening(robot=RELEASE):
+    """Return a rig whose mission listens, and the topic of utterances."""
+    rig = one_leaf("<GetVisitorResponse/>", robotInterface=robot)
+    speech = (release_1_0 if robot == RELEASE else document).SPEECH
+    rig.topics.publish(speech, "yes")
+    rig.clock.advance(0.1)
+    assert rig.tick() is RUNNING
+    return rig, speech
+
+
+def stored(rig):
+    return rig.tree.blackboard.get("visitorResponse")
+
+
+@pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
+@pytest.mark.parametrize("says, answer", [("yes please", "yes"), ("no", "no")])
+def test_an_answer_is_one_that_comes_after_the_leaf_began_to_listen(robot, says, answer):
+    rig, speech = listening(robot)
+    rig.clock.advance(3.0)
+    rig.topics.publish(speech, "the weather")
+    assert rig.tick() is RUNNING
+    rig.clock.advance(3.0)
+    rig.tree.wake.test_and_clear()
+    rig.topics.publish(speech, says)
+    assert rig.tree.wake.test_and_clear(), "the answer itself wakes the tree"
+    assert (rig.tick(), stored(rig)) == (SUCCESS, answer)
+
+
+@pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
+def test_after_ten_seconds_the_answer_is_empty(robot):
+    rig, _ = listening(robot)
+    rig.clock.advance(9.9)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(0.1)
+    assert (rig.tick(), stored(rig)) == (SUCCESS, "")
+    assert one_leaf("<HasVisitorResponded/>").tick() is FAILURE
+
+
+@pytest.mark.parametrize("text", ["Error: no speech", "There was an Error", "error"])
+def test_an_error_of_the_recognition_is_a_failure_at_once_and_the_policy_goes_on_without(text):
+    rig, speech = listening()
+    rig.topics.publish(speech, text)
+    rig.clock.advance(0.1)
+    rig.topics.publish(speech, text)
+    assert (rig.tick(), stored(rig)) == (FAILURE, "")
+    failure = rig.of(LeafFinished)[0].failure
+    assert (failure.cause, failure.resource) == (Cause.UNUSABLE_ANSWER, "/speechEvent/text")
+    rig = one_leaf("<Fallback><GetVisitorResponse/><HandleFallBack/></Fallback>", robotInterface=RELEASE)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(0.1)
+    rig.topics.publish(speech, text)
+    assert (rig.tick(), stored(rig), rig.requests) == (SUCCESS, "", [])
+
+
+def test_a_halted_leaf_listens_no_longer():
+    told = []
+    rig = one_leaf("<GetVisitorResponse/>", robotInterface=RELEASE)
+    rig.topics.listen = lambda topic, seconds: told.append((topic.name, seconds))
+    assert rig.tick() is RUNNING
+    rig.tree.halt()
+    assert told == [("/speechEvent/text", 10.0), ("/speechEvent/text", 0.0)]
+    rig.tree.wake.test_and_clear()
+    rig.clock.advance(20.0)
+    assert not rig.tree.wake.test_and_clear()
+
+
+@pytest.mark.parametrize("response, result", [("yes", SUCCESS), ("no", SUCCESS), ("", FAILURE), (None, FAILURE)])
+def test_an_empty_answer_is_none(response, result):
+    rig = one_leaf("<HasVisitorResponded/>")
+    if response is not None:
+        write(rig, visitorResponse=response)
+    assert rig.tick() is result
+
+
+def says_mode(rig, state, value):
+    rig.topics.publish(release_1_0.ATTENTION, AttentionStatus(state, value))
+
+
+def test_the_visitor_is_present_if_social_attention_says_so_within_ten_seconds():
+    rig = one_leaf("<IsVisitorPresent/>", robotInterface=RELEASE)
+    says_mode(rig, "social", 1)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(9.9)
+    says_mode(rig, "scanning", 2)
+    assert rig.tick() is RUNNING
+    says_mode(rig, "social", 2)
+    assert rig.tick() is SUCCESS
+    rig = one_leaf("<IsVisitorPresent/>", robotInterface=RELEASE)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(10.1)
+    assert rig.tick() is FAILURE
+
+
+def test_what_social_attention_said_before_it_was_set_again_does_not_count():
+    rig = one_leaf("<IsVisitorPresent/>", robotInterface=RELEASE)
+    says_mode(rig, "social", 2)
+    rig.clock.advance(0.1)
+    write(rig, attentionSetAt=rig.clock.now())
+    assert rig.tick() is RUNNING
+
+
+def test_on_a_robot_of_the_document_a_face_is_a_visitor_who_is_present():
+    rig = one_leaf("<IsVisitorPresent/>")
+    assert rig.tick() is RUNNING
+    rig.topics.publish(document.FACES, Faces(("1",), (False,)))
+    assert rig.tick() is SUCCESS
+
+
+def test_a_robot_that_gives_up_the_search_for_gaze_ends_the_wait():
+    rig = one_leaf("<IsMutualGazeDiscovered/>", robotInterface=RELEASE)
+    rig.tick()
+    rig.clock.advance(1000.0)
+    says_mode(rig, "seeking", 1)
+    assert rig.tick() is RUNNING, "the release waits without a limit"
+    rig.tree.wake.test_and_clear()
+    says_mode(rig, "seeking", 3)
+    assert rig.tree.wake.test_and_clear()
+    assert rig.tick() is FAILURE
+    assert rig.of(LeafFinished)[0].failure == Failure(Cause.CONDITION_FALSE, "no mutual gaze", "/overtAttention/mode")
+
+
+@pytest.mark.parametrize("means, response", [("done", None), ("yes", "yes")])
+def test_the_tablet_of_the_release_says_only_that_a_button_was_pressed(means, response):
+    rig = one_leaf("<PressYesNoDialogue/>", robotInterface=RELEASE, tabletSuccessIs=means)
+    assert (rig.tick(), rig.requests) == (SUCCESS, [Prompt(("Yes", "No"))])
+    assert rig.tree.blackboard.get("visitorResponse") == response
+
+
+# ------------------------------------------------------------------------------------- whole missions, in both notations
+
+TOUR = """<root BTCPP_format="4" main_tree_to_execute="0. Whole tour">
+<BehaviorTree ID="0. Whole tour"><Sequence>
+  <StartOfTree/>
+  <SubTree ID="1. Find"/> <SubTree ID="2. Greet"/> <SubTree ID="3. Ask"/> <SubTree ID="4. Show"/>
+  <Fallback><SayText name="7"/><HandleFallBack/></Fallback>
+  <Fallback><PerformIconicGesture name="goodbye"/><HandleFallBack/></Fallback>
+</Sequence></BehaviorTree>
+<BehaviorTree ID="1. Find"><Sequence>
+  <Fallback><SetSpeechEvent name="false"/><HandleFallBack/></Fallback>
+  <Fallback><RetrieveListOfExhibits/><HandleFallBack/></Fallback>
+  <Fallback><SetRobotPose/><HandleFallBack/></Fallback>
+  <Fallback><SetAnimateBehavior name="enabled"/><HandleFallBack/></Fallback>
+  <Fallback><SetOvertAttentionMode name="scanning"/><HandleFallBack/></Fallback>
+  <IsVisitorDiscovered/>
+</Sequence></BehaviorTree>
+<BehaviorTree ID="2. Greet"><Sequence>
+  <Fallback><SetAnimateBehavior name="disabled"/><HandleFallBack/></Fallback>
+  <Fallback><PerformIconicGesture name="welcome"/><HandleFallBack/></Fallback>
+  <Fallback><SayText name="4"/><HandleFallBack/></Fallback>
+  <Fallback><SetOvertAttentionMode name="seeking"/><HandleFallBack/></Fallback>
+  <IsMutualGazeDiscovered/>
+</Sequence></BehaviorTree>
+<BehaviorTree ID="3. Ask"><Sequence>
+  <Fallback>
+    <IsASREnabled/>
+    <Sequence>
+      <Fallback><SayText name="5"/><HandleFallBack/></Fallback>
+      <Fallback><SayText name="1"/><HandleFallBack/></Fallback>
+      <Fallback><PressYesNoDialogue/><HandleFallBack/></Fallback>
+    </Sequence>
+  </Fallback>
+  <Fallback>
+    <Inverter><IsASREnabled/></Inverter>
+    <RetryUntilSuccessful num_attempts="2"><Sequence>
+      <Fallback><SayText name="5"/><HandleFallBack/></Fallback>
+      <SetSpeechEvent name="true"/>
+      <Delay delay_msec="2000"><Fallback><GetVisitorResponse/><HandleFallBack/></Fallback></Delay>
+      <SetSpeechEvent name="false"/>
+      <HasVisitorResponded/>
+    </Sequence></RetryUntilSuccessful>
+    <AlwaysSuccess/>
+  </Fallback>
+  <Fallback>
+    <IsVisitorResponseYes/>
+    <ForceFailure><Fallback><SayText name="3"/><HandleFallBack/></Fallback></ForceFailure>
+  </Fallback>
+</Sequence></BehaviorTree>
+<BehaviorTree ID="4. Show"><Sequence>
+  <Fallback><SayText name="2"/><HandleFallBack/></Fallback>
+  <Inverter><KeepRunningUntilFailure><Sequence>
+    <IsListWithExhibit/>
+    <Fallback><SelectExhibit/><HandleFallBack/></Fallback>
+    <SubTree ID="5. Drive"/>
+    <Fallback><SetOvertAttentionMode name="social"/><HandleFallBack/></Fallback>
+    <Fallback><IsVisitorPresent/><ForceFailure><SubTree ID="6. Give up"/></ForceFailure></Fallback>
+    <Fallback><DescribeExhibitSpeech name="1"/><HandleFallBack/></Fallback>
+    <Fallback><SetOvertAttentionMode name="location"/><HandleFallBack/></Fallback>
+    <Fallback><PerformDeicticGesture/><HandleFallBack/></Fallback>
+    <Fallback><DescribeExhibitSpeech name="2"/><HandleFallBack/></Fallback>
+  </Sequence></KeepRunningUntilFailure></Inverter>
+</Sequence></BehaviorTree>
+<BehaviorTree ID="5. Drive"><Sequence>
+  <Fallback><SetOvertAttentionMode name="disabled"/><HandleFallBack/></Fallback>
+  <Fallback><Navigate/><HandleFallBack/></Fallback>
+</Sequence></BehaviorTree>
+<BehaviorTree ID="6. Give up"><Sequence>
+  <Fallback><RetrieveInitialLocation/><HandleFallBack/></Fallback>
+  <SubTree ID="5. Drive"/>
+  <ResetRobotPose/>
+</Sequence></BehaviorTree>
+</root>"""
+
+
+def explicit(text):
+    """Return the mission with its leaves as Groot1 wrote them: <Action ID="…"/>, <Condition ID="…"/>."""
+    kinds = {spec.id: spec.kind.value for spec in leaves.SPECS}
+    return re.sub(r"<(\w+)((?: name=\"\w+\")?/>)", lambda found: found.group() if found.group(1) not in kinds else
+                  '<{} ID="{}"{}'.format(kinds[found.group(1)], *found.groups()), text)
+
+
+class Visitor:
+    """Is seen, looks back, answers ``says`` after each question, and is gone after ``stops`` of the robot.
+
+    What is told depends on the robot: by modes of attention (release 1.0), or by faces (the document).
+    """
+
+    def __init__(self, says=None, gaze=2, stops=99):
+        self.says, self.gaze, self.stops = says, gaze, stops
+
+    def __call__(self, rig):
+        rig.clock.advance(0.5)
+        modes = [request.state for request in rig.requests if isinstance(request, SetAttention)]
+        is_here = sum(isinstance(request, GoTo) for request in rig.requests) <= self.stops
+        robot = rig.mission.interface
+        if robot.name == RELEASE:
+            found = {"scanning": 2, "seeking": self.gaze, "social": 2 if is_here else 1}.get(modes[-1], 0) if modes else 0
+            says_mode(rig, modes[-1] if modes else "disabled", found)
+        else:
+            rig.topics.publish(document.FACES, Faces(("1",) if is_here else (), (True,) if is_here else ()))
+            if modes and modes[-1] == "seeking":
+                rig.topics.publish(document.ATTENTION, AttentionStatus("seeking", 1))
+        questions = sum(isinstance(request, Say) and "Would you like" in request.text for request in rig.requests)
+        if self.says and questions:
+            speech = (release_1_0 if robot.name == RELEASE else document).SPEECH
+            rig.topics.publish(speech, self.says[min(questions, len(self.says)) - 1])
+
+
+def toured(visitor, text=TOUR, robot=RELEASE, **changed):
+    """Return the exit code of one pass and the rig."""
+    rig = Rig(text, robotInterface=robot, **changed)
+    return rig.run(visitor), rig
+
+
+def said(rig):
+    return [request.text for request in rig.requests if isinstance(request, Say)]
+
+
+def driven(rig):
+    return [request.goal for request in rig.requests if isinstance(request, GoTo)]
+
+
+@pytest.mark.parametrize("text", [TOUR, explicit(TOUR)])
+def test_a_visitor_who_says_yes_is_shown_each_stop_of_the_tour(text):
+    code, rig = toured(Visitor(["yes"]), text)
+    assert (code, driven(rig)) == (0, STOPS)
+    assert rig.requests[:5] == [SetRecognitionLanguage("English"), SetRecognition(False), SetPose(START),
+                                SetAnimation("enabled"), SetAttention("scanning")]
+    assert said(rig)[:3] == [PHRASES[4], PHRASES[5], PHRASES[2]]
+    assert said(rig)[3:5] == ["Our tour of the robotics lab begins here.",
+                              "Please stay close to me, so that you hear me well."]
+    assert len(said(rig)) == 3 + 2 * len(STOPS) + 1
+    assert said(rig)[-1] == PHRASES[7]
+    assert rig.requests[-1] == PerformGesture("iconic", 3, 3000)
+    # the first stop has nothing to point at or to look at
+    assert sum(isinstance(request, PerformGesture) and request.type == "deictic" for request in rig.requests) == 6
+    assert [request.target for request in rig.requests
+            if request == SetAttention("location", getattr(request, "target", None))][0] == Point(2.5, 2.0, 1.0)
+
+
+@pytest.mark.parametrize("answers", [["no"], None, ["Error: timeout"], ["what is that"]])
+def test_a_visitor_who_does_not_say_yes_is_given_no_tour(answers):
+    code, rig = toured(Visitor(answers))
+    assert (code, driven(rig)) == (3, [])
+    assert said(rig) == [PHRASES[4]] + [PHRASES[5]] * (1 if answers == ["no"] else 2) + [PHRASES[3]]
+    recognition = [request.is_enabled for request in rig.requests if isinstance(request, SetRecognition)]
+    assert recognition[-1] is False
+
+
+def test_a_second_answer_counts_and_takes_no_longer_than_ten_seconds():
+    began = Rig().clock.now()
+    code, rig = toured(Visitor(["Error: timeout", "yes"]))
+    assert (code, driven(rig)) == (0, STOPS)
+    code, rig = toured(Visitor(None))
+    # two rounds of Delay and listening
+    assert 2 * (2.0 + 10.0) <= rig.clock.now() - began < 2 * (2.0 + 10.0) + 5.0
+
+
+def test_a_visitor_who_leaves_ends_the_tour_where_it_began():
+    code, rig = toured(Visitor(["yes"], stops=2))
+    assert driven(rig) == STOPS[:3] + [START]
+    assert [request for request in rig.requests if isinstance(request, SetPose)] == [SetPose(START)] * 2
+    # what the warning of this mission says: the tour goes on to its goodbye
+    assert said(rig)[-1] == PHRASES[7]
+
+
+def test_a_visitor_who_never_looks_back_ends_the_pass_when_the_robot_gives_up():
+    code, rig = toured(Visitor(["yes"], gaze=3))
+    assert (code, driven(rig), said(rig)) == (3, [], [PHRASES[4]])
+
+
+@pytest.mark.parametrize("means, code, goals", [("done", 3, []), ("yes", 0, STOPS)])
+def test_by_tablet_there_is_a_tour_only_if_a_press_means_yes(means, code, goals):
+    ended, rig = toured(Visitor(), asrEnabled=False, tabletSuccessIs=means)
+    assert (ended, driven(rig)) == (code, goals)
+    assert not any(isinstance(request, SetRecognitionLanguage) for request in rig.requests)
+    assert said(rig)[:3] == [PHRASES[4], PHRASES[5], PHRASES[1]]
+
+
+@pytest.mark.parametrize("changed", [{}, {"asrEnabled": False}])
+def test_the_same_mission_runs_on_a_robot_of_the_document(changed):
+    code, rig = toured(Visitor(["yes"]), robot=document.INTERFACE.name, conditionWait=30.0, **changed)
+    assert (code, driven(rig)) == (0, [exhibit.location for exhibit in EXHIBITS])
+    assert not any(isinstance(request, (SetPose, SetRecognition, SetRecognitionLanguage)) for request in rig.requests)
+
+
+@pytest.mark.parametrize("kind, times", [(SetAnimation, 2), (SetAttention, 2), (SetRecognition, 2), (SetPose, 2),
+                                         (PerformGesture, 2), (Say, 2), (GoTo, 3)])
+def test_a_refused_step_is_recovered_as_the_policy_says(kind, times):
+    refused = []
+
+    def answer(request):
+        if isinstance(request, kind) and len(refused) < times - 1:
+            refused.append(request)
+            return Failure(Cause.REFUSED, "no", "service")
+        return NotImplemented
+
+    rig = Rig(TOUR, answer, robotInterface=RELEASE)
+    assert (rig.run(Visitor(["yes"])), len(refused)) == (0, times - 1)
+    assert set(refused) == {refused[0]}, "the same request again"
+    assert [goal for goal, before in zip(driven(rig), [None] + driven(rig)) if goal != before] == STOPS
+
+
+# ------------------------------------------------------------------------------------------------ what cannot be meant
+
+
+def foreseen(body, robot=RELEASE, **changed):
+    tree = load_text(file(body), leaves.registry(), "m.xml")
+    return [(fault.line, fault.text) for fault in foresee(tree, settings.defaults(robotInterface=robot, **changed))]
+
+
+def test_the_warnings_of_the_tour_stand_at_their_places():
+    tree = load_text(TOUR, leaves.registry(), "m.xml")
+    found = foresee(tree, settings.defaults(robotInterface=RELEASE))
+    lines = TOUR.split("\n")
+    assert [(lines[fault.line - 1].split(" name")[0].strip(), fault.text) for fault in found] == [
+        ("<Fallback><SayText", "SayText bids farewell to a visitor who has left: the mission goes on to it after "
+                               "IsVisitorPresent failed"),
+        ("<Fallback><PerformIconicGesture", "PerformIconicGesture bids farewell to a visitor who has left: the mission "
+                                            "goes on to it after IsVisitorPresent failed"),
+        ("<IsVisitorResponseYes/>", "with asrEnabled false IsVisitorResponseYes never succeeds, and no tour is ever "
+                                    "given")]
+    assert all(fault.is_warning for fault in found)
+    told = foresee(tree, settings.defaults(robotInterface=RELEASE, tabletSuccessIs="yes"))
+    assert [fault.text for fault in told] == [fault.text for fault in found[:2]]
+    assert [fault.text for fault in foresee(tree, settings.defaults())] == [fault.text for fault in found[:2]]
+
+
+def mode(state):
+    return "<SetOvertAttentionMode name='{}'/>".format(state)
+
+
+NEVER = "{} can never succeed: overtAttention tells of the visitor's {} only in the mode {}"
+
+
+@pytest.mark.parametrize("body, robot, words", [
+    ("\n<IsMutualGazeDiscovered/>", None, ("IsMutualGazeDiscovered", "gaze", "seeking")),
+    (mode("social") + "\n<IsMutualGazeDiscovered/>", None, ("IsMutualGazeDiscovered", "gaze", "seeking")),
+    (mode("seeking") + mode("social") + "\n<IsMutualGazeDiscovered/>", None,
+     ("IsMutualGazeDiscovered", "gaze", "seeking")),
+    ("\n<IsMutualGazeDiscovered/>" + mode("seeking"), None, ("IsMutualGazeDiscovered", "gaze", "seeking")),
+    (mode("seeking") + "\n<IsMutualGazeDiscovered/>", None, None),
+    ("<SeekOvertAttentionMode/>\n<IsMutualGazeDiscovered/>", None, None),
+    ("<Fallback>{}<HandleFallBack/></Fallback>\n<IsMutualGazeDiscovered/>".format(mode("seeking")), None, None),
+    ("<Parallel>{}<SayText name='4'/></Parallel>\n<IsMutualGazeDiscovered/>".format(mode("seeking")), None, None),
+    ("\n<IsVisitorDiscovered/>" + mode("scanning"), RELEASE, ("IsVisitorDiscovered", "visitor", "scanning")),
+    (mode("scanning") + "\n<IsVisitorDiscovered/>", RELEASE, None),
+    (mode("scanning") + "\n<IsVisitorPresent/>", RELEASE, ("IsVisitorPresent", "presence", "social")),
+    (mode("social") + "\n<IsVisitorPresent/>", RELEASE, None),
+    ("\n<IsVisitorDiscovered/>\n<IsVisitorPresent/>", document.INTERFACE.name, None),
+])
+def test_a_question_to_a_mode_that_was_not_set_is_told(body, robot, words):
+    for each in [robot] if robot else [RELEASE, document.INTERFACE.name]:
+        expected = [(2, NEVER.format(*words))] if words else []
+        assert foreseen("<Sequence>{}</Sequence>".format(body), each) == expected
+
+
+GONE = "<Fallback><IsVisitorPresent/><ForceFailure><Navigate target='1;2;3'/></ForceFailure></Fallback>"
+
+
+@pytest.mark.parametrize("body, is_told", [
+    ("<Sequence>{}\n<SayText name='7'/></Sequence>", False),
+    ("<Sequence><ForceSuccess>{}</ForceSuccess>\n<SayText name='7'/></Sequence>", True),
+    ("<Sequence><ForceSuccess>{}</ForceSuccess>\n<SayText name='4'/></Sequence>", False),
+    ("<Sequence><ForceSuccess>{}</ForceSuccess>\n<GoodbyeGesture/></Sequence>", True),
+    ("<Sequence><Inverter><KeepRunningUntilFailure>{}</KeepRunningUntilFailure></Inverter>\n<SayText name='6'/>"
+     "</Sequence>", True),
+    ("<Fallback>{}\n<SayGoodByeSpeech/></Fallback>", True),
+    ("<Sequence><ForceSuccess>{}</ForceSuccess><IsVisitorPresent/>\n<SayText name='7'/></Sequence>", False),
+    ("<Sequence><ForceSuccess>{}</ForceSuccess><ScriptCondition code='@x'/>\n<SayText name='7'/></Sequence>", False),
+    ("<Sequence><ForceSuccess>{}</ForceSuccess>\n<SayText name='7' _skipIf='@x'/></Sequence>", False),
+    ("<IfThenElse>{}\n<SayText name='7'/><AlwaysFailure/></IfThenElse>", False),
+    ("<IfThenElse>{}<AlwaysSuccess/>\n<SayText name='7'/></IfThenElse>", True),
+    ("<Sequence><Fallback>{}<HandleFallBack/></Fallback>\n<SayText name='7'/></Sequence>", False),
+    ("<RetryUntilSuccessful num_attempts='3'><Sequence>\n<SayText name='7'/>{}</Sequence></RetryUntilSuccessful>", True),
+])
+def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
+    found = foreseen("<Sequence>{}{}</Sequence>".format(mode("social"), body.format(GONE)))
+    assert [(line, text.split(":")[0].split(" ", 1)[1]) for line, text in found] == (
+        [(2, "bids farewell to a visitor who has left")] if is_told else [])
+
+
+@pytest.mark.parametrize("body, robot, how", [
+    ("<Sequence><IsASREnabled/><GetVisitorResponse/>\n<IsVisitorResponseYes/><SelectExhibit/></Sequence>", None,
+     "is never reached"),
+    ("<Sequence><GetVisitorResponse/>\n<IsVisitorResponseYes/><SelectExhibit/></Sequence>", None, "never succeeds"),
+    ("<Sequence><PressYesNoDialogue/>\n<IsVisitorResponseYes/><SelectExhibit/></Sequence>", document.INTERFACE.name, None),
+    ("<Sequence><IsYesNoUttered/>\n<IsVisitorResponseYes/><SelectExhibit/></Sequence>", None, "is never reached"),
+    ("<Sequence><GetVisitorResponse/>\n<IsVisitorResponseYes/><SayText name='3'/></Sequence>", None, None),
+    ("<Sequence><GetVisitorResponse/><SelectExhibit/></Sequence>", None, None),
+])
+def test_a_tour_that_is_never_given_without_recognition_is_told(body, robot, how):
+    for each in [robot] if robot else [RELEASE, document.INTERFACE.name]:
+        assert foreseen(body, each) == (
+            [(2, "with asrEnabled false IsVisitorResponseYes {}, and no tour is ever given".format(how))] if how else [])
+
+
+def test_ways_through_nested_loops_are_followed_in_little_time():
+    body = "<IsVisitorPresent/>"
+    for number in range(40):
+        body = ("<Sequence>{}<RetryUntilSuccessful num_attempts='3'><Fallback>{}{}</Fallback></RetryUntilSuccessful>"
+                "</Sequence>".format(mode(["social", "seeking", "scanning"][number % 3]), body, mode("location")))
+    assert foreseen(body) == []

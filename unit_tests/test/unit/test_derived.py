@@ -1,0 +1,34 @@
+"""Test that what is derived from declarations in both packages is up to date."""
+import importlib.util
+import os
+
+import pytest
+
+from behavior_controller import folders
+
+
+@pytest.fixture(scope="module")
+def derive():
+    spec = importlib.util.spec_from_file_location("derive", os.path.join(folders.share(), "tools", "derive.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_each_derived_file_is_up_to_date(derive):
+    assert sorted(derive.outdated()) == [], "make derived writes these files"
+
+
+def test_a_value_that_a_configuration_gives_stays_and_what_is_new_is_added(derive):
+    now = "topicMaxAge  3   # seconds\nlanguage\nforgotten 1\n"
+    lines = {line.split()[0]: line.split("#")[0].split()[1:] for line in derive.key_lines(derive.settings.KEYS)(now).split("\n")}
+    assert (lines["topicMaxAge"], lines["language"], lines["missionRuns"]) == (["3"], [], ["0"])
+    assert set(lines) == {key.name for key in derive.settings.KEYS} - {"scenarioSpecification", "verboseMode", "asrEnabled"}
+
+
+def test_a_part_that_is_not_marked_is_named(derive):
+    parts = {"keys": lambda now: now + "more"}
+    text = "a\n# derived: keys\nb\n# derived: end\nc\n"
+    assert derive.with_parts(text, parts) == "a\n# derived: keys\nb\nmore\n# derived: end\nc\n"
+    with pytest.raises(ValueError, match="derived: keys"):
+        derive.with_parts("a\n# derived: others\nb\n# derived: end\n", parts)
