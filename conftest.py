@@ -8,7 +8,8 @@ import pytest
 
 os.environ.setdefault("BEHAVIOR_CONTROLLER_CHECK_THREADS", "1")  # before anything of ours is imported
 
-ROS = {"actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rospy", "rostest", "std_msgs"}
+ROS = {"actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rospy",
+       "rostest", "std_msgs"}
 
 
 class _WithoutRos(pytest.Module):

@@ -18,6 +18,8 @@ def run(name: str, main: Callable[[], int]) -> int:
             sys.stdout.flush()
     except OSError as error:
         reason = "the output cannot be written: {}".format(error.strerror)
+    except ImportError as error:  # of another package's leaves
+        reason = str(error)
     except (MemoryError, RecursionError):
         reason = "there is too little memory for this"
     if reason:

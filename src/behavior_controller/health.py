@@ -22,13 +22,12 @@ MOST_NEWS = 100
 
 
 class CallCount(NamedTuple):
-    """How a service has done so far: calls that ended, those that failed, and seconds of the last and the slowest."""
+    """How a service has done so far: calls that ended, those that failed, and seconds of the last."""
 
     calls: int = 0
     failures: int = 0
     in_a_row: int = 0  # failures since the last success
     last_seconds: float = 0.0
-    slowest_seconds: float = 0.0
 
 
 class Health:
@@ -72,8 +71,7 @@ class Health:
         """Count a call that ended after ``seconds``; its ``deadline`` tells whether that was slow."""
         before = self.calls.get(service, CallCount())
         row = before.in_a_row + 1 if has_failed else 0
-        self.calls = dict(self.calls, **{service: CallCount(
-            before.calls + 1, before.failures + has_failed, row, seconds, max(seconds, before.slowest_seconds))})
+        self.calls = dict(self.calls, **{service: CallCount(before.calls + 1, before.failures + has_failed, row, seconds)})
         if row >= FAILURES_IN_A_ROW:
             self._note(HealthChanged("service", service, "", False, "failing: {} calls in a row".format(row),
                                      "the recovery policy says what is left out", FAILING))

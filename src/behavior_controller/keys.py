@@ -217,10 +217,7 @@ def configured(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[
                arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
     """As ``read_configuration``, for a file that was read already."""
     reader = Collector(source.file, {key.name: key for key in keys})
-    for line_number, line in enumerate(source.text.split("\n"), 1):
-        reader.line(line_number, line)
-        if len(reader.faults) > MOST_FAULTS:
-            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(source.file, line_number)])
+    read_lines(source, reader.faults, reader.line)
     for name, value in (overrides or {}).items():
         reader.override(name, value)
     for name, text in (arguments or {}).items():
@@ -234,6 +231,14 @@ def read_source(path: str, what: str) -> Source:
         return Source(path, read_text(path))
     except Unreadable as error:
         raise ConfigurationError([Fault(path, 0, 0, "{} cannot be read: {}".format(what, error))]) from error
+
+
+def read_lines(source: Source, faults: List[Fault], take: Callable[[int, str], None]) -> None:
+    """Have each line of a file taken, with its number. Raises ConfigurationError as soon as there are too many ``faults``."""
+    for number, line in enumerate(source.text.split("\n"), 1):
+        take(number, line)
+        if len(faults) > MOST_FAULTS:
+            raise ConfigurationError(faults[:MOST_FAULTS] + [too_many_faults(source.file, number)])
 
 
 def too_many_faults(path: str, line_number: int) -> Fault:

@@ -3,7 +3,7 @@ import os
 from dataclasses import dataclass
 from typing import Callable, Iterator, List, Optional, Sequence, Tuple, TypeVar, Union
 
-from behavior_controller import folders, knowledge_files, leaves, phrases, policy
+from behavior_controller import extensions, folders, knowledge_files, leaves, phrases, policy
 from behavior_controller.bt.compiler import build
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.tree import Tree
@@ -88,11 +88,13 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
             return part()
         except FaultsFound as found:
             faults.extend(found.faults)
-            return None
+        except extensions.BrokenExtension as broken:
+            faults.append(Fault("package.xml", 0, 0, str(broken)))
+        return None
 
     known = attempt(knowledge_files.load) if settings.interface.has_knowledge_files else None
     spoken = attempt(lambda: phrases.load(settings.language if known is None else known.language))
-    rules = attempt(lambda: policy.load(folders.config(POLICY), leaves.SPECS))
+    rules = attempt(lambda: policy.load(folders.config(POLICY), leaves.mission_specs()))
     tree = attempt(lambda: build_tree(documents or with_includes(read(file)), clock=clock, wake=wake))
     if settings.interface.tells_pressed and settings.tablet_success_is == YES:
         faults.append(Fault("tabletSuccessIs", 0, 0, "the tablet of the robot {} says which button was pressed".format(
@@ -100,7 +102,7 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     told = [] if tree is None else on_robot(tree, settings)
     faults += [fault for fault in told if not fault.is_warning]
     if spoken is None or rules is None or tree is None or faults:
-        raise FaultsFound(faults)
+        raise FaultsFound(list(dict.fromkeys(faults)))
     tree.warnings += told
     return Mission(settings, file, spoken, rules, tree, known)
 
@@ -133,7 +135,8 @@ def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:
             yield "service for {}".format(request.__name__)
     for sense in spec.listens:
         if not robot.tells(sense):
-            yield "message that tells of the visitor's {}".format(sense.value)
+            yield ("topic {}".format(sense.name) if isinstance(sense, Topic) else
+                   "message that tells of the visitor's {}".format(sense.value))
 
 
 def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock] = None) -> Tree:
@@ -148,10 +151,16 @@ def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None, c
 
 
 def find(name: str) -> str:
-    """Return the path of a mission in the data folder; raises ConfigurationError, which names those that are there."""
-    path = folders.mission(name)
-    if os.path.isfile(path):
-        return path
-    known = sorted(file[:-4] for file in os.listdir(folders.data("")) if file.endswith(".xml"))
-    raise ConfigurationError([Fault("scenarioSpecification", 0, 0, "there is no mission {}".format(path),
+    """Return the path of a mission in our data folder, or that of a package with leaves of its own.
+
+    Raises ConfigurationError, which names those that are there.
+    """
+    places = [folders.data("")] + [os.path.join(extension.folder, "data") for extension in extensions.found("leaves")]
+    for place in places:
+        path = os.path.join(place, name + ".xml")
+        if os.path.isfile(path):
+            return path
+    known = sorted(file[:-4] for place in places if os.path.isdir(place) for file in os.listdir(place)
+                   if file.endswith(".xml"))
+    raise ConfigurationError([Fault("scenarioSpecification", 0, 0, "there is no mission " + folders.mission(name),
                                     did_you_mean(name, known) or "there are: {}".format(", ".join(known)))])

@@ -1,9 +1,9 @@
 """What the recovery, the policy and the reports know of a node of the mission vocabulary, as fields of its NodeSpec."""
 from dataclasses import dataclass
-from typing import Any, Callable, Optional, Tuple
+from typing import Any, Callable, Optional, Tuple, Union
 
 from behavior_controller.bt.registry import Direction, NodeSpec, argument
-from behavior_controller.interface import Sense
+from behavior_controller.interface import Sense, Topic
 
 
 @dataclass(frozen=True)
@@ -11,7 +11,7 @@ class MissionSpec(NodeSpec):
     """A node of the mission vocabulary."""
 
     calls: Tuple[type, ...] = ()  # the kinds of requests that it makes
-    listens: Tuple[Sense, ...] = ()  # what it learns of the visitor from topics
+    listens: Tuple[Union[Sense, Topic], ...] = ()  # what it learns of the visitor, or topics of another package's
     does_without: bool = False  # on a robot that has no service for its request it succeeds and does nothing
     is_indispensable: bool = False  # no policy may skip it
     leave_out: Optional[Callable[[Any], bool]] = None

@@ -7,9 +7,9 @@ import itertools
 import os
 import re
 from dataclasses import dataclass, field
-from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
-from behavior_controller import folders
+from behavior_controller import extensions, folders
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.keys import REQUIRED, Key, Reader, configured, read_source
@@ -75,7 +75,12 @@ _TEXT = Reader("the text to say", _text)
 _LABEL = Reader("a label without |", _label)
 _PHRASES = Reader("words with commas between them", _phrase_list)
 
-KEYS = tuple(Key(speech.node, _TEXT, REQUIRED, "what {} says".format(speech.node)) for speech in SPEECHES) + (
+
+def _keys_of(speeches: Iterable[Speech]) -> Tuple[Key, ...]:
+    return tuple(Key(speech.node, _TEXT, REQUIRED, "what {} says".format(speech.node)) for speech in speeches)
+
+
+KEYS = _keys_of(SPEECHES) + (
     Key("tabletYes", _LABEL, REQUIRED, "a button on the tablet"),
     Key("tabletNo", _LABEL, REQUIRED, "a button on the tablet"),
     Key(YES, _PHRASES, REQUIRED, "what means yes"),
@@ -162,17 +167,29 @@ def load(language: str) -> Phrases:
         raise ConfigurationError([Fault("language", 0, 0, "there are no phrases in {}".format(language), did_you_mean(
             language, known) or "there are: {}; another language is a file data/phrases_{}.ini".format(
                 ", ".join(known), language))])
-    return read(read_source(folders.data("phrases_{}.ini".format(language)), "the configuration"))
+    name = "phrases_{}.ini".format(language)
+    own = read_source(folders.data(name), "the configuration")
+    read(own, KEYS)
+    others = []
+    for extension in extensions.found("phrases"):
+        others.append(read_source(os.path.join(extension.folder, "data", name), "the package " + extension.package))
+        configured(others[-1], _keys_of(extension.declared("SPEECHES")))
+    return read(own._replace(text="\n".join(source.text for source in [own] + others)))
 
 
-def read(source: Source) -> Phrases:
-    """Return the phrases of a file. Raises ConfigurationError with every fault."""
-    values = configured(source, KEYS)
+def read(source: Source, keys: Tuple[Key, ...] = ()) -> Phrases:
+    """Return the phrases of a file with these keys, or with those of all packages.
+
+    Raises ConfigurationError with every fault.
+    """
+    added = [speech for extension in extensions.found("phrases") for speech in extension.declared("SPEECHES")]
+    keys = keys or KEYS + _keys_of(added)
+    values = configured(source, keys)
     faults = [Fault(source.file, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other),
                     "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
               for phrase in sorted(set(values[one]) & set(values[other]))]
     if faults:
         raise ConfigurationError(faults)
-    return Phrases({speech.node: values[speech.node] for speech in SPEECHES}, (values["tabletYes"], values["tabletNo"]),
+    return Phrases({key.name: values[key.name] for key in keys if key.read is _TEXT}, (values["tabletYes"], values["tabletNo"]),
                    {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)}, source)

@@ -7,7 +7,7 @@ from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
 from behavior_controller.bt.registry import did_you_mean
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.gateway import Cause
-from behavior_controller.keys import MOST_FAULTS, read_source, too_many_faults
+from behavior_controller.keys import read_lines, read_source
 from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.text import Source
 
@@ -63,12 +63,7 @@ def load(path: str, specs: Iterable[MissionSpec]) -> Policy:
 def read(source: Source, specs: Iterable[MissionSpec]) -> Policy:
     """As ``load``, for a file that was read already."""
     reader = _Reader(source.file, {spec.id: spec for spec in specs})
-    for number, line in enumerate(source.text.split("\n"), 1):
-        words = line.split("#")[0].split()
-        if words:
-            reader.line(number, words)
-        if len(reader.faults) > MOST_FAULTS:
-            raise ConfigurationError(reader.faults[:MOST_FAULTS] + [too_many_faults(source.file, number)])
+    read_lines(source, reader.faults, reader.line)
     if reader.budget is None:
         reader.fault(0, "the line \"budget <recoveries> <seconds>\" is missing")
     if reader.faults:
@@ -89,15 +84,16 @@ class _Reader:
     def fault(self, line: int, text: str, hint: str = "") -> None:
         self.faults.append(Fault(self.path, line, 1 if line else 0, text, hint))
 
-    def line(self, number: int, words: List[str]) -> None:
-        if words[0] == "budget":
+    def line(self, number: int, line: str) -> None:
+        words = line.split("#")[0].split()
+        if words[:1] == ["budget"]:
             if len(words) != 3 or not _is_count(words[1]) or not _is_seconds(words[2]) or self.budget is not None:
                 self.fault(number, "a budget is one line: budget <recoveries> <seconds>")
             else:
                 self.budget = (int(words[1]), float(words[2]))
-        elif len(words) != 5:
+        elif len(words) not in (0, 5):
             self.fault(number, "{} words; a rule has 5: node cause retries back-off then".format(len(words)))
-        else:
+        elif words:
             self._rule(number, words)
 
     def _rule(self, number: int, words: List[str]) -> None:

@@ -135,6 +135,8 @@ class StubAction:
             self._changed.notify_all()
 
     def _work(self, goal):
+        with self._changed:
+            self._said = None
         tell(goal=goal.wait, time=time.monotonic())
         if self.mode == "exit":
             os._exit(1)
@@ -143,7 +145,6 @@ class StubAction:
             return
         ends = time.monotonic() + goal.wait
         with self._changed:
-            self._said = None
             while (self._said is None or self.mode == "hang") and not self._server.is_preempt_requested() and (
                     time.monotonic() < ends or self.mode == "hang"):
                 self._changed.wait(0.05)

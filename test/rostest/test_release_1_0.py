@@ -224,11 +224,8 @@ class TestHearing(unittest.TestCase):
         robot = self.robot = Robot({"interface": "release-1.0", ACTION: "done"})
         self.wait_until(lambda: self.latch._is_published)
         self.topics.listen(SPEECH, 3.0)
-        wait = self.heard()
-        ends = time.monotonic() + 10.0
-        while self.topics.newest(SPEECH) is None and time.monotonic() < ends:
-            robot.publish("/speechEvent/text", "by topic")
-            time.sleep(0.1)
+        wait = self.heard(lambda value: value == "by topic")
+        robot.publish("/speechEvent/text", "by topic", hertz=10)
         self.assertEqual(wait().value, "by topic")
         self.assertNotIn('"goal"', robot.lines.text())
 
@@ -255,7 +252,8 @@ class TestStart(unittest.TestCase):
         return robot
 
     def controller(self, *arguments, **values):
-        self.package.configure(**dict(dict(robotInterface="release-1.0", scenarioSpecification="small", missionRuns=1),
+        self.package.configure(**dict(dict(robotInterface="release-1.0", scenarioSpecification="small", missionRuns=1,
+                                         startupCheck="all"),
                                       **values))
         controller = Controller(self.package, *arguments)
         self.addCleanup(controller.close)

@@ -19,6 +19,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
 
 SPEAKS = "<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomeSpeech/></BehaviorTree></root>"
+SAY = "/textToSpeech/say_text"
 PARTS = {  # what the robot's nodes offer (contract, sections 2 and 3), by the name of the node
     "/animateBehaviour/set_activation": "animateBehavior", "/gestureExecution/perform_gesture": "gestureExecution",
     "/knowledgeBase/query": "knowledgeBase", "/overtAttention/set_mode": "overtAttention",
@@ -115,6 +116,16 @@ class TestStartUp(unittest.TestCase):
         self.assertEqual(code, 1)
         for name in PARTS:
             self.assert_line(text, name, "not reachable", "Connection refused")
+
+    def test_a_node_whose_computers_name_cannot_be_resolved(self):
+        self.robot({SAY: "absent"})
+        master = rosgraph.Master("/elsewhere")
+        where = SAY, "rosrpc://robot.invalid:4711"  # RFC 6761: this name never resolves
+        master.registerService(*where, "http://robot.invalid:4712/")
+        self.addCleanup(master.unregisterService, *where)
+        code, text = self.run_node()
+        self.assertEqual(code, 1)
+        self.assert_line(text, "ERROR", SAY, "robot.invalid", "cannot be resolved", "/etc/hosts", "ROS_IP")
 
     def test_a_robot_that_hangs_does_not_hang_the_start(self):
         robot = self.robot()

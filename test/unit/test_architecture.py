@@ -29,12 +29,12 @@ LAYERS = [
     ["bt.language"],
     ["bt.registry", "bt.status", "bt.ends", "bt.ownership", "bt.language.values", "mission_spec", "gateway", "events",
       "health", "keys", "settings", "folders", "phrases", "policy", "knowledge_files", "sinks"],
-    ["interface"],
+    ["interface", "extensions"],
     ["errors", "exits"],
     ["text"],
 ]
-ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rosnode", "rospy", "rosservice",
-       "rostopic", "std_msgs"}
+ROS = {"actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rosnode",
+       "rospy", "rosservice", "rostopic", "std_msgs"}
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 LONGEST_FUNCTION = 60  # lines
 MACHINE_PATH = re.compile(r"(?<![\w.>-])/(?:work|root|Users|home/\w+|opt/(?:wheels|pypi))/")

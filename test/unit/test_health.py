@@ -54,7 +54,7 @@ def test_calls_are_counted():
     health = Health()
     for seconds, has_failed in ((0.5, False), (2.0, True), (1.0, True)):
         health.ended("/say", seconds, 9.0, has_failed)
-    assert health.calls["/say"] == CallCount(3, 2, 2, 1.0, 2.0)
+    assert health.calls["/say"] == CallCount(3, 2, 2, 1.0)
     health.ended("/say", 0.25, 9.0, False)
     assert health.calls["/say"].in_a_row == 0
     assert published(health) == []

@@ -1,9 +1,13 @@
 """The types of services and topics: the fields' names, types and order decide whether the robot understands us."""
+import hashlib
+import math
 import os
 
 import pytest
 
+from behavior_controller.interface import Sense, release_1_0
 from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import AttentionStatus, QueryKnowledge, SetPose
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -42,3 +46,110 @@ def test_each_declared_type_has_its_file():
         files = ["{}/{}.{}".format(folder, name, folder) for name in own]
         missing += [path for path in files if not os.path.exists(os.path.join(ROOT, path))]
     assert missing == []
+
+
+# ------------------------------------------------------------------------------------------------- the published types
+
+# the fields of the project's release 1.0, as its public repository has them, by the file of ours that carries them
+PUBLISHED = {
+    "srv/animateBehaviorService": ["string state", "---", "string success"],
+    "srv/gestureExecutionService": EXPECTED["srv/gestureExecutionService.srv"],
+    "srv/overtAttentionService": EXPECTED["srv/overtAttentionService.srv"],
+    "srv/robotNavigationService": EXPECTED["srv/robotNavigationService.srv"],
+    "srv/robotPoseService": ["float64 x", "float64 y", "float64 theta", "---", "bool success"],
+    "srv/sayTextService": ["string message", "string language", "---", "bool success"],
+    "srv/speechEnabledService": ["string status", "---", "int8 response"],
+    "srv/speechLanguageService": ["string language", "---", "int8 response"],
+    "srv/tabletPromptService": ["string message", "---", "bool success"],
+    "msg/overtAttentionMessage": ["string state", "int64 value"],
+    "action/recogniseSpeech": ["float32 wait", "---", "string transcription", "---", "int8 progress"],
+}
+
+
+def md5(*lines):
+    """Return the md5 of a message: a field of another message stands there with that one's md5 in place of its type."""
+    return hashlib.md5("\n".join(lines).encode()).hexdigest()
+
+
+def md5_of_service(lines):
+    split = lines.index("---")
+    return hashlib.md5(("\n".join(lines[:split]) + "\n".join(lines[split + 1:])).encode()).hexdigest()
+
+
+def md5s_of_action(lines):
+    """Return the md5s of the messages of an action: its own part follows what actionlib puts before it."""
+    goal, result, feedback = ([part] for part in lines if part != "---")
+    header = md5("uint32 seq", "time stamp", "string frame_id")
+    goal_id = md5("time stamp", "string id")
+    words = "PENDING ACTIVE PREEMPTED SUCCEEDED ABORTED REJECTED PREEMPTING RECALLING RECALLED LOST".split()
+    status = md5(*["uint8 {}={}".format(word, number) for number, word in enumerate(words)],
+                 goal_id + " goal_id", "uint8 status", "string text")
+    return {"ActionGoal": md5(header + " header", goal_id + " goal_id", md5(*goal) + " goal"),
+            "ActionResult": md5(header + " header", status + " status", md5(*result) + " result"),
+            "ActionFeedback": md5(header + " header", status + " status", md5(*feedback) + " feedback")}
+
+
+def documented():
+    """Return the md5 of each type that the document lists."""
+    with open(os.path.join(ROOT, "docs", "release_1_0_types.md"), encoding="utf-8") as file:
+        rows = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in file if line.startswith("| `")]
+    return {kind: digest for _, kind, digest in rows}
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED))
+def test_the_fields_are_those_of_release_1_0(name):
+    with open(os.path.join(ROOT, "{}.{}".format(name, name.split("/")[0])), encoding="utf-8") as file:
+        fields = [" ".join(line.split("#")[0].split()) for line in file]
+    assert [field for field in fields if field] == PUBLISHED[name]
+
+
+def test_the_document_lists_the_md5s_of_the_published_fields():
+    computed = {}
+    for name, lines in PUBLISHED.items():
+        if name.startswith("action/"):
+            computed.update((name + part, digest) for part, digest in md5s_of_action(lines).items())
+        else:
+            computed[name] = md5(*lines) if name.startswith("msg/") else md5_of_service(lines)
+    assert documented() == computed
+
+
+def test_the_document_lists_each_name_that_the_release_offers():
+    with open(os.path.join(ROOT, "docs", "release_1_0_types.md"), encoding="utf-8") as file:
+        text = file.read()
+    own = [offer for offer in release_1_0.INTERFACE.offers if offer.type.startswith("cssr_system/")]
+    assert [offer.name for offer in own if "| `{}` |".format(offer.name) not in text] == []
+    assert [offer.type for offer in own if "/{}` |".format(offer.type.split("/")[1]) not in text] == []
+
+
+# ---------------------------------------------------------------------------------------- what release 1.0 is told and tells
+
+
+def status(state, value):
+    return AttentionStatus(state, value)
+
+
+@pytest.mark.parametrize("sense, given, others, wait", [
+    (Sense.VISITOR, status("scanning", 2), [status("scanning", 1), status("scanning", 3), status("social", 2)], math.inf),
+    (Sense.PRESENCE, status("social", 2), [status("social", 1), status("seeking", 2)], 10.0),
+    (Sense.GAZE, status("seeking", 2), [status("seeking", 1), status("seeking", 3), status("social", 2)], math.inf),
+])
+def test_what_tells_of_a_visitor(sense, given, others, wait):
+    evidence = release_1_0.INTERFACE.evidence(sense)
+    assert (evidence.topic.name, evidence.wait) == ("/overtAttention/mode", wait)
+    assert evidence.is_given(given, 2)
+    assert not any(evidence.is_given(other, 2) for other in others)
+
+
+def test_the_knowledge_is_asked_of_files_in_release_1_0_alone():
+    assert (INTERFACE.resource(QueryKnowledge), release_1_0.INTERFACE.resource(QueryKnowledge)) == (
+        "/knowledgeBase/query", "the knowledge files")
+    assert release_1_0.INTERFACE.serves(QueryKnowledge) and not INTERFACE.serves(SetPose)
+    with pytest.raises(LookupError, match="QueryKnowledge"):
+        release_1_0.INTERFACE.service(QueryKnowledge)
+
+
+def test_what_a_robot_of_release_1_0_may_lack():
+    assert {service.name: service.fails_without for service in release_1_0.SERVICES if service.is_optional} == {
+        "/robotLocalization/set_pose": False, "/speechEvent/set_enabled": False, "/speechEvent/set_language": False,
+        "/tabletEvent/prompt_and_get_response": True}
+    assert not any(service.is_optional for service in INTERFACE.services)

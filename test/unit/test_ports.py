@@ -7,7 +7,7 @@ from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.ports import PortError
 from behavior_controller.bt.language.values import ValueFault
-from behavior_controller.bt.registry import Direction, Port
+from behavior_controller.bt.registry import Port
 from behavior_controller.bt.status import FAILURE, SUCCESS
 
 ENUMS = {"RED": 1, "BLUE": 3}
@@ -218,7 +218,3 @@ def test_items_that_a_loop_cannot_take(text):
 def test_what_switch_holds_for_equal(left, right, same):
     assert ports.same_text_or_number(left, right, ENUMS) is same
     assert ports.same_text_or_number(right, left, ENUMS) is same
-
-
-def test_outputs():
-    assert [ports.is_output(Port("p", "int", direction)) for direction in Direction] == [False, True, True]

@@ -87,6 +87,7 @@ def workspace(home):
     """A workspace into which the packages were put by the command, built and installed."""
     place = home / "catkin_ws"
     Shell(home).do("{}/tools/add_to_workspace.sh {}".format(REPOSITORY, place), BUILD_LIMIT)
+    (place / "src/greeter").symlink_to(os.path.join(REPOSITORY, "examples/greeter"))
     Shell(home).do("cd {} && catkin_make && catkin_make install".format(place), BUILD_LIMIT)
     return place
 
@@ -117,6 +118,15 @@ def test_all_runs_from_the_workspace(home, sourced):
     assert (code, text.count("no ROS master")) == (1, 1), text
     shell.do("roslaunch unit_tests behaviorControllerTest.launch missionRuns:=1 visitorBehaviour:=declines "
              "arrivalRate:=6000 failureRate:=0")
+
+
+def test_another_packages_leaves(home, sourced):
+    shell = Shell(home, str(sourced))
+    text = shell.do("roslaunch greeter greeter.launch")
+    for words in ("the lights are blue", "CuriousSpeech::4): SUCCESS", "the lights are white", "exit code 0"):
+        assert words in text, text
+    assert text.count("SayTime::6): SUCCESS") == 1  # every other time, of two
+    assert 'ID="EveryOther"' in shell.do("rosrun cssr_system exportNodeModel")
 
 
 def test_beside_a_robot_whose_package_has_the_same_name(home, workspace):

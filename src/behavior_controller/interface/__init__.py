@@ -3,6 +3,7 @@
 The ROS edge, the start-up check, the monitoring, the configuration's deadlines and the simulated robot take from these
 declarations all that they need to know of a service or topic.
 """
+import copy
 import enum
 from dataclasses import dataclass
 from typing import Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar, Union
@@ -145,12 +146,15 @@ class Interface:
         self.topics = topics
         self.safe_state = safe_state
         self._by_request: Dict[type, Service] = {}
-        for service in services:
+        self._index()
+
+    def _index(self) -> None:
+        for service in self.services:
             other = self._by_request.setdefault(service.request, service)
             if other is not service:
                 raise ValueError("{} and {} are both declared for {}".format(
                     other.name, service.name, service.request.__name__))
-        for request in safe_state:
+        for request in self.safe_state:
             self.service(type(request))
 
     @property
@@ -176,9 +180,9 @@ class Interface:
             return KNOWLEDGE_FILES
         return self.service(request).name
 
-    def tells(self, sense: Sense) -> bool:
-        """Return whether the robot tells of ``sense``."""
-        return sense in self._evidence
+    def tells(self, sense: Union[Sense, Topic]) -> bool:
+        """Return whether the robot tells of ``sense``, or publishes that topic."""
+        return sense in self.topics if isinstance(sense, Topic) else sense in self._evidence
 
     def evidence(self, sense: Sense) -> Evidence:
         """Return what tells of ``sense``. Raises LookupError if this robot cannot tell."""
@@ -187,11 +191,21 @@ class Interface:
         except KeyError:
             raise LookupError("the robot {} does not tell of the visitor's {}".format(self.name, sense.value)) from None
 
-    def used(self, requests: Collection[type], senses: Collection[Sense]) -> Tuple[Union[Service, Topic], ...]:
-        """Return the services and topics that these kinds of requests and these senses need, in their order."""
-        topics = [self.evidence(sense).topic for sense in senses if self.tells(sense)]
+    def used(self, requests: Collection[type],
+             senses: Collection[Union[Sense, Topic]]) -> Tuple[Union[Service, Topic], ...]:
+        """Return the services and topics that these kinds of requests, senses and topics need, in their order."""
+        topics = [sense if isinstance(sense, Topic) else self.evidence(sense).topic
+                  for sense in senses if self.tells(sense)]
         return tuple(service for service in self.services if service.request in requests) + tuple(
             topic for topic in self.topics if topic in topics)
+
+    def with_more(self, services: Tuple[Service, ...], topics: Tuple[Topic, ...]) -> "Interface":
+        """Return the interface of the same robot with these services and topics too. Raises ValueError."""
+        more = copy.copy(self)
+        more.services, more.topics = self.services + services, self.topics + topics
+        more._by_request = {}
+        more._index()
+        return more
 
     def topic(self, name: str) -> Topic:
         """Return the topic of that canonical name. Raises LookupError if none is declared."""

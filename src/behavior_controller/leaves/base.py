@@ -71,8 +71,8 @@ class MissionContext:
                  offers: Sequence[Union[Service, Topic]] = ()):
         """``health`` tells what is known of the robot's nodes; without it they count as well.
 
-        ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the services and topics that
-        the mission cannot do without.
+        ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the services and topics
+        that the mission cannot do without.
         """
         self.gateway = gateway
         self.topics = topics
@@ -315,6 +315,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     sense: Sense
     otherwise: str  # the message of its failure
+    own_evidence: Optional[Evidence] = None  # of a topic that another package declares, in place of a sense
     _expiry: Optional[Timer] = None
     _patience: Optional[Timer] = None
     _is_over = False
@@ -328,7 +329,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     @property
     def evidence(self) -> Evidence:
         """What tells of ``sense`` on this robot."""
-        return self.mission.interface.evidence(self.sense)
+        return self.own_evidence or self.mission.interface.evidence(self.sense)
 
     @property
     def topic(self) -> Topic:
@@ -444,6 +445,12 @@ def _named(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]], name:
     return leaf(name, **choices[argument(name)])
 
 
+def _listens(leaf: Type[MissionLeaf]) -> Tuple[Union[Sense, Topic], ...]:
+    if issubclass(leaf, TopicCondition) and leaf.own_evidence is not None:
+        return (leaf.own_evidence.topic,)
+    return (leaf.sense,) if leaf.sense is not None else ()
+
+
 def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),
               arguments: Optional[Dict[str, Any]] = None, choices: Optional[Mapping[str, Dict[str, Any]]] = None,
               **facts: Any) -> MissionSpec:
@@ -458,4 +465,4 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
         leaf.PORTS + ports, description, names=tuple(choices or ()),
         is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
         calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (), does_without=issubclass(leaf, OptionalServiceLeaf),
-        listens=(leaf.sense,) if leaf.sense is not None else (), **facts)
+        listens=_listens(leaf), **facts)

@@ -1,5 +1,5 @@
 """Leaves that speak (/textToSpeech/say_text)."""
-from typing import Optional, Union
+from typing import Iterable, Optional, Tuple, Union
 
 from behavior_controller.bt.engine.node import ConfigureError, Result
 from behavior_controller.bt.language.ports import PortError, reference
@@ -9,7 +9,8 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import Answer, Request, Say
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 from behavior_controller.leaves.data import CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT
-from behavior_controller.phrases import SPEECHES
+from behavior_controller.mission_spec import MissionSpec
+from behavior_controller.phrases import SPEECHES, Speech
 
 
 class FixedSpeech(ServiceLeaf):
@@ -86,10 +87,13 @@ class DescribeExhibitSpeech(ServiceLeaf):
         return Say(text, self.mission.language) if text else None
 
 
-SPECS = tuple(
-    leaf_spec(speech.node, Question if speech.asks else FixedSpeech, speech.description,
-              arguments={"phrase": speech.node}, is_farewell=speech.is_farewell) for speech in SPEECHES
-) + (
+def specs(speeches: Iterable[Speech]) -> Tuple[MissionSpec, ...]:
+    """Return the node types that say these."""
+    return tuple(leaf_spec(speech.node, Question if speech.asks else FixedSpeech, speech.description,
+                           arguments={"phrase": speech.node}, is_farewell=speech.is_farewell) for speech in speeches)
+
+
+SPECS = specs(SPEECHES) + (
     leaf_spec("SayGoodBye", FixedSpeech, "Another name of SayGoodByeSpeech.",
               arguments={"phrase": "SayGoodByeSpeech"}, is_farewell=True),
     leaf_spec("DescribeExhibitSpeech", DescribeExhibitSpeech,

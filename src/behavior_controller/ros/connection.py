@@ -54,6 +54,8 @@ class _TimedTransport(xmlrpc.client.Transport):
 
 def _reason(error: Optional[Exception]) -> str:
     """Return why something failed, as short as the system can say it."""
+    if isinstance(error, socket.gaierror):
+        return "the name of its computer cannot be resolved here: enter it in /etc/hosts, or set ROS_IP where the node starts"
     return getattr(error, "strerror", None) or str(error or "timed out")
 
 

@@ -11,6 +11,7 @@ from typing import Any, Callable, Optional
 
 import actionlib
 import rospy
+from actionlib import CommState
 from actionlib_msgs.msg import GoalStatus
 
 from behavior_controller.interface import Action, Topic
@@ -25,6 +26,9 @@ ROUND_WHEN_LISTENING = 0.05
 
 REST = 0.25
 """Seconds between a goal that brought nothing and the next: a server may refuse each at once."""
+
+PATIENCE = 2.0
+"""Seconds in which a server acknowledges a goal, and sends the result of one that has ended."""
 
 
 class Hearing:
@@ -44,6 +48,7 @@ class Hearing:
         self._again_at = -math.inf  # when the next goal may be sent
         self._client: Optional[actionlib.ActionClient] = None
         self._goal: Any = None  # the handle of the goal under way
+        self._sent_at = self._result_due = -math.inf
         self._lock = threading.Lock()  # of ``_goal``
         self._changed = threading.Event()
         for part, kind in (("status", "actionlib_msgs/GoalStatusArray"), ("result", action.type + "ActionResult"),
@@ -84,15 +89,28 @@ class Hearing:
         elif self._goal is not None:
             if not self._is_listening:
                 self._cancel(self._goal)
-            elif not self.is_there:
-                self._fail(self._goal, "its server is gone")
+            else:
+                self._look_after(self._goal)
         elif self._is_listening and time.monotonic() >= self._again_at and self.is_there and not self._is_published():
             self._send(self._client)
 
     def _send(self, client: actionlib.ActionClient) -> None:
         goal = type(self._type().action_goal.goal)(*self._action.goal(max(0.0, self._until - time.monotonic())))
+        self._sent_at = time.monotonic()
         with self._lock:  # a result may come before ``_goal`` is set
             self._goal = client.send_goal(goal, self._moved)
+
+    def _look_after(self, goal: Any) -> None:
+        """Give up a goal that the server cannot end any more, and send one again that it has not taken."""
+        state = goal.get_comm_state()
+        if state != CommState.WAITING_FOR_RESULT:
+            self._result_due = time.monotonic() + PATIENCE
+        if not self.is_there:
+            self._fail(goal, "its server is gone")
+        elif time.monotonic() > self._result_due:
+            self._fail(goal, "its result did not come")
+        elif state == CommState.WAITING_FOR_GOAL_ACK and time.monotonic() > self._sent_at + PATIENCE:
+            self._cancel(goal)  # rospy may have sent it to a server that is no more, and takes that for a success
 
     def _cancel(self, goal: Any) -> None:
         if self._end_goal(goal) is not None:
@@ -108,7 +126,7 @@ class Hearing:
 
     def _moved(self, goal: Any) -> None:
         """Take the result of a goal that is done; on a thread of rospy's."""
-        if goal.get_comm_state() != actionlib.CommState.DONE or self._end_goal(goal) is None:
+        if goal.get_comm_state() != CommState.DONE or self._end_goal(goal) is None:
             return
         self._again_at = time.monotonic() + REST
         status, result = goal.get_goal_status(), goal.get_result()

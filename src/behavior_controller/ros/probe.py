@@ -84,6 +84,11 @@ class Missing(NamedTuple):
     reason: str
 
     @property
+    def is_elsewhere(self) -> bool:
+        """Whether another robot may have it under another name or type: what hangs is this one's."""
+        return self.is_mismatch or self.reason.startswith(Cause.NOT_ADVERTISED.text)
+
+    @property
     def is_mismatch(self) -> bool:
         """Whether it is there with another type."""
         return self.reason.startswith(Cause.TYPE_MISMATCH.text)
@@ -202,8 +207,7 @@ class StartUpCheck:
         """
         ends = time.monotonic() + self._patience
         missing = find_missing(self._parts, wake, is_stopped)
-        if self._needed(missing) and len(missing) < len(self._parts) and not is_stopped():
-            self._look_for_another_robot(missing, wake, is_stopped)
+        self._look_for_another_robot(missing, wake, is_stopped)
         awaited: List[str] = []
         while self._needed(missing) and time.monotonic() < ends and not is_stopped():
             names = [part.part.name for part in self._needed(missing)]
@@ -213,6 +217,8 @@ class StartUpCheck:
             wake.wait(min(ROUND, max(0.0, ends - time.monotonic())))
             wake.test_and_clear()
             missing = find_missing([part.part for part in missing], wake, is_stopped)
+        if awaited:
+            self._look_for_another_robot(missing, wake, is_stopped)
         if is_stopped():
             return False
         self._report(missing)
@@ -238,7 +244,8 @@ class StartUpCheck:
 
         That is so if nothing is there that only the configured robot has, but something that only the other has.
         """
-        if set(map(_key, self._parts)).difference(_key(each.part) for each in missing) - _common_keys():
+        there = set(map(_key, self._parts)).difference(_key(each.part) for each in missing)
+        if there - _common_keys() or not any(each.is_elsewhere for each in self._needed(missing)):
             return
         for name, interface in INTERFACES.items():
             parts = [part for part in parts_of(interface.offers) if _key(part) not in _common_keys()]

@@ -8,7 +8,7 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.registry import Kind, Registry
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.bt.status import IDLE
 from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
                                         Retried, RunFinished, RunStarted)
 from behavior_controller.gateway import Cause
@@ -16,9 +16,7 @@ from behavior_controller.health import Health
 from behavior_controller.interface import Interface
 from behavior_controller.interface.robots import DEFAULT
 from behavior_controller.text import clean
-
-LETTERS = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
-"""A node's status; a small letter is the one before it went back to IDLE, ``-``: not ticked in this pass."""
+from behavior_controller.watch.codec import LETTERS
 
 KEPT = 40
 """How many of the newest lines of each list are kept."""
@@ -44,6 +42,7 @@ class Board:
         self._registry = registry
         self._tree: Optional[Tree] = None
         self._mission = ""
+        # a small letter is the status before the node went back to IDLE; -: it was not ticked in this pass
         self._statuses: List[str] = []
         self._writes = 0
         self._passes: Deque[Dict[str, Any]] = collections.deque(maxlen=KEPT)

@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, TypeV
 from behavior_controller import exits, folders, knowledge_files, leaves, phrases, policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.language.document import parse
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, ConfigurationError, Fault, FaultsFound, MissionError
 from behavior_controller.events import Events, HealthChanged, PassFinished, PassStarted, RunStarted
 from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
@@ -123,7 +123,7 @@ class _Replay:
         self._now: List[Tuple[str, str]] = []
         chosen = _restored("configuration", lambda: settings.recorded(started.settings, "settings"))
         spoken = _restored("phrases", lambda: phrases.read(sources.phrases))
-        rules = _restored("recovery policy", lambda: policy.read(sources.policy, leaves.SPECS))
+        rules = _restored("recovery policy", lambda: policy.read(sources.policy, leaves.mission_specs()))
         known = _restored("knowledge", lambda: _knowledge(sources.knowledge, INTERFACES[sources.interface]))
         self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
         restored = Mission(chosen, started.mission, spoken, rules, self.tree, known)
@@ -184,7 +184,7 @@ def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Kn
 
 
 def _words(change: Optional[Tuple[str, str]]) -> str:
-    words = {"R": "RUNNING", "S": "SUCCESS", "F": "FAILURE", "-": "IDLE"}
+    words: Dict[str, str] = {letter: NAMES[status] for status, letter in LETTERS.items()}
     return "no further change" if change is None else "{} {}".format(change[0], words[change[1]])
 
 

@@ -1,18 +1,19 @@
 """A recorded run as one self-contained web page: what happened when, and the tree with the outcome of each node."""
 import datetime
+import functools
 import html
-from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Union
+from typing import Any, Dict, FrozenSet, Iterator, List, Optional, Set, Tuple, Union
 
 from behavior_controller import leaves
+from behavior_controller.bt.status import NAMES
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
                                         RunFinished, RunStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import Answer, Exhibit, GoTo, Location, QueryKnowledge, Request, Say
-from behavior_controller.watch.codec import Answered, Asked, Entry, Letter, Line, Tick, TreeNode, TreeShown
+from behavior_controller.watch.codec import LETTERS, Answered, Asked, Entry, Line, Tick, TreeNode, TreeShown
 
-RECOVERIES = {spec.id for spec in leaves.SPECS if spec.is_recovery}
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■"}
-WORDS: Dict[str, Letter] = {"SUCCESS": "S", "FAILURE": "F", "IDLE": "-"}
+LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
 STEPS = 400
 """Results of a leaf that are nearer than this part of the timeline, and alike, are one bar: a page must open."""
 
@@ -62,10 +63,6 @@ def _table(head: List[str], rows: List[List[str]]) -> str:
         "<tr>{}</tr>".format("".join("<td>{}</td>".format(cell) for cell in row)) for row in rows))
 
 
-def _letter(status: str) -> str:
-    return WORDS.get(status, "-")
-
-
 def _sign(letter: str) -> str:
     return '<span class="{}">{}</span>'.format(letter if letter != "-" else "h", SIGNS[letter])
 
@@ -89,7 +86,7 @@ def _passes(nodes: List[TreeNode], entries: List[Entry]) -> str:
     for entry in entries:
         tour.take(entry)
         if isinstance(entry, PassFinished):
-            rows.append([_text(entry.number), _sign(_letter(entry.outcome)) + " " + _text(entry.outcome),
+            rows.append([_text(entry.number), _sign(LETTER_OF.get(entry.outcome, "-")) + " " + _text(entry.outcome),
                          "{:.1f} s".format(entry.seconds), "<br>".join(map(_text, tour.left_out()))])
             tour = _Tour(nodes)
     return _table(["visitor", "outcome", "took", "exhibits left out"], rows)
@@ -167,9 +164,14 @@ def _decision(entry: Entry) -> str:
     return "{}: {}".format(entry.level, entry.text) if isinstance(entry, Noticed) else ""
 
 
+@functools.lru_cache(maxsize=None)
+def _recoveries() -> FrozenSet[str]:
+    return frozenset(spec.id for spec in leaves.mission_specs() if spec.is_recovery)
+
+
 def _is_worth_telling(node: str, failure: Failure) -> bool:
     """Whether a leaf failed; a false condition is an answer, and what HandleFallBack decided is told by itself."""
-    return failure.cause is not Cause.CONDITION_FALSE and node not in RECOVERIES
+    return failure.cause is not Cause.CONDITION_FALSE and node not in _recoveries()
 
 
 def _timeline(lines: List[Line], began: float) -> str:
@@ -199,7 +201,7 @@ def _bars(finished: List[Tuple[float, LeafFinished]], began: float, whole: float
             newest[leaf.status] = [leaf.status, begin, end, 1]
             bars.append(newest[leaf.status])
     for status, begin, end, count in bars:
-        letter = _letter(status)
+        letter = LETTER_OF.get(status, "-")
         yield '<span class="bar {}" style="left:{:.2f}%;width:{:.2f}%" title="{}{} {:.3f} s"></span>'.format(
             letter if letter != "-" else "h", 100 * begin / whole, 100 * (end - begin) / whole,
             "" if count == 1 else "{} × ".format(count), _text(status), end - begin)

@@ -18,8 +18,8 @@ CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.val
 AWAY = {Cause.NOT_REACHABLE.value, Cause.CONNECTION_LOST.value}
 """How calls fail between the crash of a node and its return."""
 
-RECOVERY = {spec.id for spec in leaves.SPECS if spec.is_recovery}
-PROMPTS = {spec.id for spec in leaves.SPECS if Prompt in spec.calls}
+RECOVERY = {spec.id for spec in leaves.mission_specs() if spec.is_recovery}
+PROMPTS = {spec.id for spec in leaves.mission_specs() if Prompt in spec.calls}
 
 SAFE_STATE = ("overtAttention", "animateBehavior")
 """Simulated nodes that are asked to be quiet when a recovery is given up; the record does not tell how that went."""

@@ -20,7 +20,7 @@ from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVE
 
 
 def _nodes(fits: Callable[[MissionSpec], bool]) -> Set[str]:
-    return {spec.id for spec in leaves.SPECS if fits(spec)}
+    return {spec.id for spec in leaves.mission_specs() if fits(spec)}
 
 
 ASKING = _nodes(lambda spec: spec.writes(data.VISITOR_RESPONSE.name))

@@ -16,7 +16,8 @@ def derive():
 
 
 def test_each_derived_file_is_up_to_date(derive):
-    assert sorted(derive.outdated()) == [], "make derived writes these files"
+    outdated = sorted(derive.outdated())
+    assert not outdated, "make derived writes {}".format(", ".join(outdated))
 
 
 def test_a_value_that_a_configuration_gives_stays_and_what_is_new_is_added(derive):

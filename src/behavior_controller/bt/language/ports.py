@@ -4,7 +4,7 @@ from typing import Any, Dict, Iterable, List, Optional, Tuple
 from behavior_controller.bt.language import values
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.values import GENERIC, TYPES, Enums, ValueFault
-from behavior_controller.bt.registry import Direction, Port
+from behavior_controller.bt.registry import Port
 
 BLANKS = " \t\n\r"
 _INT = (-2 ** 31, 2 ** 31 - 1)
@@ -125,10 +125,7 @@ def subtree_literal(text: str) -> Tuple[str, Any]:
 
 def loop_items(text: str, item_type: str) -> List[Any]:
     """Return the items of a Loop's queue, which ``;`` separates. Raises ValueFault."""
-    items = text.split(";")
-    if items[-1] == "":
-        items.pop()
-    return [TYPES[item_type].from_text(item, {}) for item in items]  # type: ignore[misc]
+    return [TYPES[item_type].from_text(item, {}) for item in values.items_of(text)]  # type: ignore[misc]
 
 
 def same_text_or_number(left: str, right: str, enums: Enums) -> bool:
@@ -148,8 +145,3 @@ def _as_int(text: str, enums: Enums) -> Optional[int]:
 
 def _as_real(text: str, _enums: Enums) -> Optional[float]:
     return values.whole_real(text)
-
-
-def is_output(port: Port) -> bool:
-    """Return whether data leaves a node through ``port``."""
-    return port.direction is not Direction.IN

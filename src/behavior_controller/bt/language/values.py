@@ -135,11 +135,14 @@ def _vector_reader(item: Callable[[str, Enums], Any], from_json: Callable[[Any],
     def read(text: str, enums: Enums) -> Any:
         if text.startswith("json:"):
             return [from_json(value) for value in _json_array(text[5:])]
-        items = text.split(";")
-        if items[-1] == "":
-            items.pop()
-        return [item(part, enums) for part in items]
+        return [item(part, enums) for part in items_of(text)]
     return read
+
+
+def items_of(text: str) -> List[str]:
+    """Return what ``;`` separates; nothing is meant after the last one."""
+    items = text.split(";")
+    return items if items[-1] else items[:-1]
 
 
 def _json_array(text: str) -> List[Any]:

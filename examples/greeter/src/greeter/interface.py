@@ -1,0 +1,18 @@
+"""The service that this package's robot offers beside those of cssr_system: its lights."""
+from dataclasses import dataclass
+
+from behavior_controller.interface import Service, Success
+from behavior_controller.interface.records import Request
+
+
+@dataclass(frozen=True)
+class SetLights(Request):
+    """Light up in ``colour``."""
+
+    colour: str
+
+
+SERVICES = (
+    Service(SetLights, "/lights/set_colour", "lights", "greeter/lightsService", lambda request: (request.colour,),
+            Success("success", True, False), 5.0, "the robot's lights stay as they are"),
+)
