@@ -1,9 +1,13 @@
-"""What catkin installs of the Python package; not for use by itself."""
+"""What catkin and pip install of the Python package; pyproject.toml says what pip alone needs. Not for use by itself."""
 from distutils.core import setup
+from xml.etree import ElementTree
 
-from catkin_pkg.python_setup import generate_distutils_setup
+manifest = ElementTree.parse("package.xml")
 
-setup(**generate_distutils_setup(
+setup(
+    name=manifest.findtext("name"),
+    version=manifest.findtext("version"),
+    description=" ".join((manifest.findtext("description") or "").split()),
     packages=[
         "behavior_controller",
         "behavior_controller.bt",
@@ -17,4 +21,4 @@ setup(**generate_distutils_setup(
     ],
     package_data={"behavior_controller.watch": ["page_files/*"]},
     package_dir={"": "src"},
-))
+)

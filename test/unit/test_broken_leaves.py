@@ -6,7 +6,7 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import NodeError, TickError
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.bt.status import RUNNING
+from behavior_controller.bt.status import IDLE, RUNNING
 from behavior_controller.errors import MissionError
 
 
@@ -29,6 +29,13 @@ class Waiting(ActionLeaf):
         pass
 
 
+class Raises(SyncActionLeaf):
+    """Fails where it is ticked."""
+
+    def update(self):
+        raise KeyError("gripper")
+
+
 class Broken(SyncActionLeaf):
     """Cannot be made."""
 
@@ -47,7 +54,7 @@ class Unsettled(SyncActionLeaf):
 MISTAKEN = Registry(builtin_specs() + [
     NodeSpec("Forgetful", Kind.ACTION, Forgetful), NodeSpec("Waiting", Kind.ACTION, Waiting),
     NodeSpec("Broken", Kind.ACTION, Broken), NodeSpec("Unsettled", Kind.ACTION, Unsettled),
-    NodeSpec("Nothing", Kind.ACTION, lambda name: None)])
+    NodeSpec("Raises", Kind.ACTION, Raises), NodeSpec("Nothing", Kind.ACTION, lambda name: None)])
 
 
 def mistaken(body):
@@ -75,6 +82,23 @@ def test_a_running_leaf_that_forgets_its_status_is_an_error_too():
     assert tree.tick_once() is RUNNING
     with pytest.raises(TickError, match=r"'Waiting::2' \[Waiting\]: m.xml:2:13: its rule returned None"):
         tree.tick_once()
+
+
+@pytest.mark.parametrize("result, words", [
+    (IDLE, "its rule returned IDLE; it must be RUNNING, SUCCESS, FAILURE or SKIPPED"),
+    (RUNNING, "SyncActionNode MUST never return RUNNING")])
+def test_a_status_that_is_no_result_is_an_error_at_its_node(monkeypatch, result, words):
+    monkeypatch.setattr(Forgetful, "result", result)
+    tree = mistaken("<Inverter>\n <Forgetful/></Inverter>")
+    with pytest.raises(TickError) as raised:
+        tree.tick_once()
+    assert str(raised.value) == "Exception in node 'Forgetful::2' [Forgetful]: m.xml:3:2: " + words
+
+
+def test_an_exception_in_a_rule_names_the_node_its_place_and_what_it_is():
+    with pytest.raises(TickError) as raised:
+        mistaken("<Fallback>\n <Raises/></Fallback>").tick_once()
+    assert str(raised.value) == "Exception in node 'Raises::2' [Raises]: m.xml:3:2: KeyError: 'gripper'"
 
 
 def test_a_node_that_was_not_made_from_a_file_has_no_place():

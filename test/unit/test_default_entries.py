@@ -9,7 +9,7 @@ from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import SyncActionLeaf
 from behavior_controller.bt.language import values
 from behavior_controller.bt.language.ports import NoValue, PortError
-from behavior_controller.bt.language.values import ValueFault
+from behavior_controller.bt.language.values import PortType, ValueFault
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.status import SUCCESS
 from behavior_controller.errors import MissionError
@@ -31,14 +31,8 @@ def spot(text):
     return Spot(*numbers)
 
 
-@pytest.fixture(autouse=True)
-def spots():
-    before = dict(values.TYPES)
-    values.add_type("Spot", Spot, spot)
-    values.add_type("Marks", list)
-    yield
-    values.TYPES.clear()
-    values.TYPES.update(before)
+SPOT = PortType("Spot", Spot, spot)
+MARKS = PortType("Marks", list)
 
 
 class Reader(SyncActionLeaf):
@@ -78,10 +72,10 @@ def specs():
         NodeSpec("Out", Kind.ACTION, Writer, (
             Port("y", "int", Direction.OUT, "{@x}"), Port("z", "int", Direction.OUT, "{loc}"),
             Port("same", "int", Direction.OUT, "{=}"))),
-        NodeSpec("To", Kind.ACTION, Reader, (Port("spot", "Spot", default="{@spot}"),)),
-        NodeSpec("Put", Kind.ACTION, Writer, (Port("spot", "Spot", Direction.OUT, "{@spot}"),)),
-        NodeSpec("Mark", Kind.ACTION, Writer, (Port("marks", "Marks", Direction.OUT, "{marks}"),)),
-        NodeSpec("Marked", Kind.ACTION, Reader, (Port("marks", "Marks", default="{marks}"),)),
+        NodeSpec("To", Kind.ACTION, Reader, (Port("spot", SPOT, default="{@spot}"),)),
+        NodeSpec("Put", Kind.ACTION, Writer, (Port("spot", SPOT, Direction.OUT, "{@spot}"),)),
+        NodeSpec("Mark", Kind.ACTION, Writer, (Port("marks", MARKS, Direction.OUT, "{marks}"),)),
+        NodeSpec("Marked", Kind.ACTION, Reader, (Port("marks", MARKS, default="{marks}"),)),
     ]
 
 
@@ -184,10 +178,3 @@ def test_host_and_port_may_write_a_list_in_turn(monkeypatch):
     tree = ran("<Mark/>")
     tree.blackboard.set("marks", [4])
     assert tree.blackboard.get("marks") == [4] and tree.blackboard.find("marks").type == "Marks"
-
-
-def test_a_name_of_a_type_is_taken_once_and_an_unknown_one_is_refused_with_the_node_type():
-    with pytest.raises(ValueError, match="the type Spot is there already"):
-        values.add_type("Spot", int)
-    with pytest.raises(ValueError, match="the port p of Odd has the unknown type Plaice"):
-        Registry([NodeSpec("Odd", Kind.ACTION, Reader, (Port("p", "Plaice"),))])

@@ -1,5 +1,6 @@
 """py-trees-render draws a mission from any folder, without ROS, so that each node can be told apart."""
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -8,6 +9,7 @@ import py_trees
 import pytest
 
 from behavior_controller.cli import create_tree
+from behavior_controller.leaves import data
 
 SOURCES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "src")
 
@@ -30,13 +32,20 @@ def test_the_subtrees_fold():
     assert "GiveTour #73" in text and "Navigate" not in text
 
 
+OF_THE_FILE = {"tourBrokenOff"}  # the entry that its scripts use
+
+
 @pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not installed")
-def test_the_command_draws_from_any_folder(tmp_path):
+@pytest.mark.parametrize("options, entries", [
+    ([], set()), (["-b"], {datum.name for datum in data.ALL} | OF_THE_FILE)])
+def test_the_command_draws_from_any_folder(tmp_path, options, entries):
     command = os.path.join(os.path.dirname(sys.executable), "py-trees-render")
     environment = {key: value for key, value in os.environ.items() if not key.startswith("ROS")}
     environment["PYTHONPATH"] = os.path.realpath(SOURCES)
     done = subprocess.run(
-        [command, "--kwargs", '{"mission": "lab_tour"}', "behavior_controller.cli.create_tree"], cwd=str(tmp_path),
+        [command] + options + ["--kwargs", '{"mission": "lab_tour"}', "behavior_controller.cli.create_tree"], cwd=str(tmp_path),
         env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120, check=False)
     assert done.returncode == 0, done.stdout
     assert sorted(os.listdir(str(tmp_path))) == ["lab_tour.dot", "lab_tour.png", "lab_tour.svg"]
+    drawn = set(re.findall(r'^"/LabTour/(\w+)" \[', (tmp_path / "lab_tour.dot").read_text(encoding="utf-8"), re.M))
+    assert drawn == entries

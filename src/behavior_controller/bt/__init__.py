@@ -1,7 +1,8 @@
-"""BehaviorTree.CPP version 4 on py_trees. Knows neither ROS nor this robot.
+"""BehaviorTree.CPP version 4 on py_trees. Knows neither ROS nor this robot; docs/engine.md shows how to use it alone.
 
 A file goes through ``language`` (XML with places, scripts), ``checking`` (every fault), ``compiler`` (the tree); a tree
-runs through ``engine`` (the tick pipeline that all nodes share). ``registry`` declares the node types.
+runs through ``engine`` (the tick pipeline that all nodes share). ``registry`` declares the node types. The names in
+``__all__`` are for use outside of the project; a change of what they mean is told in the changelog.
 """
 import importlib.util
 import os
@@ -29,3 +30,34 @@ def _refuse_older_py_trees() -> None:
 
 
 _refuse_older_py_trees()
+
+# after the check, which has the better message
+from behavior_controller.bt.checking.palette import tree_nodes_model
+from behavior_controller.bt.compiler import load_mission as load
+from behavior_controller.bt.compiler import load_text
+from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller.bt.engine.clock import Clock, ManualClock
+from behavior_controller.bt.engine.controls import Control
+from behavior_controller.bt.engine.decorators import Decorator
+from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
+from behavior_controller.bt.engine.node import ConfigureError, Node, NodeError, Result, TickError
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.blackboard import Blackboard
+from behavior_controller.bt.language.ports import NoValue, PortError
+from behavior_controller.bt.language.values import PortType, ValueFault
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
+
+__all__ = [
+    # to declare node types
+    "Registry", "builtin_specs", "NodeSpec", "Kind", "Port", "Direction", "PortType", "tree_nodes_model",
+    # to write them
+    "ActionLeaf", "SyncActionLeaf", "ConditionLeaf", "Decorator", "Control", "Node",
+    "Result", "IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED",
+    # to run a file
+    "load", "load_text", "Tree", "Blackboard", "Clock", "ManualClock",
+    # what can be wrong
+    "BehaviorControllerError", "MissionError", "Fault", "TickError", "NodeError", "ConfigureError", "PortError", "NoValue",
+    "ValueFault",
+]

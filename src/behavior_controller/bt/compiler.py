@@ -2,12 +2,16 @@
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
+from py_trees.behaviour import Behaviour
+
 from behavior_controller.bt import rules
 from behavior_controller.bt.checking.checks import CONDITIONS, Checked, check, is_port_name
 from behavior_controller.bt.checking.lint import lint
 from behavior_controller.bt.checking.models import stale_models
+from behavior_controller.bt.clients import Clients
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.bt.engine.node import PRE_CONDITIONS, ConfigureError, Node, Services
+from behavior_controller.bt.engine.leaf import BehaviourLeaf
+from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS, ConfigureError, Node, Services
 from behavior_controller.bt.engine.substitution import Substitutions, TestNode, substitutions
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
@@ -47,6 +51,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     with collector_at_rest():
         checked = check(documents, registry, main_tree, strict)
         compiler = _Compiler(checked, registry, Services(clock or Clock(), enums, wake), substitutions(rules or {}))
+        compiler.services.clients = Clients(checked.main, compiler.blackboards, registry)
         if checked.main and id(checked.trees[checked.main]) not in checked.faulty:
             compiler.unfold(blackboard if blackboard is not None else Blackboard())
     faults = list(dict.fromkeys(checked.faults + compiler.faults))
@@ -156,8 +161,11 @@ class _Compiler:
                     spec = replacement
         try:
             node = spec.factory(name)
+            if spec.kind in (Kind.ACTION, Kind.CONDITION) and not isinstance(node, Node) and isinstance(node, Behaviour):
+                node = BehaviourLeaf(name, node)
             if not isinstance(node, Node):
-                raise TypeError("its factory returned {!r}, which is no node".format(node))
+                raise TypeError("its factory returned {!r}, which is no {}".format(
+                    node, "node" if not isinstance(node, Behaviour) else "node of ours: a py_trees behaviour is a leaf"))
         except Exception as error:  # whatever a leaf's author got wrong
             self._broken(element, spec, error)
             return spec, None
@@ -181,7 +189,8 @@ class _Compiler:
                     scripts[attribute] = self._script(element.attributes[attribute])
             attribute, rule = None, rules.NODE_REFUSES
             if scripts:
-                node.set_conditions([(name, scripts[name]) for name in PRE_CONDITIONS if name in scripts], scripts)
+                node.set_conditions([(name, scripts[name]) for name in PRE_CONDITIONS if name in scripts],
+                                    {name: scripts[name] for name in POST_CONDITIONS if name in scripts})
             node.configure()
         except ConfigureError as error:
             self.faults.append(element.fault(rules.NODE_REFUSES, str(error), attribute=error.attribute))

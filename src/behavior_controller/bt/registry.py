@@ -7,7 +7,7 @@ from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 from py_trees.behaviour import Behaviour
 
 from behavior_controller.bt.ends import Outcome
-from behavior_controller.bt.language.values import TYPES
+from behavior_controller.bt.language.values import TYPES, PortType
 
 
 class Kind(enum.Enum):
@@ -44,10 +44,10 @@ class Role(enum.Enum):
 class Port(NamedTuple):
     """A typed attribute of a node type.
 
-    ``type`` is a name of ``values.TYPES``, ``literal`` the type of a literal if that is another. ``default`` is text as
-    it would stand in the file, or None for no default. ``is_optional``: the node does without a value. ``names`` are
-    names of an instance that stand for a value where none is given; all other names mean nothing. ``if_zero`` says what
-    a number of children that is 0 leads to.
+    ``type`` is a name of ``values.TYPES`` or a PortType, ``literal`` the type of a literal if that is another. ``default``
+    is text as it would stand in the file, or None for no default. ``is_optional``: the node does without a value. ``names``
+    are names of an instance that stand for a value where none is given; all other names mean nothing. ``if_zero`` says
+    what a number of children that is 0 leads to.
     """
 
     name: str
@@ -103,10 +103,11 @@ def argument(name: str) -> str:
 
 
 class Registry:
-    """Node types by name. Adding a name again, or a port of an unknown type, raises ``ValueError``."""
+    """Node types by name. A name that is there already, and a port of an unknown type, raise ``ValueError``."""
 
     def __init__(self, specs: Iterable[NodeSpec] = ()):
         self._specs: Dict[str, NodeSpec] = {}
+        self._types: Dict[str, PortType] = {}
         self.extend(specs)
 
     def extend(self, specs: Iterable[NodeSpec]) -> None:
@@ -115,10 +116,18 @@ class Registry:
             if spec.id in self._specs:
                 raise ValueError("the node type {} is registered twice".format(spec.id))
             for port in spec.ports:
-                if port.type not in TYPES:
-                    raise ValueError("the port {} of {} has the unknown type {} (types are added with values.add_type)"
-                                     .format(port.name, spec.id, port.type))
+                self._check_type(port, spec)
             self._specs[spec.id] = spec
+
+    def _check_type(self, port: Port, spec: NodeSpec) -> None:
+        if isinstance(port.type, PortType):
+            if self._types.setdefault(port.type, port.type) is not port.type:
+                raise ValueError("the type {} of the port {} of {} is not the one of that name that other ports have; "
+                                 "make one PortType and use it for all".format(port.type, port.name, spec.id))
+        elif port.type not in TYPES:
+            hint = did_you_mean(port.type, list(TYPES) + list(self._types)) or "there are: " + " ".join(TYPES)
+            raise ValueError("the port {} of {} has the unknown type {} ({}; a type of your own is a PortType)".format(
+                port.name, spec.id, port.type, hint))
 
     def find(self, node_id: str) -> Optional[NodeSpec]:
         """Return the node type of that name, or None."""

@@ -2,7 +2,7 @@
 import math
 from typing import Any, Callable, NamedTuple
 
-from behavior_controller.bt.language.values import TEXT, ValueFault, add_type, shown, whole_real
+from behavior_controller.bt.language.values import TEXT, PortType, ValueFault, shown, whole_real
 from behavior_controller.bt.registry import Direction, Port
 from behavior_controller.interface.records import Location, Point
 from behavior_controller.mission_spec import whole_mission
@@ -18,9 +18,9 @@ def _reader(record: Any, form: str) -> Callable[[str], object]:
     return read
 
 
-add_type("Location", Location, _reader(Location, "x;y;theta, in metres and degrees"))
-add_type("Point", Point, _reader(Point, "x;y;z, in metres"))
-add_type("Exhibits", list)
+_LOCATION = PortType("Location", Location, _reader(Location, "x;y;theta, in metres and degrees"))
+_POINT = PortType("Point", Point, _reader(Point, "x;y;z, in metres"))
+_EXHIBITS = PortType("Exhibits", list)
 
 
 class Datum(NamedTuple):
@@ -48,14 +48,14 @@ class Datum(NamedTuple):
 
 
 VISITOR_RESPONSE = Datum("visitorResponse", TEXT, "the visitor's answer, yes or no")
-EXHIBITS = Datum("exhibits", "Exhibits", "the exhibits, in tour order")
+EXHIBITS = Datum("exhibits", _EXHIBITS, "the exhibits, in tour order")
 NEXT_EXHIBIT = Datum("nextExhibit", "int", "number of the exhibit to select next, from 0")
 CURRENT_EXHIBIT = Datum("currentExhibit", TEXT, "name of the selected exhibit")
 LEFT_OUT = Datum("leftOutExhibits", "vec_int", "numbers of the exhibits that a recovery left out")
 DESCRIPTION_1 = Datum("description1", TEXT, "the exhibit's first description")
 DESCRIPTION_2 = Datum("description2", TEXT, "the exhibit's second description")
-TARGET_LOCATION = Datum("targetLocation", "Location", "where to drive: x;y;theta, in metres and degrees")
-GESTURE_TARGET = Datum("gestureTarget", "Point", "where to point or look: x;y;z, in metres; 0;0;0 is nothing")
+TARGET_LOCATION = Datum("targetLocation", _LOCATION, "where to drive: x;y;theta, in metres and degrees")
+GESTURE_TARGET = Datum("gestureTarget", _POINT, "where to point or look: x;y;z, in metres; 0;0;0 is nothing")
 QUESTION_ASKED_AT = Datum("questionAskedAt", "double", "when the question had been asked, in s: answers come later")
 ATTENTION_SET_AT = Datum("attentionSetAt", "double", "when the mode of attention was set, in s: gazes come later")
 

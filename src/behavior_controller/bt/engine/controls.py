@@ -43,12 +43,22 @@ class Control(Node):
     stop = Node.stop
     tick = Node.tick
 
+    @property
+    def current_child(self) -> Any:
+        """The last child that is not INVALID, or None (py_trees)."""
+        return next((child for child in reversed(self.children) if child.status is not IDLE), None)
+
     def tip(self) -> Any:
         """Return the deepest node that was active (py_trees)."""
-        for child in reversed(self.children):
-            if child.status is not IDLE:
-                return child.tip()
-        return self if self.status is not IDLE else None
+        child = self.current_child
+        return Node.tip(self) if child is None else child.tip()
+
+    def _is_fixed(self, *_arguments: Any) -> Any:
+        """Raise NodeError."""
+        raise NodeError("{}the children of {} are those of its file, which cannot be changed in the running tree; "
+                        "load another file".format(self.place_in_file(), self.full_path))
+
+    insert_child = prepend_child = remove_child = remove_all_children = _is_fixed
 
 
 class _InOrder(Control):

@@ -62,9 +62,7 @@ class Decorator(Node, decorators.Decorator):
 
     def tip(self) -> Any:
         """Return the deepest node that was active (py_trees)."""
-        if self.decorated.status is not IDLE:
-            return self.decorated.tip()
-        return self if self.status is not IDLE else None
+        return Node.tip(self) if self.decorated.status is IDLE else self.decorated.tip()
 
 
 class Inverter(Decorator):

@@ -1,6 +1,14 @@
-"""The kinds of leaf: stateful action, synchronous action and condition (BT.CPP section "Leaf kinds")."""
+"""The kinds of leaf: stateful action, synchronous action, condition (BT.CPP section "Leaf kinds"), py_trees behaviour."""
+from typing import Any, Optional
+
+from py_trees.behaviour import Behaviour
+
+from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.node import Node, NodeError, Result
 from behavior_controller.bt.status import IDLE, RUNNING
+
+POLLING = 0.01
+"""Seconds until a RUNNING py_trees behaviour, which knows no wake-up, is ticked again (BT.CPP's default)."""
 
 
 class ActionLeaf(Node):
@@ -50,3 +58,64 @@ class SyncActionLeaf(Node):
 
 class ConditionLeaf(Node):
     """A question that is asked again at every tick, whatever the answer was before (BT.CPP ``ConditionNode``)."""
+
+
+class BehaviourLeaf(Node):
+    """An ordinary py_trees behaviour as a leaf, with all that is below it. What happens to it is what py_trees does.
+
+    To py_trees' tools the leaf is that behaviour: its id, its message, its blackboard clients.
+    """
+
+    def __init__(self, name: str, behaviour: Behaviour):
+        """Raises ValueError if the behaviour has a place in a tree already."""
+        super().__init__(name)
+        if behaviour.parent is not None:
+            raise ValueError("its factory returned the same behaviour twice")
+        behaviour.parent = self
+        self.behaviour = behaviour
+        self.timer: Optional[Timer] = None
+
+    @property
+    def id(self) -> Any:
+        """The behaviour's identifier."""
+        return self.behaviour.id
+
+    @property
+    def blackboards(self) -> Any:
+        """The behaviour's blackboard clients."""
+        return self.behaviour.blackboards
+
+    def setup(self, **kwargs: Any) -> None:
+        """Set up the behaviour and what is below it."""
+        for part in self.behaviour.iterate():
+            part.setup(**kwargs)
+
+    def shutdown(self) -> None:
+        """Shut down the behaviour and what is below it."""
+        for part in self.behaviour.iterate():
+            part.shutdown()
+
+    def update(self) -> Result:
+        """Tick the behaviour as py_trees does."""
+        self._stop_polling()
+        self.behaviour.tick_once()
+        self.feedback_message = self.behaviour.feedback_message
+        status = self.behaviour.status
+        if status is IDLE:
+            raise NodeError("its update returned INVALID or no status; it must return RUNNING, SUCCESS or FAILURE")
+        if status is RUNNING:
+            self.timer = self.clock.call_after(POLLING, self.wake)
+        else:
+            self.services.changes += 1
+        return status
+
+    def _stop_polling(self) -> None:
+        if self.timer is not None:
+            self.timer.cancel()
+
+    def halt(self) -> None:
+        """Stop the behaviour if it is RUNNING, which calls its ``terminate(INVALID)``."""
+        self._stop_polling()
+        if self.behaviour.status is RUNNING:
+            self.behaviour.stop(IDLE)
+        self.reset()

@@ -2,7 +2,8 @@
 
 The rules are BehaviorTree.CPP's (``TreeNode::executeTick`` and ``haltNode``); the classes are py_trees behaviours, so
 that py_trees' display and visitor tools read them. ``execute`` ticks a node; py_trees' generator ``tick`` only adapts it.
-What comes between a node's ticks and its rule (conditions, a hook) is its ``Interception``; most nodes have none.
+What comes between a node's ticks and its rule (conditions, a hook, what py_trees' visitors are to be told) is its
+``Interception``; most nodes have none.
 """
 import logging
 import uuid
@@ -44,7 +45,9 @@ class TickError(BehaviorControllerError):
     """A tick ended in an exception. Wrapped once, at the node in whose rule it happened (BT.CPP ``NodeExecutionError``)."""
 
     def __init__(self, node: "Node", cause: Exception):
-        super().__init__("Exception in node '{}' [{}]: {}".format(node.full_path, node.registration_id, cause))
+        super().__init__("Exception in node '{}' [{}]: {}{}{}".format(
+            node.full_path, node.registration_id, node.place_in_file(),
+            "" if isinstance(cause, BehaviorControllerError) else type(cause).__name__ + ": ", cause))
         self.node = node
         self.cause = cause
 
@@ -57,6 +60,8 @@ class Services:
         self.wake = wake or WakeUp()
         self.enums = enums or {}
         self.changes = 0  # what nodes have done, beside writing to entries, that may change what another tick would do
+        self.tree: Any = None
+        self.clients: Any = None  # shows py_trees' tools the entries that a node uses
 
 
 class NodeHook:
@@ -86,7 +91,8 @@ class Interception:
 
     def __init__(self) -> None:
         self.conditions: Sequence[Tuple[str, Script]] = ()
-        self.scripts: Dict[str, Script] = {}
+        self.scripts: Dict[str, Script] = {}  # the post-conditions
+        self.ticked: Optional[Dict["Node", Result]] = None  # takes the result of each tick, if py_trees' tools ask for it
         self.hook: Optional[NodeHook] = None
         self._asks_hook = False  # after this tick's rule: no pre-condition has decided
 
@@ -102,10 +108,13 @@ class Interception:
         """Return the tick's result, which the hook may replace; post-conditions follow a completion."""
         if self._asks_hook:
             result = self.hook.after(node, result)  # type: ignore[union-attr]
-        if result is SUCCESS:
-            self.run(node, "_onSuccess", "_post")
-        elif result is FAILURE:
-            self.run(node, "_onFailure", "_post")
+        if self.scripts:
+            if result is SUCCESS:
+                self.run(node, "_onSuccess", "_post")
+            elif result is FAILURE:
+                self.run(node, "_onFailure", "_post")
+        if self.ticked is not None:
+            self.ticked[node] = result
         return result
 
     def _check_before(self, node: "Node") -> Optional[Result]:
@@ -178,7 +187,6 @@ class Node(Behaviour):
         self.children: List[Any] = []
         self.feedback_message = ""
         self.blackbox_level = BlackBoxLevel.NOT_A_BLACKBOX
-        self.blackboards: List[Any] = []
         self.uid = 0
         self.registration_id = ""
         self.full_path = name
@@ -204,6 +212,14 @@ class Node(Behaviour):
         return "{}/{}".format(self.registration_id, self.name)
 
     @property
+    def blackboards(self) -> List[Any]:
+        """The py_trees clients of the node: its own ones, and one for the entries that it uses."""
+        clients = self.__dict__.setdefault("_blackboards", [])
+        if self.services is not None and self.services.clients is not None:
+            self.services.clients.show(self, clients)
+        return clients
+
+    @property
     def iterator(self) -> Iterator[Behaviour]:
         """A fresh tick generator, for py_trees' tools."""
         return self.tick()
@@ -215,7 +231,7 @@ class Node(Behaviour):
 
     def set_conditions(self, before: Sequence[Tuple[str, Script]], after: Dict[str, Script]) -> None:
         """Use these pre- and post-condition scripts, by attribute name; ``before`` in the order of PRE_CONDITIONS."""
-        intercepted = self._intercepted()
+        intercepted = self.intercepted()
         intercepted.conditions, intercepted.scripts = before, after
 
     @property
@@ -225,9 +241,10 @@ class Node(Behaviour):
 
     @hook.setter
     def hook(self, hook: Optional[NodeHook]) -> None:
-        self._intercepted().hook = hook
+        self.intercepted().hook = hook
 
-    def _intercepted(self) -> Interception:
+    def intercepted(self) -> Interception:
+        """Return the node's interception, made if it has none."""
         if self.interception is None:
             self.interception = Interception()
         return self.interception
@@ -250,11 +267,11 @@ class Node(Behaviour):
         if result is not SKIPPED and (result is not self.status or result is IDLE):
             self.store(result)
         if result is RUNNING and self.is_instant and not (self.hook is not None and self.hook.is_holding):
-            raise NodeError("SyncActionNode MUST never return RUNNING")
+            raise TickError(self, NodeError("SyncActionNode MUST never return RUNNING"))
         return result
 
     def store(self, status: Status) -> None:
-        """Make ``status`` the node's status and tell the observer. Raises NodeError or TickError for what is none."""
+        """Make ``status`` the node's status and tell the observer. Raises TickError for what is none."""
         old = self.status
         if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
             raise self._refusal(status)
@@ -262,15 +279,15 @@ class Node(Behaviour):
         if self.observer is not None and old is not status:
             self.observer(self, old, status)
 
-    def _refusal(self, status: Any) -> BehaviorControllerError:
+    def _refusal(self, status: Any) -> TickError:
         """Return why ``status`` cannot be stored."""
-        if status is IDLE:
-            return NodeError("Node [{}]: you are not allowed to set manually the status to IDLE. "
-                             "If you know what you are doing (?) use resetStatus() instead.".format(self.name))
+        return TickError(self, NodeError("its rule returned {}; it must be RUNNING, SUCCESS, FAILURE or SKIPPED".format(
+            "IDLE" if status is IDLE else repr(status))))
+
+    def place_in_file(self) -> str:
+        """Return ``file:line:column: `` as a message begins with it, or nothing if the node was not made from a file."""
         element = self.element
-        place = "{}:{}:{}: ".format(element.document.file, *element.place()) if element is not None else ""
-        return TickError(self, NodeError(
-            "{}its rule returned {!r}; it must be RUNNING, SUCCESS, FAILURE or SKIPPED".format(place, status)))
+        return "{}:{}:{}: ".format(element.document.file, *element.place()) if element is not None else ""
 
     def reset(self) -> None:
         """Go back to IDLE; children and scripts are not touched."""
@@ -348,13 +365,13 @@ class Node(Behaviour):
         raise NotImplementedError
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick, then yield every node, children first, as py_trees' visitors expect."""
-        self.execute()
-        yield from self.iterate()
+        """Tick the tree from this node on, then yield what was ticked, children first, as py_trees' visitors expect."""
+        yield from self.services.tree.tick_from(self)
 
     def stop(self, new_status: Status = IDLE) -> None:
         """Halt (py_trees' ``stop``; for a result other than INVALID there is nothing to do)."""
         if new_status is IDLE:
+            self.services.tree.show_own_statuses()
             self.halt_node()
 
 

@@ -1,10 +1,12 @@
 """A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
-from typing import Any, Dict, List, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple
+
+from py_trees.common import Status
 
 from behavior_controller.bt.engine.node import Node, Observer, Result, Services
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.ownership import tick_thread_only
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.errors import Fault
 from behavior_controller.text import Source
 
@@ -24,6 +26,7 @@ class Tree:
         self.blackboards = blackboards
         self.blackboard = blackboards[""]
         self.services = services
+        services.tree = self
         self.clock = services.clock
         self.wake = services.wake
         self.warnings = list(warnings)
@@ -32,6 +35,8 @@ class Tree:
         self.traversals: Any = None
         """Told of each traversal, ``begin(is_first)`` and ``end()``: the record listens."""
         self._observers: List[Observer] = []
+        self._ticked: Optional[Dict[Node, Result]] = None  # by the last traversal, if py_trees' tools ask for it
+        self._hidden: Dict[Node, Status] = {}  # the statuses of nodes that show another between two ticks
 
     def setup(self, **kwargs: Any) -> None:
         """Let each node meet what it needs at run time (py_trees' ``setup``)."""
@@ -74,8 +79,14 @@ class Tree:
         return self._completed(result)
 
     @tick_thread_only
-    def _traverse(self, is_first: bool) -> Result:
-        """Traverse the tree, at one moment of its clock. What was posted, and at first what is due, runs before."""
+    def _traverse(self, is_first: bool, root: Optional[Node] = None) -> Result:
+        """Traverse the tree, or what is below ``root``, at one moment of its clock.
+
+        What was posted, and at first what is due, runs before.
+        """
+        if self._ticked is not None:
+            self._ticked.clear()
+            self.show_own_statuses()
         clock = self.clock
         clock.hold()
         try:
@@ -85,7 +96,7 @@ class Tree:
                 clock.run_due()
             else:
                 clock.run_posted()
-            return self.root.execute()
+            return (root or self.root).execute()
         finally:
             if self.traversals is not None:
                 self.traversals.end()
@@ -117,9 +128,37 @@ class Tree:
             self.root.reset()
         return result
 
+    # ----------------------------------------------------------------------------------------------------- for py_trees
+
+    def tick_from(self, root: Node) -> Iterator[Node]:
+        """Traverse what is below ``root`` once, and yield each node that was ticked, children first.
+
+        Until the next tick these nodes show how they ended, as py_trees' do, though the engine has reset them since.
+        """
+        if self._ticked is None:
+            self._ticked = {}
+            for node in self.nodes:
+                node.intercepted().ticked = self._ticked
+        if self._traverse(True, root) in (SUCCESS, FAILURE):
+            root.reset()
+        ticked = dict(self._ticked)
+        for node, result in ticked.items():
+            shown = IDLE if result is SKIPPED else result
+            if shown is not RUNNING and shown is not node.status:
+                self._hidden[node] = node.status
+                node.status = shown
+        yield from ticked
+
+    def show_own_statuses(self) -> None:
+        """Give back to the nodes the statuses that the engine goes by."""
+        for node, status in self._hidden.items():
+            node.status = status
+        self._hidden.clear()
+
     @tick_thread_only
     def halt(self) -> None:
         """Halt everything (BT.CPP ``haltTree``: every node's ``_onHalted`` script runs, running or not)."""
+        self.show_own_statuses()
         self.root.halt_node()
         for node in self.nodes:
             node.halt_node()
@@ -128,4 +167,4 @@ class Tree:
     @property
     def is_idle(self) -> bool:
         """Return whether nothing is under way."""
-        return self.root.status is IDLE
+        return self._hidden.get(self.root, self.root.status) is IDLE

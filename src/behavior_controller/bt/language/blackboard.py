@@ -2,7 +2,7 @@
 from typing import Any, Dict, Optional, Tuple
 
 from behavior_controller.bt.language import values
-from behavior_controller.bt.language.values import ANY, BT_ANY, GENERIC, TEXT, TYPES, ValueFault
+from behavior_controller.bt.language.values import ANY, BT_ANY, GENERIC, TEXT, ValueFault
 
 
 class WriteCount:
@@ -56,7 +56,7 @@ class Entry:
 
     def from_text(self, text: str) -> Any:
         """Return ``text`` in the entry's type, or None if the type has no conversion. Raises ValueFault."""
-        value_type = TYPES.get(self.type)
+        value_type = values.find_type(self.type)
         return value_type.from_text(text, {}) if value_type is not None and value_type.from_text else None
 
 
@@ -90,11 +90,11 @@ class Blackboard:
         """Return the entry that ``key`` means here, or None."""
         entry = self.local.get(key)
         if entry is None:
-            board, key = self._home(key)
+            board, key = self.home(key)
             entry = board.local.get(key)
         return entry
 
-    def _home(self, key: str) -> Tuple["Blackboard", str]:
+    def home(self, key: str) -> Tuple["Blackboard", str]:
         """Return the blackboard that holds, or would hold, the entry that ``key`` means here, and its name there."""
         board = self
         if key[:1] == "@":
@@ -113,7 +113,7 @@ class Blackboard:
 
     def create(self, key: str, entry_type: str = ANY) -> Entry:
         """Return the entry, made where the chain of remappings ends if it is new. Raises ValueFault on a type clash."""
-        board, key = self._home(key)
+        board, key = self.home(key)
         entry = board.local.get(key)
         if entry is None:
             entry = board.local[key] = Entry(entry_type, self._count)
@@ -192,10 +192,10 @@ def _fits(entry_type: str, value: Any) -> bool:
 
     An entry that the host made without a type has the name of a Python class for its type.
     """
-    target = TYPES.get(entry_type)
+    target = values.find_type(entry_type)
     if target is None:
         return type(value).__name__ == entry_type
-    if type(value) is target.python or values.is_vector(value, entry_type):
+    if (target.python is not None and isinstance(value, target.python)) or values.is_vector(value, entry_type):
         return True
     if not values.is_number(value) or entry_type == "bool":
         return False

@@ -7,6 +7,7 @@ Digits are 0 to 9 alone. Rules: BT.CPP's ``convertFromString`` and ``Any`` (sect
 import json
 import math
 import re
+from functools import partial
 from typing import Any, Callable, Dict, List, NamedTuple, Optional
 
 from behavior_controller.bt.status import BY_NAME, NAMES
@@ -39,7 +40,7 @@ class ValueType(NamedTuple):
     high: Optional[int] = None
     checked_at_load: bool = True
     number: Optional["re.Pattern[str]"] = None
-    python: Optional[type] = None  # the class of its values, if it has been added
+    python: Optional[type] = None  # the class of its values, if it is a PortType
 
 
 _INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero but the last digit
@@ -172,7 +173,51 @@ def _integer_type(name: str, low: int, high: int) -> ValueType:
     return ValueType(name, _integer_reader(low, high), low, high, number=_INTEGER)
 
 
-TYPES: Dict[str, ValueType] = {value_type.name: value_type for value_type in (
+class _Types(Dict[str, ValueType]):
+    """The types that there are by name. A PortType is found too: it knows itself what it is."""
+
+    def __missing__(self, name: str) -> ValueType:
+        if isinstance(name, PortType):
+            return name.value_type
+        raise KeyError(name)
+
+
+class PortType(str):
+    """A type of your own for ports: ``Port("target", PortType("Spot", Spot, spot))``. It is its name."""
+
+    value_type: ValueType
+
+    def __new__(cls, name: str, python: type, from_text: Optional[Callable[[str], Any]] = None) -> "PortType":
+        """Return the type ``name``, whose values are of the class ``python``. Raises ValueError if the name is taken.
+
+        ``from_text`` reads what stands in a file; what it raises says what is wrong with the text. Without it only an
+        entry can hold a value.
+        """
+        if name in TYPES:
+            raise ValueError("{} is a type of the engine; give yours another name".format(name))
+        made = super().__new__(cls, name)
+        made.value_type = ValueType(name, partial(_own, name, python, from_text), python=python)
+        return made
+
+
+def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], text: str, _enums: Enums) -> Any:
+    """Return a text as a value of the PortType ``name``. Raises ValueFault."""
+    if from_text is None:
+        raise ValueFault("a value of type {} has no text; only an {{entry}} can hold it".format(name))
+    try:
+        value = from_text(text)
+    except ValueFault:
+        raise
+    except Exception as error:  # a wrong text or a mistake in the converter: both are told at the place of the text
+        raise ValueFault("Can't convert string [{}] to {}: {}: {}".format(
+            shown(text), name, type(error).__name__, error)) from error
+    if not isinstance(value, python):
+        raise ValueFault("the converter of {} returned {!r} for [{}], which is no {}".format(
+            name, value, shown(text), python.__name__))
+    return value
+
+
+TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_type in (
     ValueType(TEXT, lambda text, _enums: text),
     _integer_type("int", -2 ** 31, 2 ** 31 - 1),
     _integer_type("uint", 0, 2 ** 32 - 1),
@@ -190,22 +235,12 @@ TYPES: Dict[str, ValueType] = {value_type.name: value_type for value_type in (
     ValueType("vec_bool", _vector_reader(_boolean, _json_item(bool))),
     ValueType(ANY, None, checked_at_load=False),
     ValueType(BT_ANY, None, checked_at_load=False),
-)}
+))
 
 
-def add_type(name: str, python: type, from_text: Optional[Callable[[str], Any]] = None) -> None:
-    """Add a type of ports whose values are of the class ``python``. Raises ValueError if the name is taken.
-
-    ``from_text`` reads a literal and raises ValueFault; without it the type has no literals.
-    """
-    if name in TYPES:
-        raise ValueError("the type {} is there already".format(name))
-
-    def read(text: str, _enums: Enums) -> Any:
-        if from_text is None:
-            raise ValueFault("a value of type {} has no text; only an {{entry}} can hold it".format(name))
-        return from_text(text)
-    TYPES[name] = ValueType(name, read, python=python)
+def find_type(name: str) -> Optional[ValueType]:
+    """Return the type of that name; None for an entry that the host made of a class of its own."""
+    return TYPES[name] if name in TYPES or isinstance(name, PortType) else None
 
 
 VECTORS = {"vec_int": "int", "vec_double": "double", "vec_string": TEXT, "vec_bool": "bool"}
@@ -308,7 +343,7 @@ def convert(value: Any, wanted: str, enums: Enums) -> Any:
         return TYPES[wanted].from_text(value, enums)  # type: ignore[misc]
     python = TYPES[wanted].python
     if wanted in VECTORS or python is not None:
-        if type(value) is not python and not is_vector(value, wanted):
+        if not is_vector(value, wanted) and (python is None or not isinstance(value, python)):
             raise _no_conversion(value, wanted)
         return value
     return _as_number(value, wanted)
