@@ -10,7 +10,7 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.language.document import Document, Element, read, with_includes
 from behavior_controller.bt.registry import Registry, did_you_mean
-from behavior_controller.bt.rules import error, warning
+from behavior_controller.bt.rules import Rule, error, warning
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.events import Events
 from behavior_controller.foresight import foresee
@@ -29,8 +29,8 @@ from behavior_controller.settings import Settings
 POLICY = "recoveryPolicy.ini"
 
 _ROBOT_LACKS = error("robot-lacks", "A node cannot work, because the configured robot lacks what it asks for.")
-_DOES_WITHOUT = warning("does-without", "A node does nothing, because the configured robot lacks what it asks for.",
-                        '▸<SetSpeechEvent name="true"/>')
+_DOES_WITHOUT = warning("does-without", "A node does nothing, because the configured robot lacks what it asks for; the "
+                                        "start tells it, not validateMission.")
 _UNSAID = warning("phrase-missing", "A node says a phrase that the robot's culture file does not have.")
 
 Part = TypeVar("Part")
@@ -106,7 +106,7 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     if settings.interface.tells_pressed and settings.tablet_success_is == YES:
         faults.append(Fault("tabletSuccessIs", 0, 0, "the tablet of the robot {} says which button was pressed".format(
             settings.robot_interface), "leave tabletSuccessIs out, or choose another robotInterface"))
-    told = [] if tree is None else on_robot(tree, settings, known)
+    told = [] if tree is None else done_without(tree, settings.interface) + on_robot(tree, settings, known)
     faults += [fault for fault in told if not fault.is_warning]
     if spoken is None or rules is None or tree is None or faults:
         raise FaultsFound(list(dict.fromkeys(faults)))
@@ -119,27 +119,35 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
 
     ``knowledge`` is that of the robot's files, if there are any.
     """
-    nodes = [(node.element, node.spec) for node in reversed(tree.nodes) if isinstance(node.spec, MissionSpec)]
-    # what a node type does without is told at its first place alone
-    elements = {spec.id if spec.does_without else id(element): (element, spec) for element, spec in nodes}
-    misfits = [_misfit(element, spec, settings.interface) for element, spec in elements.values()]
+    misfits = [_misfit(_ROBOT_LACKS, element, spec, settings.interface)
+               for element, spec in _mission_nodes(tree) if not spec.does_without]
     unsaid = [] if knowledge is None else [
         node.element.fault(_UNSAID, "the culture file has no utility phrase {}".format(node.number),
                            knowledge.sources[1].file, "name")
         for node in tree.nodes if isinstance(node, SayText) and node.number not in knowledge.phrases]
-    return [fault for fault in misfits if fault is not None] + list(dict.fromkeys(unsaid)) + foresee(tree, settings)
+    return [fault for fault in dict.fromkeys(misfits + unsaid) if fault is not None] + foresee(tree, settings)
 
 
-def _misfit(element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
+def done_without(tree: Tree, robot: Interface) -> List[Fault]:
+    """Return which node types do nothing, since the robot lacks what they ask for, each at its first place."""
+    first = {spec.id: (element, spec) for element, spec in reversed(_mission_nodes(tree)) if spec.does_without}
+    found = [_misfit(_DOES_WITHOUT, element, spec, robot) for element, spec in first.values()]
+    return [fault for fault in found if fault is not None]
+
+
+def _mission_nodes(tree: Tree) -> List[Tuple[Element, MissionSpec]]:
+    return [(node.element, node.spec) for node in tree.nodes if isinstance(node.spec, MissionSpec)]
+
+
+def _misfit(rule: Rule, element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
+    """Return what the robot lacks for a node, or None."""
     lacking = ", ".join(_lacking(spec, robot))
     if not lacking:
         return None
     others = " or ".join(name for name, other in INTERFACES.items() if not list(_lacking(spec, other)))
-    if spec.does_without:
-        return element.fault(_DOES_WITHOUT, "{} does without the robot: {} has no {}".format(
-            spec.id, robot.name, lacking), "robotInterface {} has it".format(others))
-    return element.fault(_ROBOT_LACKS, "{} cannot work with the robot {}: it has no {}".format(
-        spec.id, robot.name, lacking), "set robotInterface {}".format(others))
+    return element.fault(rule, "{} {} with the robot {}: it has no {}".format(
+        spec.id, "does nothing" if spec.does_without else "cannot work", robot.name, lacking),
+        "set robotInterface {}".format(others))
 
 
 def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:

@@ -92,7 +92,7 @@ def test_what_only_the_release_has_is_done_without_elsewhere_and_told_at_load(el
     assert (result, rig.requests) == (SUCCESS, [])
     assert [event.resource for event in rig.of(LeafFinished)] == [""]
     assert [re.sub(".*: ", "", str(fault)) for fault in rig.tree.warnings] == [
-        "D5.4.3 has no service for {} (robotInterface release-1.0 has it)".format(type(request_).__name__)]
+        "it has no service for {} (set robotInterface release-1.0)".format(type(request_).__name__)]
 
 
 @pytest.mark.parametrize("number", sorted(PHRASES))

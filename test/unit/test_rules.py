@@ -14,7 +14,8 @@ EXAMPLES = [(rule, text) for rule in RULES.values() for text in rule.examples]
 WITHOUT_EXAMPLE = {
     "unreadable-file",  # what cannot be read is no text
     "not-well-formed",  # no file is known that comes so far
-    "substitute-unknown", "node-broken", "node-type-warning", "robot-lacks", "phrase-missing",  # not in the file, but beside it
+    "substitute-unknown", "node-broken", "node-type-warning",  # not in the file, but beside it
+    "robot-lacks", "phrase-missing", "does-without",  # the same
 }
 
 
