@@ -81,7 +81,8 @@ def cut(trial, seconds, stops, master="robot", robot="robot", kind="tun"):
     link = Link(trial, master, robot, kind)
     stub = link.robot()
     trial.package.write("data/m.xml", SPEAK_AND_LISTEN)
-    trial.package.configure(scenarioSpecification="m", verboseMode="true", textToSpeechDeadline=DEADLINE)
+    trial.package.configure(scenarioSpecification="m", verboseMode="true", startupCheck="all",
+                            textToSpeechDeadline=DEADLINE)
     watched, late, *others = [link.node("__name:=n{}".format(number)) for number in range(len(stops) + 2)]
     for node in (watched, late, *others):
         for leaf in ("WelcomeSpeech", *HEARS):
