@@ -6,7 +6,7 @@ have found, so that no judgement waits for a master. What changes goes to ``Heal
 """
 import threading
 import time
-from typing import Callable, Dict, Iterable, Set, Tuple, Union
+from typing import Callable, Dict, FrozenSet, Iterable, Set, Tuple, Union
 
 import rosgraph
 
@@ -75,15 +75,18 @@ class Monitor:
         self._connections: Dict[Part, Connection] = {}
         self._reported: Dict[Tuple[str, str], bool] = {}  # whether it was well, by name and respect
         self._closed = threading.Event()
-        self._was_there: Set[Part] = set()  # the optional services that the robot has
+        self._was_there: Set[Part] = set()  # the services that the robot has
+        self._may_lack: FrozenSet[Part] = frozenset()
         self._lonely: Dict[Part, float] = {}  # since when a topic has had no connection
         # when a topic that is silent was heard last, and after how much silence it is connected to again
         self._silent: Dict[Part, Tuple[float, float]] = {}
 
-    def include(self, offers: Iterable[Union[Service, Topic]]) -> None:
-        """Monitor these services and topics too, from now on or from the start on."""
-        added = [part for part in parts_of(offers) if part not in self._parts]
+    def include(self, offers: Iterable[Union[Service, Topic]], may_lack: bool = False) -> None:
+        """Monitor these services and topics too. ``may_lack``: nothing is told of what was never there."""
+        parts = parts_of(offers)
+        added = [part for part in parts if part not in self._parts]
         self._parts += tuple(added)
+        self._may_lack = self._may_lack.union(added) if may_lack else self._may_lack.difference(parts)
         for part in added:
             if not isinstance(part.offer, Topic):
                 threading.Thread(target=self._watch, args=(part,), daemon=True, name="monitor " + part.name).start()
@@ -106,7 +109,7 @@ class Monitor:
             try:
                 self._hold(part)
             except Trouble as trouble:
-                if part in self._was_there or not part.is_optional:  # what a robot lacks cannot go
+                if part in self._was_there or not (part.is_optional or part in self._may_lack):
                     self._tell_gone(part, "{}: {}".format(trouble.cause.text, trouble))
                 self._closed.wait(ROUND)
 

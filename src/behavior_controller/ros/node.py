@@ -311,7 +311,10 @@ class _Run:
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
+        robot = plan.settings.interface
         self._monitor.include(plan.offers)
+        # a stop asks for the safe state also where the master hangs: where its services are must be known before
+        self._monitor.include(robot.used({type(request) for request in robot.safe_state}, ()), may_lack=True)
         context = plan.context(self._gateway, self._topics, self._events, self._health)
         return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
 
