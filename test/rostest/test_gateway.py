@@ -257,6 +257,7 @@ class TestGateway(unittest.TestCase):
         self.assertLess(abs(seconds - 0.5), 0.2)
         robot.set_mode(SAY, "done")
         self.assertIsInstance(self.ask(Say("second")), Answer)
+        robot.wait_for_request(SAY, 5, message="second")
         self.assertEqual([request["fields"]["message"] for request in robot.requests(SAY)], ["first", "second"])
 
     def test_a_server_that_never_shakes_hands(self):
