@@ -24,7 +24,8 @@ class Settings:
     scenario_specification: str = key(mission_name, REQUIRED, "the mission to run: `data/<name>.xml`")
     verbose_mode: bool = key(boolean, REQUIRED, "`true`: a line for every leaf that finishes")
     asr_enabled: bool = key(boolean, REQUIRED, "`true`: visitors answer by voice; `false`: on the tablet")
-    robot_interface: str = key(one_of(*INTERFACES), DEFAULT.name, "the interface that the robot's nodes speak")
+    robot_interface: str = key(
+        one_of(*INTERFACES), DEFAULT.name, "what the robot's nodes speak: " + " or ".join(map("`{}`".format, INTERFACES)))
     tablet_success_is: str = key(one_of("done", YES), "done", "release-1.0: `yes` takes what is pressed on the tablet "
                                                               "for yes, `done` for no answer")
     language: str = key(language_name, "English", "the robot's phrases: `data/phrases_<language>.ini`")
