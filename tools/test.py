@@ -3,8 +3,8 @@
 ``python3 tools/test.py [WORD…]`` in the environment that tools/test.sh makes. Words choose suites by their name.
 The output of each suite and its results as JUnit XML are in a folder of its own under build/log/tests.
 A rostest file that says ``measures time`` in a comment runs alone, one that says ``every Python`` runs on each supported
-Python. A virtual machine may lose its processors to others:
-a suite that fails while that happens is run again when all others are over, and its line says so.
+Python. A virtual machine may lose its processors to others: a suite that fails while that happens, or that
+measures time, is run again when all others are over, and a line says so; it has failed if it fails each time.
 """
 import concurrent.futures
 import glob
@@ -64,11 +64,6 @@ class Outcome(NamedTuple):
     skipped: List[str]
     seconds: float = 0.0
     stolen: float = 0.0  # share of the processors' time that went to other virtual machines
-
-    @property
-    def says_nothing(self) -> bool:
-        """Whether the failures may be the machine's."""
-        return bool(self.failed) and self.stolen > STOLEN
 
 
 # ----------------------------------------------------------------------------------------------------------- the suites
@@ -159,7 +154,7 @@ def main(words: List[str]) -> int:
     ended = run_all([suite for suite in chosen if not suite.is_alone], SIDE_BY_SIDE)
     ended.update(run_all([suite for suite in chosen if suite.is_alone], 1))
     for _ in range(TRIES - 1):
-        ended.update(run_all([suite for suite in ended if ended[suite].says_nothing], 1))
+        ended.update(run_all([suite for suite in ended if is_doubtful(suite, ended[suite])], 1))
     outcomes = list(ended.values())
     failed = sum(len(outcome.failed) for outcome in outcomes)
     passed = sum(outcome.passed for outcome in outcomes)
@@ -208,6 +203,11 @@ def processor_times() -> List[int]:
         return [int(word) for word in file.readline().split()[1:STEAL + 2]]
 
 
+def is_doubtful(suite: Suite, outcome: Outcome) -> bool:
+    """Whether the failures may be the machine's."""
+    return bool(outcome.failed) and (suite.is_alone or outcome.stolen > STOLEN)
+
+
 def show(suite: Suite, outcome: Outcome) -> None:
     """Print the line of a suite that has ended, and what failed."""
     if suite.missing:
@@ -215,9 +215,9 @@ def show(suite: Suite, outcome: Outcome) -> None:
         return
     print("{:<44} {:5} passed {:3} failed {:3} skipped {:5.0f} s".format(
         suite.name, outcome.passed, len(outcome.failed), len(outcome.skipped), outcome.seconds), flush=True)
-    if outcome.says_nothing:
-        print("    {:.0f} % of the processors' time went to other machines: it counts if it fails {} times".format(
-            100 * outcome.stolen, TRIES), flush=True)
+    if is_doubtful(suite, outcome):
+        print("    {:.0f} % of the processors' time went to other machines{}: it counts if it fails {} times".format(
+            100 * outcome.stolen, ", and it measures time" if suite.is_alone else "", TRIES), flush=True)
     show_failures(suite, outcome)
 
 
