@@ -123,7 +123,7 @@ class Phrases:
 
     def spoken_answer(self, utterance: str) -> Optional[str]:
         """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes; ``Error…`` is no answer."""
-        if utterance.lstrip().lower().startswith("error"):
+        if _begins_with_error(utterance):
             return None
         heard = self._heard(_sentence(utterance))
         return NO if NO in heard else YES if YES in heard else None
@@ -151,7 +151,11 @@ class Phrases:
 
 def is_error(utterance: str) -> bool:
     """Return whether this is not what a visitor said, but an error that the speech recognition tells of."""
-    return "Error" in utterance or utterance.lstrip().lower().startswith("error")
+    return "Error" in utterance or _begins_with_error(utterance)
+
+
+def _begins_with_error(utterance: str) -> bool:
+    return utterance.lstrip().lower().startswith("error")
 
 
 def languages() -> List[str]:

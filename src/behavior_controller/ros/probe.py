@@ -245,12 +245,13 @@ class StartUpCheck:
         That is so if nothing is there that only the configured robot has, but something that only the other has.
         """
         there = set(map(_key, self._parts)).difference(_key(each.part) for each in missing)
-        if there - _common_keys() or not any(each.is_elsewhere for each in self._needed(missing)):
+        common = _common_keys()
+        if there - common or not any(each.is_elsewhere for each in self._needed(missing)):
             return
         for name, interface in INTERFACES.items():
-            parts = [part for part in parts_of(interface.offers) if _key(part) not in _common_keys()]
             if interface is self._interface:
                 continue
+            parts = [part for part in parts_of(interface.offers) if _key(part) not in common]
             found = set(parts).difference(each.part for each in find_missing(parts, wake, is_stopped))
             if found and not is_stopped():
                 raise NodesMissing("the robot speaks {0}, and the configuration says robotInterface {1}: set "
