@@ -22,7 +22,7 @@ LAYERS = [
     ["mission", "foresight"],
     ["leaves"],
     ["bt"],
-    ["recovery", "apart", "bt.compiler"],
+    ["recovery", "apart", "story", "bt.compiler"],
     ["bt.clients"],
     ["bt.checking"],
     ["bt.engine"],
