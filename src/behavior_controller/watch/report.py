@@ -8,9 +8,8 @@ import itertools
 import json
 import os
 import re
-from collections import Counter
 from types import SimpleNamespace
-from typing import (Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
+from typing import (Any, Counter, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
 
 from behavior_controller import leaves
 from behavior_controller.bt.engine.node import label
@@ -26,11 +25,13 @@ from behavior_controller.watch.codec import LETTERS, Entry, Line, Lost, Tick, Tr
 from behavior_controller.watch.lanes import Bar, Lanes
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "report_files")
-SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■"}
+SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○"}
 LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
 NO, RETRY, DONE = "n", "r", "d"
 """Kinds of bars beside the letters of the statuses: a condition that does not hold, a retry that failed, a step."""
 
+LEGEND = {"S": "success", "F": "failure", "h": "halted", NO: "does not hold yet", "w": "waiting for a visitor",
+          "warning": "warning", "error": "error"}
 EVENTS = get_args(Event)
 
 DEEPEST = 100
@@ -64,7 +65,8 @@ class Run:
         self.told: Dict[int, List[Told]] = {0: []}  # by visit; 0 is what was before the first
         self.outcome = ""
         self.lost = 0  # lines that the record lacks
-        self.counts: List[Dict[str, int]] = [{} for _ in nodes]  # results of each node
+        self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # statuses of each node
+        self.finished: List[Counter[str]] = [Counter() for _ in nodes]  # kinds of results of each mission leaf
         self.lanes = Lanes()
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
         self._step: Optional[Step] = None
@@ -74,8 +76,7 @@ class Run:
         self.ended = max(self.ended, time)
         if isinstance(entry, Tick):
             for uid, letter in entry.changes:
-                count = self.counts[uid - 1]
-                count[letter] = count.get(letter, 0) + 1
+                self.counts[uid - 1][letter] += 1
         elif isinstance(entry, Lost):
             self.lost += entry.lines
         elif isinstance(entry, EVENTS):
@@ -101,7 +102,9 @@ class Run:
 
     def _end_step(self, time: float) -> None:
         if self._step is not None:
-            self.lanes.add(0, Bar(self._since(self._step.began), self._since(time), DONE, self._step.words))
+            end = self._since(time)
+            self.lanes.add(0, Bar(self._since(self._step.began), end, DONE, self._step.words))
+            self.lanes.prolong(self._step.uid, NO, end)  # a condition tells that it does not hold once
 
     def _draw(self, time: float, event: Any) -> None:
         end = self._since(time)
@@ -110,9 +113,8 @@ class Run:
         elif isinstance(event, LeafFinished) and 0 < event.uid <= len(self.nodes):
             cause = event.failure.cause if event.failure else None
             is_no = cause is Cause.CONDITION_FALSE
-            if is_no:
-                self.counts[event.uid - 1][NO] = self.counts[event.uid - 1].get(NO, 0) + 1
             kind = NO if is_no else LETTER_OF.get(event.status, "-")
+            self.finished[event.uid - 1][kind] += 1
             bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind, cause.text if cause else "")
             self.lanes.add(event.uid, bar, is_asked_again=is_no)
 
@@ -219,8 +221,8 @@ def _seconds(seconds: float) -> str:
     return "{} min {} s".format(minutes, rest) if minutes < 60 else "{} h {} min".format(*divmod(minutes, 60))
 
 
-def _sign(letter: str) -> str:
-    return '<b class="{}" aria-hidden="true">{}</b>'.format(letter if letter != "-" else "h", SIGNS[letter])
+def _sign(letter: str, word: str) -> str:
+    return '<b class="{}" title="{}">{}</b>'.format(letter if letter != "-" else "h", word, SIGNS[letter])
 
 
 def _options(first: str, values: Iterable[str]) -> str:
@@ -270,7 +272,7 @@ def _story(run: Run) -> str:
 
 def _visit(run: Run, visit: Visit) -> str:
     shown = sum(exhibit.state == SHOWN for exhibit in visit.exhibits)
-    facts = [_time(visit.began), _sign(LETTER_OF.get(visit.outcome, "R")) + " " + _text(visit.outcome or UNDER_WAY)]
+    facts = [_time(visit.began), "{} {}".format(_sign(LETTER_OF.get(visit.outcome, "R"), ""), _text(visit.outcome or UNDER_WAY))]
     if visit.exhibits:
         facts.append("{} of {} exhibits {}".format(shown, visit.exhibits[0].of, SHOWN))
     facts.append(_seconds(visit.seconds) + (", waited {} before".format(_seconds(visit.waited)) if visit.waited else ""))
@@ -317,10 +319,11 @@ def _timeline(run: Run) -> str:
             '<button type="button" id="in">Zoom in</button><button type="button" id="out">Zoom out</button>'
             '<button type="button" id="earlier">Earlier</button><button type="button" id="later">Later</button>'
             '<span id="shown"></span></div>'
-            '<p class="legend"><b class="S">✔</b> success <b class="F">✘</b> failure <b class="h">■</b> halted '
-            '<b class="n">○</b> does not hold yet <b class="r">↻</b> a retry failed</p>'
+            '<p class="legend">{}</p>'
             '<div id="lanes" tabindex="0" role="group" aria-label="Timeline: arrow keys move it, + and - zoom, Home '
-            'shows all"></div><p id="detail" role="status"></p><p class="quiet">{}</p></section>').format(joined)
+            'shows all"></div><p id="detail" role="status"></p><p class="quiet">{}</p></section>').format("".join(
+                '<span><b class="bar {}" aria-hidden="true"></b>{}</span>'.format(kind, meaning)
+                for kind, meaning in LEGEND.items()), joined)
 
 
 def _data(run: Run) -> str:
@@ -379,19 +382,18 @@ def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
 
 
 def _row(run: Run, uid: int, places: Dict[str, Place]) -> str:
-    node, count = run.nodes[uid - 1], run.counts[uid - 1]
+    node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
     name, kind = label(SimpleNamespace(uid=uid, full_path=node.path, registration_id=node.type, name=node.name))
-    numbers = dict(count, F=count.get("F", 0) - count.get(NO, 0))
-    results = [_sign(letter) + ' <span class="visually-hidden">{}</span>{}'.format(word, numbers[letter])
-               for letter, word in (("S", "success "), ("F", "failure ")) if numbers.get(letter, 0) > 0]
-    if count.get(NO):
-        results.append('<span class="n">○ {} × no</span>'.format(count[NO]))
+    failed = finished["F"] if finished[NO] else count["F"]  # a condition that does not hold has not failed
+    results = [(letter, word, number) for letter, word, number in (
+        ("S", "success", count["S"]), ("F", "failure", failed), (NO, "does not hold", count["F"] - failed)) if number > 0]
     place = places.get(node.path)
-    return '<div class="row{}" title="{}"><span class="name">{}</span> <span class="kind quiet">{}</span> {} {}</div>'.format(
+    return '<div class="row{}" title="{}"><span class="name">{}</span><span class="kind quiet">{}</span>{}{}</div>'.format(
         "" if count else " never", _text(node.path), _text(name), _text(kind),
-        " ".join(results) or '<span class="quiet">{}</span>'.format("halted" if count else "never"),
-        "" if place is None else '<a href="#f{}-{}">{}:{}</a>'.format(
-            *place, _text(os.path.basename(run.started.sources.documents[place.document].file)), place.line))
+        "".join('<span class="count">{} {}</span>'.format(_sign(letter, word), number) for letter, word, number in results)
+        or '<span class="quiet">{}</span>'.format("halted" if count else "never"),
+        "" if place is None else '<a class="quiet" href="#f{0}-{1}"><span class="file">{2}</span>:{1}</a>'.format(
+            *place, _text(os.path.basename(run.started.sources.documents[place.document].file))))
 
 
 def _documents(run: Run) -> str:

@@ -137,10 +137,10 @@ function telling(lane, bar) {
 
 function barElement(lane, bar, scale) {
   const begin = Math.max(bar.begin, from), width = (Math.min(bar.end, to) - begin) * scale;
-  const made = element("span", "bar " + bar.kind + (width > 40 ? " wide" : ""), SIGNS[bar.kind] || "");
+  const made = element("span", "bar " + bar.kind + (width > 45 ? " wide" : ""), SIGNS[bar.kind] || "");
   made.style.left = (begin - from) * scale + "px";
   made.style.width = width + "px";
-  if (width > 40) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " × " : "") +
+  if (width > 45) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " × " : "") +
     duration(bar.end - bar.begin);
   made.title = telling(lane, bar);
   made.addEventListener("click", () => {
