@@ -271,7 +271,7 @@ def test_no_node_of_the_recorded_traces_ends_as_it_is_thought_not_to():
         if any(item[:1] in "KI" for script in case["leaves"].values() for item in script):
             continue  # leaves that SKIP, which mission leaves never do
         documents = [parse(case["xml"])]
-        registry = conformance._registry(case, [])
+        registry = conformance.registry_of(case, [])
         checked = check(documents, registry, strict=True)
         ends = outcomes({tree_id: below(root) for tree_id, root in reversed(list(checked.trees.items()))}, registry)
         unreached = {fault[1:3] for fault in lint(documents, checked, registry) if "never reached" in fault.text}
@@ -295,7 +295,7 @@ def test_few_warnings_about_data_in_the_recorded_traces():
     with lzma.open(TRACES, "rt", encoding="utf-8") as file:
         for case in map(json.loads, file):
             documents = [parse(case["xml"])]
-            registry = conformance._registry(case, [])
+            registry = conformance.registry_of(case, [])
             found = lint(documents, check(documents, registry, strict=True), registry, list(case["blackboard"]))
             assert [fault for fault in found if "nothing writes" in fault.text or "uses no entry" in fault.text] == []
 

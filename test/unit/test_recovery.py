@@ -399,7 +399,7 @@ def test_halting_a_recovery_drops_the_safe_state():
     rig.tick()
     dropped = []
     for call in rig.gateway.calls[1:]:
-        call._abandon = lambda: dropped.append(True)
+        call.drop = lambda: dropped.append(True)
     rig.tree.halt()
     assert dropped == [True, True]
 

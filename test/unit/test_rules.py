@@ -64,7 +64,7 @@ def test_a_mark_is_in_each_example_once():
 
 def test_a_rule_is_declared_once():
     with pytest.raises(ValueError, match="declared twice"):
-        rules._add(rules.UNKNOWN_NODE)
+        rules.error(rules.UNKNOWN_NODE.code, "Another meaning.")
 
 
 # -------------------------------------------------------------------------------------------- scripts of several lines
