@@ -95,7 +95,7 @@ CANNOT_BE_MEANT = {
     "recovery in a Sequence": ("<Sequence><Act/>\n<Recover/></Sequence>", (3, 1),
                                ["no failure to look at", "into a Fallback"]),
     "another kind than it says": ('<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1), [
-        "Act is no Condition but of kind Action"]),
+        "Act is of kind Action, not Condition"]),
     "read, never written": ('<In\nin="{goal}"/>', (3, 1), ["the entry goal is read here, but nothing writes it"]),
     "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), ["the entry lives"]),
     "read in a condition": ('<Sequence><Script code="lifes := 1"/><Act _skipIf="lives == 0"/></Sequence>', (2, 43), [
