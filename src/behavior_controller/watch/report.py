@@ -1,7 +1,6 @@
 """A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes, the mission file."""
 import base64
 import datetime
-import functools
 import hashlib
 import html
 import itertools
@@ -9,11 +8,12 @@ import json
 import os
 import re
 from types import SimpleNamespace
-from typing import (Any, Counter, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
+from typing import (Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Set, Tuple, Union, get_args)
 
 from behavior_controller import leaves
 from behavior_controller.bt.engine.node import label
 from behavior_controller.bt.language.document import parse
+from behavior_controller.bt.registry import Kind
 from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Event, LeafFinished, PassFinished, Retried, RunFinished, RunStarted
@@ -134,7 +134,7 @@ def to_html(lines: Iterable[Line]) -> str:
     title = "Mission {}".format(run.started.mission.split("/")[-1])
     places, doubt = _places(run)
     body = "".join([_header(title, run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
-                    _documents(run), "</main>"])
+                    _documents(run), _settings(run), "</main>"])
     style, script = _file("report.css"), _file("report.js")
     return PAGE.format(title=_text(title), body=body, style=style, script=script, data=_data(run),
                        allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
@@ -232,7 +232,7 @@ def _options(first: str, values: Iterable[str]) -> str:
 
 
 def _header(title: str, run: Run, earlier: List[RunStarted]) -> str:
-    """Return when the mission ran, with which configuration, how it ended, and what the report lacks."""
+    """Return when the mission ran, how it ended, and what the report lacks."""
     began = datetime.datetime.fromtimestamp(run.began)
     ends = ", ".join("{} {}".format(count, outcome) for outcome, count in sorted(run.story.outcomes.items()))
     told = ["{:%Y-%m-%d} {} to {}, {}".format(began, clock(run.began), clock(run.ended), _seconds(run.ended - run.began)),
@@ -244,12 +244,10 @@ def _header(title: str, run: Run, earlier: List[RunStarted]) -> str:
             ", ".join(mission.mission for mission in earlier)))
     if run.lost:
         lacks.append("The record lacks {} lines, which the disk was too slow for.".format(run.lost))
-    rows = "".join("<tr><th scope=\"row\">{}</th><td>{}</td></tr>".format(_text(key), _text(value))
-                   for key, value in run.started.settings.items())
     return ('<header><h1>{}</h1><p>{}</p>{}<nav aria-label="Sections"><a href="#story">Story</a> '
-            '<a href="#timeline">Timeline</a> <a href="#tree">Tree</a> <a href="#files">Mission file</a></nav>'
-            '<details><summary>Configuration</summary><table>{}</table></details></header>').format(
-                _text(title), _text("; ".join(told)), "".join("<p>{}</p>".format(_text(text)) for text in lacks), rows)
+            '<a href="#timeline">Timeline</a> <a href="#tree">Tree</a> <a href="#files">Mission file</a> '
+            '<a href="#settings">Configuration</a></nav></header>').format(
+                _text(title), _text("; ".join(told)), "".join("<p>{}</p>".format(_text(text)) for text in lacks))
 
 
 # ----------------------------------------------------------------------------------------------------------------- story
@@ -294,9 +292,9 @@ def _exhibits(visit: Visit) -> str:
 
 
 def _sentences(told: List[Told]) -> str:
-    """Return sentences as a list; those that are repeated in a row are one, with their count."""
+    """Return sentences as a list; one that is repeated within a second is told once, with its count."""
     items = []
-    for _, group in itertools.groupby(told, lambda each: (each.sentence.text, each.sentence.uid, each.cause)):
+    for _, group in itertools.groupby(told, lambda each: (each.sentence._replace(at=int(each.sentence.at)), each.cause)):
         alike = list(group)
         sentence, cause = alike[0]
         items.append('<li class="{}" data-kind="{}"{} data-at="{:.3f}">{}<span>{}</span>{}{}</li>'.format(
@@ -329,32 +327,31 @@ def _timeline(run: Run) -> str:
 def _data(run: Run) -> str:
     """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of the run."""
     notes: Dict[str, int] = {}
-    lanes = [[key] + [part for bar in bars for part in (
-        round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind, bar.count,
-        notes.setdefault(bar.note, len(notes)))] for key, bars in run.lanes]
-    visits = [[visit.number, *(round(1000 * (at - run.began)) for at in (
-        visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))),
-        LETTER_OF.get(visit.outcome, "R")] for visit in run.visits.values()]
+    lanes: List[List[Union[int, str]]] = []
+    for key, bars in run.lanes:
+        lanes.append([key])
+        for bar in bars:
+            lanes[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind, bar.count,
+                          notes.setdefault(bar.note, len(notes))]
+    visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (
+        visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))] for visit in run.visits.values()]
+    outcomes = [LETTER_OF.get(visit.outcome, "R") for visit in run.visits.values()]
     offset = datetime.datetime.fromtimestamp(run.began).astimezone().utcoffset()
     data = {"began": round(1000 * run.began), "offset": round(1000 * offset.total_seconds()) if offset else 0,
-            "length": round(1000 * (run.ended - run.began)), "visits": visits, "lanes": lanes, "notes": list(notes)}
+            "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
+            "lanes": lanes, "notes": list(notes)}
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
 # ------------------------------------------------------------------------------------------------------------------ tree
 
 
-@functools.lru_cache(maxsize=None)
-def _recoveries() -> FrozenSet[str]:
-    return frozenset(spec.id for spec in leaves.mission_specs() if spec.is_recovery)
-
-
-def _bare(nodes: List[TreeNode]) -> FrozenSet[int]:
-    """Return the uids of recoveries, and of what holds a step and its recovery and has no name of its own."""
-    found = {uid for uid, node in enumerate(nodes, 1) if node.type in _recoveries()}
-    return frozenset(found | {nodes[uid - 1].parent for uid in found
-                              if nodes[uid - 1].parent and nodes[nodes[uid - 1].parent - 1].name == nodes[
-                                  nodes[uid - 1].parent - 1].type})
+def _bare(nodes: List[TreeNode]) -> Set[int]:
+    """Return the uids of nodes that only say how the mission is put together, as on the page."""
+    registry = leaves.registry()
+    specs = [registry.find(node.type) for node in nodes]
+    return {uid for uid, (node, spec) in enumerate(zip(nodes, specs), 1) if node.parent and spec is not None and (
+        spec.is_recovery or spec.kind in (Kind.CONTROL, Kind.DECORATOR) and node.name == node.type)}
 
 
 def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
@@ -376,8 +373,8 @@ def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
         found.append("<ul>" if is_nested else "</li>")
         closing = "</ul></li>" if is_nested else ""
         waiting += [(closing, level)] + [(child, level + 1) for child in reversed(children[item])]
-    return ('<section id="tree"><h2>Tree</h2><div class="tools"><button type="button" id="operator" aria-pressed="true">'
-            "Without recovery nodes</button></div>{}<ul>{}</ul></section>").format(
+    return ('<section id="tree"><h2>Tree</h2><div class="tools"><button type="button" id="all" aria-pressed="false">'
+            "All rows</button></div>{}<ul>{}</ul></section>").format(
                 "<p>{}</p>".format(_text(doubt)) if doubt else "", "".join(found))
 
 
@@ -404,6 +401,12 @@ def _documents(run: Run) -> str:
                         for place, line in enumerate(re.split("\r\n?|\n", text), 1))
         parts.append("<h3>{}</h3><pre>{}</pre>".format(_text(file), lines))
     return '<section id="files"><h2>Mission file</h2>{}</section>'.format("".join(parts))
+
+
+def _settings(run: Run) -> str:
+    rows = "".join('<tr><th scope="row">{}</th><td>{}</td></tr>'.format(_text(key), _text(value))
+                   for key, value in run.started.settings.items())
+    return '<section id="settings"><h2>Configuration</h2><table>{}</table></section>'.format(rows)
 
 
 # ---------------------------------------------------------------------------------------------------------- on a terminal
