@@ -55,12 +55,13 @@ class Told(NamedTuple):
     """What people are to be told when a leaf ends: one line, and the ``kind`` of the sentence (``story.KINDS``).
 
     ``mark`` is what that means for the visit: the visitor ``arrived``, is ``engaged``, was ``asked``, answered ``yes`` or
-    ``no``, or has ``left``; else empty.
+    ``no``, or has ``left``; else empty. ``at`` is the time of the mission's clock when a visitor arrived.
     """
 
     kind: str
     text: str
     mark: str = ""
+    at: float = 0.0
 
 
 class LeafFinished(NamedTuple):

@@ -121,6 +121,7 @@ class Story:
         self._uids: Dict[str, int] = {}
         self._exhibit_began = 0.0
         self._has_left = False  # the visitor is not seen any more
+        self._clock = self._met_at = 0.0  # when the visit began and the visitor came, on the mission's clock
         self._is_unclear = False  # the visitor has said what was neither yes nor no
         self._given_up: Optional[Recovered] = None  # the last one in this visit
         self._gave_up = ""  # why
@@ -200,6 +201,7 @@ class Story:
         self._recoveries.clear()
         self._has_left, self._given_up, self._failed, self._handler = False, None, (0, ""), 0
         self._is_unclear = False
+        self._clock = self._met_at = event.at
 
     def _pass_finished(self, event: PassFinished) -> None:
         visit = self.visit
@@ -208,12 +210,12 @@ class Story:
         is_success = event.outcome == "SUCCESS"
         self._end_exhibit(SHOWN if is_success else BROKEN_OFF, self._why_failed())
         why = self._why_done() if is_success else self._why_failed()
-        arrived = visit.began if visit.arrived is None else visit.arrived
-        self._change(outcome=event.outcome, why=why, seconds=self._at - arrived, waited=arrived - visit.began)
+        waited = max(0.0, self._met_at - self._clock)
+        self._change(outcome=event.outcome, why=why, seconds=event.seconds - waited, waited=waited)
         self.outcomes[event.outcome] = self.outcomes.get(event.outcome, 0) + 1
         self._steps.clear()
         self._tell("visit", "info" if is_success else "warning", "pass {}: {} after {:.1f} s: {}".format(
-            event.number, event.outcome, self._at - arrived, why))
+            event.number, event.outcome, event.seconds - waited, why))
 
     def _why_done(self) -> str:
         visit = self.visits[-1]
@@ -261,13 +263,13 @@ class Story:
     def _note(self, event: LeafFinished) -> None:
         """Note what a leaf tells when it ends, and what that means for the visit."""
         assert event.told is not None
-        kind, text, mark = event.told
+        kind, text, mark, clock = event.told
         visit = self.visit
         if mark == "left":
             self._has_left = visit is not None and visit.arrived is not None
         elif mark == "arrived" or mark == "engaged":
             self._has_left = False
-            text = self._met(mark) or text
+            text = self._met(mark, clock) or text
         elif mark == "asked":
             self._change(asked=self._at if visit is None or visit.asked is None else visit.asked)
         elif mark:
@@ -276,11 +278,14 @@ class Story:
         if text:
             self._tell(kind, "info", text, event.uid, event.path)
 
-    def _met(self, mark: str) -> str:
+    def _met(self, mark: str, clock: float) -> str:
         """Note that the visitor was seen, or looked at the robot, for the first time; return what is told of it."""
         visit = self.visit
         if visit is None or getattr(visit, mark) is not None:
             return ""
+        if visit.arrived is None:
+            self._met_at = clock
+        self._change(arrived=self._at if visit.arrived is None else visit.arrived)
         self._change(**{mark: self._at})
         return "visitor {} {}".format(visit.number, "arrived" if mark == "arrived" else "looks at the robot")
 

@@ -465,7 +465,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
         self._told = ("", 0.0)
         sensed = self.own_sense
-        self.told = Told("visit", "", sensed.given) if sensed is not None and sensed.given else None
+        self.told = Told("visit", "", sensed.given, self.mission.clock.now()) if sensed is not None and sensed.given else None
         self.use(sample)
         return self.succeeded()
 

@@ -9,7 +9,6 @@ from behavior_controller.bt.engine.leaf import ActionLeaf
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.language.ports import PortError
 from behavior_controller.bt.status import IDLE, RUNNING
-from behavior_controller.events import Told
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface import Sense, Topic
 from behavior_controller.interface.records import Request, Say, SetPose, SetRecognition, SetRecognitionLanguage
