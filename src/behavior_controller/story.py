@@ -318,18 +318,18 @@ class Story:
             "retrying {}, {} of {}".format(event.node, event.attempt, event.of))
         self._recoveries[event.path] = event
         self._steps[event.uid] = Step(clean(words), self._at, 0.0, event.uid, event.path)
-        self._tell("recovery", "info", words, 0, event.path)
+        why = ": " + cause(event.failure) if event.attempt > 1 else ""  # the first failure has been told
+        self._tell("recovery", "info", words + why, 0, event.path)
 
     def _retried(self, event: Retried) -> None:
-        self._steps.pop(self._uids.get(event.path, 0), None)
-        self._tell("failure", "warning", "{} failed again: {}".format(event.node, cause(event.failure)), 0, event.path)
+        self._steps.pop(self._uids.get(event.path, 0), None)  # why it failed is told with what is done about it
 
     def _recovered(self, event: Recovered) -> None:
         recovery = self._recoveries.pop(event.path, None)
         omitted, self._omitted = self._omitted, 0
         self._handler = event.uid
         self._steps.pop(self._uids.get(event.path, 0), None)
-        why = why_failed(event.node, event.failure, event.attempts + 1) + ("; " + event.reason if event.reason else "")
+        why = (event.reason + "; " if event.reason else "") + why_failed(event.node, event.failure, event.attempts + 1)
         if omitted and self._is_omitted(event, omitted, why):
             return
         if event.outcome == GIVEN_UP:
