@@ -220,7 +220,7 @@ def in_window(state: State, is_all: bool, width: int, height: int) -> List[str]:
     mission = state["mission"]
     found = ["{}  mission {}".format(time.strftime("%H:%M:%S"), os.path.basename(mission["file"])),
              state["passes"]["text"] or "between two visits"] + list(_doubts(state))
-    found = [part for line in found for part in textwrap.wrap(clean(line), width) or [""]]
+    found = [part for line in found for part in textwrap.wrap(clean(line), width)][:max(1, height - 2)]
     troubles = _troubles(state)
     troubles = troubles[:1] + troubles[1:][-max(1, height // 4):]
     rows = _tree(mission["nodes"], state["statuses"]["letters"], is_all, is_brief=not is_all)
@@ -272,7 +272,7 @@ def _about(rows: List[_Row], room: int) -> List[_Row]:
     here = max((at for at, row in enumerate(rows) if row.letter == "R"), default=0)
     way = [at for at, row in enumerate(rows) if row.number in rows[here].ancestors]
     others = sorted(set(range(len(rows))) - set(way) - {here}, key=lambda at: abs(at - here))
-    chosen: List[_Row] = []
+    chosen = rows[here:here + 1]
     for count in range(1, len(rows) + 1):
         more = _with_gaps(rows, sorted(([here] + way[::-1] + others)[:count]))
         if len(more) > room:
