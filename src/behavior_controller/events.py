@@ -40,7 +40,7 @@ class StepStarted(NamedTuple):
     """A mission leaf begins a request, or begins to wait for what it is asked again and again.
 
     ``words`` and ``what`` say in people's words what the robot does now: see ``records.Words``. ``limit`` is the seconds
-    that it may take; 0: there is none, or it is not known.
+    that it may take; 0: there is none, or it is not known. A wait is over when something else begins.
     """
 
     uid: int
@@ -49,6 +49,7 @@ class StepStarted(NamedTuple):
     words: str
     what: str
     limit: float
+    is_wait: bool
 
 
 class Told(NamedTuple):

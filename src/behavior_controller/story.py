@@ -83,6 +83,7 @@ class Step(NamedTuple):
     limit: float
     uid: int
     path: str
+    is_wait: bool = False
 
 
 def cause(failure: Failure) -> str:
@@ -243,14 +244,20 @@ class Story:
         retry = " (retry {} of {})".format(recovery.attempt, recovery.of) if recovery is not None else ""
         words = " ".join(filter(None, (event.words, "" if is_there else event.what)))
         self._uids[event.path] = event.uid
-        self._steps.pop(event.uid, None)
-        self._steps[event.uid] = Step(clean(words) + retry, self._at, event.limit, event.uid, event.path)
+        self._begin(Step(clean(words) + retry, self._at, event.limit, event.uid, event.path, event.is_wait))
+
+    def _begin(self, step: Step) -> None:
+        """Have a step under way; a wait that another step follows is over."""
+        self._steps = {uid: other for uid, other in self._steps.items() if uid != step.uid and not other.is_wait}
+        self._steps[step.uid] = step
 
     def _leaf_finished(self, event: LeafFinished) -> None:
         self._uids[event.path] = event.uid
         is_false = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
-        if not is_false:  # a wait goes on while its condition is false
-            self._steps.pop(event.uid, None)
+        step = self._steps.get(event.uid)
+        # a wait goes on while its condition is false
+        if step is not None and not (is_false and step.is_wait and not 0.0 < step.limit <= event.seconds):
+            del self._steps[event.uid]
         if event.told is not None:
             self._note(event)
         if event.failure is not None and event.uid != self._handler:
@@ -292,17 +299,18 @@ class Story:
     # ------------------------------------------------------------------------------------------------------- exhibits
 
     def _tour_advanced(self, event: TourAdvanced) -> None:
-        if event.state == BEGUN:
+        exhibit = self.exhibit
+        if event.state == OMITTED:
+            self._omitted = event.number
+        elif exhibit is not None:
             self._end_exhibit(SHOWN)
+            self._tell("exhibit", "info", "{}, was shown".format(exhibit), event.uid, event.path)
+        if event.state == BEGUN:
             begun = ShownExhibit(event.number, event.of, clean(event.name), UNDER_WAY, "", 0.0)
             others = self.visits[-1].exhibits if self.visits else ()
             self._change(exhibits=tuple(each for each in others if each.number != event.number) + (begun,))
             self._exhibit_began = self._at
             self._tell("exhibit", "info", str(begun), event.uid, event.path)
-        elif event.state == OMITTED:
-            self._omitted = event.number
-        else:
-            self._end_exhibit(SHOWN)
 
     def _end_exhibit(self, state: str, why: str = "") -> None:
         """Note how it stands with the exhibit under way."""
@@ -317,7 +325,7 @@ class Story:
         words = "doing {} in place of {}".format(event.substitute, event.node) if event.substitute else (
             "retrying {}, {} of {}".format(event.node, event.attempt, event.of))
         self._recoveries[event.path] = event
-        self._steps[event.uid] = Step(clean(words), self._at, 0.0, event.uid, event.path)
+        self._begin(Step(clean(words), self._at, 0.0, event.uid, event.path))
         why = ": " + cause(event.failure) if event.attempt > 1 else ""  # the first failure has been told
         self._tell("recovery", "info", words + why, 0, event.path)
 

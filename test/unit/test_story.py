@@ -101,8 +101,8 @@ RUNS = {
     "tour": (visitor_who("yes please"), None, True, 1, [
         "visitor 1 arrived", "made the welcome gesture", "visitor 1 looks at the robot",
         "asked “Would you like me to give you a tour of the lab?”", "heard “yes please”: yes", "exhibit 1 of 2, exhibit 1",
-        "drove to exhibit 1", "said “first text 1”", "pointed at exhibit 1", "said “second text 1”",
-        "exhibit 2 of 2, exhibit 2", "drove to the entrance", "made the goodbye gesture", "drove to its home",
+        "drove to exhibit 1", "said “first text 1”", "pointed at exhibit 1", "said “second text 1”", "exhibit 1 of 2, exhibit 1, was shown",
+        "exhibit 2 of 2, exhibit 2", "exhibit 2 of 2, exhibit 2, was shown", "drove to the entrance", "made the goodbye gesture", "drove to its home",
         "pass 1: SUCCESS after 2.5 s: the tour was given, 2 of 2 exhibits shown"]),
     "left out": (looks_away, None, True, 1, [
         "exhibit 1 of 2, exhibit 1", "drove to exhibit 1",
@@ -235,6 +235,47 @@ def test_a_step_that_is_done_at_another_try_is_told_once_with_what_it_did():
     assert lines[at + 1] == "drove to exhibit 1" and lines.count("drove to exhibit 1") == 1
 
 
+def test_a_wait_is_over_when_something_else_begins():
+    story = Story()
+    story.take(1.0, StepStarted(1, "Seen", "a", "waiting for a visitor", "", 5.0, True))
+    story.take(1.0, LeafFinished(1, "Seen", "a", "FAILURE", "", 0.0, Failure(Cause.CONDITION_FALSE, "no face")))
+    assert story.now(3.0) == "waiting for a visitor, 2 s of at most 5 s"
+    story.take(3.0, StepStarted(2, "Say", "b", "saying", "hello", 0.0, False))
+    story.take(4.0, LeafFinished(2, "Say", "b", "SUCCESS", "", 1.0, None))
+    assert story.now(4.0) == ""
+
+
+@pytest.mark.parametrize("beside, limit", [
+    ("<ForceFailure><Sleep msec='15000'/></ForceFailure>", 15.0), ("<Sleep msec='{@long}'/>", 0.0),
+    ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", 0.0)])
+def test_the_limit_of_a_wait_is_that_of_the_timer_beside_it(beside, limit):
+    rig = one_leaf("<ReactiveFallback><IsVisitorDiscovered/>{}</ReactiveFallback>".format(beside))
+    rig.tree.blackboard.set("long", 1)
+    rig.tick()
+    assert [(event.words, event.limit, event.is_wait) for event in rig.of(StepStarted)] == [
+        ("waiting for a visitor", limit, True)]
+
+
+def test_the_limit_of_a_wait_may_be_that_of_a_timeout_above_it():
+    rig = one_leaf("<Timeout msec='3000'><ReactiveFallback><IsVisitorDiscovered/><KeepRunningUntilFailure><AlwaysSuccess/>"
+                   "</KeepRunningUntilFailure></ReactiveFallback></Timeout>")
+    rig.tick()
+    assert [event.limit for event in rig.of(StepStarted)] == [3.0]
+
+
+def test_a_condition_that_waits_by_itself_waits_as_long_as_it_does():
+    rig = one_leaf("<Sequence><IsVisitorDiscovered/></Sequence>", conditionWait=7.0)
+    rig.tick()
+    rig.tick()
+    assert [(event.words, event.limit) for event in rig.of(StepStarted)] == [("waiting for a visitor", 7.0)]
+
+
+def test_a_condition_that_does_not_wait_is_no_step():
+    rig = one_leaf("<Sequence><IsVisitorDiscovered/></Sequence>")
+    rig.tick()
+    assert rig.of(StepStarted) == []
+
+
 # --------------------------------------------------------------------------------------------------- other vocabularies
 
 
@@ -262,7 +303,7 @@ def test_it_keeps_a_bounded_number_of_visits_and_steps():
     story = Story()
     for number in range(1, KEPT + 10):
         story.take(1.0, PassStarted(number, 0.0))
-        story.take(1.0, StepStarted(number, "x", "x", "doing", "", 0.0))
+        story.take(1.0, StepStarted(number, "x", "x", "doing", "", 0.0, False))
         story.take(1.0, PassFinished(number, "SUCCESS", 1.0))
         assert story.step is None
     assert len(story.visits) == KEPT and story.visits[-1].number == KEPT + 9

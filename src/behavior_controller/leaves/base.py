@@ -162,10 +162,16 @@ class MissionLeaf(Node):
         self.mission.events.emit(LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
                                               self.mission.clock.now() - self.started_at, failure, told))
 
-    def begin_step(self, words: str, what: str = "", limit: float = 0.0) -> None:
+    def begin_step(self, words: str, what: str, limit: float) -> None:
         """Tell the events in people's words what the robot does from now on, for ``limit`` seconds at most (0: any)."""
-        self.mission.events.emit(StepStarted(self.uid, self.registration_id, self.full_path, words, what,
-                                             limit if limit < math.inf else 0.0))
+        self._begin(words, what, limit, False)
+
+    def begin_wait(self, words: str, limit: float) -> None:
+        """As ``begin_step``, for what the robot waits for."""
+        self._begin(words, "", limit if limit < math.inf else 0.0, True)
+
+    def _begin(self, words: str, what: str, limit: float, is_wait: bool) -> None:
+        self.mission.events.emit(StepStarted(self.uid, self.registration_id, self.full_path, words, what, limit, is_wait))
 
 
 class InstantAction(MissionLeaf, SyncActionLeaf):
@@ -446,7 +452,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _begin_to_wait(self, limit: float) -> None:
         sensed = self.own_sense
-        self.begin_step(self.awaiting or (self.registration_id if sensed is None else sensed.awaiting), "", limit)
+        self.begin_wait(self.awaiting or (self.registration_id if sensed is None else sensed.awaiting), limit)
 
     def _is_end(self, value: Any) -> bool:
         return self.is_evidence(value) or self.evidence.is_given_up(value)
@@ -464,8 +470,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
         self._told = ("", 0.0)
-        sensed = self.own_sense
-        self.told = Told("visit", "", sensed.given, self.mission.clock.now()) if sensed is not None and sensed.given else None
+        self.told = self._told_of(self.own_sense.given if self.own_sense is not None else "")
         self.use(sample)
         return self.succeeded()
 
@@ -475,11 +480,13 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if sample is not None and not self._counts(sample):
             when = "came before" if sample.arrived <= self.not_before() else "is too old"
             failure = failure._replace(message="{}; the newest message {}".format(self.otherwise, when))
-        sensed = self.own_sense
-        self.told = Told("visit", "", sensed.absent) if sensed is not None and sensed.absent else None
+        self.told = self._told_of(self.own_sense.absent if self.own_sense is not None else "")
         if sample is not None and self._counts(sample):
             self.unused(sample)
         return self._fail(failure, self.not_before())
+
+    def _told_of(self, mark: str) -> Optional[Told]:
+        return Told("visit", "", mark, self.mission.clock.now()) if mark else None
 
     def _fail(self, failure: Failure, since: float) -> Result:
         telling = failure.message, max(since, self.mission.visit_began)

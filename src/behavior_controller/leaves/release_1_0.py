@@ -135,7 +135,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
     def on_start(self) -> Result:
         """Forget an older answer and listen."""
         self.started_at = self.mission.clock.now()
-        self.begin_step(self.sense.awaiting, "", ANSWER_WAIT)
+        self.begin_wait(self.sense.awaiting, ANSWER_WAIT)
         self._patience = self.mission.clock.call_after(ANSWER_WAIT, self.wake)
         self.mission.topics.listen(self.topic, ANSWER_WAIT)
         return self.on_running()
