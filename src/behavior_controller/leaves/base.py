@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Seq
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.builtins import Sleep
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.decorators import Timeout
+from behavior_controller.bt.engine.decorators import Inverter, Timeout
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, Result
 from behavior_controller.bt.engine.tree import Tree
@@ -352,7 +352,7 @@ def wait_beside(node: Any) -> Optional[float]:
 
     The limit is that of a Timeout above the two, or of a Sleep in their place, where the file says it as a number.
     """
-    while node.parent is not None:
+    while node.parent is not None and not isinstance(node.parent, Inverter):  # that waits for the opposite
         parent, later = node.parent, node.parent.children[node.parent.children.index(node) + 1:]
         if isinstance(parent, ReactiveFallback) and later:
             timers = [each for beside in later for each in beside.iterate() if isinstance(each, Sleep)]
