@@ -15,7 +15,7 @@ setup:
 	@tools/setup.sh --tests
 	@echo 'source $(CURDIR)/build/devel/setup.bash'
 
-# write what follows from declarations: the README's tables, keys of configurations, launch files, executables of simulated nodes
+# write what follows from declarations: tables of documents, keys of configurations, launch files, executables of simulated nodes
 derived:
 	@tools/in_workspace.sh python3 tools/derive.py
 
