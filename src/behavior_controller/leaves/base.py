@@ -370,7 +370,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
             return self._false(sample)
         self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
-        self.mission.topics.listen(self.topic, self.wait)
+        self.mission.topics.listen(self.topic, self._wait)
         return RUNNING if self._waits() else self._false(sample)
 
     def _is_end(self, value: Any) -> bool:
@@ -410,16 +410,16 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         return self.failed(failure)
 
     @property
-    def wait(self) -> float:
+    def _wait(self) -> float:
         """Seconds that the condition waits for its evidence."""
         wait = self.evidence.wait
         return self.mission.settings.condition_wait if wait is None else wait
 
     def _waits(self) -> bool:
-        if self.wait <= 0.0 or self._is_over or is_asked_again(self):
+        if self._wait <= 0.0 or self._is_over or is_asked_again(self):
             return False
-        if self._patience is None and self.wait < math.inf:
-            self._patience = self.mission.clock.call_after(self.wait, self._give_up)
+        if self._patience is None and self._wait < math.inf:
+            self._patience = self.mission.clock.call_after(self._wait, self._give_up)
         return True
 
     def _give_up(self) -> None:

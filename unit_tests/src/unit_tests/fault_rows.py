@@ -5,7 +5,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tu
 from behavior_controller.events import Event as Happening
 from behavior_controller.gateway import Cause
 from behavior_controller.recovery import DONE
-from behavior_controller.story import UNDER_WAY, Story
+from behavior_controller.story import UNDER_WAY, Sentence, Story
 from behavior_controller.text import clean
 from behavior_controller.watch.codec import KINDS
 from behavior_controller.watch.plain import Wrong, form
@@ -145,27 +145,27 @@ def _is_given_up(event: Event) -> bool:
     return event["event"] == "Recovered" and not event["success"]
 
 
-def story_of(events: Sequence[Event]) -> Iterator[Tuple[float, Story]]:
-    """Yield the story after each event, with its time; it is the same Story each time."""
+def story_of(events: Sequence[Event]) -> Iterator[Tuple[Event, Story, Tuple[Sentence, ...]]]:
+    """Yield for each event the story up to then, which is the same object each time, and what the event adds to it."""
     story = Story()
     for plain in events:
         kind = KINDS.get(plain["event"])
         if kind in get_args(Happening):
             try:
-                story.take(plain["time"], form(kind).read(plain))
+                added = story.take(plain["time"], form(kind).read(plain))
             except Wrong:
                 continue  # what another release wrote
-            yield plain["time"], story
+            yield plain, story, added
 
 
 def _exhibits(events: Sequence[Event]) -> Iterator[Tuple[float, str]]:
     """Yield when which exhibit was under way, or none."""
     before = ""
-    for time, story in story_of(events):
+    for event, story, _ in story_of(events):
         shown = story.visit.exhibits if story.visit is not None else ()
         name = next((exhibit.name for exhibit in shown if exhibit.state == UNDER_WAY), "")
         if name != before:
-            yield time, name
+            yield event["time"], name
         before = name
 
 

@@ -2,12 +2,12 @@
 import datetime
 import os
 from collections import Counter
-from typing import Iterator, List, NamedTuple, Optional, Sequence
+from typing import Iterator, List, NamedTuple, Sequence, Tuple
 
 from behavior_controller import settings
 from behavior_controller.gateway import Cause
 from behavior_controller.keys import to_text, values_of
-from behavior_controller.story import BROKEN_OFF, LEFT_OUT, Visit
+from behavior_controller.story import LEFT_OUT
 from behavior_controller.text import clean
 
 from unit_tests.configuration import KEYS, Configuration
@@ -148,18 +148,27 @@ def write(facts: Facts, title: str, warnings: Sequence[str] = ()) -> Report:
 
 
 def _visitors(facts: Facts, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield a line for each pass: how it ended, what that cost, and, if it is a failure, why."""
-    visits = {visit.number: visit for _, story in story_of(facts.events) for visit in story.visits}
+    """Yield a line for each pass: how it ended and why, and what the faults cost."""
+    ends = dict(_ends(facts))
     for a_pass in [*passes(facts), *_under_way(facts)]:
         mine = [row for row in rows if row.visitor == a_pass.number]
-        ended = of(a_pass.events, "PassFinished")
-        seconds = ended[-1]["seconds"] if ended else a_pass.events[-1]["time"] - a_pass.events[0]["time"]
-        parts = ["visitor {}: {} after {:.1f} s{}".format(
-            a_pass.number, a_pass.outcome, seconds, "" if a_pass.outcome == "SUCCESS" else _cause(a_pass.events, visits.get(a_pass.number)))]
+        told = ends.get(a_pass.number, "visitor {}: {}".format(a_pass.number, a_pass.outcome))
+        reasons = dict.fromkeys(reason_of(event) for event in of(a_pass.events, "Recovered"))
+        parts = [told] + [reason for reason in reasons if reason and reason not in told]
         parts += ["{}, {:.1f} s lost".format(
             count(sum(row.is_injected for row in mine), "fault", "faults"), sum(row.lost for row in mine))]
         parts += [count(sum(map(_is_false, a_pass.events)), "condition", "conditions") + " false for a while"]
-        yield "; ".join(parts + _left_out(visits.get(a_pass.number)))
+        yield "; ".join(parts)
+
+
+def _ends(facts: Facts) -> Iterator[Tuple[int, str]]:
+    """Yield for each pass that ended what is told of that, and which exhibits the visitor was not shown to the end."""
+    for event, story, added in story_of(facts.events):
+        for sentence in added:
+            if sentence.kind == "visit" and event["event"] == "PassFinished" and story.visit is not None:
+                yield event["number"], "; ".join([sentence.text] + [
+                    "{} {}: {}".format(exhibit.name, exhibit.state, exhibit.why) for exhibit in story.visit.exhibits
+                    if exhibit.state == LEFT_OUT])
 
 
 def _under_way(facts: Facts) -> Iterator[Pass]:
@@ -168,22 +177,6 @@ def _under_way(facts: Facts) -> Iterator[Pass]:
     events = [event for event in facts.events if not ended or event["time"] > ended[-1]["time"]]
     if of(events, "LeafFinished"):
         yield Pass(len(ended) + 1, "did not end", events, ())
-
-
-def _cause(events: Sequence[Event], visit: Optional[Visit]) -> str:
-    """Return why a pass failed: what kept the recovery from the policy's rule, and what was given up."""
-    given_up = [event for event in of(events, "Recovered") if not event["success"]]
-    told = [visit.why] if visit is not None and visit.why else []
-    told += [reason for reason in dict.fromkeys(map(reason_of, given_up)) if reason not in "".join(told)]
-    told += ["given up: " + ", ".join(dict.fromkeys(event["node"] for event in given_up))] if given_up else []
-    return "".join(", " + part for part in told)
-
-
-def _left_out(visit: Optional[Visit]) -> List[str]:
-    """Return which exhibits the visitor was not shown, or not to the end."""
-    exhibits = visit.exhibits if visit is not None else ()
-    return ["{} {}{}".format(exhibit.name, exhibit.state, ": " + exhibit.why if exhibit.why else "")
-            for exhibit in exhibits if exhibit.state in (LEFT_OUT, BROKEN_OFF)]
 
 
 def _is_false(event: Event) -> bool:

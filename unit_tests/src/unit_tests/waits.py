@@ -124,7 +124,8 @@ def _asked_before(node: Any) -> Iterator[Any]:
 
 def _seconds(node: TopicCondition) -> Optional[float]:
     """Return how long messages may take to come; None: for ever, or the mission file does not tell."""
-    seconds = _beside(node) if is_asked_again(node) else node.wait
+    own = node.mission.settings.condition_wait if node.evidence.wait is None else node.evidence.wait
+    seconds = _beside(node) if is_asked_again(node) else own
     if seconds is None:
         return None
     if node.topic.is_continuous:  # a message that came before the question still counts for so long
