@@ -85,7 +85,7 @@ class Board:
         for kind, offers in (("service", interface.services), ("topic", interface.topics)):
             for offer in offers:
                 self._health[offer.name] = {"kind": kind, "name": offer.name, "well": True, "status": "",
-                                            "consequence": ""}
+                                            "consequence": "", "told": ""}
         events.subscribe(self._take)
 
     def show(self, tree: Tree) -> None:
@@ -146,18 +146,20 @@ class Board:
         elif isinstance(event, RunFinished):
             self._ended = event.outcome
             self._touch("passes")
-        elif isinstance(event, HealthChanged):
+        told = self._tell(time.time(), event)
+        if isinstance(event, HealthChanged):
             entry = self._health.setdefault(event.name, {"kind": event.kind, "name": event.name})
-            entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence)
+            entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence,
+                         told=clean(told[0].text) if told else "")
             self._touch("health")
-        self._tell(time.time(), event)
         if isinstance(event, PassFinished):
             self._visits = list(self._story.visits)
             self._touch("passes", "visits")
 
-    def _tell(self, at: float, event: Event) -> None:
+    def _tell(self, at: float, event: Event) -> Tuple[Sentence, ...]:
         """Have the story told on, and keep what it says: others read it on their threads."""
-        for sentence in self._story.take(at, event):
+        told = self._story.take(at, event)
+        for sentence in told:
             self._told.append((self._told[-1][0] + 1 if self._told else 1, sentence))
             if sentence.severity != "info":
                 self._trouble.append(sentence)
@@ -172,6 +174,7 @@ class Board:
             self._step = self._story.step
             self._touch("story", "timeline")
         self._tell_now(at)
+        return told
 
     def _tell_now(self, at: float) -> None:
         now = self._story.now(at)
@@ -209,13 +212,17 @@ class Board:
         return {"file": self.mission, "nodes": nodes}
 
     def _outline(self, node: Node) -> Dict[str, Any]:
-        """Return what the tree shows of a node. ``bare``: it only says how the mission is put together."""
+        """Return what the tree shows of a node. ``bare``: it only says how the mission is put together.
+
+        ``waits``: while it is what runs, the robot waits.
+        """
         spec = self._registry.find(node.registration_id)
         name, kind = label(node)
         is_bare = spec is not None and node.parent is not None and (spec.is_recovery or (
             spec.kind in (Kind.CONTROL, Kind.DECORATOR) and node.name == node.registration_id))
         return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
-                "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE, "bare": is_bare}
+                "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE, "bare": is_bare,
+                "waits": spec is not None and spec.kind is Kind.CONDITION}
 
     def _part_statuses(self) -> Dict[str, Any]:
         letters = "".join(self._statuses[1:])

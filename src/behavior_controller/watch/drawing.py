@@ -8,6 +8,7 @@ from py_trees.common import VisibilityLevel
 from py_trees.display import dot_tree
 
 from behavior_controller.bt.engine.node import Node, label
+from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import BehaviorControllerError
 
 LIMIT = 30.0
@@ -23,7 +24,7 @@ class NotDrawn(BehaviorControllerError):
 
 def name_for_drawing(node: Node) -> None:
     """Call ``node`` by its name, type and uid, so that py_trees draws those of one type apart."""
-    node.name = " ".join(label(node))  # a colon would be a port in the dot language
+    node.name = " ".join(label(node)).replace(":", "∶")  # in the dot language what follows a colon is a port
     # else py_trees puts a sign before the name that few fonts have; the label tells the type
     setattr(node, "memory", False)
 
@@ -44,12 +45,14 @@ def _drawable(root: Node, title: str) -> Node:
     return copies[root.uid]
 
 
-def svg(root: Node, title: str) -> bytes:
+def svg(tree: Tree, title: str) -> bytes:
     """Return the drawing of a whole tree. It takes its time: not on a thread that must not wait. Raises NotDrawn."""
     if shutil.which("dot") is None:
         raise NotDrawn("graphviz is not installed: apt-get install graphviz")
+    if len(tree.nodes) > MOST_NODES:
+        raise NotDrawn("the tree has {} nodes; trees of at most {} are drawn".format(len(tree.nodes), MOST_NODES))
     try:
-        text = dot_tree(_drawable(root, title), visibility_level=VisibilityLevel.ALL).to_string()
+        text = dot_tree(_drawable(tree.root, title), visibility_level=VisibilityLevel.ALL).to_string()
         done = subprocess.run(["nice", "dot", "-Tsvg"], input=text.encode("utf-8", "backslashreplace"),
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=LIMIT, check=True)
     except RecursionError:
