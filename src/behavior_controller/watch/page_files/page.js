@@ -77,7 +77,8 @@ function visitorText() {
 
 function showElapsed() {
   const since = step ? Math.max(0, seconds() - step.since) : 0;
-  put(byId("elapsed"), !step ? "" : step.limit ? duration(since) + " of at most " + duration(step.limit) : "for " + duration(since));
+  const whole = since.toFixed(0) + " s";
+  put(byId("elapsed"), !step ? "" : step.limit ? whole + " of at most " + step.limit + " s" : "for " + whole);
   byId("limit").hidden = !step || !step.limit;
   if (!byId("limit").hidden) {
     byId("limit").max = step.limit;
@@ -106,10 +107,8 @@ function showTranscript(told) {
 function sentenceItem(told) {
   const made = element("li", told.severity);
   made.dataset.number = told.number;
-  const text = element("span");
-  const before = byId("transcript").firstChild.firstChild;
-  if (told.visit && (!before || before.dataset.visit !== String(told.visit)))
-    text.append(element("span", "visit-of", "visitor " + told.visit));
+  const before = byId("transcript").firstChild.firstChild, text = element("span");
+  if (before && before.dataset.visit !== String(told.visit)) made.classList.add("begins");
   made.dataset.visit = told.visit;
   text.append(leading(told.text, told.uid));
   made.append(element("time", "", told.time), text);
@@ -121,15 +120,13 @@ function showVisits(visits) {
   if (counts.length) put(byId("outcomes"), counts.map(([outcome, count]) => count + " " + outcome).join(", "));
   byId("visits-list").replaceChildren(...visits.newest.map(each => {
     const made = element("li", each.outcome);
-    const shown = each.exhibits.filter(one => one.state === "shown").length;
     const head = element("span");
     head.append(element("span", "sign", OUTCOME_SIGNS[each.outcome] || "■"), " visitor " + each.number + " · "
-                + each.outcome + " after " + duration(each.seconds)
-                + (each.exhibits.length ? " · " + shown + " of " + each.exhibits[0].of + " exhibits" : ""));
+                + each.outcome + " after " + duration(each.seconds));
     made.append(element("time", "", each.time), head);
     if (each.why) made.append(element("span", "why", each.why));
     for (const one of each.exhibits)
-      if (one.state === "left out" || one.state === "broken off")
+      if (one.state === "left out")
         made.append(element("span", "why", one.name + ": " + one.state + (one.why ? ", " + one.why : "")));
     return made;
   }));
@@ -138,7 +135,7 @@ function showVisits(visits) {
 // --------------------------------------------------------------------------------------------------------- timeline
 
 const TICKS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600, 7200, 21600, 86400];
-const LANE = 30, AXIS = 34;
+const LANE = 30, AXIS = 46;
 const MOST_LANES = 24;
 let drawnAt = 0;
 
@@ -158,7 +155,7 @@ function showTimeline() {
   }
   const began = visit.began, width = Math.max(200, byId("timeline").clientWidth);
   const whole = Math.max(1, ...all.map(each => each.began - began + each.seconds));
-  const lanes = [...new Set(all.map(each => each.uid))].slice(-MOST_LANES);
+  const lanes = [...new Set(all.map(laneOf))].slice(-MOST_LANES);
   const x = at => (Math.max(0, Math.min(whole, at)) / whole * (width - 20) + 4).toFixed(1);
   const made = shape("svg", {role: "img", height: AXIS + lanes.length * LANE, "aria-label": "Timeline of visitor "
                      + visit.number + ": " + all.length + " steps in " + duration(whole)});
@@ -168,21 +165,23 @@ function showTimeline() {
                 shape("text", {x: x(at), y: 11, class: "tick"}, at % 60 || !at ? at + " s" : at / 60 + " min"));
   for (const told of sentences)
     if (told.visit === visit.number && (told.kind === "failure" || told.kind === "recovery")) {
-      const mark = shape("text", {x: x(told.at - began), y: 28, class: told.kind}, told.kind === "failure" ? "✘" : "↻");
+      const mark = shape("text", {x: x(told.at - began), y: told.kind === "failure" ? 28 : 41, class: told.kind}, told.kind === "failure" ? "✘" : "↻");
       mark.append(shape("title", {}, told.time + " " + told.text));
       made.append(mark);
     }
-  lanes.forEach((uid, number) => {
+  lanes.forEach((lane, number) => {
     const y = AXIS + number * LANE;
-    made.append(shape("text", {x: 4, y: y + 12}, laneName(uid, all)));
+    made.append(shape("text", {x: 4, y: y + 12}, lane));
     for (const each of all)
-      if (each.uid === uid) made.append(bar(each, x(each.began - began), x(each.began - began + each.seconds), y + 16));
+      if (laneOf(each) === lane) made.append(bar(each, x(each.began - began), x(each.began - began + each.seconds), y + 16));
   });
   byId("timeline").replaceChildren(made);
 }
 
-function laneName(uid, all) {
-  return nodes[uid - 1] ? nodes[uid - 1].name : all.find(each => each.uid === uid).words;
+// nodes that do the same have one lane; what only says how the mission is put together is there for a recovery
+function laneOf(each) {
+  const node = nodes[each.uid - 1];
+  return !node ? each.words : node.bare ? "recoveries" : labelOf(node).replace(/ ?#[0-9]+$/, "");
 }
 
 function bar(each, left, right, y) {
@@ -302,6 +301,7 @@ function showLetters(told) {
   for (const one of document.querySelectorAll(".tip")) one.classList.remove("tip");
   const current = rowOf(tip);
   if (current) current.classList.add("tip");
+  if (current && current !== items[tip - 1] && follow && !isOpen(current)) { fold(current, false); opened.add(current); }
   if (drawn[tip - 1]) drawn[tip - 1].classList.add("tip");
 }
 
@@ -421,14 +421,16 @@ async function loadNode() {
 }
 
 function showNode(found) {
-  const facts = [["type", found.type + (found.description ? ": " + found.description : "")], ["in the tree", found.path],
-                 ["in the file", found.place], ["now", WORDS[letters[found.uid - 1]]]];
+  const facts = [["type", found.type + (found.description ? ": " + found.description : "")], ["in the tree", found.path.replace(/\//g, "/\u200b")],
+                 ["in the file", found.place.split("/").pop()], ["now", WORDS[letters[found.uid - 1]]]];
+  byId("facts").title = found.place;
   byId("facts").replaceChildren(...facts.filter(each => each[1]).flatMap(
     ([name, text]) => [element("dt", "", name), element("dd", "", text)]));
   fillTable("ports", found.ports.map(port => [port.name, port.text, port.value]));
   byId("results").replaceChildren(...found.results.map(each => element("li", "", [
     each.time, SIGNS[each.letter === "-" ? "r" : each.letter], WORDS[each.letter === "-" ? "r" : each.letter],
-    "after " + duration(each.seconds) + (each.times > 1 ? ", " + each.times + " times in a row" : ""),
+    each.seconds < 0.05 ? "at once" : "after " + duration(each.seconds),
+    each.times > 1 ? each.times + " times in a row" : "",
     each.why].filter(Boolean).join(" "))));
   if (!found.results.length) byId("results").append(element("li", "quiet", "none yet"));
 }
@@ -610,10 +612,10 @@ let ill = [];
 
 function showPasses(passes) { ended = passes.ended; }
 
-// what is wrong with the robot, and what this visit could not go on with
+// what is wrong with the robot, and what a visit could not go on with, until the next visitor comes
 function showAlarms() {
-  const given = visit && !visit.outcome ? sentences.filter(told => told.visit === visit.number && told.severity === "error"
-                                                                  && told.kind !== "health") : [];
+  const first = !visit ? 0 : visit.arrived === null ? visit.number - 1 : visit.number;
+  const given = sentences.filter(told => told.visit >= first && told.severity === "error" && told.kind !== "health");
   const alarms = ill.map(part => ({text: part.told || part.name + ": " + part.status + "; " + part.consequence, uid: 0}))
     .concat(given.slice().reverse());
   const shown = alarms.slice(0, MOST_ALARMS).map(alarm => {
@@ -660,7 +662,7 @@ function showDoubt() {
   else if (alive.hangs) [text, age, state] = ["The controller hangs: its tick thread gives no sign of life.", alive.age + silent, "hangs"];
   const [alert, since] = byId("doubt").children;
   put(alert, text);
-  put(since, age === null ? "" : "Since " + age.toFixed(0) + " s.");
+  put(since, age === null ? "" : "Since " + new Date(Date.now() - 1000 * age).toTimeString().slice(0, 8) + ", " + age.toFixed(0) + " s ago.");
   put(byId("connection"), state);
   byId("doubt").classList.toggle("told", text !== "");
   document.body.classList.toggle("stale", age !== null);
