@@ -16,7 +16,9 @@ from behavior_controller.interface.records import Answer, Request
 from behavior_controller.watch.plain import Count, Wrong, form, inside
 
 FORMAT = "behaviorController record"
-VERSION = 2
+VERSION = 3
+READ = (2, VERSION)
+"""Versions that are read; a record of version 2 has no steps, so that its story tells less."""
 
 LATEST = 1e11
 """Unix seconds that no record reaches: a date in the year 5138."""
@@ -156,9 +158,10 @@ def _whole(text: str) -> int:
 
 def _check_header(plain: Dict[str, Any], file: str) -> None:
     version = plain.get("version") if plain["event"] == Header.__name__ else None
-    if version != VERSION:
+    if version not in READ:
         named = "the version {}".format(version) if isinstance(version, int) else "no version"
-        raise MissionError([Fault(file, 1, 1, "the record has {}; this release reads version {}".format(named, VERSION),
+        raise MissionError([Fault(file, 1, 1, "the record has {}; this release reads version {}".format(
+            named, " and ".join(map(str, READ))),
                                   "replay it with the release that wrote it")])
     header = form(Header).read(plain)
     if header.format != FORMAT:
