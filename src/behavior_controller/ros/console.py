@@ -50,7 +50,7 @@ class Console:
             PassStarted: lambda event: None, Noticed: self._noticed, RunFinished: self._run_finished}
         self._shortage_told = -SHORTAGE_SPAN
         logging.getLogger("rosout").addFilter(_make_safe)  # of rospy's own lines; ours go by ``tell``
-        logging.raiseExceptions = False  # a log that cannot be written is no reason for a traceback on the terminal
+        logging.raiseExceptions = False  # a log that cannot be written is not a reason for a traceback on the terminal
         self.attach()
 
     def attach(self) -> None:
