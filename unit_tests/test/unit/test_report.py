@@ -214,7 +214,7 @@ def test_a_terminal_shows_so_many_rows_and_the_verdict_last(monkeypatch):
     shown = told.shown(100, ["where the files are"]).splitlines()
     assert shown[0] == "# title" and shown[2] == "a warning"
     assert shown[1] == "{} (and 2 objections: see the end)".format(str(told.verdict).splitlines()[0])
-    assert "and 1 more in the report" in shown
+    assert "and 4 more in the report" in shown
     verdict = str(told.verdict).splitlines()
     assert shown[-5:] == ["where the files are", ""] + verdict[:2] + ["        and 1 more in the report"]
     assert len(verdict) == 3
