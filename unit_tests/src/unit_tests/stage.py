@@ -55,6 +55,9 @@ SHORTEST_GAP = 0.05
 LONG_PACE = 0.25
 """Seconds between the ticks of a mission that changes something at every one, in place of ``runner.PACE``."""
 
+BUSY = "the mission busy-loops"
+"""Why the end of a mission that never waits is not awaited."""
+
 MOST_BUSY = 10
 """A mission that busy-loops is ticked so often."""
 
@@ -104,6 +107,11 @@ class Stage:
         self._registry = leaves.registry()
         self.world = world or parameters.world("", settings)
 
+    @classmethod
+    def of_file(cls, settings: Settings, path: str) -> "Stage":
+        """Return the stage for a mission file. Raises FaultsFound."""
+        return cls(settings, with_includes(read(path)))
+
     @property
     def mission(self) -> missions.Mission:
         """The mission, with a tree that is not played."""
@@ -140,7 +148,7 @@ class _Runner(Runner):
         result = super()._tick()
         self._busy += self.tree.busy_loops
         if self._busy > MOST_BUSY:
-            raise _TimeIsUp("the mission busy-loops")
+            raise _TimeIsUp(BUSY)
         return result
 
     def wait(self, seconds: Optional[float]) -> None:
