@@ -3,21 +3,19 @@ import dataclasses
 import itertools
 import multiprocessing
 import multiprocessing.pool
-import os
 import signal
-from typing import Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Dict, FrozenSet, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
-from behavior_controller.events import Event
 from behavior_controller.interface.records import Request
-from behavior_controller.settings import Settings, defaults
+from behavior_controller.settings import defaults
 
 from unit_tests import findings, robot
 from unit_tests.faults import KINDS, PlannedFault
 from unit_tests.findings import Look
 from unit_tests.stage import CALM, Played, Stage
 
-MESSAGES = 0.5
-"""Seconds between two messages of a topic: in a rehearsal none is late."""
+MESSAGES = 1.0
+"""Seconds between two messages of a topic, or half of ``topicMaxAge``: in a rehearsal none is late."""
 
 FEW = 60
 """So many plays are played in this process: others would not have started by then."""
@@ -27,7 +25,10 @@ CHUNK = 8
 
 
 class Scene(NamedTuple):
-    """One play: a visitor, how the visitor answers, and what goes wrong: as planned, or drawn with ``rate`` and ``seed``."""
+    """One play: a visitor, how the visitor answers, and what goes wrong: as planned, or drawn with ``rate`` and ``seed``.
+
+    Seed 0: nothing is drawn.
+    """
 
     visitor: str
     by_voice: bool = True
@@ -40,7 +41,7 @@ class Scene(NamedTuple):
     @property
     def is_calm(self) -> bool:
         """Whether nothing is made to go wrong."""
-        return not (self.planned or self.silent or self.rate)
+        return not (self.planned or self.silent or self.seed)
 
 
 class Outcome(NamedTuple):
@@ -77,7 +78,8 @@ class Theatre:
             CALM, visitor_behaviour=scene.visitor, planned_faults=scene.planned, failure_rate=scene.rate,
             random_seed=scene.seed, fault_kinds=scene.kinds, test_timeout=self._limit)
         stage = self.stage(scene.by_voice)
-        played = stage.play(test, scene.silent, robot.usual_seconds, MESSAGES)
+        gap = min(MESSAGES, stage.settings.topic_max_age / 2)
+        played = stage.play(test, scene.silent, robot.usual_seconds, gap)
         faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
         return Look(stage, played, scene.visitor, faults, "" if scene.is_calm else self._outcome_if_calm(scene))
 
@@ -174,8 +176,3 @@ def play_all(theatre: Theatre, arguments: Tuple[Any, ...], scenes: Sequence[Scen
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     with pool:
         yield from pool.imap_unordered(_look, scenes, CHUNK)
-
-
-def cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0))
