@@ -78,7 +78,7 @@ def _endless(look: Look) -> Iterator[Seen]:
 
 
 def _waits(look: Look) -> Iterator[Seen]:
-    if _is_cut_off(look) and not _goes_round(look) and not _waits_for_a_visitor(look):
+    if _is_cut_off(look) and not _goes_round(look) and not waits_for_a_visitor(look):
         yield _where_it_waits(look), "after {:.0f} s it still waits here".format(look.played.seconds)
 
 
@@ -90,8 +90,10 @@ def _goes_round(look: Look) -> bool:
     return any(at > START + look.played.seconds * (1 - END_SHARE) for at, _ in look.played.asked)
 
 
-def _waits_for_a_visitor(look: Look) -> bool:
-    """Whether no visitor has been seen so far: a robot may wait for one as long as it takes."""
+def waits_for_a_visitor(look: Look) -> bool:
+    """Return whether no visitor has been seen to the end: a robot may wait for one as long as it takes."""
+    if not _is_cut_off(look) or _goes_round(look):
+        return False
     nodes = look.stage.mission.tree.nodes
     seekers = [(event, spec) for _, event, spec in look.of_leaves() if Sense.VISITOR in spec.listens]
     if any(event.status == "SUCCESS" for event, _ in seekers):
@@ -118,8 +120,9 @@ def _exceptions(look: Look) -> Iterator[Seen]:
 
 def _missing_data(look: Look) -> Iterator[Seen]:
     for _, event, spec in look.of_leaves():
-        # that nothing was pressed is the visitor's answer
-        if event.failure is not None and event.failure.cause is Cause.MISSING_DATA and Prompt not in spec.calls:
+        # that nothing was pressed is the visitor's answer, and a recovery tells of another node's failure
+        if event.failure is not None and event.failure.cause is Cause.MISSING_DATA \
+                and Prompt not in spec.calls and not (spec.is_recovery and event.failure.resource):
             yield event.path, event.failure.message
 
 

@@ -24,6 +24,10 @@ CHUNK = 8
 """Plays that a process is given at once."""
 
 
+NO_VISITOR = "waiting for a visitor"
+"""The outcome of a pass in which no visitor is seen."""
+
+
 class Scene(NamedTuple):
     """One play: a visitor, how the visitor answers, and what goes wrong: as planned, or drawn with ``rate`` and ``seed``.
 
@@ -45,7 +49,7 @@ class Scene(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of a scene. ``outcome`` is SUCCESS, FAILURE, or empty if the pass did not end."""
+    """What came of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, or empty if the pass did not end."""
 
     scene: Scene
     outcome: str
@@ -94,7 +98,8 @@ class Theatre:
         look = self.play(scene)
         kinds = {type(request) for request in look.stage.settings.interface.safe_state}
         switched = frozenset(request for _, request in look.played.asked if type(request) in kinds)
-        return Outcome(scene, look.outcome, look.played.seconds, findings.visited(look),
+        outcome = look.outcome or (NO_VISITOR if findings.waits_for_a_visitor(look) else "")
+        return Outcome(scene, outcome, look.played.seconds, findings.visited(look),
                        tuple(findings.look_at(look)), look.played.reached, switched)
 
 
@@ -114,12 +119,16 @@ def calls(played: Played) -> List[Tuple[str, int, str]]:
 def single(theatre: Theatre, scenes: Sequence[Scene], kinds: Sequence[str]) -> Iterator[Scene]:
     """Yield each of the calm ``scenes`` with each call going wrong in each way, and with each topic silent.
 
-    Of the scenes by tablet only with the calls that the same visitor does not bring about by voice.
+    Of the scenes by tablet only with the calls that the same visitor does not bring about by voice. A pass that does not
+    end without a fault is not played with one.
     """
     known: Dict[str, Set[Tuple[str, str]]] = {}
     for scene in scenes:
         heard = known.setdefault(scene.visitor, set())
-        made = calls(theatre.play(scene).played)
+        look = theatre.play(scene)
+        if not look.outcome:
+            continue
+        made = calls(look.played)
         for (node, call, _), kind in itertools.product([each for each in made if (each[0], each[2]) not in heard], kinds):
             yield scene._replace(planned=(PlannedFault(node, call, kind),))
         heard.update((node, fields) for node, _, fields in made)
@@ -133,7 +142,10 @@ def pairs(theatre: Theatre, scenes: Sequence[Scene], kinds: Sequence[str]) -> It
     The second may be the one that a recovery makes of the first.
     """
     for scene in scenes:
-        made = [(node, call) for node, call, _ in calls(theatre.play(scene).played)]
+        look = theatre.play(scene)
+        if not look.outcome:
+            continue
+        made = [(node, call) for node, call, _ in calls(look.played)]
         twice = sorted({((node, call), (node, call + 1)) for node, call in made}.union(itertools.combinations(made, 2)))
         for (first, second), kind in itertools.product(twice, kinds):
             yield scene._replace(planned=(PlannedFault(*first, kind), PlannedFault(*second, kind)))
@@ -152,9 +164,8 @@ _theatre: Optional[Theatre] = None
 
 
 def _open(*arguments: Any) -> None:
-    """Make ready a process that plays; Ctrl-C is for the process that started it."""
+    """Make ready a process that plays."""
     global _theatre
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _theatre = Theatre(*arguments)
 
 
@@ -168,11 +179,11 @@ def play_all(theatre: Theatre, arguments: Tuple[Any, ...], scenes: Sequence[Scen
     if jobs <= 1 or len(scenes) <= FEW:
         yield from map(theatre.look, scenes)
         return
-    # else Ctrl-C would end processes that are just starting, each with a traceback
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # Ctrl-C is for this process; the others inherit what they do with it, and would end with a traceback each
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         pool = multiprocessing.get_context("spawn").Pool(jobs, _open, arguments)
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, before)
     with pool:
         yield from pool.imap_unordered(_look, scenes, CHUNK)

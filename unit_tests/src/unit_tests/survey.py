@@ -91,9 +91,12 @@ class Survey:
                 self._shortest[name, where] = outcome, what
 
     def found(self, is_complete: bool) -> List[Found]:
-        """Return the findings, those of one kind together. ``is_complete``: all that may happen has been played."""
+        """Return the findings, those of one kind together. ``is_complete``: all that may happen has been played.
+
+        What comes after a pass that does not end is not reached for that reason.
+        """
         whole: List[Tuple[str, str, str]] = []
-        if is_complete:
+        if is_complete and all(outcome for scene, outcome, _, _ in self._outcomes if scene.is_calm):
             stage = self.theatre.stage(self._outcomes[0][0].by_voice)
             whole = findings.unreached(stage, frozenset(self._reached)) + findings.never_off(
                 stage, frozenset(self._switched))
