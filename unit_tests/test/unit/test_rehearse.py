@@ -185,7 +185,7 @@ def start(*words, complaints):
 
 
 def test_several_processes_find_the_same(capsys):
-    words = [planted("goodbye_to_nobody"), "--json", "--kinds", "refused", "--visitors", "leaves"]
+    words = [planted("goodbye_to_nobody"), "--json", "--kinds", "refused,crash", "--visitors", "leaves"]
     process = start(*words, "--jobs", "2", complaints=subprocess.PIPE)
     text, complaints = process.communicate(timeout=120)
     assert (process.returncode, complaints) == (exits.FOUND, b"")
