@@ -19,7 +19,7 @@ def lines(record):
     with open(record.path, encoding="utf-8") as file:
         header, *found = [json.loads(line) for line in file]
     assert (header["event"], header["format"], header["version"], header["pid"]) == (
-        "Header", "behaviorController record", 2, os.getpid())
+        "Header", "behaviorController record", 3, os.getpid())
     return found
 
 
