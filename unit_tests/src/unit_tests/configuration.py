@@ -1,4 +1,5 @@
 """The configuration of the simulated robot: behaviorControllerTestConfiguration.ini and what overrides it."""
+import math
 import os
 import re
 from dataclasses import dataclass
@@ -104,3 +105,11 @@ def load(arguments: Mapping[str, str]) -> Configuration:
     """Read the configuration, overridden by ``arguments``. Raises ConfigurationError with every fault."""
     path = os.path.join(share(), "config", FILE_NAME)
     return filled(Configuration, read_configuration(path, KEYS, {}, arguments))
+
+
+def defaults(**given: object) -> Configuration:
+    """Return a configuration with nothing but the required keys, changed by ``given`` (camelCase)."""
+    values = {each.name: each.default for each in KEYS}
+    values.update(arrivalRate=math.inf, verboseMode=False)
+    values.update(given)
+    return filled(Configuration, values)

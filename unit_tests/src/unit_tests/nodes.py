@@ -23,7 +23,7 @@ from behavior_controller.ros.types import TYPES
 from unit_tests import arguments, parameters, robot
 from unit_tests.arrivals import Arrivals
 from unit_tests.configuration import ACTION
-from unit_tests.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG, Faults
+from unit_tests.faults import CRASH, EXCEPTION, UNANSWERED, WRONG, Faults
 from unit_tests.journal import Journal, Line, now
 from unit_tests.robot import SERVICES, TOPICS, Fields
 
@@ -115,7 +115,7 @@ class Node:
         self._stopped.wait()
 
     def _seed(self, purpose: str) -> str:
-        return "{}/{}/{}".format(self._test.random_seed, self._name, purpose)
+        return parameters.seed(self._test, self._name, purpose)
 
     def _write(self, line: Line) -> None:
         """Put a line into the journal and tell the visitor everything that is new there."""
@@ -138,9 +138,7 @@ class Node:
         """Answer one request; it stands in the journal before its answer is sent."""
         fields = {slot: getattr(request, slot) for slot in request.__slots__}
         with self._lock:
-            fault = self._faults.next()
-            if fault == WRONG and not _has_nonsense(service):
-                fault = REFUSED
+            fault = robot.possible(self._faults.next(), service, TYPES[service]._response_class.__slots__)
             line = Line(now(), self._name, rospy.resolve_name(service.name), self._faults.calls, fields, fault,
                         SERVICES[service.request].object_to(fields))
             self._write(line)
@@ -220,11 +218,6 @@ def _response(service: Service, answer: Optional[Answer], outcome: Any = None) -
         else:
             setattr(response, slot, (answer or Answer()).response)
     return response
-
-
-def _has_nonsense(service: Service) -> bool:
-    brings = set(TYPES[service]._response_class.__slots__) - {service.success.field}
-    return bool(brings) and SERVICES[service.request].nonsense is not None or robot.nonsense(service.success) is not None
 
 
 def _nonsense(service: Service) -> Any:

@@ -12,7 +12,7 @@ from typing import Dict, FrozenSet, List, Mapping
 from behavior_controller import knowledge_files, phrases
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.keys import boolean
-from behavior_controller.settings import split_arguments
+from behavior_controller.settings import Settings, split_arguments
 
 from unit_tests import arguments, configuration, exhibits
 from unit_tests.robot import NODES, World, nodes
@@ -59,6 +59,11 @@ def read_configuration() -> configuration.Configuration:
     return test
 
 
+def seed(test: configuration.Configuration, node: str, purpose: str) -> str:
+    """Return what a node draws from: the same in a test and in virtual time."""
+    return "{}/{}/{}".format(test.random_seed, node, purpose)
+
+
 def real_nodes() -> FrozenSet[str]:
     """Return the robot's nodes that are not simulated in this test."""
     return frozenset(node for node in NODES if boolean(given().get(arguments.USE_REAL + node, "false")))
@@ -74,14 +79,18 @@ def present_nodes() -> FrozenSet[str]:
 
 def read_world(test: configuration.Configuration) -> World:
     """Return the world before the robot's first move. Raises ConfigurationError."""
-    controller = arguments.load_controller(given())
+    return world(test.visitor_behaviour, arguments.load_controller(given()))
+
+
+def world(behaviour: str, controller: Settings) -> World:
+    """Return the world of a controller with this configuration. Raises ConfigurationError."""
     if controller.interface.has_knowledge_files:
         known = knowledge_files.load()
         knowledge, language, utility = exhibits.of_files(known), phrases.load(known.language), known.phrases
     else:
         knowledge = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
         language, utility = phrases.load(controller.language), {}
-    manners = _manners(test.visitor_behaviour, language, utility, knowledge)
+    manners = _manners(behaviour, language, utility, knowledge)
     return World(Visitor(manners), knowledge, controller)
 
 

@@ -1,6 +1,6 @@
 """What the simulated nodes do with each kind of request and what they have to publish, whichever interface they speak."""
 import math
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Union
+from typing import Any, Callable, Collection, Dict, List, Mapping, NamedTuple, Optional, Union
 
 from behavior_controller import interface as interfaces
 from behavior_controller.interface import Interface, Plain, Sense, Success, document
@@ -11,6 +11,7 @@ from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.settings import YES, Settings
 
 from unit_tests.exhibits import Knowledge
+from unit_tests.faults import REFUSED, WRONG
 from unit_tests.visitor import FOUND, GAZE_VALUES, LOOKED_FOR, NOTHING_HEARD, Visitor
 
 Fields = Dict[str, Any]
@@ -108,6 +109,13 @@ SERVICES: Mapping[type, Service] = {
 def nonsense(success: Success) -> Optional[Plain]:
     """Return a value of the field that tells the outcome, which tells none; None: each of its values means something."""
     return None if isinstance(success.done, bool) else 7 if isinstance(success.done, int) else "perhaps"
+
+
+def possible(fault: Optional[str], service: interfaces.Service, response: Collection[str]) -> Optional[str]:
+    """Return how a call goes wrong whose response has these fields: it is refused where no answer is nonsense."""
+    simulated = SERVICES.get(service.request)
+    brings = len(response) > 1 and simulated is not None and simulated.nonsense is not None
+    return REFUSED if fault == WRONG and not brings and nonsense(service.success) is None else fault
 
 
 # --------------------------------------------------------------------------------------------------------------- topics

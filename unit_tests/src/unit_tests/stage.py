@@ -1,0 +1,470 @@
+"""Plays a mission in virtual time, without ROS: the engine, leaves, recovery and policy against the simulated robot.
+
+What the simulated robot decides is decided by the same models as in a test (``faults``, ``arrivals``, ``visitor``,
+``robot``), with the same seeds. Time goes from one event to the next, so a pass takes some hundredths of a second.
+"""
+import dataclasses
+import functools
+import json
+import math
+import os
+from types import SimpleNamespace
+from typing import Any, Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
+
+from behavior_controller import exits, extensions, folders, leaves
+from behavior_controller import mission as missions
+from behavior_controller.bt.compiler import build
+from behavior_controller.bt.engine.clock import ManualClock, Timer
+from behavior_controller.bt.engine.node import Result
+from behavior_controller.bt.language.document import Document, read, with_includes
+from behavior_controller.bt.status import IDLE, RUNNING
+from behavior_controller.events import Event, Events, HealthChanged
+from behavior_controller.gateway import Call, Cause, Failure, FakeTopics, Gateway
+from behavior_controller.health import GONE, SLOW_SHARE, Health
+from behavior_controller.interface import Service, Topic, Unusable
+from behavior_controller.interface.records import Answer, Request
+from behavior_controller.runner import PACE, Runner, Running
+from behavior_controller.settings import Settings
+from behavior_controller.watch.codec import encode
+
+from unit_tests import configuration, parameters, robot
+from unit_tests.arrivals import Arrivals
+from unit_tests.configuration import ACTION, Configuration
+from unit_tests.exhibits import Knowledge
+from unit_tests.faults import CRASH, EXCEPTION, UNANSWERED, WRONG, Faults
+from unit_tests.journal import Line
+from unit_tests.robot import SERVICES, TOPICS, Fields, World
+from unit_tests.visitor import Manners, Visitor
+
+START = 1000.0
+"""When a play begins, in seconds of its clock; events and journal have the times of that clock."""
+
+WAY = 0.001
+"""Seconds from the sending of a request to its arrival at the node."""
+
+AWAY = 2.0
+"""Seconds from a node's crash to its return: the launch file waits one, and the node takes another to start."""
+
+NOTICED = 0.1
+"""Seconds after which the controller's monitor has noticed a crash or a return."""
+
+SHORTEST_GAP = 0.05
+"""Seconds between two messages of a topic at the least: what an infinite arrival rate comes to."""
+
+LONG_PACE = 0.25
+"""Seconds between the ticks of a mission that changes something at every one, in place of ``runner.PACE``."""
+
+MOST_BUSY = 10
+"""A mission that busy-loops is ticked so often."""
+
+CALM = configuration.defaults(failureRate=0.0, randomSeed=0)
+"""A test in which nothing goes wrong and every message comes in time."""
+
+_ORDER = 1e-6
+"""Seconds between two things that happen at one moment, so that their order shows in their times."""
+
+
+class Played(NamedTuple):
+    """What came of a play. ``exit_code`` is the controller's; None: it had not ended when its time was up."""
+
+    events: Sequence[Tuple[float, Event]]
+    journal: Sequence[Line]
+    exit_code: Optional[int]
+    cut_off: str  # why the end was not awaited
+    error: str  # an exception that ended the mission; empty: none
+    reached: FrozenSet[str]  # the paths of the nodes that were ticked
+    waiting: Tuple[str, ...]  # the paths of the leaves that were running at the end
+    seconds: float
+
+    def record(self) -> List[Dict[str, Any]]:
+        """Return the events as they are read from a record."""
+        return [json.loads(encode(at, event)) for at, event in self.events]
+
+
+Durations = Callable[[Request], float]
+
+
+def at_once(request: Request) -> float:
+    """Return how long the simulated nodes of a test take for a request, in seconds."""
+    return 0.005
+
+
+class Stage:
+    """A mission, read and found right, and the world in which it is played as often as wanted."""
+
+    def __init__(self, settings: Settings, documents: Optional[Sequence[Document]] = None, world: Optional[World] = None):
+        """``documents`` are what is played instead of the configured mission, the mission last. Raises FaultsFound."""
+        self.settings = settings
+        self._documents = documents or with_includes(read(missions.find(settings.scenario_specification)))
+        self._mission = missions.load(settings, ManualClock(START), documents=self._documents)
+        self._registry = leaves.registry()
+        self.world = world or parameters.world("", settings)
+
+    @property
+    def mission(self) -> missions.Mission:
+        """The mission, with a tree that is not played."""
+        return self._mission
+
+    @property
+    def knowledge(self) -> Knowledge:
+        return self.world.knowledge
+
+    def manners(self, behaviour: str) -> Manners:
+        """Return the manners of a visitor who behaves so."""
+        return self.world.visitor.manners._replace(behaviour=behaviour)
+
+    def play(self, test: Configuration, silent: Collection[str] = (), durations: Durations = at_once,
+             shortest_gap: float = SHORTEST_GAP) -> Played:
+        """Play the mission with the faults, messages and visitors of ``test``; topics in ``silent`` say nothing."""
+        clock = ManualClock(START)
+        mission = dataclasses.replace(self._mission, tree=build(self._documents, self._registry, clock))
+        visitor = Visitor(self.manners(test.visitor_behaviour))
+        return _Play(mission, self.world._replace(visitor=visitor), test, durations).run(silent, shortest_gap)
+
+
+class _TimeIsUp(Exception):
+    """The play ends here; the text says why."""
+
+
+class _Runner(Runner):
+    """A runner that goes to the next event in place of waiting for it."""
+
+    ends = math.inf
+    _busy = 0
+
+    def _tick(self) -> Result:
+        result = super()._tick()
+        self._busy += self.tree.busy_loops
+        if self._busy > MOST_BUSY:
+            raise _TimeIsUp("the mission busy-loops")
+        return result
+
+    def wait(self, seconds: Optional[float]) -> None:
+        """Let time pass until the tree is woken, ``seconds`` at the longest."""
+        clock, wake = self.clock, self.tree.wake
+        assert isinstance(clock, ManualClock)
+        clock.run_posted()
+        limit = math.inf if seconds is None else clock.now() + (LONG_PACE if seconds == PACE else seconds)
+        while not wake.test_and_clear():
+            due = clock.next_due()
+            moment = min(limit, math.inf if due is None else due)
+            if moment > self.ends:
+                raise _TimeIsUp("the mission did not end within {:g} s".format(self.ends - START))
+            clock.set_to(max(clock.now(), moment))
+            clock.run_due()
+            if moment == limit:
+                return
+
+
+class _Play:
+    """One play under way: what the robot's nodes, the monitor and the record are in a test."""
+
+    def __init__(self, mission: missions.Mission, world: World, test: Configuration, durations: Durations):
+        self.mission, self.world, self.test, self.durations = mission, world, test, durations
+        tree = mission.tree
+        self.clock, self.interface = tree.clock, world.settings.interface
+        self.wake = tree.wake.emit
+        self.health = Health(self.wake)
+        self.journal: List[Line] = []
+        self.events: List[Tuple[float, Event]] = []
+        self.topics = _Topics(self)
+        self.nodes: Dict[str, _Node] = {}
+        self._newest = 0.0
+
+    def run(self, silent: Collection[str], shortest_gap: float) -> Played:
+        """Play until the mission is over or its time is up."""
+        tree = self.mission.tree
+        events = Events()
+        events.subscribe(lambda event: self.events.append((self.stamp(), event)))
+        reached = set()
+        tree.subscribe(lambda node, old, new: None if new is IDLE else reached.add(node.full_path))
+        for topic in robot.topics(self.interface):
+            if topic.name not in silent:
+                self.topics.open(topic, shortest_gap)
+        context = self.mission.context(_Gateway(self), self.topics, events, self.health)
+        runner = _Runner(Running(tree, context, self.mission.file, self.test.mission_runs), lambda: False)
+        runner.ends = START + self.test.test_timeout
+        exit_code, cut_off, error = _ended(runner)
+        waiting = tuple(node.full_path for node in tree.nodes if node.status is RUNNING and not node.children)
+        return Played(self.events, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
+                      self.clock.now() - START)
+
+    def stamp(self) -> float:
+        """Return the time for what happens now: later than that of all that happened before."""
+        self._newest = max(self.clock.now(), self._newest + _ORDER)
+        return self._newest
+
+    def node(self, name: str) -> "_Node":
+        """Return the simulated node of that name."""
+        if name not in self.nodes:
+            self.nodes[name] = _Node(self, name)
+        return self.nodes[name]
+
+    def write(self, line: Line) -> None:
+        """Note a line; the visitor sees it."""
+        self.journal.append(line)
+        self.world.visitor.notice(line)
+
+    def seed(self, node: str, purpose: str) -> str:
+        return parameters.seed(self.test, node, purpose)
+
+
+def _ended(runner: _Runner) -> Tuple[Optional[int], str, str]:
+    """Run, and return the exit code, why the end was not awaited, and the exception that ended the run."""
+    try:
+        return runner.run(), "", ""
+    except _TimeIsUp as reason:
+        return None, str(reason), ""
+    except Exception as error:  # as the node does: a mistake in a leaf is an outcome like others
+        return exits.BROKEN, "", "{}: {}".format(type(error).__name__, " ".join(str(error).split()))
+
+
+# ------------------------------------------------------------------------------------------------------------- services
+
+
+class _Node:
+    """A simulated node: which of its calls go wrong, and whether it is there."""
+
+    def __init__(self, play: _Play, name: str):
+        self._play = play
+        self.name = name
+        test = play.test
+        planned = [fault for fault in test.planned_faults if fault.node == name]
+        self.faults = Faults(test.failure_rate, play.seed(name, "faults"), test.fault_kinds, planned)
+        self.is_away = False
+
+    def crash(self) -> None:
+        """Be away for a while."""
+        play = self._play
+        self.is_away = True
+        play.topics.close(self.name)
+        play.clock.call_after(NOTICED, lambda: self._report(False))
+        play.clock.call_after(AWAY, self._return)
+
+    def _return(self) -> None:
+        self.is_away = False
+        self._play.topics.reopen(self.name)
+        self._play.clock.call_after(NOTICED, lambda: self._report(True))
+
+    def _report(self, is_well: bool) -> None:
+        for offer in self._play.mission.offers:
+            if offer.node == self.name and isinstance(offer, Service):
+                self._play.health.report(GONE, HealthChanged("service", offer.name, self.name, True, "available again", "")
+                                         if is_well else HealthChanged(
+                    "service", offer.name, self.name, False, "gone: not reachable: connection refused",
+                    "until it is back, " + offer.absence))
+
+
+class _Gateway(Gateway):
+    """Carries requests to the simulated nodes, and ends calls as the real gateway does."""
+
+    def __init__(self, play: _Play):
+        self._play = play
+
+    def start(self, request: Request) -> Call:
+        """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
+        play = self._play
+        service = play.interface.service(type(request))
+        return _UnderWay(play, service, request).call
+
+
+class _UnderWay:
+    """A call on its way to a node and back."""
+
+    def __init__(self, play: _Play, service: Service, request: Request):
+        self._play, self._service, self._request = play, service, request
+        self._began = play.clock.now()
+        self._deadline = play.mission.settings.deadline(service)
+        self.call = Call(request, play.wake, self._end)
+        after = play.clock.call_after
+        self._timers = [
+            after(WAY, self._arrive), after(self._deadline, self._expire),
+            after(self._deadline * SLOW_SHARE, lambda: play.health.slow(service.name, self._deadline))]
+
+    def _end(self) -> None:
+        for timer in self._timers[1:]:  # what is sent arrives
+            timer.cancel()
+
+    def _finish(self, result: Union[Answer, Failure]) -> None:
+        self._end()
+        self._play.health.ended(self._service.name, self._play.clock.now() - self._began, self._deadline,
+                                isinstance(result, Failure))
+        self.call.finish(result)
+
+    def _expire(self) -> None:
+        self._finish(self._failure(Cause.NO_ANSWER, "waited {:g} s".format(self._deadline)))
+
+    def _failure(self, cause: Cause, message: str) -> Failure:
+        return Failure(cause, message, self._service.name)
+
+    def _arrive(self) -> None:
+        """Reach the node, or find that it is not there."""
+        play, service = self._play, self._service
+        node = play.node(service.node)
+        if service.name in play.test.absent_services:
+            absent = self._failure(Cause.NOT_ADVERTISED, "the master does not know it")
+            self._answer_after(0.0, absent if service.fails_without else Answer())
+        elif node.is_away:
+            self._answer_after(0.0, self._failure(
+                Cause.NOT_REACHABLE, "the master lists it, but connection refused"))
+        else:
+            self._carry_out(node)
+
+    def _answer_after(self, seconds: float, result: Union[Answer, Failure]) -> None:
+        # a call that was dropped has no timers any more
+        if self._timers[1].callback is not None:
+            self._timers.append(self._play.clock.call_after(seconds, lambda: self._finish(result)))
+
+    def _carry_out(self, node: _Node) -> None:
+        """Do what the node does with the request."""
+        play, service = self._play, self._service
+        asked, answered = slots(service)
+        fields = _fields(service, self._request, asked)
+        fault = robot.possible(node.faults.next(), service, answered)
+        simulated = SERVICES.get(service.request)
+        line = Line(play.stamp(), node.name, service.name, node.faults.calls, fields, fault,
+                    simulated.object_to(fields) if simulated is not None else None)
+        play.write(line)
+        answer = None
+        if line.done:
+            answer = simulated.answer(fields, play.world) if simulated is not None else Answer()
+        if fault == CRASH:
+            node.crash()
+        if fault != UNANSWERED:
+            at_once = fault in (EXCEPTION, CRASH) or line.objection is not None
+            self._answer_after(0.0 if at_once else play.durations(self._request), self._result(line, answer))
+
+    def _result(self, line: Line, answer: Optional[Answer]) -> Union[Answer, Failure]:
+        """Return what the controller makes of the response."""
+        success = self._service.success
+        if line.fault == EXCEPTION:
+            return self._failure(Cause.HANDLER_EXCEPTION, "call {} of {} fails on purpose".format(line.call, line.node))
+        if line.fault == CRASH:
+            return self._failure(Cause.CONNECTION_LOST, "the server hung up")
+        if line.fault == WRONG:
+            return self._nonsense()
+        if answer is None:
+            return self._failure(Cause.REFUSED, "answered {} = {!r}".format(success.field, success.refused))
+        return answer
+
+    def _nonsense(self) -> Union[Answer, Failure]:
+        field, done, refused = self._service.success
+        value = robot.nonsense(self._service.success)
+        if value is not None:
+            return self._failure(Cause.UNUSABLE_ANSWER, "answered {} = {!r}: neither {!r} (done) nor {!r} (refused)"
+                                 .format(field, value, done, refused))
+        try:
+            return self._service.answer(_message(SERVICES[self._service.request].nonsense or Answer()))
+        except Unusable as unusable:
+            return self._failure(Cause.UNUSABLE_ANSWER, str(unusable))
+
+
+def _message(answer: Answer) -> Any:
+    """Return the response that brings ``answer``, with the fields of the ROS message."""
+    return SimpleNamespace(response=answer.response, exhibits=[
+        SimpleNamespace(name=place.name, description1=place.description1, description2=place.description2,
+                        location=SimpleNamespace(x=place.location.x, y=place.location.y, theta=place.location.theta_deg),
+                        gesture=place.gesture) for place in answer.exhibits])
+
+
+def _fields(service: Service, request: Request, names: Sequence[str]) -> Fields:
+    """Return the fields of the srv request; those of the record where there is no srv file."""
+    return dict(zip(names, service.fields(request))) if names else dict(vars(request))
+
+
+@functools.lru_cache(maxsize=None)
+def slots(service: Service) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
+    """Return the names of the fields of a service's request and response, as its srv file has them."""
+    package, _, name = service.type.partition("/")
+    places = {extension.package: extension.folder for extension in extensions.found("interface")}
+    path = os.path.join(places.get(package, folders.share()), "srv", name + ".srv")
+    if not os.path.isfile(path):
+        return (), ()
+    with open(path, encoding="utf-8") as file:
+        asked, _, answered = file.read().partition("---")
+    return _names(asked), _names(answered)
+
+
+def _names(text: str) -> Tuple[str, ...]:
+    words = (line.partition("#")[0].split() for line in text.splitlines())
+    return tuple(line[1] for line in words if len(line) == 2)
+
+
+# --------------------------------------------------------------------------------------------------------------- topics
+
+
+class _Topics(FakeTopics):
+    """The topics of the simulated nodes, each with messages at random times."""
+
+    def __init__(self, play: _Play):
+        super().__init__(play.clock.now, play.wake)
+        self.play = play
+        self._open: Dict[Topic, _Publisher] = {}
+
+    def open(self, topic: Topic, shortest_gap: float) -> None:
+        """Let messages of ``topic`` come."""
+        self._open[topic] = _Publisher(self, topic, shortest_gap)
+        self._open[topic].begin()
+
+    def close(self, node: str) -> None:
+        """Let the topics of a node be silent: it has crashed."""
+        for publisher in self._of(node):
+            publisher.end()
+
+    def reopen(self, node: str) -> None:
+        """Let them be heard again, by a node that has just started."""
+        for publisher in self._of(node):
+            publisher.begin()
+
+    def _of(self, node: str) -> List["_Publisher"]:
+        return [publisher for topic, publisher in self._open.items() if topic.node == node]
+
+    def listen(self, topic: Topic, seconds: float) -> None:
+        """Let a robot that hears by an action listen for so long."""
+        if topic in self._open:
+            self._open[topic].until = self.play.clock.now() + seconds
+
+
+class _Publisher:
+    """What a simulated node publishes on one topic, or tells by the action in its place."""
+
+    def __init__(self, topics: _Topics, topic: Topic, shortest_gap: float):
+        self._topics, self._topic, self._shortest_gap = topics, topic, shortest_gap
+        play = topics.play
+        self._action = topic.action if play.test.recognise_by == ACTION else None
+        self._name = topic.name if self._action is None else self._action.name
+        self.until = -math.inf  # an action tells nothing later
+        self._published: Fields = {}
+        self._times: Iterator[float] = iter(())
+        self._timer: Optional[Timer] = None
+
+    def begin(self) -> None:
+        """Start as a node does."""
+        play = self._topics.play
+        self._published = {}
+        self._times = Arrivals(play.test.arrival_rate, play.seed(self._topic.node, "arrivals")).times(play.clock.now())
+        self._await_next()
+
+    def end(self) -> None:
+        """Say nothing more."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _await_next(self) -> None:
+        clock = self._topics.play.clock
+        self._timer = clock.call_after(max(next(self._times) - clock.now(), self._shortest_gap), self._tell)
+
+    def _tell(self) -> None:
+        play = self._topics.play
+        self._await_next()
+        if self._action is not None and play.clock.now() > self.until:
+            return
+        simulated = TOPICS[self._topic.name]
+        value = simulated.content(play.world)
+        if value is None:
+            return
+        fields = simulated.fields(value)
+        if fields != self._published:
+            self._published = fields
+            play.write(Line(play.stamp(), self._topic.node, self._name, 0, fields))
+        self._topics.publish(self._topic, value)

@@ -1,0 +1,156 @@
+"""Missions in virtual time: faults, messages and times are those of a test with real nodes."""
+import dataclasses
+import math
+from itertools import islice
+
+import pytest
+
+from behavior_controller import settings
+from behavior_controller.bt.language.document import parse
+from behavior_controller.events import HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, RunFinished
+
+from unit_tests import stage
+from unit_tests.arrivals import Arrivals
+from unit_tests.facts import Facts
+from unit_tests.faults import KINDS, Faults, PlannedFault
+from unit_tests.stage import CALM, START, Stage
+from unit_tests.verdict import judge
+
+LAB_TOUR = Stage(settings.defaults())
+SAY = '<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback><WelcomeSpeech/><HandleFallBack/></Fallback></BehaviorTree></root>'
+
+
+def play(on=LAB_TOUR, silent=(), **changed):
+    return on.play(dataclasses.replace(CALM, **changed), silent)
+
+
+def of_text(text, **chosen):
+    return Stage(settings.defaults(**chosen), [parse(text)])
+
+
+def of(kind, played):
+    return [event for _, event in played.events if isinstance(event, kind)]
+
+
+def facts(played, behaviour="engages", runs=1, on=LAB_TOUR):
+    return Facts(played.record(), played.journal, played.exit_code, behaviour, runs, on.knowledge, played.cut_off)
+
+
+def test_a_calm_tour_passes_and_its_facts_are_judged():
+    played = play(mission_runs=2)
+    assert [event.outcome for event in of(PassFinished, played)] == ["SUCCESS", "SUCCESS"]
+    assert played.exit_code == 0 and not played.cut_off and not played.error
+    assert judge(facts(played, runs=2)).passed
+
+
+def test_all_that_happened_has_a_time_of_its_own():
+    played = play(mission_runs=2)
+    times = [at for at, _ in played.events] + [line.time for line in played.journal]
+    assert len(set(times)) == len(times) and min(times) >= START
+    assert [at for at, _ in played.events] == sorted(at for at, _ in played.events)
+
+
+@pytest.mark.parametrize("kind, cause, seconds", [
+    ("refused", "refused", 0.01), ("exception", "exception", 0.01), ("unanswered", "no-answer", 60.0),
+    ("crash", "connection-lost", 0.01), ("wrong", "refused", 0.01)])
+def test_each_kind_of_fault_is_met_as_on_the_real_robot(kind, cause, seconds):
+    played = play(of_text(SAY), planned_faults=(PlannedFault("textToSpeech", 1, kind),))
+    failed = of(LeafFinished, played)[0]
+    assert failed.failure.cause.value == cause and failed.seconds == pytest.approx(seconds, abs=0.01)
+    assert [line.fault for line in played.journal if line.call == 1] == ["refused" if kind == "wrong" else kind]
+
+
+@pytest.mark.parametrize("node, leaf, cause", [
+    ("knowledgeBase", "LookUpHome", "unusable-answer"), ("gestureExecution", "WelcomeGesture", "unusable-answer"),
+    ("tabletEvent", "PressYesNoDialogue", "unusable-answer")])
+def test_an_answer_that_means_nothing_is_found_unusable(node, leaf, cause):
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><{}/></BehaviorTree></root>'.format(leaf)
+    played = play(of_text(text), planned_faults=(PlannedFault(node, 1, "wrong"),))
+    assert [event.failure.cause.value for event in of(LeafFinished, played)] == [cause]
+
+
+def test_a_node_that_has_crashed_is_away_until_it_is_back():
+    played = play(planned_faults=(PlannedFault("robotNavigation", 1, "crash"),))
+    told = [(event.is_well, event.status) for event in of(HealthChanged, played) if event.node == "robotNavigation"]
+    assert [is_well for is_well, _ in told] == [False, True]
+    recovered = of(Recovered, played)
+    assert [(event.node, event.outcome, event.attempts) for event in recovered] == [("Navigate", "done", 1)]
+    assert played.exit_code == 0
+
+
+def test_the_topic_of_a_node_that_has_crashed_is_silent_meanwhile():
+    played = play(planned_faults=(PlannedFault("overtAttention", 2, "crash"),))
+    said = [line.time for line in played.journal if line.node == "overtAttention" and not line.call]
+    crashed = [line.time for line in played.journal if line.fault == "crash"][0]
+    assert not [at for at in said if crashed < at < crashed + stage.AWAY]
+
+
+def test_the_faults_are_those_that_the_simulated_nodes_draw():
+    played = play(failure_rate=0.3, random_seed=7, fault_kinds=KINDS, mission_runs=2)
+    for node in ("textToSpeech", "overtAttention", "robotNavigation", "gestureExecution"):
+        lines = [line for line in played.journal if line.node == node and line.call]
+        drawn = Faults(0.3, "7/{}/faults".format(node), KINDS)
+        expected = [drawn.next() for _ in lines]
+        assert [line.call for line in lines] == list(range(1, len(lines) + 1)) and lines
+        if node != "textToSpeech":  # whose answers cannot be nonsense
+            assert [line.fault for line in lines] == expected
+        assert [line.fault is None for line in lines] == [fault is None for fault in expected]
+
+
+def test_messages_come_at_the_times_that_the_simulated_nodes_draw():
+    played = play(visitor_behaviour="silent", arrival_rate=60.0, random_seed=3)
+    first = [line.time for line in played.journal if line.node == "faceDetection"][0]
+    assert first == pytest.approx(next(Arrivals(60.0, "3/faceDetection/arrivals").times(START)), abs=1e-3)
+    published = list(islice(Arrivals(60.0, "3/overtAttention/arrivals").times(START), 200))
+    for line in played.journal:
+        if line.node == "overtAttention" and not line.call:
+            assert min(abs(line.time - at) for at in published) < 1e-3
+
+
+def test_a_mission_that_does_not_end_is_cut_off_and_says_where_it_waits():
+    played = play(silent={"/faceDetection/data"}, test_timeout=100.0)
+    assert played.exit_code is None and played.seconds == pytest.approx(100.0, abs=1.0)
+    assert played.cut_off == "the mission did not end within 100 s"
+    assert not judge(facts(played)).passed
+
+
+def test_a_mission_that_busy_loops_is_cut_off():
+    played = play(of_text('<root BTCPP_format="4"><BehaviorTree ID="M"><Repeat num_cycles="-1"><AlwaysSuccess/></Repeat>'
+                          '</BehaviorTree></root>'))
+    assert (played.exit_code, played.cut_off, played.seconds) == (None, "the mission busy-loops", 0.0)
+
+
+def test_a_service_that_the_robot_lacks_is_done_or_not_advertised():
+    release = Stage(settings.defaults(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour"))
+    played = play(release, absent_services=("/robotLocalization/set_pose",))
+    assert played.exit_code == 0
+    assert not [line for line in played.journal if line.resource == "/robotLocalization/set_pose"]
+
+
+@pytest.mark.parametrize("recognise_by", ("topic", "action"))
+def test_a_robot_of_release_1_0_hears_by_topic_and_by_action(recognise_by):
+    release = Stage(settings.defaults(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour"))
+    played = play(release, recognise_by=recognise_by, arrival_rate=120.0)
+    assert played.exit_code == 0
+    said = {line.resource for line in played.journal if line.node == "speechEvent" and not line.call}
+    assert said == {"/speechEvent/text" if recognise_by == "topic" else "/speechEvent/recognise_speech_action"}
+
+
+def test_an_exception_in_a_leaf_ends_the_pass(monkeypatch):
+    monkeypatch.setattr(stage._Gateway, "start", lambda self, request: 1 / 0)
+    played = play(of_text(SAY))
+    assert [event.exit_code for event in of(RunFinished, played)] == [played.exit_code] == [3]
+    assert "ZeroDivisionError" in [event.text for event in of(Noticed, played) if event.level == "error"][0]
+
+
+def test_an_exception_beside_the_leaves_ends_the_mission(monkeypatch):
+    monkeypatch.setattr(stage.Health, "publish", lambda self, events: 1 / 0)
+    played = play(of_text(SAY))
+    assert (played.exit_code, played.error) == (4, "ZeroDivisionError: division by zero")
+
+
+def test_the_record_is_what_a_record_holds():
+    record = play().record()
+    assert record[0]["event"] == "RunStarted" and record[-1]["event"] == "RunFinished"
+    failed = [line for line in record if line["event"] == "LeafFinished" and line["failure"]][0]
+    assert failed["failure"]["cause"] == "condition-false" and math.isfinite(failed["time"])
