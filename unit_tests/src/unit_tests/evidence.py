@@ -137,10 +137,9 @@ class Watch:
             self.wrong.append("{} held, and no message told so".format(node))
         if is_condition and letter == "F" and uid not in self._since and self._signs.must_hold(sense, now):
             self.wrong.append("{} did not hold, though the newest message told so".format(node))
-        if letter == "R" or letter == "F" and self._tree.is_below(uid, ASKED_AGAIN):
+        if letter != "-":
             self._since.setdefault(uid, now)
-        else:
-            self._since.setdefault(uid, now)
+        if uid in self._since and not (letter == "R" or letter == "F" and self._tree.is_below(uid, ASKED_AGAIN)):
             self._end(uid, now, is_condition and letter == "S")
 
     def _end(self, uid: int, now: float, held: bool) -> None:

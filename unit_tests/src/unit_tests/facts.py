@@ -45,6 +45,10 @@ class Tree:
         """Return whether two nodes have the same parent."""
         return self._parents.get(one) == self._parents.get(other)
 
+    def is_below(self, uid: int, control: str) -> bool:
+        """Return whether a node's parent is of that type."""
+        return self.types.get(self._parents[uid]) == control
+
     def before(self, uid: int) -> range:
         """Return all nodes before a node below the nearest one above it that has any: those come one after the other."""
         while uid:

@@ -33,6 +33,7 @@ class Matching:
 
     def __init__(self, facts: Facts):
         self.in_recovery: List[Tuple[Line, Event]] = []  # faults of the safe state's calls
+        self.injected: List[Event] = []  # failures of leaves that come from a fault, or from a node that is away
         self._facts = facts
         self._open: List[Line] = [line for line in facts.journal if line.fault is not None]
         self._failed_at: Dict[str, float] = {}  # path of a leaf -> when it failed last
@@ -63,13 +64,14 @@ class Matching:
             self._failed(event)
 
     def _failed(self, event: Event) -> None:
-        if not self._is_natural(event) and not self._take_fault(event):
-            self._not_injected.append(event)
+        if self._is_natural(event):
+            return
+        is_injected = self._is_away(event) or self._take_fault(event)
+        (self.injected if is_injected else self._not_injected).append(event)
 
     def _is_natural(self, event: Event) -> bool:
         """Whether the failure is the mission's way to say no: a false condition, a visitor who does not say yes."""
-        return event["failure"]["cause"] == Cause.CONDITION_FALSE.value or self._is_no_answer(event) \
-            or self._is_away(event)
+        return event["failure"]["cause"] == Cause.CONDITION_FALSE.value or self._is_no_answer(event)
 
     def _is_no_answer(self, event: Event) -> bool:
         """Whether the visitor is why there is no answer: none was heard or pressed, or a tablet told of no yes."""
