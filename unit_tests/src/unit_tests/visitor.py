@@ -55,7 +55,7 @@ class Manners(NamedTuple):
 
 
 class Visitor:
-    """One visitor after the other: the first comes when the robot wakes up, the next when it scans again."""
+    """One visitor after the other: the first comes when the robot wakes up, the next when it scans or stirs again."""
 
     def __init__(self, manners: Manners):
         self.manners = manners
@@ -93,6 +93,10 @@ class Visitor:
             self.attention = line.content["state"]
             self._looks = 0
 
+    def _notice_movement(self, line: Line, _was_asked: bool) -> None:
+        if line.content["state"] == "enabled" and not self.is_here:  # the call for scanning may have been lost
+            self._come()
+
     def _notice_speech(self, line: Line, was_asked: bool) -> None:
         if not line.done:
             self._is_asked = was_asked
@@ -113,7 +117,7 @@ class Visitor:
             self.is_listened_to = line.content["status"] == "true"
 
     _REACTIONS: Dict[str, Callable[["Visitor", Line, bool], None]] = {
-        "overtAttention": _notice_attention, "textToSpeech": _notice_speech, "robotNavigation": _notice_drive,
+        "overtAttention": _notice_attention, "animateBehavior": _notice_movement, "textToSpeech": _notice_speech, "robotNavigation": _notice_drive,
         "speechEvent": _notice_recognition}
 
     # ------------------------------------------------------------------------------------------- what the visitor does
