@@ -19,13 +19,15 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 sys.path[:0] = [os.path.dirname(os.path.abspath(__file__)), os.path.join(ROOT, "src"),
                 os.path.join(ROOT, "unit_tests", "src")]
 
+import timed_tour  # noqa: E402
 from behavior_controller import settings  # noqa: E402
+from unit_tests import journal  # noqa: E402
 from unit_tests.facts import Facts  # noqa: E402
 from unit_tests.faults import KINDS, REFUSED  # noqa: E402
 from unit_tests.rehearsal import rehearse_on  # noqa: E402
 from unit_tests.stage import CALM, Stage  # noqa: E402
 from unit_tests.verdict import judge  # noqa: E402
-from unit_tests.visitor import BEHAVIOURS  # noqa: E402
+from unit_tests.visitor import BEHAVIOURS, DECLINES, SILENT, UNCLEAR  # noqa: E402
 
 FAILURE_RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 ARRIVAL_RATES = (1, 5, 10, 20, 60, 200, 600, math.inf)
@@ -58,13 +60,24 @@ def play(by_voice, test):
     played = stage(by_voice).play(test)
     return Facts(played.record(), played.journal, played.exit_code, test.visitor_behaviour, test.mission_runs,
                  stage(by_voice).knowledge, played.cut_off, rehearsal(by_voice, test.visitor_behaviour))
+
+
+def right(by_voice, test, facts):
+    """Return how the run differs from what the policy's text asks; "" if it does not."""
+    starts = [event["at"] for event in facts.events if event["event"] == "PassStarted"]
+    outcomes = [event["outcome"] for event in facts.events if event["event"] == "PassFinished"]
+    pressed = {SILENT: None, DECLINES: False, UNCLEAR: False}.get(test.visitor_behaviour, True)
+    return timed_tour.differences(facts.journal, starts, outcomes, by_voice, pressed)
+
+
 if __name__ == "__main__":
     import time
     n0, n1 = map(int, sys.argv[1:3])
-    bad = 0
+    bad = bad2 = 0
     c = collections.Counter()
     t = time.time()
     tj = 0
+    journal.REPEAT = 0.0
     for seed in range(n0, n1):
         facts = play(*draw(seed))
         a = time.time()
@@ -74,6 +87,11 @@ if __name__ == "__main__":
             bad += 1
             print(seed, draw(seed))
             print(verdict)
+        told = right(*draw(seed), facts)
+        if told:
+            print(seed, draw(seed))
+            print("model", told)
+            bad2 += 1
         c[verdict.passed, draw(seed)[1].failure_rate] += 1
-    print(bad, time.time() - t, tj)
+    print(bad, bad2, time.time() - t, tj)
     print(c)
