@@ -57,7 +57,9 @@ class Matching:
 
     def _leaf(self, event: Event) -> None:
         resource = event["resource"]
-        if event["status"] == "IDLE":
+        if event["status"] == "IDLE" and event["node"] in RECOVERY:
+            self._halted(event)
+        elif event["status"] == "IDLE":
             self._take(resource, self._failed_at.get(event["path"], 0.0), event["time"], 1)
         elif event["status"] == "FAILURE" and event["node"] not in RECOVERY:
             self._failed_at[event["path"]] = event["time"]
@@ -102,15 +104,13 @@ class Matching:
                 and line.time <= event["time"]]
 
     def _take_fault(self, event: Event) -> bool:
-        """Match the newest fault before a leaf's failure, if it is of the right kind."""
-        failure = event["failure"]
-        for line in reversed(self._open):
-            if line.resource == failure["resource"] and line.time <= event["time"]:
-                if CAUSE_OF[line.fault or ""] != failure["cause"]:
-                    return False
-                self._open.remove(line)
-                return True
-        return False
+        """Match the fault that a failure comes from: the first while the leaf ran, or else the newest before."""
+        failure, began = event["failure"], event["time"] - event.get("seconds", 0.0)
+        found = [line for line in self._open if line.resource == failure["resource"] and line.time <= event["time"]
+                 and CAUSE_OF[line.fault or ""] == failure["cause"]]
+        for line in [line for line in found if line.time >= began][:1] or found[-1:]:
+            self._open.remove(line)
+        return bool(found)
 
     def _gave_up(self, event: Event) -> None:
         """Match the faults of the requests for the safe state; the record does not tell how those went."""
@@ -118,6 +118,11 @@ class Matching:
         quiet = {self._facts.interface.service(type(request)).node for request in self._facts.interface.safe_state}
         for resource in sorted({line.resource for line in self._open if line.node in quiet}):
             self.in_recovery += [(line, event) for line in self._take(resource, began, event["time"], 1)]
+
+    def _halted(self, event: Event) -> None:
+        """Match the faults of what a recovery had under way when it was halted: a retry, or the safe state."""
+        for resource in sorted({line.resource for line in self._open}):
+            self._take(resource, event["time"] - event["seconds"], event["time"], 1)
 
     def _take(self, resource: str, after: float, until: float, most: int) -> List[Line]:
         """Match and return up to ``most`` faults of a service between two moments."""

@@ -287,19 +287,31 @@ def _is_goodbye(event: Event) -> bool:
 def _left_out(case: Case, a_pass: Pass, is_excused: bool, number: int) -> Iterator[str]:
     """Object to exhibits that the robot did not get to, or did not describe to a visitor who was there.
 
-    With an excuse, the tour may have ended early, a drive may have failed, and an exhibit may have been left out.
+    With an excuse, the tour may have ended early, a drive may have failed, and a visit may have been given up.
     """
     visits, stops = _visits(a_pass), _stops(a_pass.lines)
-    places = {(line.content["goal_x"], line.content["goal_y"]) for line in a_pass.lines if line.node == "robotNavigation"}
     for index, exhibit in enumerate(case.facts.knowledge.exhibits[:number]):
         place = exhibit.location.x, exhibit.location.y
-        is_over = index >= len(visits) or place in places or _is_given_up(case, visits[index])
-        if place not in stops and not (is_excused and is_over):
+        visit = visits[index] if index < len(visits) else None
+        if place not in stops and not (is_excused and (visit is None or _is_lost(case, visit, place))):
             yield "pass {}: the robot did not get to exhibit {}".format(a_pass.number, exhibit.name)
         elif place in stops and not _is_described(exhibit, stops[place]) and not (
-                is_excused and (index >= len(visits) or _is_given_up(case, visits[index]))
-                or index < len(visits) and _is_mute_for_a_while(case, visits[index])):
+                is_excused and (visit is None or _is_given_up(case, visit)) or visit and _is_mute_for_a_while(case, visit)):
             yield "pass {}: exhibit {} was not described".format(a_pass.number, exhibit.name)
+
+
+def _is_lost(case: Case, visit: Tuple[float, float], place: Tuple[float, float]) -> bool:
+    """Whether a visit was given up before the robot was there, and not because it went to another exhibit."""
+    knowledge = case.facts.knowledge
+    others = {(each.location.x, each.location.y) for each in knowledge.exhibits} - {place}
+    others -= {(knowledge.home.location.x, knowledge.home.location.y)}
+    return _is_given_up(case, visit) and not any(
+        _place(line) in others for line in case.facts.journal
+        if line.node == "robotNavigation" and visit[0] < line.time <= visit[1])
+
+
+def _place(drive: Line) -> Tuple[float, float]:
+    return drive.content["goal_x"], drive.content["goal_y"]
 
 
 def _visits(a_pass: Pass) -> List[Tuple[float, float]]:
@@ -330,8 +342,7 @@ def _stops(lines: Sequence[Line]) -> Dict[Tuple[float, float], List[Line]]:
     stop: List[Line] = []
     for line in lines:
         if line.node == "robotNavigation":
-            place = line.content["goal_x"], line.content["goal_y"]
-            stop = stops.setdefault(place, []) if line.done else []
+            stop = stops.setdefault(_place(line), []) if line.done else []
         else:
             stop.append(line)
     return stops
