@@ -38,6 +38,7 @@ class Matching:
         self._open: List[Line] = [line for line in facts.journal if line.fault is not None]
         self._failed_at: Dict[str, float] = {}  # path of a leaf -> when it failed last
         self._not_injected: List[Event] = []
+        self._not_pressed: List[Event] = []  # answers on the tablet of a visitor who gives none
         for event in facts.events:
             if event["event"] == "LeafFinished":
                 self._leaf(event)
@@ -51,12 +52,17 @@ class Matching:
         for event in self._not_injected:
             yield "{} failed and nothing was injected there: {}: {}".format(
                 event["node"], event["failure"]["cause"], event["failure"]["message"])
+        for event in self._not_pressed:
+            yield "{} ended with SUCCESS, and the visitor pressed nothing".format(event["node"])
         for line in self._open:
             yield "call {} of {} was made to fail ({}) and is not on record as a failure".format(
                 line.call, line.resource, line.fault)
 
     def _leaf(self, event: Event) -> None:
         resource = event["resource"]
+        if event["status"] == "SUCCESS" and event["node"] in PROMPTS and self._facts.behaviour == SILENT \
+                and not self._is_real(resource):
+            self._not_pressed.append(event)
         if event["status"] == "IDLE" and event["node"] in RECOVERY:
             self._halted(event)
         elif event["status"] == "IDLE":
@@ -91,12 +97,14 @@ class Matching:
         """Whether the service that failed is not simulated: a real node does it, or it has crashed and is not back."""
         resource = event["failure"]["resource"]
         if not any(line.resource == resource and line.call for line in self._facts.journal):
-            return resource in self._facts.absent or any(
-                service.name == resource and service.node in self._facts.real
-                for service in self._facts.interface.services)
+            return resource in self._facts.absent or self._is_real(resource)
         before = self._before(event)
         return bool(before) and before[-1].fault == CRASH and before[-1] not in self._open \
             and event["failure"]["cause"] in AWAY
+
+    def _is_real(self, resource: str) -> bool:
+        return any(service.name == resource and service.node in self._facts.real
+                   for service in self._facts.interface.services)
 
     def _before(self, event: Event) -> List[Line]:
         """Return the calls of the service that failed up to then."""
