@@ -9,6 +9,10 @@ from behavior_controller.gateway import Failure
 from behavior_controller.text import Source
 
 
+BEGUN, OVER, OMITTED = "begun", "over", "omitted"
+"""States of an exhibit in ``TourAdvanced``."""
+
+
 class Sources(NamedTuple):
     """What a mission was made of besides its settings: texts of files, and the name of the interface.
 
@@ -32,6 +36,33 @@ class RunStarted(NamedTuple):
     sources: Sources
 
 
+class StepStarted(NamedTuple):
+    """A mission leaf begins a request, or begins to wait for what it is asked again and again.
+
+    ``words`` and ``what`` say in people's words what the robot does now: see ``records.Words``. ``limit`` is the seconds
+    that it may take; 0: there is none, or it is not known.
+    """
+
+    uid: int
+    node: str
+    path: str
+    words: str
+    what: str
+    limit: float
+
+
+class Told(NamedTuple):
+    """What people are to be told when a leaf ends: one line, and the ``kind`` of the sentence (``story.KINDS``).
+
+    ``mark`` is what that means for the visit: the visitor ``arrived``, is ``engaged``, was ``asked``, answered ``yes`` or
+    ``no``, or has ``left``; else empty.
+    """
+
+    kind: str
+    text: str
+    mark: str = ""
+
+
 class LeafFinished(NamedTuple):
     """A mission leaf ended with a result, or was halted (``status`` IDLE)."""
 
@@ -42,6 +73,37 @@ class LeafFinished(NamedTuple):
     resource: str
     seconds: float
     failure: Optional[Failure]
+    told: Optional[Told] = None
+
+
+class TourAdvanced(NamedTuple):
+    """An exhibit of the tour was begun, is over, or is not gone on with (``omitted``), as ``state`` says.
+
+    The ``Recovered`` that follows says why, and whether the tour goes on without it. ``number`` counts from 1.
+    """
+
+    uid: int
+    node: str
+    path: str
+    number: int
+    of: int
+    name: str
+    state: str
+
+
+class Recovering(NamedTuple):
+    """HandleFallBack (``uid``) is about to try the step ``node`` again: attempt so many ``of`` the policy's.
+
+    Or it is about to do ``substitute`` in its place; ``attempt`` is 0 then.
+    """
+
+    uid: int
+    node: str
+    path: str
+    failure: Failure
+    attempt: int
+    of: int
+    substitute: str = ""
 
 
 class Retried(NamedTuple):
@@ -67,6 +129,8 @@ class Recovered(NamedTuple):
     attempts: int
     success: bool
     outcome: str
+    reason: str = ""  # why the policy's rule was not followed
+    uid: int = 0  # of the HandleFallBack
 
 
 class HealthChanged(NamedTuple):
@@ -114,8 +178,8 @@ class RunFinished(NamedTuple):
     exit_code: int
 
 
-Event = Union[RunStarted, PassStarted, LeafFinished, Retried, Recovered, HealthChanged, PassFinished, Noticed,
-              RunFinished]
+Event = Union[RunStarted, PassStarted, StepStarted, LeafFinished, TourAdvanced, Recovering, Retried, Recovered,
+              HealthChanged, PassFinished, Noticed, RunFinished]
 
 
 class Events:

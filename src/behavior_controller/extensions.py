@@ -52,7 +52,7 @@ def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
     extension = Extension(package, folder, module)
     for wanted in KINDS[kind]:
         if not isinstance(getattr(module, wanted, ()), (tuple, list)):
-            raise extension.broken("{} is no tuple".format(wanted))
+            raise extension.broken("{} is not a tuple".format(wanted))
     if not any(hasattr(module, wanted) for wanted in KINDS[kind]):
         raise extension.broken("it has no {}".format(" and no ".join(KINDS[kind])))
     return extension

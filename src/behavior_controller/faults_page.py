@@ -24,7 +24,7 @@ a test checks each example.
 | `file` | string | the path, as it was given or included |
 | `range` | object or null | `start` and `end`, each with `line` and `column`, from 1; null: no place is known |
 | `severity` | string | `error` or `warning` |
-| `code` | string | one of the codes below; empty for a file that is no mission |
+| `code` | string | one of the codes below; empty for a file that is not a mission |
 | `text` | string | what is wrong, on one line |
 | `hint` | string | what to do, or what is allowed; may be empty |
 

@@ -56,7 +56,7 @@ class Health:
         self._wake()
 
     def hear(self, topic: str, at: float) -> None:
-        """Tell when a topic was heard last, from any thread. That is no reason to wake the tree."""
+        """Tell when a topic was heard last, from any thread. That is not a reason to wake the tree."""
         self._news.append((topic, at))
 
     @tick_thread_only

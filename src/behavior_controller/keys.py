@@ -13,7 +13,7 @@ from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.text import Source, Unreadable, read_text
 
 MOST_FAULTS = 100
-"""A file with more mistakes is no configuration; the rest of it is not read."""
+"""A file with more mistakes is not a configuration; the rest of it is not read."""
 
 REQUIRED: Any = object()
 """The default of a key that must be given."""
@@ -192,7 +192,7 @@ def keys_of(record: type) -> Dict[str, Key]:
 
 
 def filled(record: Type[Record], values: Mapping[str, Any], **others: Any) -> Record:
-    """Return a dataclass whose fields have the ``values`` of their keys; ``others`` are fields that are no keys."""
+    """Return a dataclass whose fields have the ``values`` of their keys; ``others`` are fields that are not keys."""
     return record(**others, **{name: values[each.name] for name, each in keys_of(record).items()})
 
 

@@ -424,7 +424,7 @@ def _source(configuration: Source, kind: str) -> Source:
         raise ConfigurationError([fault._replace(hint=hint) for fault in error.faults]) from error
     found = _kind(source.text)
     if found not in ((kind, None) if kind else _CONFIGURATIONS):
-        text = "this is the {} file".format(found) if found else "this is no knowledge file of release 1.0"
+        text = "this is the {} file".format(found) if found else "this is not a knowledge file of release 1.0"
         raise ConfigurationError([Fault(path, 0, 0, text, hint)])
     return source
 

@@ -85,7 +85,7 @@ KEYS = _keys_of(SPEECHES) + (
     Key("tabletNo", _LABEL, REQUIRED, "a button on the tablet"),
     Key(YES, _PHRASES, REQUIRED, "what means yes"),
     Key(NO, _PHRASES, REQUIRED, "what means no"),
-    Key(UNCLEAR, _PHRASES, (), "what is no answer although it sounds like one"),
+    Key(UNCLEAR, _PHRASES, (), "what is not an answer although it sounds like one"),
 )
 
 
@@ -122,7 +122,7 @@ class Phrases:
         return next((self.speeches[speech.node] for speech in SPEECHES if speech.utility == number), None)
 
     def spoken_answer(self, utterance: str) -> Optional[str]:
-        """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes; ``Error…`` is no answer."""
+        """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes; ``Error…`` is not an answer."""
         if _begins_with_error(utterance):
             return None
         heard = self._heard(_sentence(utterance))

@@ -45,7 +45,7 @@ class Recovery:
         self._policy = policy
         self._node = node
         self._leave_out = leave_out
-        self._reason = ""  # why the policy's rule is not followed
+        self.reason = ""  # why the policy's rule is not followed
         self._is_substituting = False
         self._rule: Rule = policy.rule(node, failure.cause)
         if not is_affordable:
@@ -55,7 +55,12 @@ class Recovery:
 
     def __str__(self) -> str:
         """Return the rule that was followed, as an operator reads it, and why not the policy's."""
-        return str(self._rule) + (": " + self._reason if self._reason else "")
+        return str(self._rule) + (": " + self.reason if self.reason else "")
+
+    @property
+    def retries(self) -> int:
+        """How often the rule allows the step to be tried again."""
+        return self._rule.retries
 
     @property
     def is_indispensable(self) -> bool:
@@ -64,7 +69,7 @@ class Recovery:
 
     def _give_up(self, reason: str) -> None:
         self._rule = self._rule._replace(retries=0, then=GIVE_UP, substitute=None)
-        self._reason = reason
+        self.reason = reason
 
     def next_step(self) -> Step:
         """Return what to do now that the last attempt has failed."""
@@ -75,7 +80,7 @@ class Recovery:
             return Substitute(self._rule.substitute)
         if not self._leave_out() and self._rule.then == SKIP:
             self._rule = self._rule._replace(then=GIVE_UP)
-            self._reason = "every exhibit would be left out"
+            self.reason = "every exhibit would be left out"
         return End(SKIPPED if self._rule.then == SKIP else GIVEN_UP)
 
     def attempted(self, failure: Optional[Failure]) -> Step:

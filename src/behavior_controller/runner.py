@@ -12,7 +12,7 @@ from behavior_controller.interface import Interface, Service, Topic
 from behavior_controller.leaves.base import MissionContext
 
 SHORTEST_PASS = 1.0
-"""Seconds: a pass that ends sooner is followed by a pause of that length, lest a mission that fails at once busy-loops."""
+"""Seconds: a pass that ends sooner is followed by a pause of that length; a mission that fails at once must not busy-loop."""
 
 ROUNDS_AT_ONCE = 100
 """Ticks that may follow each other without a wait."""

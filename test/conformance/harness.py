@@ -118,7 +118,7 @@ def _plain(value: Any) -> Any:
     return NAMES[value] if not isinstance(value, (list, dict)) and value in NAMES else value
 
 
-def _registry(case: Dict[str, Any], events: List[Any]) -> Registry:
+def registry_of(case: Dict[str, Any], events: List[Any]) -> Registry:
     registry = Registry(builtin_specs())
     types: Dict[str, Any] = dict(_STANDARD, **case.get("leaf_types", {}))
     if case.get("auto_register", True):
@@ -166,7 +166,7 @@ def _documents(case: Dict[str, Any]) -> List[Document]:
     return documents
 
 
-def _build(case: Dict[str, Any], events: List[Any]) -> Tree:
+def build_case(case: Dict[str, Any], events: List[Any]) -> Tree:
     blackboard = Blackboard()
     if "global_blackboard" in case:
         blackboard.parent = Blackboard()
@@ -176,7 +176,7 @@ def _build(case: Dict[str, Any], events: List[Any]) -> Tree:
     enums = dict(case.get("enums", {}))
     if "\"color\"" in json.dumps(case.get("leaf_types", {})):
         enums.update(COLOURS)
-    return build(_documents(case), _registry(case, events), clock=clock, blackboard=blackboard, strict=True,
+    return build(_documents(case), registry_of(case, events), clock=clock, blackboard=blackboard, strict=True,
                  main_tree=case.get("main_tree"), enums=enums, rules=case.get("substitutions"))
 
 
@@ -192,7 +192,7 @@ def run(case: Dict[str, Any]) -> Dict[str, Any]:
                 file.write(text)
         try:
             os.chdir(scratch)
-            tree = _build(case, events)
+            tree = build_case(case, events)
         except BehaviorControllerError as error:
             return {"error": True, "message": str(error)}
         finally:

@@ -43,6 +43,6 @@ def test_the_comparison_notices_what_its_level_is_for(change, level, noticed):
 def test_a_mission_that_never_waits_returns_and_says_so():
     with open(os.path.join(HERE, "hand", "tick_once_infinite_repeat_hangs.json"), encoding="utf-8") as opened:
         case = json.load(opened)
-    tree = conformance._build(case, [])
+    tree = conformance.build_case(case, [])
     assert tree.tick_once() is conformance.BY_NAME["RUNNING"]
     assert tree.busy_loops

@@ -45,6 +45,12 @@ class Lines:
                 return found
         raise AssertionError("the wanted line did not come in {} s, only:\n{}".format(seconds, self.text()))
 
+    def wait_for_more(self, seen, seconds):
+        """Return the lines from number ``seen`` on and whether the stream has ended, once there is news of either."""
+        with self._news:
+            self._news.wait_for(lambda: len(self.all) > seen or self.ended, seconds)
+            return self.all[seen:], self.ended
+
     def wait_for_end(self, seconds):
         """Return when the stream has ended."""
         with self._news:

@@ -164,9 +164,8 @@ class FaultyRobot:
         """Pass on each line of the controller."""
         seen = 0
         while True:
-            with lines._news:
-                lines._news.wait_for(lambda: len(lines.all) > seen or lines.ended, 600)
-                fresh, seen, ended = lines.all[seen:], len(lines.all), lines.ended
+            fresh, ended = lines.wait_for_more(seen, 600)
+            seen += len(fresh)
             for _, line in fresh:
                 self.events.put(("line", line, None))
             if ended and len(lines.all) == seen:

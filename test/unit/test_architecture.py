@@ -132,7 +132,7 @@ def test_only_the_document_imports_lxml():
 
 
 def strings(path):
-    """Return each string constant of a file that is no docstring, with its line."""
+    """Return each string constant of a file that is not a docstring, with its line."""
     tree = parse(path)
     docstrings = {id(node.body[0].value) for node in ast.walk(tree) if isinstance(node, DOCUMENTED) and node.body
                   and isinstance(node.body[0], ast.Expr)}

@@ -11,7 +11,7 @@ from behavior_controller.errors import MissionError
 
 
 class Forgetful(SyncActionLeaf):
-    """Returns what its test wants, which is no status."""
+    """Returns what its test wants, which is not a status."""
 
     result = None
 
@@ -113,5 +113,5 @@ def test_node_types_that_fail_where_they_make_a_node_are_faults_at_their_places(
     assert [str(fault) for fault in raised.value.faults][:3] == [
         "m.xml:2:31: Broken cannot be made: ValueError: invalid literal for int() with base 10: 'Broken'" + hint,
         "m.xml:3:1: Unsettled cannot be made: KeyError: 'gripper'" + hint,
-        "m.xml:4:1: Nothing cannot be made: TypeError: its factory returned None, which is no node" + hint]
+        "m.xml:4:1: Nothing cannot be made: TypeError: its factory returned None, which is not a node" + hint]
     assert len(raised.value.faults) == 4

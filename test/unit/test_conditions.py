@@ -2,7 +2,7 @@
 import pytest
 
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.events import Noticed
+from behavior_controller.events import LeafFinished, Noticed
 from behavior_controller.interface.document import ATTENTION, FACES, SPEECH
 from behavior_controller.interface.records import Answer, AttentionStatus, Faces
 from mission_rig import one_leaf, refusal
@@ -137,7 +137,8 @@ def test_a_gaze_from_before_the_mode_was_set_is_none_and_the_next_one_wakes_the_
     rig.topics.publish(ATTENTION, AttentionStatus("seeking", 1))
     rig.clock.advance(0.1)
     assert rig.tick() is FAILURE
-    assert reported(rig, "IsMutualGazeDiscovered") == ["no mutual gaze; the newest message came before"]
+    assert reported(rig, "IsMutualGazeDiscovered") == [
+        "the visitor did not look at the robot; the newest message came before"]
     rig.clock.advance(0.1)
     # the same value as before: it is its time that makes it an answer
     rig.topics.publish(ATTENTION, AttentionStatus("seeking", 1))
@@ -271,7 +272,7 @@ def test_the_last_child_of_a_reactive_control_may_wait():
 
 
 def reported(rig, node):
-    return [event.failure.message for event in rig.seen if getattr(event, "node", "") == node and event.failure]
+    return [event.failure.message for event in rig.of(LeafFinished) if event.node == node and event.failure]
 
 
 def test_each_round_of_a_condition_is_reported():
@@ -279,7 +280,7 @@ def test_each_round_of_a_condition_is_reported():
     for _ in range(3):
         assert rig.tick() is FAILURE
         rig.clock.advance(1.0)
-    assert reported(rig, "IsMutualGazeDiscovered") == 3 * ["no mutual gaze"]
+    assert reported(rig, "IsMutualGazeDiscovered") == 3 * ["the visitor did not look at the robot"]
 
 
 def test_a_condition_wait_that_found_nothing_is_reported():
@@ -288,7 +289,7 @@ def test_a_condition_wait_that_found_nothing_is_reported():
     rig.clock.advance(3.0)
     rig.tick()
     assert reported(rig, "IsVisitorDiscovered") == ["no face in view"]
-    assert [event.seconds for event in rig.seen] == [3.0]
+    assert [event.seconds for event in rig.of(LeafFinished)] == [3.0]
 
 
 def test_a_waiting_condition_is_reported_once():

@@ -27,7 +27,7 @@ def spot(text):
     """Read ``x;y``."""
     numbers = [values.whole_real(part) for part in text.split(";")]
     if len(numbers) != 2 or None in numbers:
-        raise ValueFault("{} is no spot: write x;y".format(text))
+        raise ValueFault("{} is not a spot: write x;y".format(text))
     return Spot(*numbers)
 
 
@@ -149,7 +149,7 @@ def test_a_record_is_read_from_a_literal_from_a_text_and_from_an_entry():
 
 
 @pytest.mark.parametrize("body, column, words", [
-    ('<To spot="1.5"/>', 5, "1.5 is no spot: write x;y"),
+    ('<To spot="1.5"/>', 5, "1.5 is not a spot: write x;y"),
     ('<Marked marks="1;2"/>', 9, "a value of type Marks has no text"),
 ])
 def test_a_literal_that_is_none_is_refused_where_it_stands(body, column, words):

@@ -22,7 +22,6 @@ from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.watch import front, groot2
 from behavior_controller.watch.groot2 import Groot2Publisher
-from behavior_controller.watch.hooks import Hook
 from mission_rig import Rig, visitor_who
 
 FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures", "groot2")
@@ -430,10 +429,12 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
         if len(lines) == 1:
             raise SystemExit
 
-    publisher = Groot2Publisher("127.0.0.1", free_ports(), SPECS, die)
+    port = free_ports()
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, die)
     tree = tree_of('<Act name="a"/>', a="S")
     publisher.show(tree)
-    publisher._shown.hooks.insert([Hook(1, 0, 0, False, True, "SKIPPED")])
+    client = Client(port)
+    client.ask("I", hook(1, mode=0, status="SKIPPED"))
     ends = time.monotonic() + 10.0
     while tree.tick_exactly_once() is RUNNING:
         assert time.monotonic() < ends

@@ -373,7 +373,7 @@ def test_a_culture_file_by_itself(package, name):
      ["config/other.ini:2:1: unknown key x (the keys: knowledgeBase, verboseMode, valueTypes)"]),
     ("knowledgeBase places.dat", []),
     ("knowledgeBase words.dat", []),
-    ("knowledgeBase x.dat", ["data/x.dat: this is no knowledge file of release 1.0 (the key knowledgeBase of "
+    ("knowledgeBase x.dat", ["data/x.dat: this is not a knowledge file of release 1.0 (the key knowledgeBase of "
                              "config/other.ini names it)"]),
 ])
 def test_a_configuration_of_another_name_may_name_either(package, text, expected):

@@ -95,7 +95,7 @@ CANNOT_BE_MEANT = {
     "recovery in a Sequence": ("<Sequence><Act/>\n<Recover/></Sequence>", (3, 1),
                                ["no failure to look at", "into a Fallback"]),
     "another kind than it says": ('<Sequence><Act/>\n<Condition ID="Act"/></Sequence>', (3, 1), [
-        "Act is no Condition but of kind Action"]),
+        "Act is of kind Action, not Condition"]),
     "read, never written": ('<In\nin="{goal}"/>', (3, 1), ["the entry goal is read here, but nothing writes it"]),
     "read in a script": ('<ScriptCondition code="lives > 1"/>', (2, 18), ["the entry lives"]),
     "read in a condition": ('<Sequence><Script code="lifes := 1"/><Act _skipIf="lives == 0"/></Sequence>', (2, 43), [
@@ -271,7 +271,7 @@ def test_no_node_of_the_recorded_traces_ends_as_it_is_thought_not_to():
         if any(item[:1] in "KI" for script in case["leaves"].values() for item in script):
             continue  # leaves that SKIP, which mission leaves never do
         documents = [parse(case["xml"])]
-        registry = conformance._registry(case, [])
+        registry = conformance.registry_of(case, [])
         checked = check(documents, registry, strict=True)
         ends = outcomes({tree_id: below(root) for tree_id, root in reversed(list(checked.trees.items()))}, registry)
         unreached = {fault[1:3] for fault in lint(documents, checked, registry) if "never reached" in fault.text}
@@ -295,7 +295,7 @@ def test_few_warnings_about_data_in_the_recorded_traces():
     with lzma.open(TRACES, "rt", encoding="utf-8") as file:
         for case in map(json.loads, file):
             documents = [parse(case["xml"])]
-            registry = conformance._registry(case, [])
+            registry = conformance.registry_of(case, [])
             found = lint(documents, check(documents, registry, strict=True), registry, list(case["blackboard"]))
             assert [fault for fault in found if "nothing writes" in fault.text or "uses no entry" in fault.text] == []
 

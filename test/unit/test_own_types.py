@@ -83,7 +83,7 @@ def test_what_the_converter_raises_is_a_fault_at_the_place_of_the_text(text, wor
 
 
 def test_a_converter_that_returns_another_class_is_named():
-    with pytest.raises(bt.MissionError, match=r"the converter of Odd returned \(1, 2\) for \[x\], which is no Spot"):
+    with pytest.raises(bt.MissionError, match=r"the converter of Odd returned \(1, 2\) for \[x\], which is not a Spot"):
         load("<Note at='x' next='{out}'/>", bt.PortType("Odd", Spot, lambda text: (1, 2)))
 
 

@@ -19,7 +19,7 @@ def lines(record):
     with open(record.path, encoding="utf-8") as file:
         header, *found = [json.loads(line) for line in file]
     assert (header["event"], header["format"], header["version"], header["pid"]) == (
-        "Header", "behaviorController record", 2, os.getpid())
+        "Header", "behaviorController record", 3, os.getpid())
     return found
 
 
@@ -90,12 +90,13 @@ def test_what_does_not_fit_into_the_queue_is_counted_where_it_is_missing(tmp_pat
 def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):
     record = Record(str(tmp_path), ManualClock(), complain=None)
     answers = {}
-    gateway = record.gateway(FakeGateway(lambda: None, answers.get))
+    robot = FakeGateway(lambda: None, answers.get)
+    gateway = record.gateway(robot)
     early, late = gateway.start(Say("now")), gateway.start(Say("later"))
     assert early.result is None and late.result is None
-    late._inner.finish(Failure(Cause.REFUSED, "no", "/x"))
+    robot.calls[1].finish(Failure(Cause.REFUSED, "no", "/x"))
     assert late.result == late.result == Failure(Cause.REFUSED, "no", "/x") and early.result is None
-    early._inner.finish(Answer("1"))
+    robot.calls[0].finish(Answer("1"))
     assert early.result == early.result == Answer("1")
     assert [(line["event"], line["call"]) for line in lines(record)] == [
         ("Asked", 1), ("Asked", 2), ("Answered", 2), ("Answered", 1)]

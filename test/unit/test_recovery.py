@@ -157,7 +157,7 @@ def test_an_old_failure_is_not_handled_again():
     rig = one_leaf("<Fallback><Sequence><WelcomeSpeech/><AlwaysFailure/></Sequence><HandleFallBack/></Fallback>",
                    failing(1, Cause.NO_ANSWER))
     assert to_the_end(rig) is SUCCESS
-    assert to_the_end(rig) is FAILURE  # the speech worked: what failed now is no mission node
+    assert to_the_end(rig) is FAILURE  # the speech worked: what failed now is not a mission node
 
 
 def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
@@ -399,7 +399,7 @@ def test_halting_a_recovery_drops_the_safe_state():
     rig.tick()
     dropped = []
     for call in rig.gateway.calls[1:]:
-        call._abandon = lambda: dropped.append(True)
+        call.drop = lambda: dropped.append(True)
     rig.tree.halt()
     assert dropped == [True, True]
 

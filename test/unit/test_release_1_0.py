@@ -342,7 +342,8 @@ def test_a_robot_that_gives_up_the_search_for_gaze_ends_the_wait():
     says_mode(rig, "seeking", 3)
     assert rig.tree.wake.test_and_clear()
     assert rig.tick() is FAILURE
-    assert rig.of(LeafFinished)[0].failure == Failure(Cause.CONDITION_FALSE, "no mutual gaze", "/overtAttention/mode")
+    assert rig.of(LeafFinished)[0].failure == Failure(
+        Cause.CONDITION_FALSE, "the visitor did not look at the robot", "/overtAttention/mode")
 
 
 @pytest.mark.parametrize("means, response", [("done", None), ("yes", "yes")])

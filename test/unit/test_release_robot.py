@@ -10,7 +10,7 @@ from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.events import Events
 from behavior_controller.gateway import FakeGateway, FakeTopics
-from behavior_controller.interface import Sense, document
+from behavior_controller.interface import Interface, Sense, document, robots
 from behavior_controller.interface.records import Answer, GoTo, Location, Prompt, Say, SetPose
 from behavior_controller.interface.release_1_0 import SPEECH
 from behavior_controller.leaves import base
@@ -195,7 +195,10 @@ class IsPresent(base.TopicCondition):
 @pytest.mark.parametrize("leaf, lacking", [
     (TellPose, "service for SetPose"), (IsPresent, "message that tells of the visitor's presence")])
 def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch, files, leaf, lacking):
-    monkeypatch.delitem(document.INTERFACE._evidence, Sense.PRESENCE)  # as a robot that does not tell of it
+    whole = document.INTERFACE
+    evidence = {sense: whole.evidence(sense) for sense in Sense if sense is not Sense.PRESENCE and whole.tells(sense)}
+    monkeypatch.setitem(robots.INTERFACES, whole.name, Interface(
+        whole.name, whole.services, whole.topics, whole.safe_state, evidence))
     registry = leaves.registry()
     registry.extend([base.leaf_spec("Other", leaf, "A leaf of release 1.0.")])
     monkeypatch.setattr(leaves, "registry", lambda: registry)

@@ -227,7 +227,7 @@ def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     assert outcome.divergence == "" and outcome.passes == 0 and outcome.changes > 50
 
 
-HEADER = '{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": 2, "pid": 7}\n'
+HEADER = '{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": 3, "pid": 7}\n'
 NOTICED = HEADER + '{"event": "Noticed", "time": 1.5, "level": "info", "text": "-"}\n'
 
 
@@ -242,9 +242,9 @@ NOTICED = HEADER + '{"event": "Noticed", "time": 1.5, "level": "info", "text": "
     (NOTICED.replace('"Noticed", "time": 1.5', '"Noticed", "time": NaN'), "2:1: this is no line of a record: time is "
      "not a number"),
     (HEADER + '{"event": "Noticed", "time": 1.5, "level": "info"}\n', "2:1: this is no line of a record: text is missing"),
-    (NOTICED[len(HEADER):], "1:1: the record has no version; this release reads version 2 (replay it with the release that "
+    (NOTICED[len(HEADER):], "1:1: the record has no version; this release reads version 2 and 3 (replay it with the release that "
      "wrote it)"),
-    (HEADER.replace('version": 2', 'version": 27'), "1:1: the record has the version 27; this release reads version 2 "
+    (HEADER.replace('version": 3', 'version": 27'), "1:1: the record has the version 27; this release reads version 2 and 3 "
      "(replay it with the release that wrote it)"),
     (HEADER.replace("behaviorController ", "other "), "1:1: this is no line of a record: format is not "),
 ])

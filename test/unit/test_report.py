@@ -207,7 +207,7 @@ def gone_after_the_first_exhibit(rig):
     (visitor_who(says="yes"), lambda request: NotImplemented, [""]),
     (visitor_who(says="no"), lambda request: NotImplemented, [""]),
     (no_gaze_at(2), lambda request: NotImplemented,
-     ["exhibit 2: IsMutualGazeDiscovered: condition false: no mutual gaze; skipped (skip)"]),
+     ["exhibit 2: IsMutualGazeDiscovered: condition false: the visitor did not look at the robot; skipped (skip)"]),
     (visitor_who(says="yes"), refusing_the_drive_to(1),
      ["exhibit 1: Navigate: refused: blocked; given up (give up)", "exhibit 2: it was not driven to"]),
     (gone_after_the_first_exhibit, lambda request: NotImplemented,

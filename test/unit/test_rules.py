@@ -12,7 +12,7 @@ from behavior_controller.faults_page import page, told
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = [(rule, text) for rule in RULES.values() for text in rule.examples]
 WITHOUT_EXAMPLE = {
-    "unreadable-file",  # what cannot be read is no text
+    "unreadable-file",  # what cannot be read is not a text
     "not-well-formed",  # no file is known that comes so far
     "substitute-unknown", "node-broken", "node-type-warning",  # not in the file, but beside it
     "robot-lacks", "phrase-missing", "does-without",  # the same
@@ -64,7 +64,7 @@ def test_a_mark_is_in_each_example_once():
 
 def test_a_rule_is_declared_once():
     with pytest.raises(ValueError, match="declared twice"):
-        rules._add(rules.UNKNOWN_NODE)
+        rules.error(rules.UNKNOWN_NODE.code, "Another meaning.")
 
 
 # -------------------------------------------------------------------------------------------- scripts of several lines

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from behavior_controller.events import HealthChanged, Noticed, Retried, RunFinished
+from behavior_controller.events import HealthChanged, Noticed, Retried, RunFinished, TourAdvanced
 from behavior_controller.watch import replay
 from behavior_controller.watch.codec import KINDS
 from mission_rig import recorded, visitor_who
@@ -35,7 +35,7 @@ def record(tmp_path_factory):
     began = next(number for number, line in enumerate(lines) if line["event"] == "RunStarted")
     failure = {"cause": "refused", "message": "-", "resource": "/x"}
     extra = [HealthChanged("service", "/x", "n", False, "gone", "-", "gone"), Noticed("info", "-"), RunFinished("-", 0),
-             Retried("x", "x", 1, failure)]
+             Retried("x", "x", 1, failure), TourAdvanced(1, "x", "x", 1, 2, "x", "begun")]
     lines[began + 1:began + 1] = [dict(event._asdict(), event=type(event).__name__, time=lines[began]["time"])
                                   for event in extra]
     return lines

@@ -1,4 +1,4 @@
-"""Outside text cannot act on a terminal or forge a line; a file that is no text file is refused at once."""
+"""Outside text cannot act on a terminal or forge a line; a file that is not a text file is refused at once."""
 import os
 import socket
 import threading

@@ -34,7 +34,7 @@ def load_mission(path: str, registry: Registry, **options: Any) -> Tree:
 
 
 def load_text(text: str, registry: Registry, file: str = "<text>", **options: Any) -> Tree:
-    """As ``load_mission``, for a mission that is no file. Includes are relative to the working directory."""
+    """As ``load_mission``, for a mission that is not a file. Includes are relative to the working directory."""
     return build(with_includes(parse(text, file)), registry, **options)
 
 
@@ -164,7 +164,7 @@ class _Compiler:
             if spec.kind in (Kind.ACTION, Kind.CONDITION) and not isinstance(node, Node) and isinstance(node, Behaviour):
                 node = BehaviourLeaf(name, node)
             if not isinstance(node, Node):
-                raise TypeError("its factory returned {!r}, which is no {}".format(
+                raise TypeError("its factory returned {!r}, which is not a {}".format(
                     node, "node" if not isinstance(node, Behaviour) else "node of ours: a py_trees behaviour is a leaf"))
         except Exception as error:  # whatever a leaf's author got wrong
             self._broken(element, spec, error)

@@ -100,12 +100,27 @@ class Topic(Generic[Value]):
 
 
 class Sense(enum.Enum):
-    """What a mission can learn of its visitor while it runs."""
+    """What a mission can learn of its visitor while it runs.
 
-    VISITOR = "visitor"
-    PRESENCE = "presence"
-    GAZE = "gaze"
-    UTTERANCE = "utterance"
+    ``awaiting`` says in people's words what a robot does that waits for it; ``given`` and ``absent`` are what it means
+    for a visit that it was learned, or not: marks of ``events.Told``.
+    """
+
+    awaiting: str
+    given: str
+    absent: str
+
+    VISITOR = "visitor", "waiting for a visitor", "arrived", "left"
+    PRESENCE = "presence", "waiting for the visitor to be seen", "arrived", "left"
+    GAZE = "gaze", "waiting for the visitor to look at the robot", "engaged"
+    UTTERANCE = "utterance", "listening to the visitor"
+
+    def __new__(cls, word: str, awaiting: str, given: str = "", absent: str = "") -> "Sense":
+        """Make the sense called ``word``."""
+        sense = object.__new__(cls)
+        sense._value_ = word
+        sense.awaiting, sense.given, sense.absent = awaiting, given, absent
+        return sense
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ def _exhibit(place: Message) -> Exhibit:
     location = Location(place.location.x, place.location.y, place.location.theta)
     gesture = Point(place.gesture.x, place.gesture.y, place.gesture.z)
     if not all(math.isfinite(number) for number in location + gesture):
-        raise Unusable("{!r} has a coordinate that is no number: {}, {}".format(place.name, location, gesture))
+        raise Unusable("{!r} has a coordinate that is not a number: {}, {}".format(place.name, location, gesture))
     return Exhibit(place.name, place.description1, place.description2, location, gesture)
 
 

@@ -1,6 +1,6 @@
 """What leaves ask of the robot and what they learn from it, as plain records that know no ROS types."""
 from dataclasses import dataclass
-from typing import NamedTuple, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 
 class Location(NamedTuple):
@@ -32,9 +32,26 @@ class Exhibit(NamedTuple):
 # ------------------------------------------------------------------------------------------------ requests (table 3)
 
 
+class Words(NamedTuple):
+    """A step in people's words: what the robot is ``doing``, what it has ``done``, and with what, if that matters.
+
+    ``kind`` is that of the sentence at the end: see ``story.KINDS``. Nothing is told at the end if ``done`` is empty.
+    """
+
+    doing: str
+    done: str = ""
+    what: str = ""
+    kind: str = "notice"
+
+
 @dataclass(frozen=True)
 class Request:
     """What a service of the robot is asked to do."""
+
+    @property
+    def words(self) -> Optional[Words]:
+        """What an operator is told of it; None: the name of the node that asks."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -42,6 +59,11 @@ class SetAnimation(Request):
     """Switch lifelike movement: ``enabled`` or ``disabled``."""
 
     state: str
+
+    @property
+    def words(self) -> Words:
+        """Lifelike movement is nothing to tell of when it is done."""
+        return Words("starting lifelike movement" if self.state == "enabled" else "stopping lifelike movement")
 
 
 @dataclass(frozen=True)
@@ -54,12 +76,24 @@ class PerformGesture(Request):
     target: Point = Point(0.0, 0.0, 0.0)
     bow_nod_angle_deg: int = 0
 
+    @property
+    def words(self) -> Words:
+        """Where it points, or the number of an iconic gesture."""
+        if self.type == "deictic":
+            return Words("pointing", "pointed", "at {:g}, {:g}, {:g}".format(*self.target), "moved")
+        return Words("making", "made", "{} gesture {}".format(self.type, self.id), "moved")
+
 
 @dataclass(frozen=True)
 class QueryKnowledge(Request):
     """Ask for ``exhibits`` (all, in tour order), ``entrance`` or ``home`` (one)."""
 
     what: str
+
+    @property
+    def words(self) -> Words:
+        """What is asked for."""
+        return Words("looking up the {}".format(self.what))
 
 
 @dataclass(frozen=True)
@@ -69,12 +103,24 @@ class SetAttention(Request):
     state: str
     target: Point = Point(0.0, 0.0, 0.0)
 
+    @property
+    def words(self) -> Words:
+        """Where the robot looks, or its mode of attention."""
+        if self.state == "location":
+            return Words("looking", "looked", "at {:g}, {:g}, {:g}".format(*self.target), "moved")
+        return Words("setting attention to {}".format(self.state))
+
 
 @dataclass(frozen=True)
 class GoTo(Request):
     """Drive to ``goal``."""
 
     goal: Location
+
+    @property
+    def words(self) -> Words:
+        """Where it drives."""
+        return Words("driving", "drove", "to {:g}, {:g}, {:g}°".format(*self.goal), "moved")
 
 
 @dataclass(frozen=True)
@@ -83,6 +129,11 @@ class Prompt(Request):
 
     options: Tuple[str, ...]
 
+    @property
+    def words(self) -> Words:
+        """What may be pressed."""
+        return Words("asking", "asked", "on the tablet: {}".format(" or ".join(self.options)), "asked")
+
 
 @dataclass(frozen=True)
 class Say(Request):
@@ -90,6 +141,11 @@ class Say(Request):
 
     text: str
     language: str = "English"
+
+    @property
+    def words(self) -> Words:
+        """What is said."""
+        return Words("saying", "said", "“{}”".format(self.text), "said")
 
 
 # -------------------------------------------------------------------------------------------- requests of release 1.0
@@ -101,6 +157,11 @@ class SetPose(Request):
 
     pose: Location
 
+    @property
+    def words(self) -> Words:
+        """It is nothing to tell of when it is done; so it is with recognition."""
+        return Words("telling the localization where the robot stands")
+
 
 @dataclass(frozen=True)
 class SetRecognition(Request):
@@ -108,12 +169,20 @@ class SetRecognition(Request):
 
     is_enabled: bool
 
+    @property
+    def words(self) -> Words:
+        return Words("switching speech recognition {}".format("on" if self.is_enabled else "off"))
+
 
 @dataclass(frozen=True)
 class SetRecognitionLanguage(Request):
     """Recognise speech of ``language``."""
 
     language: str
+
+    @property
+    def words(self) -> Words:
+        return Words("having {} recognised".format(self.language))
 
 
 class Answer(NamedTuple):

@@ -34,7 +34,7 @@ def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: D
          found: List[NodeSpec]) -> None:
     for spec in added:
         if not isinstance(spec, NodeSpec):
-            raise extension.broken("{!r} in SPECS is no NodeSpec; declare a leaf with leaf_spec".format(spec))
+            raise extension.broken("{!r} in SPECS is not a NodeSpec; declare a leaf with leaf_spec".format(spec))
         if spec.id in owners:
             raise extension.broken("the node {} is declared by {} already; give it another name".format(
                 spec.id, owners[spec.id]))

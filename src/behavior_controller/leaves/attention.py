@@ -5,9 +5,9 @@ from behavior_controller.bt.registry import Port
 from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure, Sample
 from behavior_controller.interface import Sense
-from behavior_controller.interface.records import Answer, Point, Request, SetAnimation, SetAttention
+from behavior_controller.interface.records import Answer, Point, Request, SetAnimation, SetAttention, Words
 from behavior_controller.leaves.base import ServiceLeaf, TopicCondition, leaf_spec
-from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET
+from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET, Places
 
 SEEKING = "seeking"
 OF_THE_ROBOT = (2, 3)
@@ -50,6 +50,10 @@ class OvertAttentionMode(ServiceLeaf):
             return SetAttention(self.state)
         target = self.get_input("target")
         return None if target == Point(0.0, 0.0, 0.0) else SetAttention(self.state, target)
+
+    def words(self, request: Request) -> Words:
+        """Name what the robot looks at, if it has a name."""
+        return self.mission.shared(Places).named(super().words(request), "at", getattr(request, "target"))
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the mode was set."""
@@ -96,7 +100,7 @@ class IsMutualGazeDiscovered(TopicCondition):
 
     sense = Sense.GAZE
     PORTS = (ATTENTION_SET_AT.read(is_optional=True),)
-    otherwise = "no mutual gaze"
+    otherwise = "the visitor did not look at the robot"
     values: GazeValues
 
     def setup(self, **kwargs: Any) -> None:

@@ -8,7 +8,9 @@ from functools import partial
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
+from behavior_controller.bt.engine.builtins import Sleep
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
+from behavior_controller.bt.engine.decorators import Timeout
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, Result
 from behavior_controller.bt.engine.tree import Tree
@@ -17,11 +19,11 @@ from behavior_controller.bt.language.ports import NoValue, PortError
 from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.bt.registry import Kind, Port, argument
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
-from behavior_controller.events import Events, LeafFinished
-from behavior_controller.gateway import Cause, Failure, Gateway, Sample, Topics
+from behavior_controller.events import Events, LeafFinished, StepStarted, Told
+from behavior_controller.gateway import Call, Cause, Failure, Gateway, Sample, Topics
 from behavior_controller.health import Health
 from behavior_controller.interface import Evidence, Sense, Service, Topic
-from behavior_controller.interface.records import Answer, Request
+from behavior_controller.interface.records import Answer, Request, Words
 from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves import data
 from behavior_controller.mission_spec import MissionSpec
@@ -88,15 +90,16 @@ class MissionContext:
         self.language = settings.language if knowledge is None else knowledge.language
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget
+        self.visit_began = -math.inf
         self._shared: Dict[Any, Any] = {}
 
     def shared(self, kind: Callable[[], Shared]) -> Shared:
         """Return the one ``kind()`` of this mission, which its leaves share."""
         return self._shared.setdefault(kind, kind())
 
-    @staticmethod
-    def begin_visit(blackboard: Blackboard, at: float) -> None:
+    def begin_visit(self, blackboard: Blackboard, at: float) -> None:
         """Forget the last visitor on the root's ``blackboard``; no answer and no gaze from before ``at`` counts."""
+        self.visit_began = at
         for datum in data.ALL:
             blackboard.unset(datum.name)
         for datum in (data.QUESTION_ASKED_AT, data.ATTENTION_SET_AT):
@@ -116,6 +119,7 @@ class MissionLeaf(Node):
     sense: Optional[Sense] = None  # what it learns of the visitor
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
+    told: Optional[Told] = None  # what people are to be told when the leaf ends
 
     def configure(self) -> None:
         """Refuse a node type that lacks what the recovery must know of it."""
@@ -154,8 +158,14 @@ class MissionLeaf(Node):
         """Tell the events that this leaf finished."""
         resource = (failure.resource if failure is not None else "") or self.resource
         self.feedback_message = failure.message if failure is not None else ""
+        told, self.told = self.told, None
         self.mission.events.emit(LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
-                                              self.mission.clock.now() - self.started_at, failure))
+                                              self.mission.clock.now() - self.started_at, failure, told))
+
+    def begin_step(self, words: str, what: str = "", limit: float = 0.0) -> None:
+        """Tell the events in people's words what the robot does from now on, for ``limit`` seconds at most (0: any)."""
+        self.mission.events.emit(StepStarted(self.uid, self.registration_id, self.full_path, words, what,
+                                             limit if limit < math.inf else 0.0))
 
 
 class InstantAction(MissionLeaf, SyncActionLeaf):
@@ -211,7 +221,12 @@ class Attempt:
         except PortError as error:
             wanted = leaf.missing(error)
         self._failure = wanted if isinstance(wanted, Failure) else None
-        self._call = None if wanted is None or isinstance(wanted, Failure) else leaf.mission.gateway.start(wanted)
+        self._call: Optional[Call] = None
+        self._words: Optional[Words] = None
+        if wanted is not None and not isinstance(wanted, Failure):
+            self._words = leaf.words(wanted)
+            leaf.begin_step(self._words.doing, self._words.what, leaf.limit(wanted))
+            self._call = leaf.mission.gateway.start(wanted)
 
     def poll(self) -> Optional[Ended]:
         """Return how the attempt ended, or None while it is under way."""
@@ -220,10 +235,16 @@ class Attempt:
         result = self._call.result
         if result is None:
             return None
+        if isinstance(result, Failure):
+            return Ended(result)
+        self._leaf.told = self._leaf.done(self._words) if self._words is not None else None
         try:
-            return Ended(result if isinstance(result, Failure) else self._leaf.accept(result))
+            failure = self._leaf.accept(result)
         except PortError as error:
-            return Ended(self._leaf.missing(error))
+            failure = self._leaf.missing(error)
+        if failure is not None:
+            self._leaf.told = None
+        return Ended(failure)
 
     def drop(self) -> None:
         """Give the attempt up; its answer is not used."""
@@ -249,6 +270,21 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Take what a positive answer brought; return what is wrong with it, if anything."""
         return None
+
+    def words(self, request: Request) -> Words:
+        """Return what an operator is told of ``request``: its own words, or the name of the node."""
+        return request.words or Words(self.registration_id, self.registration_id + " is done")
+
+    def done(self, words: Words) -> Optional[Told]:
+        """Return what is told when the request was carried out."""
+        return Told(words.kind, " ".join(filter(None, (words.done, words.what)))) if words.done else None
+
+    def limit(self, request: Request) -> float:
+        """Return the seconds that ``request`` may take; 0 if no service carries it out."""
+        try:
+            return self.mission.settings.deadline(self.mission.interface.service(type(request)))
+        except LookupError:
+            return 0.0
 
     def try_once(self) -> Attempt:
         """Begin an attempt; a recovery does so to retry the step."""
@@ -305,6 +341,22 @@ def is_asked_again(node: Any) -> bool:
     return False
 
 
+def wait_beside(node: Any) -> Optional[float]:
+    """Return for how many seconds a node is asked again while a ReactiveFallback waits; 0: for ever, None: it is not.
+
+    The limit is that of a Timeout above the two, or of a Sleep in their place, where the file says it as a number.
+    """
+    while node.parent is not None:
+        parent, later = node.parent, node.parent.children[node.parent.children.index(node) + 1:]
+        if isinstance(parent, ReactiveFallback) and later:
+            timers = [each for beside in later for each in beside.iterate() if isinstance(each, Sleep)]
+            above = parent.parent if isinstance(parent.parent, Timeout) else None
+            limits = [each.attributes.get("msec", "") for each in timers + ([above] if above is not None else [])]
+            return min([int(msec) / 1000.0 for msec in limits if msec.isdecimal()], default=0.0)
+        node = parent
+    return None
+
+
 class TopicCondition(MissionLeaf, ConditionLeaf):
     """A question to the newest message of the topic that tells of ``sense``.
 
@@ -316,15 +368,27 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     sense: Sense
     otherwise: str  # the message of its failure
     own_evidence: Optional[Evidence] = None  # of a topic that another package declares, in place of a sense
+    awaiting = ""  # what the robot does that waits for it, in people's words, in place of those of the sense
+    _beside: Optional[float] = None  # see ``wait_beside``
     _expiry: Optional[Timer] = None
     _patience: Optional[Timer] = None
     _is_over = False
     _told: Tuple[str, float] = ("", 0.0)  # the failure reported last, and what a message had to be newer than then
 
+    def setup(self, **kwargs: Any) -> None:
+        """Find what the mission does while it asks."""
+        super().setup(**kwargs)
+        self._beside = wait_beside(self)
+
     @property
     def resource(self) -> str:
         """The topic's canonical name."""
         return self.topic.name
+
+    @property
+    def own_sense(self) -> Optional[Sense]:
+        """What is learned of the visitor; None if another package declares what it is."""
+        return None if self.own_evidence is not None else self.sense
 
     @property
     def evidence(self) -> Evidence:
@@ -346,6 +410,9 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def use(self, sample: Sample) -> None:
         """Take what the message brought."""
+
+    def unused(self, sample: Sample) -> None:
+        """Note what a message brought that counts, and is not what is asked for."""
 
     def judged(self, sample: Optional[Sample]) -> None:
         """Note what the newest message says beside the answer to the question."""
@@ -371,7 +438,15 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             return self._false(sample)
         self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
         self.mission.topics.listen(self.topic, self._wait)
-        return RUNNING if self._waits() else self._false(sample)
+        if not self._waits():
+            return self._false(sample)
+        if self.status is not RUNNING:
+            self._begin_to_wait(self._wait)
+        return RUNNING
+
+    def _begin_to_wait(self, limit: float) -> None:
+        sensed = self.own_sense
+        self.begin_step(self.awaiting or (self.registration_id if sensed is None else sensed.awaiting), "", limit)
 
     def _is_end(self, value: Any) -> bool:
         return self.is_evidence(value) or self.evidence.is_given_up(value)
@@ -389,6 +464,8 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
         self._told = ("", 0.0)
+        sensed = self.own_sense
+        self.told = Told("visit", "", sensed.given) if sensed is not None and sensed.given else None
         self.use(sample)
         return self.succeeded()
 
@@ -398,16 +475,24 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if sample is not None and not self._counts(sample):
             when = "came before" if sample.arrived <= self.not_before() else "is too old"
             failure = failure._replace(message="{}; the newest message {}".format(self.otherwise, when))
+        sensed = self.own_sense
+        self.told = Told("visit", "", sensed.absent) if sensed is not None and sensed.absent else None
+        if sample is not None and self._counts(sample):
+            self.unused(sample)
         return self._fail(failure, self.not_before())
 
     def _fail(self, failure: Failure, since: float) -> Result:
-        telling = failure.message, since
+        telling = failure.message, max(since, self.mission.visit_began)
         if telling == self._told:
             # asked again at every tick of a wait: recorded each time, reported once
             self.mission.failures.add(self, failure)
             return FAILURE
+        begins = self._beside is not None and telling[1:] != self._told[1:]
         self._told = telling
-        return self.failed(failure)
+        result = self.failed(failure)
+        if begins and self._beside is not None:
+            self._begin_to_wait(self._beside)
+        return result
 
     @property
     def _wait(self) -> float:

@@ -1,10 +1,10 @@
 """The data of a mission: each entry that leaves share on the root blackboard, and the types of records in them."""
 import math
-from typing import Any, Callable, NamedTuple
+from typing import Any, Callable, Dict, NamedTuple, Union
 
 from behavior_controller.bt.language.values import TEXT, PortType, ValueFault, shown, whole_real
 from behavior_controller.bt.registry import Direction, Port
-from behavior_controller.interface.records import Location, Point
+from behavior_controller.interface.records import Exhibit, Location, Point, Words
 from behavior_controller.mission_spec import whole_mission
 
 
@@ -45,6 +45,22 @@ class Datum(NamedTuple):
     def changed(self, port: str = "", is_optional: bool = False) -> Port:
         """Return a port that reads and writes it."""
         return self._port(Direction.INOUT, port, is_optional)
+
+
+class Places:
+    """What people call the places that the robot was told of; the leaves of a mission share it."""
+
+    def __init__(self) -> None:
+        self._names: Dict[Union[Location, Point], str] = {}
+
+    def learn(self, name: str, place: Exhibit) -> None:
+        """Take in where a place is, and what is pointed at there."""
+        self._names[place.location] = self._names[place.gesture] = name
+
+    def named(self, words: Words, preposition: str, target: Union[Location, Point]) -> Words:
+        """Return ``words`` with the name of ``target``, if it has one, in place of its coordinates."""
+        name = self._names.get(target)
+        return words if name is None else words._replace(what="{} {}".format(preposition, name))
 
 
 VISITOR_RESPONSE = Datum("visitorResponse", TEXT, "the visitor's answer, yes or no")

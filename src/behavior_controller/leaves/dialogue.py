@@ -1,12 +1,18 @@
 """Leaves for the visitor's answer, by voice (/speechEvent/text) or tablet (/tabletEvent/prompt_and_get_response)."""
 from typing import Any, Optional
 
+from behavior_controller.events import Told
 from behavior_controller.gateway import Cause, Failure, Sample
 from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Answer, Prompt, Request
 from behavior_controller.leaves.base import InstantCondition, ServiceLeaf, TopicCondition, leaf_spec
 from behavior_controller.leaves.data import QUESTION_ASKED_AT, VISITOR_RESPONSE
 from behavior_controller.phrases import YES
+
+
+def heard(utterance: str, answer: Optional[str]) -> Told:
+    """Return what is told of an utterance, and of the answer that it is."""
+    return Told("heard", "heard “{}”: {}".format(utterance, answer or "neither yes nor no"), answer or "")
 
 
 class IsYesNoUttered(TopicCondition):
@@ -29,8 +35,14 @@ class IsYesNoUttered(TopicCondition):
 
     def use(self, sample: Sample) -> None:
         """Keep the answer."""
-        self.set_output("visitorResponse", self.mission.phrases.spoken_answer(sample.value))
+        answer = self.mission.phrases.spoken_answer(sample.value)
+        self.set_output("visitorResponse", answer)
         self.set_output("questionAskedAt", sample.arrived)
+        self.told = heard(sample.value, answer)
+
+    def unused(self, sample: Sample) -> None:
+        """Tell what was heard instead of an answer."""
+        self.told = heard(sample.value, None)
 
 
 class IsVisitorResponseYes(InstantCondition):
@@ -63,6 +75,8 @@ class PressYesNoDialogue(ServiceLeaf):
         pressed = self.mission.phrases.pressed_answer(answer.response)
         if pressed is not None:
             self.set_output("visitorResponse", pressed)
+            label = self.mission.phrases.tablet_options[pressed != YES]
+            self.told = Told("pressed", "the visitor pressed “{}”".format(label), pressed)
             return None
         if answer.response.strip() in ("", "0"):
             return Failure(Cause.MISSING_DATA, "the visitor pressed nothing", self.resource)

@@ -1,9 +1,9 @@
 """Leaves that gesture (/gestureExecution/perform_gesture)."""
 from typing import Optional
 
-from behavior_controller.interface.records import PerformGesture, Point, Request
+from behavior_controller.interface.records import PerformGesture, Point, Request, Words
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
-from behavior_controller.leaves.data import GESTURE_TARGET
+from behavior_controller.leaves.data import GESTURE_TARGET, Places
 
 
 class IconicGesture(ServiceLeaf):
@@ -19,6 +19,10 @@ class IconicGesture(ServiceLeaf):
         settings = self.mission.settings
         return PerformGesture("iconic", getattr(settings, self.setting), settings.gesture_duration)
 
+    def words(self, request: Request) -> Words:
+        """Say which gesture, in place of its number."""
+        return super().words(request)._replace(what="the {} gesture".format(self.setting.partition("_")[0]))
+
 
 class PerformDeicticGesture(ServiceLeaf):
     """``<PerformDeicticGesture/>``: points at the target; exactly (0, 0, 0) is nothing to point at."""
@@ -32,6 +36,10 @@ class PerformDeicticGesture(ServiceLeaf):
             return None
         settings = self.mission.settings
         return PerformGesture("deictic", settings.deictic_gesture_id, settings.gesture_duration, target)
+
+    def words(self, request: Request) -> Words:
+        """Name what the robot points at, if it has a name."""
+        return self.mission.shared(Places).named(super().words(request), "at", getattr(request, "target"))
 
 
 SPECS = (

@@ -1,11 +1,18 @@
 """Leaves of the knowledge base (/knowledgeBase/query) and of the list of exhibits."""
-from typing import Optional
+from typing import Optional, Sequence
 
+from behavior_controller.events import BEGUN, OMITTED, OVER, TourAdvanced
 from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.records import Answer, QueryKnowledge, Request
+from behavior_controller.interface.records import Answer, Exhibit, QueryKnowledge, Request
 from behavior_controller.leaves.base import InstantAction, InstantCondition, MissionLeaf, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.data import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET,
-                                             LEFT_OUT, NEXT_EXHIBIT, TARGET_LOCATION)
+                                             LEFT_OUT, NEXT_EXHIBIT, TARGET_LOCATION, Places)
+
+
+def advance(leaf: MissionLeaf, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
+    """Tell how it stands with the exhibit ``index`` (from 0) of the tour."""
+    leaf.mission.events.emit(TourAdvanced(leaf.uid, leaf.registration_id, leaf.full_path, index + 1, len(exhibits),
+                                          exhibits[index].name, state))
 
 
 class RetrieveListOfExhibits(ServiceLeaf):
@@ -21,6 +28,8 @@ class RetrieveListOfExhibits(ServiceLeaf):
         """Keep the list; an empty one is a failure."""
         if not answer.exhibits:
             return Failure(Cause.MISSING_DATA, "the knowledge base has no exhibits", self.resource)
+        for exhibit in answer.exhibits:
+            self.mission.shared(Places).learn(exhibit.name, exhibit)
         self.set_output("exhibits", list(answer.exhibits))
         self.set_output("nextExhibit", 0)
         self.set_output("leftOutExhibits", [])
@@ -35,7 +44,10 @@ class IsListWithExhibit(InstantCondition):
 
     def holds(self) -> bool:
         """Return whether one is left."""
-        return self.get_input_or("nextExhibit", 0) < len(self.get_input_or("exhibits", ()))
+        following, exhibits = self.get_input_or("nextExhibit", 0), self.get_input_or("exhibits", ())
+        if 0 < following <= len(exhibits):
+            advance(self, exhibits, following - 1, OVER)
+        return following < len(exhibits)
 
 
 class SelectExhibit(InstantAction):
@@ -55,6 +67,7 @@ class SelectExhibit(InstantAction):
         self.set_output("gestureTarget", exhibit.gesture)
         self.set_output("description1", exhibit.description1)
         self.set_output("description2", exhibit.description2)
+        advance(self, exhibits, index, BEGUN)
         return None
 
 
@@ -74,6 +87,7 @@ def leave_out_exhibit(leaf: MissionLeaf) -> bool:
     exhibits, index = leaf.get_input_or("exhibits", ()), leaf.get_input_or("nextExhibit", 0) - 1
     if not 0 <= index < len(exhibits) or leaf.get_input_or("targetLocation", None) != exhibits[index].location:
         return True  # the robot is on no exhibit's behalf under way
+    advance(leaf, exhibits, index, OMITTED)
     before = leaf.get_input_or("leftOutExhibits", [])
     left_out = sorted({index}.union(before))
     leaf.set_output("leftOutExhibits", left_out)
@@ -103,6 +117,7 @@ class LookUp(ServiceLeaf):
         if len(answer.exhibits) != 1:
             return Failure(Cause.UNUSABLE_ANSWER, "the knowledge base has {} places for {}; exactly 1 is needed".format(
                 len(answer.exhibits), self.place), self.resource)
+        self.mission.shared(Places).learn("its home" if self.place == "home" else "the " + self.place, answer.exhibits[0])
         self.set_output("targetLocation", answer.exhibits[0].location)
         if self.has_gesture:
             self.set_output("gestureTarget", answer.exhibits[0].gesture)

@@ -6,7 +6,7 @@ from behavior_controller.bt.engine.leaf import ActionLeaf
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.language.ports import PortError, defaults
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
-from behavior_controller.events import Noticed, Recovered, Retried
+from behavior_controller.events import Noticed, Recovered, Recovering, Retried, Told
 from behavior_controller.gateway import Call, Cause, Failure
 from behavior_controller.leaves.base import Attempt, Failed, MissionLeaf, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.knowledge import LEAVING_OUT
@@ -39,7 +39,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         if failed is None:
             self.feedback_message = "no mission node failed before"
             failure = Failure(Cause.MISSING_DATA, self.feedback_message)
-            self._tell(self, failure, "give up", 0, GIVEN_UP)
+            self._tell(self, failure, "give up", 0, GIVEN_UP, "")
             return self._finished(GIVEN_UP, None)
         can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
         self._round = _Round(self, failed, Recovery(
@@ -82,12 +82,13 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             return RUNNING
         self._round = None
         recovery = under_way.recovery
-        self._tell(under_way.failed.leaf, recovery.failure, str(recovery), recovery.attempts, outcome)
+        self._tell(under_way.failed.leaf, recovery.failure, str(recovery), recovery.attempts, outcome, recovery.reason)
+        self.told = under_way.told()
         return self._finished(outcome, recovery.failure)
 
-    def _tell(self, leaf: MissionLeaf, failure: Failure, policy: str, attempts: int, outcome: str) -> None:
+    def _tell(self, leaf: MissionLeaf, failure: Failure, policy: str, attempts: int, outcome: str, reason: str) -> None:
         self.mission.events.emit(Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts,
-                                           outcome != GIVEN_UP, outcome))
+                                           outcome != GIVEN_UP, outcome, reason, self.uid))
 
     def _finished(self, outcome: str, failure: Optional[Failure]) -> Result:
         # a failed recovery is not a failure of its own: what an outer HandleFallBack looks for is the first one
@@ -120,8 +121,10 @@ class _Round:
 
     def _begun(self, step: Step) -> Step:
         if isinstance(step, Retry):
+            self._tell(self.recovery.attempts + 1)
             self._pause = self._mission.clock.call_after(step.pause, self._leaf.wake)
         elif not isinstance(step, End):
+            self._tell(0, step.spec.id)
             self._doing = self._substitute(step.spec)
         elif step.outcome == GIVEN_UP and self.failed.number != self._mission.failures.given_up:
             # else an inner HandleFallBack has left the robot in the safe state
@@ -129,8 +132,19 @@ class _Round:
             self._safe_state = [self._mission.gateway.start(request) for request in self._mission.interface.safe_state]
         return step
 
+    def _tell(self, attempt: int, substitute: str = "") -> None:
+        leaf = self.failed.leaf
+        self._mission.events.emit(Recovering(self._leaf.uid, leaf.registration_id, leaf.full_path,
+                                             self.recovery.failure, attempt, self.recovery.retries, substitute))
+
+    def told(self) -> Optional[Told]:
+        """Return what people are to be told of the attempt that did it."""
+        told, self._doing.told = self._doing.told, None
+        return told
+
     def _substitute(self, spec: MissionSpec) -> Any:
         leaf: Any = spec.factory(spec.id)
+        leaf.uid = self._leaf.uid
         leaf.registration_id, leaf.full_path = spec.id, self._leaf.full_path
         leaf.spec, leaf.attributes = spec, defaults(spec.ports)
         leaf.blackboard, leaf.services, leaf.mission = self._leaf.blackboard, self._leaf.services, self._mission

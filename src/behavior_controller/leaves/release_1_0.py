@@ -9,6 +9,7 @@ from behavior_controller.bt.engine.leaf import ActionLeaf
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.language.ports import PortError
 from behavior_controller.bt.status import IDLE, RUNNING
+from behavior_controller.events import Told
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface import Sense, Topic
 from behavior_controller.interface.records import Request, Say, SetPose, SetRecognition, SetRecognitionLanguage
@@ -17,6 +18,7 @@ from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAt
 from behavior_controller.leaves.base import (InstantCondition, MissionLeaf, OptionalServiceLeaf, TopicCondition,
                                              leaf_spec)
 from behavior_controller.leaves.data import ATTENTION_SET_AT, EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
+from behavior_controller.leaves.dialogue import heard
 from behavior_controller.leaves.gesture import IconicGesture
 from behavior_controller.leaves.knowledge import LookUp
 from behavior_controller.leaves.lifecycle import begin_pass
@@ -78,6 +80,7 @@ class SayText(Question):
     def __init__(self, name: str, number: int):
         super().__init__(name, "")
         self.number = number
+        self.is_question = any(speech.asks for speech in SPEECHES if speech.utility == number)
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase; a culture file may have none of that number."""
@@ -133,6 +136,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
     def on_start(self) -> Result:
         """Forget an older answer and listen."""
         self.started_at = self.mission.clock.now()
+        self.begin_step(self.sense.awaiting, "", ANSWER_WAIT)
         self._patience = self.mission.clock.call_after(ANSWER_WAIT, self.wake)
         self.mission.topics.listen(self.topic, ANSWER_WAIT)
         return self.on_running()
@@ -145,6 +149,8 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
         if is_error(utterance):
             return self._end("", Failure(Cause.UNUSABLE_ANSWER, "the recognition says {!r}".format(utterance),
                                          self.resource))
+        if utterance:
+            self.told = heard(utterance, answer)
         if answer is not None:
             return self._end(answer)
         if self._patience is not None and self._patience.callback is None:

@@ -5,8 +5,9 @@ from behavior_controller.bt.engine.node import ConfigureError, Result
 from behavior_controller.bt.language.ports import PortError, reference
 from behavior_controller.bt.language.values import TEXT
 from behavior_controller.bt.registry import Port
+from behavior_controller.events import Told
 from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.records import Answer, Request, Say
+from behavior_controller.interface.records import Answer, Request, Say, Words
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 from behavior_controller.leaves.data import CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, QUESTION_ASKED_AT
 from behavior_controller.mission_spec import MissionSpec
@@ -35,6 +36,17 @@ class Question(FixedSpeech):
     """
 
     PORTS = (QUESTION_ASKED_AT.written(),)
+    is_question = True  # in people's eyes
+
+    def words(self, request: Request) -> Words:
+        """Tell a question from what is only said."""
+        words = super().words(request)
+        return words._replace(doing="asking", done="asked", kind="asked") if self.is_question else words
+
+    def done(self, words: Words) -> Optional[Told]:
+        """Note that the visitor was asked."""
+        told = super().done(words)
+        return told._replace(mark="asked") if told is not None and self.is_question else told
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the question had been asked."""

@@ -188,7 +188,7 @@ class Monitor:
     def _look_at_silence(self, part: Part, latch: Latch, silence: float) -> None:
         """Tell when a continuous topic falls silent, and reconnect to its publisher while it stays so."""
         heard, again_at = self._silent.get(part, (0.0, 0.0))
-        if heard == latch.last_arrival:  # still: a new connection alone is no sign of life
+        if heard == latch.last_arrival:  # still: a new connection alone is not a sign of life
             if silence >= again_at:
                 self._silent[part] = heard, silence + RECONNECT
                 latch.reconnect()

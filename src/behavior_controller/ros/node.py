@@ -345,7 +345,7 @@ class _Run:
             tell_faults(found, self._console.tell, "refused, the running mission stays")
         except NodesMissing as missing:
             self._console.tell("error", "refused, the running mission stays: {}".format(missing))
-        except Exception as error:  # a mistake of ours in reading a file is no reason to lose the running mission
+        except Exception as error:  # a mistake of ours in reading a file is not a reason to lose the running mission
             report_internal_error(self._console, error)
 
     def _successor(self) -> Optional[Running]:

@@ -64,7 +64,7 @@ def _address(uri: str) -> Tuple[str, int]:
     """Return host and port of ``rosrpc://host:port``."""
     host, _, port = uri[len(rospy.core.ROSRPC):].rstrip("/").rpartition(":")
     if not (uri.startswith(rospy.core.ROSRPC) and host and port.isdigit()):
-        raise Trouble(Cause.NOT_REACHABLE, "the master lists it at {!r}, which is no address of a service".format(uri))
+        raise Trouble(Cause.NOT_REACHABLE, "the master lists it at {!r}, which is not an address of a service".format(uri))
     return host, int(port)
 
 

@@ -33,7 +33,7 @@ class Signals:
         self.stop_requested = False
         self.is_over = False
         self.reload: Callable[[], None] = lambda: console.tell("warning", "SIGHUP ignored: the mission has not begun")
-        """Called at each SIGHUP that is no hang-up. Must not wait for anything."""
+        """Called at each SIGHUP that is not a hang-up. Must not wait for anything."""
         self._console = console
         self._wakes: List[Callable[[], None]] = []
         self._lock = threading.Lock()

@@ -173,6 +173,7 @@ def _mapping(each: Form) -> Form:
 def _record(kind: Any) -> Form:
     assert hasattr(kind, "_fields") or dataclasses.is_dataclass(kind), kind
     fields = [(name, form(hint)) for name, hint in get_type_hints(kind).items()]
+    defaults: Dict[str, Any] = getattr(kind, "_field_defaults", {})  # an older release wrote no such field
 
     def write(value: Any) -> Dict[str, Any]:
         return {name: part.write(getattr(value, name)) for name, part in fields}
@@ -183,9 +184,9 @@ def _record(kind: Any) -> Form:
         found: List[Any] = []
         try:
             for name, part in fields:
-                if name not in value:
+                if name not in value and name not in defaults:
                     raise Wrong("is missing")
-                found.append(part.read(value[name]))
+                found.append(part.read(value[name]) if name in value else defaults[name])
         except Wrong as wrong:
             raise Wrong(wrong.text, ".{}{}".format(name, wrong.place)) from None
         return kind(*found)

@@ -113,8 +113,8 @@ class _Linter:
         for port in spec.ports:
             self._port(element, spec, port, tree)
         if element.tag in EXPLICIT and element.tag != spec.kind.value:
-            self.warn(rules.KIND_MISMATCH, element, "<{} ID=\"{}\">: {} is no {} but of kind {}".format(
-                element.tag, spec.id, spec.id, element.tag, spec.kind.value))
+            self.warn(rules.KIND_MISMATCH, element, "<{} ID=\"{}\">: {} is of kind {}, not {}".format(
+                element.tag, spec.id, spec.id, spec.kind.value, element.tag))
         if spec.child_counts and len(element.children) not in spec.child_counts:
             self.warn(rules.CHILD_COUNT, element, "{} has {} children; it must have {}".format(
                 spec.id, len(element.children), " or ".join(map(str, spec.child_counts))),
@@ -128,7 +128,7 @@ class _Linter:
         text = element.attributes.get(port.name)
         if text is not None:
             if port.type == "NodeStatus" and text not in BY_NAME and ports.reference(text, port.name) is None:
-                self.warn(rules.STATUS_UNKNOWN, element, "{}=\"{}\" is no status".format(port.name, text),
+                self.warn(rules.STATUS_UNKNOWN, element, "{}=\"{}\" is not a status".format(port.name, text),
                           "allowed: {}".format(" ".join(BY_NAME)), port.name)
             elif port.role is Role.CHILDREN:
                 self._count(element, port, text)
@@ -374,7 +374,7 @@ class _Defaults:
                     self._writers.setdefault(key[1:], []).append(spec.id)
                 else:
                     (optional if port.is_optional else needed).add(key[1:])
-        self.given = set(given) | (optional - needed)  # what every reader does without is no mistake in a script either
+        self.given = set(given) | (optional - needed)  # what every reader does without may be missing in a script too
         self.known = self.given | needed | set(self._writers)
 
     def written_by(self, name: str) -> str:

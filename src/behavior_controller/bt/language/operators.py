@@ -277,7 +277,7 @@ def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Ev
 
 
 def no_entry(_blackboard: Blackboard, _enums: Enums) -> Any:
-    """Raise ScriptError: the closure of an assignment to what is no name."""
+    """Raise ScriptError: the closure of an assignment to what is not a name."""
     raise ScriptError("Assignment left operand not a blackboard entry")
 
 

@@ -212,7 +212,7 @@ def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], tex
         raise ValueFault("Can't convert string [{}] to {}: {}: {}".format(
             shown(text), name, type(error).__name__, error)) from error
     if not isinstance(value, python):
-        raise ValueFault("the converter of {} returned {!r} for [{}], which is no {}".format(
+        raise ValueFault("the converter of {} returned {!r} for [{}], which is not a {}".format(
             name, value, shown(text), python.__name__))
     return value
 
