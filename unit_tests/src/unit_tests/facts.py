@@ -43,7 +43,7 @@ class Tree:
 
     def are_neighbours(self, one: int, other: int) -> bool:
         """Return whether two nodes have the same parent."""
-        return self._parents.get(one) == self._parents.get(other)
+        return one in self._parents and self._parents[one] == self._parents.get(other)
 
     def is_below(self, uid: int, control: str) -> bool:
         """Return whether a node's parent is of that type."""
