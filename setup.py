@@ -19,6 +19,6 @@ setup(
         "behavior_controller.ros",
         "behavior_controller.watch",
     ],
-    package_data={"behavior_controller.watch": ["page_files/*"]},
+    package_data={"behavior_controller.watch": ["page_files/*", "report_files/*"]},
     package_dir={"": "src"},
 )

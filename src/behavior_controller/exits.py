@@ -1,4 +1,4 @@
-"""The exit codes of the node and of the tools; the README explains them for each program."""
+"""The exit codes of the node and of the tools; docs/reference.md explains them for each program."""
 
 SUCCESS = 0
 """The last pass was a SUCCESS; a tool did what it was asked for."""

@@ -6,8 +6,10 @@ import os
 import re
 import select
 import sys
+import textwrap
 import threading
 import time
+import unicodedata
 from typing import Any, Callable, Deque, Iterable, List
 
 from behavior_controller.text import LONGEST, clean
@@ -20,6 +22,9 @@ LONGEST_LINE = 2 * LONGEST
 
 MOST_WAITING = 1000
 """Items that may wait for a sink that takes none."""
+
+INDENT = "    "
+"""What the second line and further ones begin with, where a line is broken to fit the terminal."""
 
 LEFT_OUT = "behaviorController: %d lines left out: %s did not take them in time"
 
@@ -114,18 +119,44 @@ class LineStream(io.TextIOBase):
 def take_over_streams() -> List[Sink]:
     """Let ``sys.stdout`` and ``sys.stderr`` feed sinks, and return these: one if both are the same file."""
     out, err = sys.stdout, sys.stderr
-    sinks = [_stream_sink(out.fileno())]
+    sinks = [_stream_sink(out)]
     if not os.path.sameopenfile(out.fileno(), err.fileno()):
-        sinks.append(_stream_sink(err.fileno()))
+        sinks.append(_stream_sink(err))
     sys.stdout, sys.stderr = LineStream(sinks[0], out), LineStream(sinks[-1], err)
     return sinks
 
 
-def _stream_sink(descriptor: int) -> Sink:
+def _stream_sink(stream: Any) -> Sink:
+    descriptor = stream.fileno()
+
     def left_out(count: int) -> bytes:
         return "[WARN] [{:f}]: {}\n".format(time.time(), LEFT_OUT % (count, "the terminal")).encode()
 
-    return Sink("stream {}".format(descriptor), lambda data: _write_all(descriptor, data), left_out)
+    def write(data: bytes) -> None:
+        if stream.isatty():
+            data = fitted(data.decode(stream.encoding), columns(descriptor)).encode(stream.encoding)
+        _write_all(descriptor, data)
+
+    return Sink("stream {}".format(descriptor), write, left_out)
+
+
+def columns(descriptor: int) -> int:
+    """Return the width of a terminal in characters; 0 if it does not tell."""
+    try:
+        return os.get_terminal_size(descriptor).columns
+    except OSError:
+        return 0
+
+
+def fitted(line: str, width: int) -> str:
+    """Return a line with its end, broken between words into lines of at most ``width`` characters; 0: as it is."""
+    colours = COLOURS.match(line).group()  # type: ignore[union-attr]
+    text = line[len(colours):].rstrip("\n")
+    if any(unicodedata.east_asian_width(letter) in "WF" for letter in text):
+        width //= 2  # such letters take two columns
+    if len(text) <= width or width <= len(INDENT):
+        return line
+    return colours + "\n".join(textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False)) + "\n"
 
 
 def _write_all(descriptor: int, data: bytes) -> None:

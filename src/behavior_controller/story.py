@@ -212,8 +212,8 @@ class Story:
         self._change(outcome=event.outcome, why=why, seconds=self._at - arrived, waited=arrived - visit.began)
         self.outcomes[event.outcome] = self.outcomes.get(event.outcome, 0) + 1
         self._steps.clear()
-        self._tell("visit", "info" if is_success else "warning", "visitor {}: {}; {} after {:.1f} s".format(
-            event.number, why, event.outcome, self._at - arrived))
+        self._tell("visit", "info" if is_success else "warning", "pass {}: {} after {:.1f} s: {}".format(
+            event.number, event.outcome, self._at - arrived, why))
 
     def _why_done(self) -> str:
         visit = self.visits[-1]

@@ -3,8 +3,9 @@
 The first line is a ``Header``. Each other one is an event of the run or an entry that is declared here: an object with
 the kind as ``event``, Unix seconds as ``time``, and the fields. A change of what stands in a line is a new ``VERSION``.
 """
+import io
 import json
-from typing import Any, Dict, List, Literal, NamedTuple, Optional, Tuple, Union, get_args
+from typing import Any, Dict, Iterator, List, Literal, NamedTuple, Optional, Tuple, Union, get_args
 
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import Fault, MissionError
@@ -111,29 +112,27 @@ def encode(time: float, entry: Union[Header, Entry]) -> bytes:
     return (json.dumps(plain, ensure_ascii=False, default=str) + "\n").encode("utf-8", "backslashreplace")
 
 
-def decode(data: bytes, file: str) -> List[Line]:
-    """Return the lines of a record after its header, without a torn end.
+def decode(data: bytes, file: str) -> Iterator[Line]:
+    """Yield the lines of a record after its header, without a torn end.
 
     Raises MissionError: with the version if it is another one, else with the first line that the node cannot have written.
     """
-    lines = data.split(b"\n")
-    del lines[-1]  # what follows the last line's end was torn when the node was killed
-    found: List[Line] = []
     order = _Order()
-    for number, text in enumerate(lines, 1):
+    for number, text in enumerate(io.BytesIO(data), 1):
+        if not text.endswith(b"\n"):
+            break  # torn when the node was killed
         try:
-            plain = _parsed(text)
+            plain = _parsed(text[:-1])
             if number == 1:
                 _check_header(plain, file)
             else:
-                found.append(order.checked(_line(plain, order.interface)))
+                yield order.checked(_line(plain, order.interface))
         except ValueError as error:
             raise MissionError([Fault(file, number, 1, "this is no line of a record: {}".format(error),
                                       "a record is written by the node")]) from error
     if not order.has_mission:
         raise MissionError([Fault(file, 0, 0, "the record has no mission in it",
                                   "was the node stopped before it began?")])
-    return found
 
 
 def _parsed(data: bytes) -> Dict[str, Any]:

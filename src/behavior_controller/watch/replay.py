@@ -4,7 +4,7 @@ import glob
 import itertools
 import os
 import sys
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, TypeVar, Union
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, TypeVar, Union
 
 from behavior_controller import exits, folders, knowledge_files, leaves, phrases, policy, settings
 from behavior_controller.bt.engine.clock import ManualClock
@@ -23,7 +23,7 @@ from behavior_controller.text import Source, Unreadable, clean, read_bytes
 from behavior_controller.watch.codec import (LETTERS, Answered, Asked, Entry, Line, Lost, Message, Tick, TreeNode,
                                              TreeShown, decode)
 from behavior_controller.watch.record import FILE_NAME, MOST_BYTES
-from behavior_controller.watch.report import to_html
+from behavior_controller.watch.report import story_lines, to_html
 
 Part = TypeVar("Part")
 
@@ -52,16 +52,32 @@ class Diverged(Exception):
 def find_record(name: str) -> str:
     """Return the path of a record: ``latest`` is the newest of the default folder, a folder is that of one run."""
     if name == LATEST and not os.path.exists(name):
-        place = os.path.join(folders.records(), "*", FILE_NAME)
-        paths = sorted(filter(os.path.isfile, glob.glob(place)))
+        paths = _records_below(folders.records())
         if not paths:
-            raise MissionError([Fault(place, 0, 0, "there is no record yet", "name a record or its folder")])
+            raise MissionError([Fault(os.path.join(folders.records(), "*", FILE_NAME), 0, 0, "there is no record yet",
+                                      "name a record or its folder")])
         return paths[-1]
-    return os.path.join(name, FILE_NAME) if os.path.isdir(name) else name
+    path = os.path.join(name, FILE_NAME)
+    below = _records_below(name)
+    if not below or os.path.exists(path):
+        return path if os.path.isdir(name) else name
+    if len(below) > 1:
+        raise MissionError([Fault(name, 0, 0, "the folder has the records of {} runs".format(len(below)),
+                                  "name one, the newest is {}".format(os.path.dirname(below[-1])))])
+    return below[0]
+
+
+def _records_below(folder: str) -> List[str]:
+    return sorted(filter(os.path.isfile, glob.glob(os.path.join(glob.escape(folder), "*", FILE_NAME))))
 
 
 def read_record(path: str) -> List[Line]:
     """Return the lines of a record. Raises MissionError, which says why it cannot be read, or what is wrong with it."""
+    return list(stream_record(path))
+
+
+def stream_record(path: str) -> Iterator[Line]:
+    """Yield what ``read_record`` returns, line by line: a fault is raised where it stands."""
     try:
         data = read_bytes(path, MOST_BYTES)
     except Unreadable as error:
@@ -273,13 +289,17 @@ def main(arguments: Optional[List[str]] = None) -> int:
     instead.add_argument("--mission", metavar="FILE",
                          help="run this file, such as the edited mission, in place of the mission in the record")
     instead.add_argument("--report", metavar="OUT.html", help="write a report of the recorded run as a web page instead")
+    instead.add_argument("--story", action="store_true", help="print what happened instead, a line each")
     chosen = parser.parse_args(arguments)
     try:
-        lines = read_record(find_record(chosen.record))
+        path = find_record(chosen.record)
         if chosen.report:
-            _write(chosen.report, to_html(lines))
+            _write(chosen.report, to_html(stream_record(path)))
             return exits.SUCCESS
-        outcome = replay(lines, chosen.mission)
+        if chosen.story:
+            print("\n".join(story_lines(stream_record(path))))
+            return exits.SUCCESS
+        outcome = replay(read_record(path), chosen.mission)
     except BehaviorControllerError as error:
         print(error, file=sys.stderr)
         return exits.WRONG_INPUT

@@ -1,52 +1,199 @@
-"""A recorded run as one self-contained web page: what happened when, and the tree with the outcome of each node."""
+"""A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes, the mission file."""
+import base64
 import datetime
 import functools
+import hashlib
 import html
-from typing import Any, Dict, FrozenSet, Iterator, List, Optional, Set, Tuple, Union
+import itertools
+import json
+import os
+import re
+from types import SimpleNamespace
+from typing import (Any, Counter, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
 
 from behavior_controller import leaves
+from behavior_controller.bt.engine.node import label
+from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.status import NAMES
-from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
-                                        RunFinished, RunStarted)
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.events import Event, LeafFinished, PassFinished, Retried, RunFinished, RunStarted
 from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.records import Answer, Exhibit, GoTo, Location, QueryKnowledge, Request, Say
-from behavior_controller.watch.codec import LETTERS, Answered, Asked, Entry, Line, Tick, TreeNode, TreeShown
+from behavior_controller.mission import build_tree
+from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit
+from behavior_controller.text import clean
+from behavior_controller.watch.codec import LETTERS, Entry, Line, Lost, Tick, TreeNode, TreeShown
+from behavior_controller.watch.lanes import Bar, Lanes
 
-SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■"}
+FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "report_files")
+SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○"}
 LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
-STEPS = 400
-"""Results of a leaf that are nearer than this part of the timeline, and alike, are one bar: a page must open."""
+NO, RETRY, DONE = "n", "r", "d"
+"""Kinds of bars beside the letters of the statuses: a condition that does not hold, a retry that failed, a step."""
+
+LEGEND = {"S": "success", "F": "failure", "h": "halted", NO: "does not hold yet", "w": "waiting for a visitor",
+          "warning": "warning", "error": "error"}
+EVENTS = get_args(Event)
 
 DEEPEST = 100
 """Levels of nested lists; browsers take no more than about 170, so what is deeper stands beside its parent."""
 
-STYLE = """
-body { font: 15px/1.45 system-ui, "DejaVu Sans", sans-serif; margin: 0 auto; max-width: 76rem; padding: 1rem; color: #16202b; }
-h1 { font-size: 1.3rem; } h2 { font-size: 1.05rem; margin: 1.6rem 0 .4rem; }
-table { border-collapse: collapse; width: 100%; } td, th { text-align: left; vertical-align: top; padding: .1rem .6rem .1rem 0;
-  border-top: 1px solid #d5dbe1; } th { color: #5d6975; font-weight: 600; }
-td:first-child { width: 1%; white-space: nowrap; } .time { white-space: nowrap; color: #5d6975; } .lane { position: relative; height: 1rem; min-width: 18rem; background: #f2f5f8; }
-.bar { position: absolute; top: .15rem; height: .7rem; min-width: 3px; border-radius: 2px; }
-.S { color: #00785a; } .F { color: #b34700; } .R { color: #0072b2; } .h { color: #5d6975; }
-.bar.S { background: #00785a; } .bar.F { background: #b34700; border: 1px dashed #000; } .bar.h { background: #8d99a6; }
-ul { list-style: none; padding-left: 1.1rem; border-left: 1px solid #d5dbe1; margin: 0; } .tree > ul { border: 0; padding: 0; }
-summary { cursor: pointer; } .count { color: #5d6975; font-size: .85em; } .never { color: #8d99a6; }
+
+class Told(NamedTuple):
+    """A sentence and the cause of the failure that it is about; the cause is empty if there is none."""
+
+    sentence: Sentence
+    cause: str
+
+
+class Place(NamedTuple):
+    """Where a node stands: the number of a document of the record, and the line in it."""
+
+    document: int
+    line: int
+
+
+class Run:
+    """One mission of a record, taken in line by line."""
+
+    def __init__(self, began: float, started: RunStarted, nodes: List[TreeNode]):
+        self.began = self.ended = began
+        self.started = started
+        self.nodes = nodes
+        self.story = Story()
+        self.visits: Dict[int, Visit] = {}
+        self.ends: Dict[int, float] = {}  # of the visits that are over
+        self.told: Dict[int, List[Told]] = {0: []}  # by visit; 0 is what was before the first
+        self.outcome = ""
+        self.lost = 0  # lines that the record lacks
+        self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # statuses of each node
+        self.finished: List[Counter[str]] = [Counter() for _ in nodes]  # kinds of results of each mission leaf
+        self.lanes = Lanes()
+        self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
+        self._step: Optional[Step] = None
+
+    def take(self, time: float, entry: Entry) -> None:
+        """Take in the next line."""
+        self.ended = max(self.ended, time)
+        if isinstance(entry, Tick):
+            for uid, letter in entry.changes:
+                self.counts[uid - 1][letter] += 1
+        elif isinstance(entry, Lost):
+            self.lost += entry.lines
+        elif isinstance(entry, EVENTS):
+            self._tell(time, entry)
+            self._draw(time, entry)
+
+    def _tell(self, time: float, event: Any) -> None:
+        failure: Optional[Failure] = getattr(event, "failure", None)
+        for sentence in self.story.take(time, event):
+            self.told.setdefault(sentence.visit, []).append(Told(sentence, failure.cause.text if failure else ""))
+        visit = self.story.visit
+        if visit is not None:
+            self.visits[visit.number] = visit
+            self.told.setdefault(visit.number, [])
+        if isinstance(event, PassFinished):
+            self.ends[event.number] = time
+        elif isinstance(event, RunFinished):
+            self.outcome = event.outcome
+        step = self.story.step
+        if step != self._step:
+            self._end_step(time)
+            self._step = step
+
+    def _end_step(self, time: float) -> None:
+        if self._step is not None:
+            end = self._since(time)
+            self.lanes.add(0, Bar(self._since(self._step.began), end, DONE, self._step.words))
+            self.lanes.prolong(self._step.uid, NO, end)  # a condition tells that it does not hold once
+
+    def _draw(self, time: float, event: Any) -> None:
+        end = self._since(time)
+        if isinstance(event, Retried):
+            self.lanes.add(self._uids.get(event.path, 0), Bar(end, end, RETRY, event.failure.cause.text))
+        elif isinstance(event, LeafFinished) and 0 < event.uid <= len(self.nodes):
+            cause = event.failure.cause if event.failure else None
+            is_no = cause is Cause.CONDITION_FALSE
+            kind = NO if is_no else LETTER_OF.get(event.status, "-")
+            self.finished[event.uid - 1][kind] += 1
+            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind, cause.text if cause else "")
+            self.lanes.add(event.uid, bar, is_asked_again=is_no)
+
+    def _since(self, time: float) -> float:
+        return max(0.0, time - self.began)
+
+    def finish(self) -> "Run":
+        """Note that the record is over."""
+        self._end_step(self.ended)
+        self._step = None
+        return self
+
+
+def to_html(lines: Iterable[Line]) -> str:
+    """Return the page of a record (its last mission, if the mission was changed while it ran)."""
+    earlier, run = _last(lines)
+    title = "Mission {}".format(run.started.mission.split("/")[-1])
+    places, doubt = _places(run)
+    body = "".join([_header(title, run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
+                    _documents(run), "</main>"])
+    style, script = _file("report.css"), _file("report.js")
+    return PAGE.format(title=_text(title), body=body, style=style, script=script, data=_data(run),
+                       allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
+
+
+PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{allowed}">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+{body}
+<script type="application/json" id="data">{data}</script>
+<script>{script}</script>
+</body>
+</html>
 """
 
 
-def to_html(lines: List[Line]) -> str:
-    """Return the page of a record (its last mission, if the mission was changed while it ran)."""
-    missions = [(time, entry) for time, entry in lines if isinstance(entry, RunStarted)]
-    began, started = missions[-1]
-    first = [number for number, line in enumerate(lines) if line.entry is started][-1]
-    nodes = [line.entry.nodes for line in lines[:first] if isinstance(line.entry, TreeShown)][-1]
-    after = lines[first:]
-    entries = [line.entry for line in after]
-    parts = [_summary(missions, entries), _passes(nodes, entries), _decisions(after, began), _timeline(after, began),
-             _tree(nodes, entries)]
-    title = "Mission {}".format(started.mission.split("/")[-1])
-    return ("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{0}</title><style>{1}</style></head>"
-            "<body><h1>{0}</h1>{2}</body></html>\n").format(_text(title), STYLE, "\n".join(parts))
+def _last(lines: Iterable[Line]) -> Tuple[List[RunStarted], Run]:
+    """Return the missions before the last one, and the last one's run."""
+    runs: List[RunStarted] = []
+    run: Optional[Run] = None
+    nodes: List[TreeNode] = []
+    for time, entry in lines:
+        if isinstance(entry, TreeShown):
+            nodes = entry.nodes
+        elif isinstance(entry, RunStarted):
+            run = Run(time, entry, nodes)
+            runs.append(entry)
+        if run is not None:
+            run.take(time, entry)
+    assert run is not None  # ``decode`` has seen to it
+    return runs[:-1], run.finish()
+
+
+def _places(run: Run) -> Tuple[Dict[str, Place], str]:
+    """Return where the nodes stand, by path, and why that is not known, if it is not."""
+    sources = run.started.sources.documents
+    try:
+        tree = build_tree([parse(text, file) for file, text in sources])
+    except BehaviorControllerError as error:
+        return {}, "The lines of the nodes are not known: this release cannot read the mission ({}).".format(error)
+    number = {source.file: place for place, source in enumerate(sources)}
+    return {node.full_path: Place(number[node.element.document.file], node.element.place()[0])
+            for node in tree.nodes if node.element is not None}, ""
+
+
+def _file(name: str) -> str:
+    with open(os.path.join(FILES, name), encoding="utf-8") as file:
+        return file.read()
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
 
 
 # ------------------------------------------------------------------------------------------------------- parts of a page
@@ -57,111 +204,144 @@ def _text(value: Any) -> str:
     return html.escape(str(value).encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
-def _table(head: List[str], rows: List[List[str]]) -> str:
-    """Return a table of cells that are HTML already."""
-    return "<table><tr>{}</tr>{}</table>".format("".join("<th>{}</th>".format(cell) for cell in head), "".join(
-        "<tr>{}</tr>".format("".join("<td>{}</td>".format(cell) for cell in row)) for row in rows))
+def _time(at: float) -> str:
+    return "<time>{}</time>".format(clock(at))
 
 
-def _sign(letter: str) -> str:
-    return '<span class="{}">{}</span>'.format(letter if letter != "-" else "h", SIGNS[letter])
+def clock(at: float) -> str:
+    """Return the time of day, as all that tells a story shows it."""
+    return datetime.datetime.fromtimestamp(at).strftime("%H:%M:%S")
 
 
-def _summary(missions: List[Tuple[float, RunStarted]], entries: List[Entry]) -> str:
-    """Return when the last of the missions ran, with which configuration, and how it ended."""
-    began, started = missions[-1]
-    earlier = [mission.mission for _, mission in missions[:-1]]
-    when = datetime.datetime.fromtimestamp(began).isoformat(sep=" ", timespec="seconds")
-    chosen = "; ".join("{} {}".format(key, value) for key, value in started.settings.items())
-    ends = [entry.outcome for entry in entries if isinstance(entry, RunFinished)]
-    told = ["ended: " + ends[-1] if ends else "the record ends before the run: the node was killed, or the record full"]
+def _seconds(seconds: float) -> str:
+    """Return a duration as people write it."""
+    if seconds < 60:
+        return "{:.1f} s".format(seconds)
+    minutes, rest = divmod(round(seconds), 60)
+    return "{} min {} s".format(minutes, rest) if minutes < 60 else "{} h {} min".format(*divmod(minutes, 60))
+
+
+def _sign(letter: str, word: str) -> str:
+    return '<b class="{}" title="{}">{}</b>'.format(letter if letter != "-" else "h", word, SIGNS[letter])
+
+
+def _options(first: str, values: Iterable[str]) -> str:
+    counts = Counter(values)
+    return '<option value="">{}</option>'.format(first) + "".join(
+        '<option value="{0}">{0} ({1})</option>'.format(_text(value), counts[value]) for value in sorted(counts) if value)
+
+
+def _header(title: str, run: Run, earlier: List[RunStarted]) -> str:
+    """Return when the mission ran, with which configuration, how it ended, and what the report lacks."""
+    began = datetime.datetime.fromtimestamp(run.began)
+    ends = ", ".join("{} {}".format(count, outcome) for outcome, count in sorted(run.story.outcomes.items()))
+    told = ["{:%Y-%m-%d} {} to {}, {}".format(began, clock(run.began), clock(run.ended), _seconds(run.ended - run.began)),
+            "{} visits: {}".format(sum(run.story.outcomes.values()), ends) if ends else "no visit was ended",
+            "ended: " + run.outcome if run.outcome else "the record ends before the run: the node was killed, or the record full"]
+    lacks = []
     if earlier:
-        told.append("before it the record has {}, which this report leaves out".format(", ".join(earlier)))
-    return "<p>{}; {}<br><span class=\"count\">{}</span></p>".format(_text(when), _text("; ".join(told)), _text(chosen))
+        lacks.append("Before it the record has {}, which this report leaves out.".format(
+            ", ".join(mission.mission for mission in earlier)))
+    if run.lost:
+        lacks.append("The record lacks {} lines, which the disk was too slow for.".format(run.lost))
+    rows = "".join("<tr><th scope=\"row\">{}</th><td>{}</td></tr>".format(_text(key), _text(value))
+                   for key, value in run.started.settings.items())
+    return ('<header><h1>{}</h1><p>{}</p>{}<nav aria-label="Sections"><a href="#story">Story</a> '
+            '<a href="#timeline">Timeline</a> <a href="#tree">Tree</a> <a href="#files">Mission file</a></nav>'
+            '<details><summary>Configuration</summary><table>{}</table></details></header>').format(
+                _text(title), _text("; ".join(told)), "".join("<p>{}</p>".format(_text(text)) for text in lacks), rows)
 
 
-def _passes(nodes: List[TreeNode], entries: List[Entry]) -> str:
-    """Return how each pass ended, and which exhibits it left out."""
-    rows, tour = [], _Tour(nodes)
-    for entry in entries:
-        tour.take(entry)
-        if isinstance(entry, PassFinished):
-            rows.append([_text(entry.number), _sign(LETTER_OF.get(entry.outcome, "-")) + " " + _text(entry.outcome),
-                         "{:.1f} s".format(entry.seconds), "<br>".join(map(_text, tour.left_out()))])
-            tour = _Tour(nodes)
-    return _table(["visitor", "outcome", "took", "exhibits left out"], rows)
+# ----------------------------------------------------------------------------------------------------------------- story
 
 
-class _Tour:
-    """What became of the exhibits of one pass."""
-
-    def __init__(self, nodes: List[TreeNode]):
-        self._parents = {node.path: node.parent for node in nodes}
-        self._requests: Dict[int, Request] = {}
-        self._exhibits: Tuple[Exhibit, ...] = ()
-        self._said: Set[str] = set()
-        self._goal: Optional[Location] = None
-        self._recovered: Optional[Recovered] = None
-        # recoveries by the last goal: of a step by the node beside it; of more, such as the visit of an exhibit
-        self._steps: Dict[Optional[Location], List[str]] = {}
-        self._whole: Dict[Optional[Location], List[str]] = {}
-
-    def take(self, entry: Entry) -> None:
-        """Take in the next entry."""
-        if isinstance(entry, Asked):
-            self._requests[entry.call] = entry.request
-            if isinstance(entry.request, GoTo):
-                self._goal = entry.request.goal
-        elif isinstance(entry, Answered) and isinstance(entry.result, Answer):
-            request = self._requests.get(entry.call)
-            if request == QueryKnowledge("exhibits"):
-                self._exhibits = entry.result.exhibits
-            elif isinstance(request, Say):
-                self._said.add(request.text)
-        elif isinstance(entry, Recovered):
-            self._recovered = entry
-        elif isinstance(entry, LeafFinished) and self._recovered:  # the recovery's own
-            self._keep(self._recovered, entry.path)
-            self._recovered = None
-
-    def _keep(self, recovered: Recovered, handler: str) -> None:
-        if recovered.outcome in ("skipped", "given up"):
-            is_step = self._parents.get(recovered.path) == self._parents.get(handler)
-            (self._steps if is_step else self._whole).setdefault(self._goal, []).append("{}: {}; {} ({})".format(
-                recovered.node, _why(recovered.failure), recovered.outcome, recovered.policy))
-
-    def left_out(self) -> List[str]:
-        """Return the exhibits of which nothing was said, and why."""
-        return ["{}: {}".format(exhibit.name, self._reason(exhibit.location)) for exhibit in self._exhibits
-                if not self._said & {exhibit.description1, exhibit.description2}]
-
-    def _reason(self, goal: Location) -> str:
-        reasons = self._whole.get(goal, [])[-1:] or dict.fromkeys(self._steps.get(goal, []))
-        return "; ".join(reasons) or ("no description was spoken" if goal == self._goal else "it was not driven to")
+def _story(run: Run) -> str:
+    """Return a section for each visit, and what finds sentences in them."""
+    told = [each for part in run.told.values() for each in part]
+    tools = ('<form class="tools" role="search"><label>Search <input type="search" id="words"></label>'
+             '<label>About <select id="kind">{}</select></label><label>Severity <select id="severity">{}</select></label>'
+             '<label>Cause <select id="cause">{}</select></label><output id="found"></output></form>').format(
+                 _options("everything", (each.sentence.kind for each in told)),
+                 _options("all", (each.sentence.severity for each in told)),
+                 _options("any", (each.cause for each in told)))
+    before = _sentences(run.told[0])
+    return '<section id="story"><h2>Story</h2>{}{}{}</section>'.format(
+        tools, '<details class="visit" id="v0"><summary><h3>Before the first visit</h3></summary>{}</details>'.format(
+            before) if before else "", "".join(_visit(run, visit) for visit in run.visits.values()))
 
 
-def _why(failure: Failure) -> str:
-    return "{}: {}".format(failure.cause.text, failure.message)
+def _visit(run: Run, visit: Visit) -> str:
+    shown = sum(exhibit.state == SHOWN for exhibit in visit.exhibits)
+    facts = [_time(visit.began), "{} {}".format(_sign(LETTER_OF.get(visit.outcome, "R"), ""), _text(visit.outcome or UNDER_WAY))]
+    if visit.exhibits:
+        facts.append("{} of {} exhibits {}".format(shown, visit.exhibits[0].of, SHOWN))
+    facts.append(_seconds(visit.seconds) + (", waited {} before".format(_seconds(visit.waited)) if visit.waited else ""))
+    return ('<details class="visit" id="v{0}"><summary><h3>Visitor {0}</h3><span class="facts">{1}</span>'
+            '<span class="why">{2}</span></summary>{3}{4}'
+            '<button type="button" data-visit="{0}">Show on the timeline</button></details>').format(
+                visit.number, "".join("<span>{}</span>".format(fact) for fact in facts), _text(visit.why),
+                _exhibits(visit), _sentences(run.told[visit.number]))
 
 
-def _decisions(lines: List[Line], began: float) -> str:
-    """Return failures, retries, recoveries and what was noticed of the robot, in order."""
-    told = [(time, _decision(entry)) for time, entry in lines]
-    rows = [['<span class="time">{:.1f} s</span>'.format(time - began), _text(text)] for time, text in told if text]
-    return "<h2>Failures and recoveries</h2>" + (_table(["after", "what"], rows) if rows else "<p>none</p>")
+def _exhibits(visit: Visit) -> str:
+    if not visit.exhibits:
+        return ""
+    rows = "".join("<tr><th scope=\"row\">{} of {}, {}</th><td>{}</td><td>{}</td><td>{}</td></tr>".format(
+        exhibit.number, exhibit.of, _text(exhibit.name), _text(exhibit.state), _seconds(exhibit.seconds), _text(exhibit.why))
+        for exhibit in visit.exhibits)
+    return '<table class="exhibits"><thead><tr><th>exhibit</th><th>state</th><th>took</th><th>why</th></tr></thead>' \
+        "<tbody>{}</tbody></table>".format(rows)
 
 
-def _decision(entry: Entry) -> str:
-    """Return what is told of an entry; "" for most."""
-    if isinstance(entry, LeafFinished) and entry.failure and _is_worth_telling(entry.node, entry.failure):
-        return "{} failed: {}".format(entry.path, _why(entry.failure))
-    if isinstance(entry, Retried):
-        return "{}: retry {} failed: {}".format(entry.path, entry.attempt, entry.failure.cause.text)
-    if isinstance(entry, Recovered):
-        return "{}: recovery: {} ({}), for {}".format(entry.path, entry.outcome, entry.policy, _why(entry.failure))
-    if isinstance(entry, HealthChanged):
-        return "{} {}: {}".format(entry.kind, entry.name, entry.status)
-    return "{}: {}".format(entry.level, entry.text) if isinstance(entry, Noticed) else ""
+def _sentences(told: List[Told]) -> str:
+    """Return sentences as a list; those that are repeated in a row are one, with their count."""
+    items = []
+    for _, group in itertools.groupby(told, lambda each: (each.sentence.text, each.sentence.uid, each.cause)):
+        alike = list(group)
+        sentence, cause = alike[0]
+        items.append('<li class="{}" data-kind="{}"{} data-at="{:.3f}">{}<span>{}</span>{}{}</li>'.format(
+            _text(sentence.severity), _text(sentence.kind), ' data-cause="{}"'.format(_text(cause)) if cause else "",
+            sentence.at, _time(sentence.at), _text(sentence.text),
+            " <b>{} times</b>".format(len(alike)) if len(alike) > 1 else "",
+            ' <a href="#n{0}" title="{1}">#{0}</a>'.format(sentence.uid, _text(sentence.path)) if sentence.uid else ""))
+    return '<ol class="told">{}</ol>'.format("".join(items)) if items else ""
+
+
+# -------------------------------------------------------------------------------------------------------------- timeline
+
+
+def _timeline(run: Run) -> str:
+    """Return the frame that the script draws the bars in, and what is joined in them."""
+    joined = "{} results in {} bars: those of a step that are alike and less than {:g} s apart are one.".format(
+        run.lanes.results, run.lanes.bars, run.lanes.grain)
+    return ('<section id="timeline"><h2>Timeline</h2><noscript><p>The timeline needs JavaScript.</p></noscript>'
+            '<div class="tools"><label>Show <select id="range"></select></label>'
+            '<button type="button" id="in">Zoom in</button><button type="button" id="out">Zoom out</button>'
+            '<button type="button" id="earlier">Earlier</button><button type="button" id="later">Later</button>'
+            '<span id="shown"></span></div>'
+            '<p class="legend">{}</p>'
+            '<div id="lanes" tabindex="0" role="group" aria-label="Timeline: arrow keys move it, + and - zoom, Home '
+            'shows all"></div><p id="detail" role="status"></p><p class="quiet">{}</p></section>').format("".join(
+                '<span><b class="bar {}" aria-hidden="true"></b>{}</span>'.format(kind, meaning)
+                for kind, meaning in LEGEND.items()), joined)
+
+
+def _data(run: Run) -> str:
+    """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of the run."""
+    notes: Dict[str, int] = {}
+    lanes = [[key] + [part for bar in bars for part in (
+        round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind, bar.count,
+        notes.setdefault(bar.note, len(notes)))] for key, bars in run.lanes]
+    visits = [[visit.number, *(round(1000 * (at - run.began)) for at in (
+        visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))),
+        LETTER_OF.get(visit.outcome, "R")] for visit in run.visits.values()]
+    offset = datetime.datetime.fromtimestamp(run.began).astimezone().utcoffset()
+    data = {"began": round(1000 * run.began), "offset": round(1000 * offset.total_seconds()) if offset else 0,
+            "length": round(1000 * (run.ended - run.began)), "visits": visits, "lanes": lanes, "notes": list(notes)}
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+
+
+# ------------------------------------------------------------------------------------------------------------------ tree
 
 
 @functools.lru_cache(maxsize=None)
@@ -169,54 +349,21 @@ def _recoveries() -> FrozenSet[str]:
     return frozenset(spec.id for spec in leaves.mission_specs() if spec.is_recovery)
 
 
-def _is_worth_telling(node: str, failure: Failure) -> bool:
-    """Whether a leaf failed; a false condition is an answer, and what HandleFallBack decided is told by itself."""
-    return failure.cause is not Cause.CONDITION_FALSE and node not in _recoveries()
+def _bare(nodes: List[TreeNode]) -> FrozenSet[int]:
+    """Return the uids of recoveries, and of what holds a step and its recovery and has no name of its own."""
+    found = {uid for uid, node in enumerate(nodes, 1) if node.type in _recoveries()}
+    return frozenset(found | {nodes[uid - 1].parent for uid in found
+                              if nodes[uid - 1].parent and nodes[nodes[uid - 1].parent - 1].name == nodes[
+                                  nodes[uid - 1].parent - 1].type})
 
 
-def _timeline(lines: List[Line], began: float) -> str:
-    """Return a row for each mission leaf that ran, with bars for its results."""
-    lanes: Dict[str, List[Tuple[float, LeafFinished]]] = {}
-    for time, entry in lines:
-        if isinstance(entry, LeafFinished):
-            lanes.setdefault(entry.path, []).append((time, entry))
-    whole = max([time - began for lane in lanes.values() for time, _ in lane] + [0.001])
-    cells = [[_text(path.split("/")[-1]), '<div class="lane">{}</div>'.format("".join(_bars(lane, began, whole)))]
-             for path, lane in lanes.items()]
-    return "<h2>Timeline of {:.1f} s</h2>{}".format(
-        whole, _table(["leaf", "when (dashed: failure; grey: halted)"], cells))
-
-
-def _bars(finished: List[Tuple[float, LeafFinished]], began: float, whole: float) -> Iterator[str]:
-    """Yield the bars of a leaf; results that are alike and near each other are one, which says how many they are."""
-    bars: List[List[Any]] = []  # status, begin, end, results
-    newest: Dict[str, List[Any]] = {}
-    for time, leaf in finished:
-        end = time - began
-        begin = max(0.0, end - leaf.seconds)
-        bar = newest.get(leaf.status)
-        if bar is not None and begin - bar[2] < whole / STEPS:
-            bar[2:] = [end, bar[3] + 1]
-        else:
-            newest[leaf.status] = [leaf.status, begin, end, 1]
-            bars.append(newest[leaf.status])
-    for status, begin, end, count in bars:
-        letter = LETTER_OF.get(status, "-")
-        yield '<span class="bar {}" style="left:{:.2f}%;width:{:.2f}%" title="{}{} {:.3f} s"></span>'.format(
-            letter if letter != "-" else "h", 100 * begin / whole, 100 * (end - begin) / whole,
-            "" if count == 1 else "{} × ".format(count), _text(status), end - begin)
-
-
-def _tree(nodes: List[TreeNode], entries: List[Entry]) -> str:
-    """Return the tree as nested lists, each node with its results; what never ran is grey."""
-    counts: List[Dict[str, int]] = [{} for _ in nodes]
-    for entry in entries:
-        if isinstance(entry, Tick):
-            for uid, letter in entry.changes:
-                counts[uid - 1][letter] = counts[uid - 1].get(letter, 0) + 1
+def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
+    """Return the tree as nested lists, each node with its results and its place; what never ran is grey."""
+    nodes = run.nodes
     children: List[List[int]] = [[] for _ in range(len(nodes) + 1)]
     for number, node in enumerate(nodes, 1):
         children[node.parent].append(number)
+    bare = _bare(nodes)
     found: List[str] = []
     waiting: List[Tuple[Union[int, str], int]] = [(1, 1)]  # a node, or what closes one, and its level
     while waiting:
@@ -225,21 +372,47 @@ def _tree(nodes: List[TreeNode], entries: List[Entry]) -> str:
             found.append(item)
             continue
         is_nested = bool(children[item]) and level < DEEPEST
-        opening, closing = _item(nodes[item - 1], counts[item - 1], is_nested)
-        found.append(opening)
-        inner: List[Tuple[Union[int, str], int]] = [(child, level + 1) for child in reversed(children[item])]
-        waiting += [(closing, level)] + inner if is_nested else inner + [(closing, level)]
-    return '<h2>Tree</h2><div class="tree"><ul>{}</ul></div>'.format("".join(found))
+        found.append('<li id="n{}"{}>{}'.format(item, ' class="bare"' if item in bare else "", _row(run, item, places)))
+        found.append("<ul>" if is_nested else "</li>")
+        closing = "</ul></li>" if is_nested else ""
+        waiting += [(closing, level)] + [(child, level + 1) for child in reversed(children[item])]
+    return ('<section id="tree"><h2>Tree</h2><div class="tools"><button type="button" id="operator" aria-pressed="true">'
+            "Without recovery nodes</button></div>{}<ul>{}</ul></section>").format(
+                "<p>{}</p>".format(_text(doubt)) if doubt else "", "".join(found))
 
 
-def _item(node: TreeNode, count: Dict[str, int], is_nested: bool) -> Tuple[str, str]:
-    """Return what stands before and after the children of a node."""
-    results = " ".join("{}&thinsp;{}".format(_sign(letter), count[letter]) for letter in "SF" if letter in count)
-    kind = "" if node.type == node.name else ' <span class="count">{}</span>'.format(_text(node.type))
-    label = '<span class="{}">{}</span>{} {}'.format("" if count else "never", _text(node.name), kind, results or (
-        _sign("-") if count else '<span class="never">never</span>'))
-    opening = '<li class="node" title="{}">'.format(_text(node.path))
-    if not is_nested:
-        return opening + label, "</li>"
-    return (opening + "<details{}><summary>{}</summary><ul>".format(" open" if count else "", label),
-            "</ul></details></li>")
+def _row(run: Run, uid: int, places: Dict[str, Place]) -> str:
+    node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
+    name, kind = label(SimpleNamespace(uid=uid, full_path=node.path, registration_id=node.type, name=node.name))
+    failed = finished["F"] if finished[NO] else count["F"]  # a condition that does not hold has not failed
+    results = [(letter, word, number) for letter, word, number in (
+        ("S", "success", count["S"]), ("F", "failure", failed), (NO, "does not hold", count["F"] - failed)) if number > 0]
+    place = places.get(node.path)
+    return '<div class="row{}" title="{}"><span class="name">{}</span><span class="kind quiet">{}</span>{}{}</div>'.format(
+        "" if count else " never", _text(node.path), _text(name), _text(kind),
+        "".join('<span class="count">{} {}</span>'.format(_sign(letter, word), number) for letter, word, number in results)
+        or '<span class="quiet">{}</span>'.format("halted" if count else "never"),
+        "" if place is None else '<a class="quiet" href="#f{0}-{1}"><span class="file">{2}</span>:{1}</a>'.format(
+            *place, _text(os.path.basename(run.started.sources.documents[place.document].file))))
+
+
+def _documents(run: Run) -> str:
+    """Return the texts of the mission as the record has them, with an anchor for each line."""
+    parts = []
+    for number, (file, text) in enumerate(run.started.sources.documents):
+        lines = "".join('<code id="f{}-{}">{}\n</code>'.format(number, place, _text(line))
+                        for place, line in enumerate(re.split("\r\n?|\n", text), 1))
+        parts.append("<h3>{}</h3><pre>{}</pre>".format(_text(file), lines))
+    return '<section id="files"><h2>Mission file</h2>{}</section>'.format("".join(parts))
+
+
+# ---------------------------------------------------------------------------------------------------------- on a terminal
+
+
+def story_lines(lines: Iterable[Line]) -> Iterator[str]:
+    """Yield the sentences of a record, each with the time of day."""
+    story = Story()
+    for time, entry in lines:
+        if isinstance(entry, EVENTS):
+            for sentence in story.take(time, entry):
+                yield "{} {}".format(clock(sentence.at), clean(sentence.text))

@@ -43,7 +43,7 @@ class TestBrokenControllers(unittest.TestCase):
         result = run_test("scenarioSpecification:=lab_tour", "failureRate:=0", *arguments,
                           PYTHONPATH=os.pathsep.join(paths))
         self.assertEqual(result.code, FAILED, result.printed[-3000:])
-        return [line.strip() for line in "\n".join(result.report).split("FAILED: ")[1].splitlines()]
+        return [line.strip() for line in "\n".join(result.report).split("FAILED: ")[-1].splitlines()]
 
     def test_a_leaf_that_ignores_refusals(self):
         objections = self.run_spoilt(IGNORES_REFUSALS, "plannedFaults:=gestureExecution:1")

@@ -1,5 +1,4 @@
 """Tests of the verdict: what passes, and every way in which a test must fail."""
-import datetime
 from xml.etree import ElementTree
 
 import pytest
@@ -7,13 +6,12 @@ import pytest
 from behavior_controller.interface.records import Exhibit, Location, Point
 from behavior_controller.interface.robots import INTERFACES
 
-from unit_tests import configuration
 from unit_tests.exhibits import Knowledge
 from unit_tests.facts import Facts
 from unit_tests.journal import Line
 from unit_tests.junit import to_xml
 from unit_tests.rehearsal import Rehearsal
-from unit_tests.report import failure_lines, summary_lines, title, write
+from unit_tests.report import failure_lines, summary_lines
 from unit_tests.verdict import judge
 
 SAY, GO, ATTEND = "/textToSpeech/say_text", "/robotNavigation/set_goal", "/overtAttention/set_mode"
@@ -682,109 +680,3 @@ def test_what_the_verdict_does_not_know_changes_nothing():
     facts = finished(story).facts()
     assert judge(facts).passed
     assert failure_lines(facts) == []
-
-
-# -------------------------------------------------------------------------------------------------------------- report
-
-
-def heading(story, *real, **given):
-    return title(story.facts()._replace(real=frozenset(real)), configuration.load(dict({"randomSeed": "7"}, **given)),
-                 datetime.datetime(2026, 1, 2, 3, 4, 5))
-
-
-def test_the_title_names_the_mission_wherever_its_start_stands_in_the_record():
-    story = Story()
-    story.events.insert(0, {"event": "Tree", "time": 100.0, "id": "LabTour", "nodes": []})
-    assert heading(story) == ("2026-01-02T03:04:05: mission lab_tour.xml; visitorBehaviour engages; failureRate 0.1; "
-                              "arrivalRate 60; randomSeed 7")
-
-
-def test_the_title_tells_all_that_is_needed_to_repeat_the_run():
-    story = Story()
-    story.events[0]["settings"] = {"asrEnabled": False, "mutualGazeValue": 2, "language": "Kinyarwanda",
-                                   "topicMaxAge": 2.0, "monitorPort": 0, "verboseMode": True}
-    told = heading(story, "speechEvent", arrivalRate="inf", missionRuns="2", faultKinds="crash, wrong",
-                   plannedFaults="robotNavigation:3,textToSpeech:1:unanswered", testTimeout="8")
-    assert told.endswith("; arrivalRate inf; randomSeed 7; missionRuns 2; faultKinds crash,wrong; "
-                         "plannedFaults robotNavigation:3:refused,textToSpeech:1:unanswered; asrEnabled false; "
-                         "language Kinyarwanda; mutualGazeValue 2; use_real_speechEvent true")
-
-
-def test_the_title_of_a_mission_that_did_not_start():
-    story = Story()
-    story.events = [{"event": "Tree", "time": 100.0}]
-    assert ": mission that did not start; visitorBehaviour engages" in heading(story)
-
-
-def test_every_failure_has_a_line_of_its_own():
-    story = without_tour()
-    for number in range(3):
-        story.say("Hello", "refused")
-        story.failed("WelcomeSpeech", SAY, "refused", "answer {}\n".format(number), "Tree::1/WelcomeSpeech::2")
-    story.done("WelcomeSpeech", SAY)
-    lines = [line.split("\t") for line in failure_lines(story.facts())]
-    assert [line[1:] for line in lines] == [
-        ["WelcomeSpeech", "Tree::1/WelcomeSpeech::2", SAY, "refused", "answer {}".format(number)]
-        for number in range(3)]
-    assert lines[0][0] < lines[1][0] < lines[2][0]
-
-
-def test_failures_during_a_recovery_have_their_lines_too():
-    story = without_tour()
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused", path="Tree::1/Navigate::2")
-    story.go(1.0, "exception")
-    story.retried("Navigate", GO, "exception", path="Tree::1/Navigate::2")
-    story.call("animateBehavior", ANIMATE, "refused", state="disabled")
-    story.recovered("Navigate", GO, 1, success=False, path="Tree::1/Navigate::2")
-    lines = [line.split("\t")[1:5] for line in failure_lines(finished(story, "FAILURE").facts())]
-    assert lines == [["Navigate", "Tree::1/Navigate::2", GO, "refused"],
-                     ["Navigate", "Tree::1/Navigate::2", GO, "exception"],
-                     ["Navigate", "Tree::1/Navigate::2", ANIMATE, "refused"]]
-
-
-def test_the_summary_counts_every_node():
-    story = without_tour()
-    story.say("Hello", "refused")
-    story.failed("WelcomeSpeech", SAY, "refused")
-    story.say("Hello")
-    story.recovered("WelcomeSpeech", SAY, 1)
-    story.done("FollowMeSpeech", SAY)
-    counts = [line.split() for line in summary_lines(story.facts())]
-    assert ["FollowMeSpeech", "1", "0"] in counts
-    assert ["WelcomeSpeech", "1", "1"] in counts
-    assert ["textToSpeech", "2", "1"] in counts
-    assert ["robotNavigation", "0", "0"] in counts
-    assert "recoveries: 1; 1 done" in summary_lines(story.facts())
-    assert "  WelcomeSpeech: refused; policy: retry; 1 attempt: done" in summary_lines(story.facts())
-
-
-def test_the_report_ends_with_the_verdict():
-    story = without_tour()
-    story.failed("IsVisitorDiscovered", "/faceDetection/data", "condition-false", "no face")
-    story.failed("WelcomeSpeech", SAY, "refused")
-    verdict, text = write(finished(story).facts(), "title")
-    lines = text.splitlines()
-    assert not verdict.passed
-    assert lines[0] == "# title"
-    assert lines[2].split("\t")[1] == "IsVisitorDiscovered"
-    assert "2 failures; 1 of them conditions that were false for a while" in lines
-    assert lines[-1] == "FAILED: WelcomeSpeech failed and nothing was injected there: refused: -"
-
-
-def test_what_the_robot_says_forges_no_line_of_the_report():
-    odd = "\x1b[2J\nPASSED: forged\t\x9b\u202e\ud800\x00"
-    story = without_tour()
-    story.failed("Node" + odd, SAY + odd, "refused", odd, "Tree::1/" + odd)
-    story.recovered("Node" + odd, SAY, 1, path=odd)
-    story.events[0]["mission"] = odd
-    story.call("textToSpeech", SAY, objection=odd, message=odd)
-    facts = finished(story).facts()
-    verdict, text = write(facts, heading(story))
-    junit = to_xml(verdict, 1.0, heading(story))
-    for shown in (text, junit):
-        assert not set("\x1b\x9b\u202e\ud800\x00\r") & set(shown)
-        assert "\\x1b[2J\\nPASSED: forged\\t\\x9b\\u202e\\ud800\\x00" in shown
-    assert [line for line in text.splitlines() if line.startswith("PASSED")] == []
-    assert len(text.split("\n\n")[0].splitlines()) == 3 and len(failure_lines(facts)[0].split("\t")) == 6
-    ElementTree.fromstring(junit)

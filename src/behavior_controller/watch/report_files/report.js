@@ -1,0 +1,302 @@
+"use strict";
+// Finds sentences in the story, draws the timeline, folds the tree. What is told stands in the page without it.
+
+const byId = id => document.getElementById(id);
+const data = JSON.parse(byId("data").textContent);
+
+function element(tag, className, text) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  if (text !== undefined) made.textContent = text;
+  return made;
+}
+
+// ----------------------------------------------------------------------------------------------------------------- story
+
+const visits = [...document.querySelectorAll(".visit")];
+const sentences = [...document.querySelectorAll(".told li")];
+
+function find() {
+  const words = byId("words").value.trim().toLowerCase();
+  const [kind, severity, cause] = ["kind", "severity", "cause"].map(id => byId(id).value);
+  const isAsked = words + kind + severity + cause !== "";
+  let count = 0;
+  for (const one of sentences) {
+    one.hidden = kind !== "" && one.dataset.kind !== kind || severity !== "" && !one.classList.contains(severity) ||
+      cause !== "" && one.dataset.cause !== cause || words !== "" && !one.textContent.toLowerCase().includes(words);
+    count += !one.hidden;
+  }
+  for (const visit of visits) {
+    visit.hidden = isAsked && !visit.querySelector(".told li:not([hidden])");
+    if (isAsked) visit.open = !visit.hidden;
+  }
+  byId("found").textContent = isAsked ? count + " of " + sentences.length + " sentences" : sentences.length + " sentences";
+}
+
+for (const id of ["words", "kind", "severity", "cause"]) byId(id).addEventListener("input", find);
+document.querySelector("form").addEventListener("submit", event => event.preventDefault());
+
+// -------------------------------------------------------------------------------------------------------------- timeline
+
+const SIGNS = {r: "↻"};
+const WORDS = {S: "success", F: "failure", R: "under way", h: "halted", n: "does not hold yet", r: "a retry failed", w: "waiting for a visitor",
+               d: "", warning: "warning", error: "error"};
+const NEAR = 3;       // pixels between two bars of a kind that are drawn as one
+const SHORTEST = 50;  // milliseconds that may fill the timeline
+const lanes = [];     // {name, bars: [{begin, end, kind, count, text, link}], row, track}
+let from = 0, to = Math.max(data.length, SHORTEST);
+
+function clock(time, step) {
+  const text = new Date(data.began + data.offset + time).toISOString();
+  return text.slice(11, step < 1000 ? 23 : 19);
+}
+
+function duration(length) {
+  const seconds = length / 1000;
+  if (seconds < 60) return seconds.toFixed(seconds < 10 ? 1 : 0) + " s";
+  const minutes = Math.floor(Math.round(seconds) / 60);
+  return minutes < 60 ? minutes + " min " + Math.round(seconds) % 60 + " s" : Math.floor(minutes / 60) + " h " + minutes % 60 + " min";
+}
+
+function barsOf(numbers) {
+  const bars = [];
+  for (let place = 1; place < numbers.length; place += 5) {
+    const [begin, length, letter, count, note] = numbers.slice(place, place + 5);
+    bars.push({begin, end: begin + length, kind: letter === "-" ? "h" : letter, count, text: data.notes[note]});
+  }
+  return bars;
+}
+
+function visitBars() {
+  const bars = [];
+  for (const [number, began, arrived, ended, outcome] of data.visits) {
+    if (arrived > began) bars.push({begin: began, end: arrived, kind: "w", count: 1, text: "", link: "v" + number});
+    bars.push({begin: arrived, end: ended, kind: outcome === "-" ? "h" : outcome, count: 1, text: "Visitor " + number, link: "v" + number});
+  }
+  return bars;
+}
+
+function troubleBars() {
+  return sentences.filter(one => !one.classList.contains("info")).map((one, place) => {
+    one.id = "t" + place;
+    const at = Math.max(0, Number(one.dataset.at) * 1000 - data.began);
+    return {begin: at, end: at, kind: one.className, count: 1, text: one.querySelector("span").textContent, link: one.id};
+  });
+}
+
+function addLane(name, link, bars) {
+  if (!bars.length) return;
+  const row = element("div", "lane"), track = element("div", "track"), head = element(link ? "a" : "span", "", name);
+  if (link) head.href = "#" + link;
+  const longest = Math.max(...bars.map(bar => bar.end - bar.begin));
+  const counts = {};
+  for (const bar of bars) counts[WORDS[bar.kind]] = (counts[WORDS[bar.kind]] || 0) + bar.count;
+  track.setAttribute("role", "img");
+  track.setAttribute("aria-label", name + ": " + Object.entries(counts).map(([word, count]) => count + " " + word).join(", ") +
+                     "; the longest took " + duration(longest));
+  row.append(head, track);
+  byId("lanes").append(row);
+  lanes.push({name, bars: bars.sort((one, other) => one.begin - other.begin), row, track});
+}
+
+function makeLanes() {
+  addLane("Visits", "story", visitBars());
+  addLane("Warnings and errors", "story", troubleBars());
+  for (const numbers of data.lanes) {
+    const node = byId("n" + numbers[0]);
+    addLane(node ? node.querySelector(".name").textContent + " " + node.querySelector(".kind").textContent : "Steps",
+            node ? node.id : "", barsOf(numbers));
+  }
+  byId("lanes").prepend(element("div", "axis"));
+  byId("range").append(new Option("the whole run", ""), ...data.visits.map(visit => new Option("visitor " + visit[0], visit[0])));
+}
+
+// bars of a kind that would touch are one, with the count of what is in it
+function merged(bars, scale) {
+  const found = [], newest = {};
+  for (const bar of bars) {
+    if (bar.end < from || bar.begin > to) continue;
+    const last = newest[bar.kind];
+    if (last && (bar.begin - last.end) * scale < NEAR && (last.end - last.begin) * scale < 4 * NEAR && (bar.end - bar.begin) * scale < NEAR) {
+      last.end = Math.max(last.end, bar.end);
+      last.count += bar.count;
+      if (last.text !== bar.text) last.text = "";
+    } else {
+      newest[bar.kind] = Object.assign({}, bar);
+      found.push(newest[bar.kind]);
+    }
+  }
+  return found;
+}
+
+function telling(lane, bar) {
+  const length = bar.end - bar.begin;
+  return [lane.name + ":", bar.count > 1 ? bar.count + " ×" : "", WORDS[bar.kind], bar.text && bar.text !== lane.name ? bar.text + "," : "",
+          "at " + clock(bar.begin, to - from), length ? "for " + duration(length) : ""].filter(part => part).join(" ");
+}
+
+function barElement(lane, bar, scale) {
+  const begin = Math.max(bar.begin, from), width = (Math.min(bar.end, to) - begin) * scale;
+  const made = element("span", "bar " + bar.kind + (width > 45 ? " wide" : ""), SIGNS[bar.kind] || "");
+  made.style.left = (begin - from) * scale + "px";
+  made.style.width = width + "px";
+  if (width > 45) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " × " : "") +
+    duration(bar.end - bar.begin);
+  made.title = telling(lane, bar);
+  made.addEventListener("click", () => {
+    byId("detail").replaceChildren(made.title);
+    if (bar.link && bar.count === 1) {
+      const link = element("a", "", "in the story");
+      link.href = "#" + bar.link;
+      byId("detail").append(" ", link);
+    }
+  });
+  return made;
+}
+
+function drawAxis(width, scale) {
+  const steps = [10, 20, 50, 100, 200, 500, 1e3, 2e3, 5e3, 1e4, 3e4, 6e4, 12e4, 3e5, 6e5, 18e5, 36e5, 72e5, 216e5, 864e5];
+  const step = steps.find(each => each * scale > 95) || (to - from);
+  const axis = document.querySelector(".axis");
+  axis.replaceChildren();
+  const origin = (data.began + data.offset) % step;
+  for (let time = Math.ceil((from + origin) / step) * step - origin; time <= to; time += step) {
+    const mark = element("span", "", clock(time, step));
+    mark.style.left = (time - from) * scale + "px";
+    if ((to - time) * scale > 70 || width < 100) axis.append(mark);
+  }
+}
+
+function draw() {
+  if (!lanes.length) return;
+  const width = document.querySelector(".axis").clientWidth, scale = width / (to - from);
+  let hidden = 0;
+  for (const lane of lanes) {
+    const bars = merged(lane.bars, scale);
+    lane.row.hidden = !bars.length;
+    hidden += lane.row.hidden;
+    lane.track.replaceChildren(...bars.map(bar => barElement(lane, bar, scale)));
+  }
+  drawAxis(width, scale);
+  byId("shown").textContent = clock(from, to - from) + " to " + clock(to, to - from) + ", " + duration(to - from) +
+    (hidden ? "; " + hidden + " lanes have nothing here" : "");
+}
+
+function show(begin, end) {
+  const length = Math.min(Math.max(end - begin, SHORTEST), Math.max(data.length, SHORTEST));
+  from = Math.min(Math.max(begin, 0), Math.max(data.length, SHORTEST) - length);
+  to = from + length;
+  draw();
+}
+
+function zoom(factor, around = (from + to) / 2) { show(around - (around - from) * factor, around + (to - around) * factor); }
+function move(part) { show(from + (to - from) * part, to + (to - from) * part); }
+function showVisit(number) {
+  const visit = data.visits.find(each => String(each[0]) === String(number));
+  byId("range").value = visit ? visit[0] : "";
+  if (visit) show(visit[1], visit[3]);
+  else show(0, data.length);
+}
+
+function timeAt(event) {
+  const box = document.querySelector(".axis").getBoundingClientRect();
+  return from + (event.clientX - box.left) / box.width * (to - from);
+}
+
+function drag(event) {
+  if (event.button !== 0 || event.target.closest("a")) return;
+  const begin = event.clientX, first = from, last = to, perPixel = (to - from) / document.querySelector(".axis").clientWidth;
+  const follow = moved => { if (Math.abs(moved.clientX - begin) > 3) show(first - (moved.clientX - begin) * perPixel, last - (moved.clientX - begin) * perPixel); };
+  addEventListener("pointermove", follow);
+  addEventListener("pointerup", () => removeEventListener("pointermove", follow), {once: true});
+}
+
+const KEYS = {ArrowLeft: () => move(-.25), ArrowRight: () => move(.25), "+": () => zoom(.5), "=": () => zoom(.5), "-": () => zoom(2),
+              Home: () => showVisit("")};
+
+function listenToTimeline() {
+  for (const [id, act] of [["in", () => zoom(.5)], ["out", () => zoom(2)], ["earlier", () => move(-.5)], ["later", () => move(.5)]])
+    byId(id).addEventListener("click", act);
+  byId("range").addEventListener("input", () => showVisit(byId("range").value));
+  byId("lanes").addEventListener("keydown", event => {
+    if (!KEYS[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    KEYS[event.key]();
+  });
+  byId("lanes").addEventListener("pointerdown", drag);
+  byId("lanes").addEventListener("dblclick", event => zoom(.5, timeAt(event)));
+  byId("lanes").addEventListener("wheel", event => {
+    if (!event.ctrlKey) return;  // else the page scrolls
+    event.preventDefault();
+    zoom(event.deltaY > 0 ? 1.25 : .8, timeAt(event));
+  }, {passive: false});
+  for (const button of document.querySelectorAll("[data-visit]")) button.addEventListener("click", () => {
+    showVisit(button.dataset.visit);
+    byId("timeline").scrollIntoView();
+    byId("lanes").focus({preventScroll: true});
+  });
+  addEventListener("resize", draw);
+}
+
+// ------------------------------------------------------------------------------------------------------------------ tree
+
+function foldable() {
+  for (const row of document.querySelectorAll("#tree .row")) {
+    if (row.nextElementSibling === null) {
+      row.classList.add("leaf");
+      continue;
+    }
+    const button = element("button");
+    button.type = "button";
+    button.setAttribute("aria-expanded", "true");
+    button.setAttribute("aria-label", "Below " + row.querySelector(".name").textContent);
+    button.addEventListener("click", () => fold(row.parentElement, !row.parentElement.classList.contains("folded")));
+    row.prepend(button);
+  }
+}
+
+function fold(item, isFolded) {
+  item.classList.toggle("folded", isFolded);
+  item.querySelector("button").setAttribute("aria-expanded", !isFolded);
+}
+
+function operatorsView(isOn) {
+  byId("tree").classList.toggle("operator", isOn);
+  byId("operator").setAttribute("aria-pressed", isOn);
+}
+
+// ---------------------------------------------------------------------------------------------------- links and the print
+
+// what a link leads to may be folded, left out by the operator's view, or not found by the search
+function reveal() {
+  const target = byId(location.hash.slice(1));
+  if (!target) return;
+  if (target.closest("[hidden]")) {
+    document.querySelector("form").reset();
+    find();
+  }
+  if (target.classList.contains("bare")) operatorsView(false);
+  for (let outer = target; outer; outer = outer.parentElement) {
+    if (outer.tagName === "DETAILS") outer.open = true;
+    if (outer !== target && outer.classList.contains("folded")) fold(outer, false);
+  }
+  target.scrollIntoView({block: "center"});
+}
+
+addEventListener("hashchange", reveal);
+let opened = [];
+addEventListener("beforeprint", () => {
+  opened = visits.filter(visit => !visit.open);
+  for (const visit of opened) visit.open = true;
+});
+addEventListener("afterprint", () => { for (const visit of opened) visit.open = false; });
+
+foldable();
+operatorsView(true);
+byId("operator").addEventListener("click", () => operatorsView(byId("operator").getAttribute("aria-pressed") !== "true"));
+if (visits.length === 1) visits[0].open = true;
+makeLanes();
+listenToTimeline();
+find();
+draw();
+reveal();
