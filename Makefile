@@ -1,10 +1,15 @@
 # Each target sets up first what it needs; what is there already is skipped.
 
-.PHONY: run test setup derived conformance bench soak mutations clean
+.PHONY: run seeds test setup derived pictures conformance bench soak mutations clean
 
 # the lab tour once, against nine simulated nodes; the exit code tells the verdict. ARGS=failureRate:=0.2
 run:
 	@tools/run.sh $(ARGS)
+
+# the same once for each of 20 seeds: a line for each run, the reports of those that did not pass, and a sum.
+# ARGS='40 failureRate:=0.3'
+seeds:
+	@tools/seeds.sh $(ARGS)
 
 # every test; ONLY=rostest chooses suites by a word of their name
 test:
@@ -15,9 +20,14 @@ setup:
 	@tools/setup.sh --tests
 	@echo 'source $(CURDIR)/build/devel/setup.bash'
 
-# write what follows from declarations: the README's tables, keys of configurations, launch files, executables of simulated nodes
+# write what follows from declarations: tables of documents, keys of configurations, launch files, executables of simulated nodes
 derived:
 	@tools/in_workspace.sh python3 tools/derive.py
+
+# run the lab tour and take the pictures of the documents from it: about half a minute
+pictures:
+	@tools/setup.sh --tests
+	@tools/in_workspace.sh python3 tools/pictures.py
 
 # compare the engine with recorded traces. VECTORS: folder of .json, or .jsonl(.xz) file; LEVEL: roots, leaves or full
 conformance:

@@ -26,7 +26,7 @@ refuse_another_package() {
     other="$(dirname "$other")"
     case "$(readlink -f "$other/CMakeLists.txt")" in
       "$REPOSITORY"/*) ;;
-      *) fail "$other is a package of the same name: put ours into a workspace of its own, and source that one last (see the README)" ;;
+      *) fail "$other is a package of the same name: put ours into a workspace of its own, and source that one last (see docs/developers_guide.md)" ;;
     esac
   done
 }

@@ -1,7 +1,7 @@
 """Write what is derived from declarations: ``make derived`` writes each file that is not up to date, and names it.
 
-These are the README's tables, the keys of both configurations, the arguments and nodes of the launch files, the executables
-of the simulated nodes, and docs/faults.md. A derived part of a file is below a line with ``derived: NAME`` and ends before ``derived: end``.
+These are the tables of docs/reference.md and of the README, the keys of both configurations, the arguments and nodes of the
+launch files, the executables of the simulated nodes, and docs/faults.md. A derived part of a file is below a line with ``derived: NAME`` and ends before ``derived: end``.
 A value that a configuration file gives stays as it is.
 """
 import os
@@ -35,7 +35,7 @@ main("{0}")
 """.format(node) for node in NODES}
 
 
-# ---------------------------------------------------------------------------------------------------------- the README
+# ---------------------------------------------------------------------------------------------------------- the documents
 
 
 def keys_table(heading: str, keys: Iterable[Key]) -> str:
@@ -159,10 +159,11 @@ def _fixed(derive: Callable[[], str]) -> Part:
 
 
 PARTS: Dict[str, Dict[str, Part]] = {
-    "README.md": {
+    "README.md": {"keys": _fixed(lambda: keys_table("key", settings.KEYS))},
+    "docs/reference.md": {
         "keys": _fixed(lambda: keys_table("key", settings.KEYS)),
         "services and topics": _fixed(offers), "nodes": _fixed(nodes), "entries": _fixed(entries),
-        "keys of a test": _fixed(lambda: keys_table("key of `{}`".format(configuration.FILE_NAME), configuration.KEYS)),
+        "keys of a test": _fixed(lambda: keys_table("key", configuration.KEYS)),
     },
     "config/" + settings.FILE_NAME: {"keys": key_lines(settings.KEYS)},
     "unit_tests/config/" + configuration.FILE_NAME: {"keys": key_lines(configuration.KEYS)},

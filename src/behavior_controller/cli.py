@@ -13,13 +13,13 @@ except ImportError as error:  # py-trees-render would show a traceback
     sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
 from behavior_controller import exits, folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
-from behavior_controller.bt.engine.node import label
-from behavior_controller.bt.registry import did_you_mean
+from behavior_controller.bt.registry import Kind, did_you_mean
 from behavior_controller.bt.rules import RULES
 from behavior_controller.errors import MissionError
 from behavior_controller.mission import load_tree
 from behavior_controller.text import clean
 from behavior_controller.validation import Validation, as_json, listed
+from behavior_controller.watch.drawing import name_for_drawing
 
 _WATCH_EVERY = 0.3  # seconds
 
@@ -139,17 +139,27 @@ def _document(includes: List[str], attributes: str) -> str:
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:
     """Return the root of a mission to draw with ``py-trees-render behavior_controller.cli.create_tree``.
 
-    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws that tree of the file alone. A node
-    is labelled with its own name and type, or with its type and uid, so that those of one type can be told apart.
+    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws what is below the first call of that
+    tree alone. Nodes have the numbers that they have on the page and in Groot2.
     """
     path = mission if mission.endswith(".xml") or os.sep in mission else folders.mission(mission)
     try:
-        tree = load_tree(path, main_tree=subtree)
+        root = load_tree(path).root if subtree is None else _root_of(path, subtree)
     except MissionError as error:
         sys.exit(str(error))
-    for node in tree.nodes:
-        node.name = " ".join(label(node))  # a colon would be a port in the dot language
-        # else py_trees puts a sign before the name that few fonts have; the label tells the type
-        setattr(node, "memory", False)
-    tree.root.name = subtree or os.path.splitext(os.path.basename(path))[0]
-    return tree.root
+    for node in root.iterate():
+        name_for_drawing(node)
+    root.name = subtree or os.path.splitext(os.path.basename(path))[0]
+    return root
+
+
+def _root_of(path: str, subtree: str) -> Any:
+    """Return the root of a tree of the file: as the mission first calls it, or alone if the mission does not."""
+    alone = load_tree(path, main_tree=subtree)
+    try:
+        whole = load_tree(path)
+    except MissionError:
+        return alone.root  # several trees, of which none is the main one
+    calls = (node.children[0] for node in whole.nodes
+             if node.spec.kind is Kind.SUBTREE and node.element.attributes.get("ID") == subtree)
+    return next(calls, alone.root)

@@ -1,4 +1,4 @@
-"""The exit codes of the node and of the tools; the README explains them for each program."""
+"""The exit codes of the node and of the tools; docs/reference.md explains them for each program."""
 
 SUCCESS = 0
 """The last pass was a SUCCESS; a tool did what it was asked for."""
@@ -14,3 +14,6 @@ FAILURE = 3
 
 BROKEN = 4
 """The node could not go on: no memory, threads or files left, or an error of its own."""
+
+FOUND = 4
+"""A rehearsal found something that its author should know."""

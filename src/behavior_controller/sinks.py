@@ -6,8 +6,10 @@ import os
 import re
 import select
 import sys
+import textwrap
 import threading
 import time
+import unicodedata
 from typing import Any, Callable, Deque, Iterable, List
 
 from behavior_controller.text import LONGEST, clean
@@ -21,18 +23,26 @@ LONGEST_LINE = 2 * LONGEST
 MOST_WAITING = 1000
 """Items that may wait for a sink that takes none."""
 
-LEFT_OUT = "behaviorController: %d lines left out: %s did not take them in time"
+INDENT = "    "
+"""What the second line and further ones begin with, where a line is broken to fit the terminal."""
+
+LEFT_OUT = "%d lines left out: %s did not take them in time"
 
 
 class Sink:
     """A daemon thread that writes what is put into its queue. ``put`` never waits; what does not fit is counted."""
 
     def __init__(self, name: str, write: Callable[[Any], object], left_out: Callable[[int], Any],
-                 most: int = MOST_WAITING):
-        """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread."""
+                 most: int = MOST_WAITING, rest: float = 0.0):
+        """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread.
+
+        With a ``rest`` in seconds, items that come after an idle time are written so much later: what put them has
+        done by then what others wait for.
+        """
         self._write = write
         self._left_out = left_out
         self._most = most
+        self._rest = rest
         self._waiting: Deque[Any] = collections.deque()
         self._lost = 0
         self._is_busy = False
@@ -62,8 +72,12 @@ class Sink:
         with self._news:
             self._is_busy = False
             self._news.notify_all()
+            is_idle = not self._waiting
             self._news.wait_for(lambda: self._waiting)
             self._is_busy = True
+        if is_idle and self._rest:
+            time.sleep(self._rest)
+        with self._news:
             item = self._waiting.popleft()
             if self._lost and len(self._waiting) <= self._most // 2:
                 self._waiting.append(self._left_out(self._lost))
@@ -114,18 +128,44 @@ class LineStream(io.TextIOBase):
 def take_over_streams() -> List[Sink]:
     """Let ``sys.stdout`` and ``sys.stderr`` feed sinks, and return these: one if both are the same file."""
     out, err = sys.stdout, sys.stderr
-    sinks = [_stream_sink(out.fileno())]
+    sinks = [_stream_sink(out)]
     if not os.path.sameopenfile(out.fileno(), err.fileno()):
-        sinks.append(_stream_sink(err.fileno()))
+        sinks.append(_stream_sink(err))
     sys.stdout, sys.stderr = LineStream(sinks[0], out), LineStream(sinks[-1], err)
     return sinks
 
 
-def _stream_sink(descriptor: int) -> Sink:
-    def left_out(count: int) -> bytes:
-        return "[WARN] [{:f}]: {}\n".format(time.time(), LEFT_OUT % (count, "the terminal")).encode()
+def _stream_sink(stream: Any) -> Sink:
+    descriptor = stream.fileno()
 
-    return Sink("stream {}".format(descriptor), lambda data: _write_all(descriptor, data), left_out)
+    def left_out(count: int) -> bytes:
+        return "[WARN] [{:f}]: behaviorController: {}\n".format(time.time(), LEFT_OUT % (count, "the terminal")).encode()
+
+    def write(data: bytes) -> None:
+        if stream.isatty():
+            data = fitted(data.decode(stream.encoding), columns(descriptor)).encode(stream.encoding)
+        _write_all(descriptor, data)
+
+    return Sink("stream {}".format(descriptor), write, left_out)
+
+
+def columns(descriptor: int) -> int:
+    """Return the width of a terminal in characters; 0 if it does not tell."""
+    try:
+        return os.get_terminal_size(descriptor).columns
+    except OSError:
+        return 0
+
+
+def fitted(line: str, width: int) -> str:
+    """Return a line with its end, broken between words into lines of at most ``width`` characters; 0: as it is."""
+    colours = COLOURS.match(line).group()  # type: ignore[union-attr]
+    text = line[len(colours):].rstrip("\n")
+    if any(unicodedata.east_asian_width(letter) in "WF" for letter in text):
+        width //= 2  # such letters take two columns
+    if len(text) <= width or width <= len(INDENT):
+        return line
+    return colours + "\n".join(textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False)) + "\n"
 
 
 def _write_all(descriptor: int, data: bytes) -> None:
@@ -153,7 +193,7 @@ class Detached(logging.Handler):
         name = self.path or "/rosout"
 
         def left_out(count: int) -> logging.LogRecord:
-            return logging.LogRecord("rosout", logging.WARNING, __file__, 0, LEFT_OUT, (count, name), None)
+            return logging.LogRecord("rosout", logging.WARNING, __file__, 0, "behaviorController: " + LEFT_OUT, (count, name), None)
 
         self.sink = Sink(name, handler.handle, left_out)
 

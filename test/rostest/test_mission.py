@@ -61,7 +61,7 @@ class TestMission(unittest.TestCase):
             self.assertEqual(controller.wait(20), code)
             text = "\n".join(self.lines(controller))
             for number in (1, 2):
-                self.assertRegex(text, r"(?m)^\w+ pass {}: {} after \d+\.\d s$".format(number, outcome))
+                self.assertRegex(text, r"(?m)^\w+ pass {}: {} after \d+\.\d s: ".format(number, outcome))
             self.assertRegex(text, r"(?m)^INFO ends: .*exit code {}".format(code))
             robot.stop()
 
@@ -79,15 +79,19 @@ class TestMission(unittest.TestCase):
 
     # ---------------------------------------------------------------------------------------------------- lines
 
-    def test_normal_mode_tells_the_start_the_recovery_and_the_outcome_only(self):
+    def test_normal_mode_tells_the_story(self):
         robot, controller = self.start("<WelcomeSpeech/><Fallback><WelcomeGesture/><HandleFallBack/></Fallback>",
                                        {"/gestureExecution/perform_gesture": "refuse"}, missionRuns="1")
         self.assertEqual(controller.wait(60), 0, controller.lines.text())
         lines = self.lines(controller)
-        self.assertEqual([line.split()[0] for line in lines], ["INFO", "INFO", "INFO", "WARN", "INFO", "INFO"])
+        self.assertEqual([line.split()[0] for line in lines], 4 * ["INFO"] + ["WARN", "INFO", "WARN", "INFO", "INFO"])
         self.assertEqual(lines[2], "INFO a pass begins")  # START_OF_TREE
-        for word in ("recovery", "refused", "gesture_success = 0", "/gestureExecution/perform_gesture", "skip"):
-            self.assertIn(word, lines[3])
+        self.assertRegex(lines[3], r"^INFO said “.+”$")
+        self.assertEqual(lines[5], "INFO retrying WelcomeGesture, 1 of 1")
+        for line in (lines[4], lines[6]):
+            for word in ("refused", "gesture_success = 0", "/gestureExecution/perform_gesture"):
+                self.assertIn(word, line)
+        self.assertIn("went on without WelcomeGesture, which failed 2 times", lines[6])
         self.assertNotIn("WelcomeSpeech", "\n".join(lines))
 
     def test_verbose_mode_has_a_line_for_each_leaf_that_finishes(self):
@@ -97,7 +101,7 @@ class TestMission(unittest.TestCase):
         self.assertEqual(controller.wait(20), 3)
         text = "\n".join(self.lines(controller))
         self.assertRegex(text, r"(?m)^INFO START_OF_TREE .*: SUCCESS, 0\.\d+ s$")
-        self.assertRegex(text, r"(?m)^INFO WelcomeSpeech .*: SUCCESS, /textToSpeech/say_text, \d+\.\d+ s$")
+        self.assertRegex(text, r"(?m)^INFO WelcomeSpeech .*: SUCCESS, /textToSpeech/say_text, \d+\.\d+ s, said “.+”$")
         self.assertRegex(text, r"(?m)^INFO WelcomeGesture .*: FAILURE, /gestureExecution/perform_gesture, \d+\.\d+ s, "
                                r"exception in the server: .*the stub was told to raise$")
         self.assertRegex(text, r"(?m)^INFO IsVisitorResponseYes .*: FAILURE, \d+\.\d+ s, condition false: ")

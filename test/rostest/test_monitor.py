@@ -118,7 +118,7 @@ class TestMonitor(unittest.TestCase):
         time.sleep(4.0)  # longer than all back-offs of the policy together
         self.robot()
         self.assertEqual(controller.wait(10), 0)
-        self.assertIn("1 attempt: done", controller.lines.text())
+        self.assertIn("Navigate is done at the 2nd try", controller.lines.text())
 
     def test_the_mission_goes_on_without_a_master(self):
         port = "11" + str(500 + os.getpid() % 400)

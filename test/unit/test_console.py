@@ -3,8 +3,8 @@ import logging
 
 import pytest
 
-from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, Retried,
-                                        RunFinished, RunStarted, Sources)
+from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
+                                        Recovering, Retried, RunFinished, RunStarted, Sources, Told, TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.ros import console as module
 from behavior_controller.ros.connection import Trouble
@@ -15,7 +15,7 @@ ODD = "\x1b[2J\n[INFO] behaviorController: pass 1: SUCCESS\r\t\x9b\u202e\ud800"
 FAILURE = Failure(Cause.HANDLER_EXCEPTION, ODD, ODD)
 
 
-class Told(list):
+class Lines(list):
     """The lines, and the handler that takes them."""
 
     handler: logging.Handler
@@ -24,7 +24,7 @@ class Told(list):
 @pytest.fixture
 def told():
     """The lines that reach the terminal, the log file and /rosout."""
-    lines = Told()
+    lines = Lines()
     handler = lines.handler = logging.Handler()
     handler.emit = lambda record: lines.append(record.getMessage())
     logger = logging.getLogger(ROSOUT)
@@ -48,12 +48,28 @@ def console(monkeypatch):
     RunStarted(ODD, [], {}, Sources((), Source(ODD, ODD), Source(ODD, ODD), ODD)),
     LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
     Recovered(ODD, ODD, FAILURE, ODD, 1, False, ODD), HealthChanged("service", ODD, ODD, False, ODD, ODD),
-    PassFinished(1, ODD, 1.0), Noticed("error", ODD), RunFinished(ODD, 3)])
-def test_each_event_is_one_line(told, console, event):
+    Recovering(1, ODD, ODD, FAILURE, 1, 2), Recovering(1, ODD, ODD, FAILURE, 0, 2, ODD),
+    TourAdvanced(1, ODD, ODD, 1, 2, ODD, "begun"), LeafFinished(1, "-", "-", "SUCCESS", "-", 1.0, None, Told(ODD, ODD, ODD)),
+    PassFinished(1, ODD, 1.0), Noticed("error", ODD), Noticed(ODD, ODD), RunFinished(ODD, 3)])
+@pytest.mark.parametrize("is_verbose", [False, True])
+def test_each_event_is_told_on_lines_of_its_own(told, console, event, is_verbose):
+    console(PassStarted(1, 0.0))
+    console.is_verbose = is_verbose
+    console(event)
+    console.drain(5)
+    assert len(told) == (not isinstance(event, Retried)) + (is_verbose and isinstance(event, (LeafFinished, Retried)))
+    for line in told:
+        assert line.isprintable() and line.startswith("behaviorController: ") and "\\x1b[2J" in line
+
+
+def test_in_verbose_mode_a_leaf_is_told_with_what_it_said(told, console):
+    event = LeafFinished(1, "WelcomeSpeech", "a/b", "SUCCESS", "/say", 1.25, None, Told("said", "said “Hello”"))
+    console(event)
     console.is_verbose = True
     console(event)
-    assert len(told) == 1 and told[0].isprintable() and told[0].startswith("behaviorController: ")
-    assert "\\x1b[2J" in told[0]
+    console.drain(5)
+    assert told == ["behaviorController: said “Hello”", "behaviorController: said “Hello”",
+                    "behaviorController: WelcomeSpeech (a/b): SUCCESS, /say, 1.250 s, said “Hello”"]
 
 
 def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alone(told, console):
@@ -75,6 +91,7 @@ def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alon
 def test_a_shortage_that_many_threads_meet_is_one_line(told, console):
     for _ in range(3):
         report_internal_error(console, RuntimeError("can't start new thread"))
+    console.drain(5)
     assert len(told) == 1 and "no more memory, threads or files" in told[0]
 
 

@@ -1,23 +1,33 @@
-"""What an operator sees: events as lines on the terminal and on /rosout, and never a traceback.
+"""What an operator sees: the story of the run as lines on the terminal and on /rosout, and never a traceback.
 
-Normal mode: start-up lines, warnings, errors, beginning and end of each pass, and a heartbeat. Verbose mode: also a line
-for each leaf that finishes. Each line is handed to the threads of its sinks (terminal, log file, /rosout).
+Normal mode: start-up lines, the story's sentences, and a heartbeat. Verbose mode: also a line for each leaf that finishes
+and for each attempt that failed. Each line is handed to the threads of its sinks (terminal, log file, /rosout).
 """
 import errno
 import logging
 import os
+import sys
 import tempfile
 import time
 import traceback
-from typing import Any, Callable, Dict
+from typing import Any, Tuple
 
 from rosgraph.roslogging import RosStreamHandler
 
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted,
-                                        Recovered, Retried, RunFinished, RunStarted)
-from behavior_controller.sinks import Detached, drain, take_over_streams
+from behavior_controller.events import Event, LeafFinished, Retried
+from behavior_controller.sinks import LEFT_OUT, Detached, Sink, drain, take_over_streams
+from behavior_controller.story import Story
 from behavior_controller.text import clean
+
+FORMAT = "ROSCONSOLE_FORMAT"
+"""The variable of the environment that says how rospy writes a line."""
+
+FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
+"""Its value on a terminal, if it has none: the time of day, where rospy's own has seconds since 1970."""
+
+REST = 0.03
+"""Seconds by which a line comes later than what it tells, so that telling it competes with nothing that the robot does."""
 
 HEARTBEAT = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
@@ -42,12 +52,12 @@ class Console:
     def __init__(self) -> None:
         """Take over the standard streams. Raises RuntimeError if no thread can be started."""
         self.is_verbose = False  # until the configuration is known
-        self._sinks = take_over_streams()
+        if sys.stdout.isatty():
+            os.environ.setdefault(FORMAT, FOR_PEOPLE)
+        self._lines = Sink("console", self._write, lambda count: ("warning", LEFT_OUT % (count, "the console")), rest=REST)
+        self._sinks = [self._lines] + take_over_streams()
+        self._story = Story()
         self._logger = logging.getLogger(ROSOUT)
-        self._lines: Dict[type, Callable[[Any], None]] = {
-            RunStarted: self._run_started, LeafFinished: self._leaf_finished, Retried: self._retried,
-            Recovered: self._recovered, HealthChanged: self._health_changed, PassFinished: self._pass_finished,
-            PassStarted: lambda event: None, Noticed: self._noticed, RunFinished: self._run_finished}
         self._shortage_told = -SHORTAGE_SPAN
         logging.getLogger("rosout").addFilter(_make_safe)  # of rospy's own lines; ours go by ``tell``
         logging.raiseExceptions = False  # a log that cannot be written is not a reason for a traceback on the terminal
@@ -89,12 +99,24 @@ class Console:
         drain(self._sinks, seconds)
 
     def __call__(self, event: Event) -> None:
-        """Write the line of ``event``, if it has one."""
-        self._lines[type(event)](event)
+        """Write what the story tells of ``event``."""
+        for sentence in self._story.take(time.time(), event):
+            self.tell(sentence.severity, sentence.text)
+        if self.is_verbose and isinstance(event, LeafFinished):
+            parts = [event.status, event.resource, "{:.3f} s".format(event.seconds), reason(event.failure),
+                     event.told.text if event.told is not None else ""]
+            self.tell("info", "{} ({}): {}".format(event.node, event.path, ", ".join(filter(None, parts))))
+        elif self.is_verbose and isinstance(event, Retried):
+            self.tell("info", "{} ({}): retry {} failed, {}, {}".format(
+                event.node, event.path, event.attempt, event.failure.resource, reason(event.failure)))
 
     def tell(self, severity: str, text: str) -> None:
         """Write ``text`` as one line, whatever it quotes, at ``info``, ``warning`` or ``error``; from any thread."""
-        getattr(self._logger, severity)("behaviorController: %s", clean(text))
+        self._lines.put((severity, text))
+
+    def _write(self, line: Tuple[str, str]) -> None:
+        """Have rospy's logging write a line, which takes longer than all that the tick thread does with an event."""
+        getattr(self._logger, line[0])("behaviorController: %s", clean(line[1]))
 
     def tell_shortage(self, error: BaseException) -> None:
         """Tell in one line that memory, threads or files are used up, unless that was said a moment ago."""
@@ -111,42 +133,6 @@ class Console:
             clock.call_after(HEARTBEAT, beat)
 
         clock.call_after(HEARTBEAT, beat)
-
-    # ------------------------------------------------------------------------------------------------ one event each
-
-    def _run_started(self, event: RunStarted) -> None:
-        self.tell("info", "mission {} starts, {} mission leaves".format(event.mission, len(event.leaves)))
-
-    def _leaf_finished(self, event: LeafFinished) -> None:
-        if not self.is_verbose:
-            return
-        parts = [event.status, event.resource, "{:.3f} s".format(event.seconds), reason(event.failure)]
-        self.tell("info", "{} ({}): {}".format(event.node, event.path, ", ".join(part for part in parts if part)))
-
-    def _retried(self, event: Retried) -> None:
-        if self.is_verbose:
-            self.tell("info", "{} ({}): retry {} failed, {}, {}".format(
-                event.node, event.path, event.attempt, event.failure.resource, reason(event.failure)))
-
-    def _recovered(self, event: Recovered) -> None:
-        self.tell("warning", "recovery at {}: {}{}; policy: {}; {} attempt{}: {}".format(
-            event.path, reason(event.failure), " at " + event.failure.resource if event.failure.resource else "",
-            event.policy, event.attempts, "" if event.attempts == 1 else "s", event.outcome))
-
-    def _health_changed(self, event: HealthChanged) -> None:
-        self.tell("info" if event.is_well else "warning", "{} {}{}: {}{}".format(
-            event.kind, event.name, " (of node /{})".format(event.node) if event.node else "", event.status,
-            "; " + event.consequence if event.consequence else ""))
-
-    def _pass_finished(self, event: PassFinished) -> None:
-        severity = "info" if event.outcome == "SUCCESS" else "warning"
-        self.tell(severity, "pass {}: {} after {:.1f} s".format(event.number, event.outcome, event.seconds))
-
-    def _noticed(self, event: Noticed) -> None:
-        self.tell(event.level, event.text)
-
-    def _run_finished(self, event: RunFinished) -> None:
-        self.tell("info", "ends: {} (exit code {})".format(event.outcome, event.exit_code))
 
 
 def _make_safe(record: logging.LogRecord) -> bool:

@@ -2,24 +2,37 @@
 import collections
 import os
 import time
-from typing import Any, Deque, Dict, List, Optional
+from typing import Any, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.language.ports import PortError, entry_value, reference
 from behavior_controller.bt.registry import Kind, Registry
-from behavior_controller.bt.status import IDLE
-from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, Noticed, PassFinished, Recovered,
-                                        Retried, RunFinished, RunStarted)
-from behavior_controller.gateway import Cause
+from behavior_controller.bt.status import IDLE, RUNNING
+from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, PassFinished, PassStarted,
+                                        RunFinished, RunStarted)
 from behavior_controller.health import Health
 from behavior_controller.interface import Interface
 from behavior_controller.interface.robots import DEFAULT
+from behavior_controller.story import Sentence, Step, Story, Visit, cause
 from behavior_controller.text import clean
 from behavior_controller.watch.codec import LETTERS
 
 KEPT = 40
-"""How many of the newest lines of each list are kept."""
+"""How many of the newest passes and lines of trouble are kept."""
+
+TOLD = 100
+"""Sentences of the story that are kept."""
+
+STEPS = 200
+"""Steps of a visit that are kept for its timeline."""
+
+RESULTS = 5
+"""Results of a node that are kept."""
+
+INSTANT = 0.01
+"""Seconds; results of a node that took less, and are alike, are one."""
 
 PULSE = 1.0
 """Seconds between two signs of life: of the tick thread to the board, and of the board to those that show it."""
@@ -27,56 +40,73 @@ PULSE = 1.0
 HANGS = 3.0
 """Seconds without a sign of the tick thread after which it hangs."""
 
-PARTS = ("mission", "statuses", "passes", "blackboard", "trouble", "health", "alive")
+PARTS = ("mission", "statuses", "passes", "story", "visits", "timeline", "blackboard", "trouble", "health", "alive")
 """The parts of the board; each is sent again when it has changed, the last one with every ``PULSE``."""
 
 
+class Result(NamedTuple):
+    """How a node ended: when (unix seconds), S, F or - (halted), after how long, why it failed, how often in a row."""
+
+    at: float
+    letter: str
+    seconds: float
+    why: str
+    times: int
+
+
 class Board:
-    """Collects what happens on the tick thread, and wakes no other; ``part`` may be called from any thread.
+    """Collects what happens on the tick thread, and wakes no other; ``part`` and ``node`` may be called from any thread.
 
     ``versions`` counts the changes of each part.
     """
 
     def __init__(self, events: Events, health: Health, registry: Registry, interface: Interface = DEFAULT):
         self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
+        self.tree: Optional[Tree] = None
+        self.mission = ""
         self._registry = registry
-        self._tree: Optional[Tree] = None
-        self._mission = ""
         # a small letter is the status before the node went back to IDLE; -: it was not ticked in this pass
         self._statuses: List[str] = []
+        self._began: Dict[int, float] = {}  # when each node that is RUNNING became so
+        self._results: Dict[int, Deque[Result]] = {}
+        self._why: Dict[int, str] = {}  # the cause of a failure, until its node ends with it
         self._writes = 0
-        self._passes: Deque[Dict[str, Any]] = collections.deque(maxlen=KEPT)
-        self._count = 0
-        self._is_under_way = False  # a pass has begun and not ended
         self._ended = ""
         self._beaten = 0.0
-        self._trouble: Deque[Dict[str, Any]] = collections.deque(maxlen=KEPT)
+        self._story = Story()
+        self._now, self._step, self._visit = "", self._story.step, self._story.visit
+        self._visits: List[Visit] = []
+        self._told: Deque[Tuple[int, Sentence]] = collections.deque(maxlen=TOLD)
+        self._trouble: Deque[Sentence] = collections.deque(maxlen=KEPT)
+        self._steps: Deque[Tuple[Step, float]] = collections.deque(maxlen=STEPS)  # of this visit, and when each ended
         self._state = health
         self._called, self._pulsed = 0, 0.0
         self._health: Dict[str, Dict[str, Any]] = {}
         for kind, offers in (("service", interface.services), ("topic", interface.topics)):
             for offer in offers:
                 self._health[offer.name] = {"kind": kind, "name": offer.name, "well": True, "status": "",
-                                            "consequence": ""}
+                                            "consequence": "", "told": ""}
         events.subscribe(self._take)
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on. On the tick thread, which gives a sign of life through the tree's clock."""
-        if self._tree is None:
+        if self.tree is None:
             self._beat(tree.clock)
-        self._is_under_way = False
+        self._results.clear()
+        self._began.clear()
         self._statuses = ["-"] * (len(tree.nodes) + 1)
-        self._tree = tree
+        self.tree = tree
         tree.subscribe(self._observe)
         self._touch("mission", "statuses", "passes", "blackboard")
 
     def close(self) -> None:
         """Note that the controller ends, if it has not told how."""
-        self._ended, self._is_under_way = self._ended or "the controller has stopped", False
+        self._ended = self._ended or "the controller has stopped"
         self._touch("passes")
 
     def _beat(self, clock: Clock) -> None:
         self._beaten = time.monotonic()
+        self._tell_now(time.time())
         clock.call_after(PULSE, lambda: self._beat(clock))
 
     def _touch(self, *parts: str) -> None:
@@ -84,48 +114,73 @@ class Board:
             self.versions[part] += 1
 
     def _observe(self, node: Any, old: Any, new: Any) -> None:
-        if not self._is_under_way:  # what is left of the visitor before is shown until the next pass begins
-            self._is_under_way = True
-            self._statuses[1:] = "-" * (len(self._statuses) - 1)
-            self._touch("passes")
-        self._statuses[node.uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
+        uid = node.uid
+        self._statuses[uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
         self.versions["statuses"] += 1
+        if new is RUNNING:
+            self._began[uid] = time.monotonic()
+        elif new is not IDLE or old is RUNNING:
+            self._note_result(uid, LETTERS[new])
+
+    def _note_result(self, uid: int, letter: str) -> None:
+        now = time.monotonic()
+        found = Result(time.time(), letter, now - self._began.pop(uid, now), self._why.pop(uid, ""), 1)
+        results = self._results.get(uid)
+        if results is None:
+            results = self._results[uid] = collections.deque(maxlen=RESULTS)
+        if results and found.seconds < INSTANT and (results[-1].letter, results[-1].why) == (letter, found.why):
+            found = found._replace(times=results.pop().times + 1)
+        results.append(found)
 
     def _take(self, event: Event) -> None:
         """Keep what is worth being seen of an event."""
         if isinstance(event, RunStarted):
-            self._mission = event.mission
+            self.mission = event.mission
             self._touch("mission")
-        elif isinstance(event, PassFinished):
-            self._count, self._is_under_way = event.number, False
-            self._passes.append(dict(event._asdict()))
-            self._touch("passes")
+        elif isinstance(event, PassStarted):
+            self._statuses[1:] = "-" * (len(self._statuses) - 1)
+            self._steps.clear()
+            self._touch("statuses", "passes", "timeline")
+        elif isinstance(event, LeafFinished) and event.failure is not None:
+            self._why[event.uid] = cause(event.failure)
         elif isinstance(event, RunFinished):
-            self._ended, self._is_under_way = event.outcome, False
+            self._ended = event.outcome
             self._touch("passes")
-        elif isinstance(event, HealthChanged):
+        told = self._tell(time.time(), event)
+        if isinstance(event, HealthChanged):
             entry = self._health.setdefault(event.name, {"kind": event.kind, "name": event.name})
-            entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence)
+            entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence,
+                         told=clean(told[0].text) if told else "")
             self._touch("health")
-        else:
-            text = clean(self._line(event))
-            if text:
-                self._trouble.append({"time": time.strftime("%H:%M:%S"), "text": text})
-                self._touch("trouble")
+        if isinstance(event, PassFinished):
+            self._visits = list(self._story.visits)
+            self._touch("passes", "visits")
 
-    def _line(self, event: Event) -> str:
-        """Return what is told of a failure, a recovery or a notice; empty for all else."""
-        if isinstance(event, LeafFinished):
-            failure, spec = event.failure, self._registry.find(event.node)
-            if failure is None or failure.cause is Cause.CONDITION_FALSE or (spec is not None and spec.is_recovery):
-                return ""
-            return "{} failed: {}: {}".format(event.path, failure.cause.value, failure.message)
-        if isinstance(event, Retried):
-            return "{}: retry {} failed: {}".format(event.path, event.attempt, event.failure.cause.value)
-        if isinstance(event, Recovered):
-            return "{}: recovery: {} ({}), for {}: {}".format(event.path, event.outcome, event.policy,
-                                                              event.failure.cause.value, event.failure.message)
-        return event.text if isinstance(event, Noticed) and event.level != "info" else ""
+    def _tell(self, at: float, event: Event) -> Tuple[Sentence, ...]:
+        """Have the story told on, and keep what it says: others read it on their threads."""
+        told = self._story.take(at, event)
+        for sentence in told:
+            self._told.append((self._told[-1][0] + 1 if self._told else 1, sentence))
+            if sentence.severity != "info" and sentence.kind != "health":  # which is a part of its own
+                self._trouble.append(sentence)
+                self._touch("trouble")
+            self._touch("story")
+        if self._story.visit is not self._visit:
+            self._visit = self._story.visit
+            self._touch("story")
+        if self._story.step is not self._step:
+            if self._step is not None:
+                self._steps.append((self._step, at))
+            self._step = self._story.step
+            self._touch("story", "timeline")
+        self._tell_now(at)
+        return told
+
+    def _tell_now(self, at: float) -> None:
+        now = self._story.now(at)
+        if now != self._now:
+            self._now = now
+            self._touch("passes")
 
     # ------------------------------------------------------------------------------------------------- to be shown
 
@@ -135,7 +190,7 @@ class Board:
 
     def look(self) -> None:
         """Notice changes without an event: entries that were written, calls that ended, topics that grow older."""
-        writes = self._tree.blackboard.writes if self._tree is not None else 0
+        writes = self.tree.blackboard.writes if self.tree is not None else 0
         if writes != self._writes:
             self._writes = writes
             self.versions["blackboard"] += 1
@@ -150,17 +205,24 @@ class Board:
 
     def _part_mission(self) -> Dict[str, Any]:
         """Return the nodes in document order, each with its parent's uid: a list, since a tree may be very deep."""
-        nodes = [] if self._tree is None else [self._outline(node) for node in self._tree.nodes]
-        if nodes and self._mission:
+        nodes = [] if self.tree is None else [self._outline(node) for node in self.tree.nodes]
+        if nodes and self.mission:
             # as py-trees-render has it
-            nodes[0].update(name=os.path.splitext(os.path.basename(self._mission))[0], kind="")
-        return {"file": self._mission, "nodes": nodes}
+            nodes[0].update(name=title(self.mission), kind="")
+        return {"file": self.mission, "nodes": nodes}
 
     def _outline(self, node: Node) -> Dict[str, Any]:
+        """Return what the tree shows of a node. ``bare``: it only says how the mission is put together.
+
+        ``waits``: while it is what runs, the robot waits.
+        """
         spec = self._registry.find(node.registration_id)
         name, kind = label(node)
+        is_bare = spec is not None and node.parent is not None and (spec.is_recovery or (
+            spec.kind in (Kind.CONTROL, Kind.DECORATOR) and node.name == node.registration_id))
         return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
-                "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE}
+                "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE, "bare": is_bare,
+                "waits": spec is not None and spec.kind is Kind.CONDITION}
 
     def _part_statuses(self) -> Dict[str, Any]:
         letters = "".join(self._statuses[1:])
@@ -168,21 +230,35 @@ class Board:
         return {"letters": letters, "tip": tip}
 
     def _part_passes(self) -> Dict[str, Any]:
-        last = list(self._passes)[-5:]
-        told = ["pass {} is under way".format(self._count + 1)] if self._is_under_way else []
-        told += ["pass {}: {} after {:.1f} s".format(each["number"], each["outcome"], each["seconds"])
-                 for each in last[-1:]]
-        return {"count": self._count, "last": last, "ended": self._ended, "text": "; ".join(told) or "no pass yet"}
+        """Return in the story's words what the robot does, how many visits began, and how the mission ended."""
+        return {"count": self._story.visit_count, "ended": self._ended, "text": self._now}
+
+    def _part_story(self) -> Dict[str, Any]:
+        """Return the step under way, with its age in seconds, the visit that it belongs to, and the sentences."""
+        step, visit = self._step, self._visit
+        return {"step": None if step is None else dict(
+                    _step(step), age=max(0.0, round(time.time() - step.began, 1)), limit=step.limit),
+                "visit": None if visit is None else _visit(visit),
+                "sentences": [dict(_sentence(each), number=number) for number, each in list(self._told)]}
+
+    def _part_visits(self) -> Dict[str, Any]:
+        """Return the newest visits that ended, and how often each outcome was there among all."""
+        return {"outcomes": dict(self._story.outcomes),
+                "newest": [_visit(visit) for visit in reversed(self._visits) if visit.outcome]}
+
+    def _part_timeline(self) -> Dict[str, Any]:
+        """Return the steps of the visit that ended: when each began, in unix seconds, and how long it took."""
+        return {"steps": [dict(_step(step), seconds=round(ended - step.began, 2)) for step, ended in list(self._steps)]}
 
     def _part_alive(self) -> Dict[str, Any]:
         """Return how long ago, in seconds, the tick thread gave its last sign of life, and whether that is too long."""
-        if self._tree is None or self._ended:
+        if self.tree is None or self._ended:
             return {"age": None, "hangs": False}
         age = round(time.monotonic() - self._beaten, 1)
         return {"age": age, "hangs": age >= HANGS}
 
     def _part_blackboard(self) -> List[List[str]]:
-        tree = self._tree
+        tree = self.tree
         if tree is None:
             return []
         return [[path + "/" + key if path else key, _text(entry.value)]
@@ -190,7 +266,7 @@ class Board:
                 for key, entry in sorted(dict(board.local).items()) if entry.value is not None]
 
     def _part_trouble(self) -> List[Dict[str, Any]]:
-        return list(self._trouble)
+        return [_sentence(each) for each in list(self._trouble)]
 
     def _part_health(self) -> List[Dict[str, Any]]:
         found = []
@@ -200,6 +276,57 @@ class Board:
                               seconds=round(calls.last_seconds, 3) if calls else None,
                               age=None if heard is None else round(time.monotonic() - heard, 1)))
         return found
+
+    def node(self, uid: int) -> Optional[Dict[str, Any]]:
+        """Return what there is to know of one node: its place, ports with values, last results; None if there is none."""
+        nodes = self.tree.nodes if self.tree is not None else []
+        if not 1 <= uid <= len(nodes):
+            return None
+        node = nodes[uid - 1]
+        spec = self._registry.find(node.registration_id)
+        return {"uid": uid, "path": node.full_path, "type": node.registration_id,
+                "description": spec.summary if spec is not None else "", "place": node.place_in_file().rstrip(": "),
+                "ports": [dict(zip(("name", "text", "value"), row)) for row in _ports(node)],
+                "results": [dict(result._asdict(), time=_clock(result.at)) for result in
+                            reversed(list(self._results.get(uid, ())))]}
+
+
+def title(mission: str) -> str:
+    """Return what a mission is called after its file."""
+    return os.path.splitext(os.path.basename(mission))[0]
+
+
+def _ports(node: Node) -> List[Tuple[str, str, str]]:
+    """Return for each port of a node its name, what the file or the default says, and the value of the entry that this means."""
+    texts = {port.name: port.default for port in node.spec.ports if port.default is not None}
+    texts.update(node.attributes)
+    found = []
+    for name, text in texts.items():
+        value = ""
+        if reference(text, name) is not None:
+            try:
+                value = _text(entry_value(text, name, node.blackboard))
+            except PortError:
+                value = "–"  # nothing has written it
+        found.append((name, clean(text, 120), value))
+    return found
+
+
+def _clock(at: float) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(at))
+
+
+def _sentence(sentence: Sentence) -> Dict[str, Any]:
+    return dict(sentence._asdict(), time=_clock(sentence.at), text=clean(sentence.text))
+
+
+def _step(step: Step) -> Dict[str, Any]:
+    return {"words": clean(step.words), "began": step.began, "uid": step.uid}
+
+
+def _visit(visit: Visit) -> Dict[str, Any]:
+    return dict(visit._asdict(), time=_clock(visit.arrived or visit.began), why=clean(visit.why), exhibits=[
+        dict(shown._asdict(), name=clean(shown.name), why=clean(shown.why)) for shown in visit.exhibits])
 
 
 def _text(value: Any) -> str:

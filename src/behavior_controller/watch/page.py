@@ -4,13 +4,15 @@ tornado, which rosbridge uses on robots too, serves; changes travel as server-se
 again by itself. The page needs nothing from elsewhere: HTML, CSS and script lie beside this module.
 """
 import asyncio
+import contextlib
 import ipaddress
 import json
 import os
 import re
 import socket
+import threading
 import time
-from typing import Any, Callable, Dict, Optional, Set, cast
+from typing import Any, Callable, Dict, Optional, Set, Union, cast
 
 from tornado.http1connection import HTTP1Connection
 from tornado.httpserver import HTTPServer
@@ -20,11 +22,13 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.watch.board import PARTS, Board
+from behavior_controller.text import clean
+from behavior_controller.watch.board import PARTS, Board, title
+from behavior_controller.watch.drawing import NotDrawn, svg
 from behavior_controller.watch.server import Connections, LoopThread
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
-PUSH_INTERVAL = 0.1
+PUSH_INTERVAL = 0.05
 """Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake no other."""
 
 FAREWELL = 0.3
@@ -47,6 +51,7 @@ class Page:
         self.connections = Connections(MOST_CONNECTIONS)
         self._thread: Optional[LoopThread] = None
         self.is_closing = False
+        self._drawing: Optional[_Drawing] = None
         try:
             self._sockets = bind_sockets(port, address)
         except OSError as error:
@@ -64,6 +69,16 @@ class Page:
         """Show ``tree`` from now on, also to browsers already connected."""
         self.board.show(tree)
 
+    async def draw(self) -> Union[bytes, NotDrawn, None]:
+        """Return the drawing of the tree, made once, or why there is none; None before there is a tree."""
+        tree = self.board.tree
+        if tree is None:
+            return None
+        if self._drawing is None or self._drawing.tree is not tree:
+            self._drawing = _Drawing(tree, title(self.board.mission))
+        await self._drawing.is_done.wait()
+        return self._drawing.result
+
     def close(self) -> None:
         """Tell every browser how the mission ended, and stop serving."""
         self.board.close()
@@ -80,7 +95,7 @@ class Page:
 
     def _begin(self) -> None:
         application = Application([
-            (r"/events", _Stream), (r"/state", _State), (r"/(.*)", _File, {
+            (r"/events", _Stream), (r"/state", _State), (r"/node/([0-9]{1,6})", _Node), (r"/graph.svg", _Graph), (r"/(.*)", _File, {
                 "path": FILES, "default_filename": "index.html"})], log_function=lambda handler: None, page=self)
         self._server = _Server(application, max_body_size=1024, max_buffer_size=64 * 1024, max_header_size=16 * 1024,
                                idle_connection_timeout=LONGEST_IDLE, body_timeout=LONGEST_IDLE)
@@ -90,6 +105,27 @@ class Page:
     def _end(self) -> None:
         for sock in self._sockets:
             sock.close()
+
+
+class _Drawing:
+    """The drawing of a tree, made on a thread of its own; ``result`` is there when ``is_done`` is set."""
+
+    def __init__(self, tree: Tree, name: str):
+        self.tree = tree
+        self.result: Union[bytes, NotDrawn, None] = None
+        self.is_done = asyncio.Event()
+        self._name = name
+        self._loop = asyncio.get_event_loop()
+        # a daemon: a thread of an executor would hold the process at its end until graphviz has ended
+        threading.Thread(target=self._draw, name="drawing", daemon=True).start()
+
+    def _draw(self) -> None:
+        try:
+            self.result = svg(self.tree, self._name)
+        except NotDrawn as reason:
+            self.result = reason
+        with contextlib.suppress(RuntimeError):  # the page has been closed
+            self._loop.call_soon_threadsafe(self.is_done.set)
 
 
 class _Server(HTTPServer):
@@ -190,6 +226,33 @@ class _State(_Quiet):
         board.look()
         self.set_header("Content-Type", "application/json; charset=utf-8")
         self.write(json.dumps({name: board.part(name) for name in PARTS}))
+
+
+class _Node(_Quiet):
+    """``/node/5``: what there is to know of one node."""
+
+    def get(self, uid: str) -> None:
+        """Answer as JSON."""
+        found = self.page.board.node(int(uid))
+        if found is None:
+            self.set_status(404)
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        self.write(json.dumps(found))
+
+
+class _Graph(_Quiet):
+    """``/graph.svg``: the tree as graphviz draws it."""
+
+    async def get(self) -> None:
+        """Answer with the drawing, or in one line why there is none."""
+        drawn = await self.page.draw()
+        if isinstance(drawn, bytes):
+            self.set_header("Content-Type", "image/svg+xml; charset=utf-8")
+            self.write(drawn)
+        else:
+            self.set_status(404)
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+            self.write(clean(str(drawn or "there is no mission yet")))
 
 
 class _Stream(_Quiet):

@@ -2,11 +2,13 @@
 import argparse
 import http.client
 import json
+import os
 import queue
 import sys
+import textwrap
 import threading
 import time
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Union
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import exits
 from behavior_controller.text import clean
@@ -15,7 +17,8 @@ from behavior_controller.watch.plain import Wrong, form, inside
 SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
 WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure", "r": "was halted",
          "-": ""}
-CLEAR = "\x1b[H\x1b[2J"
+TOP, END_OF_LINE, BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
+"""What moves a terminal to its first line, and what clears the rest of a line and of the window."""
 
 LATE = 2.0
 """Seconds without a message after which what is shown may be old; the node sends one every second."""
@@ -59,13 +62,14 @@ def main(arguments: Optional[List[str]] = None) -> int:
     chosen = _read_arguments(arguments)
     place = "http://{}:{}".format(chosen.address, chosen.port)
     messages = _Messages(chosen.address, chosen.port, "/events" if chosen.watch else "/state")
-    shown = ""
+    shown: List[str] = []
     try:
         for state in _states(messages, chosen.watch):
-            text = "\n".join(lines(state, chosen.all))
-            if text != shown:
-                shown = text
-                _print(text, chosen.watch)
+            window = _window() if chosen.watch else None
+            found = lines(state, chosen.all) if window is None else in_window(state, chosen.all, *window)
+            if found != shown:
+                shown = found
+                _print(found, window is not None)
             if chosen.watch and state["passes"]["ended"]:
                 print("missionStatus: the mission has ended: " + clean(state["passes"]["ended"]))
                 return exits.SUCCESS
@@ -97,9 +101,19 @@ def _port(text: str) -> int:
     return int(text)
 
 
-def _print(text: str, is_again: bool) -> None:
-    """Print in place of what was printed before."""
-    print(CLEAR + text if is_again and sys.stdout.isatty() else text, flush=True)
+def _window() -> Optional[Tuple[int, int]]:
+    """Return columns and lines of the terminal; None if it does not tell, or there is none."""
+    try:
+        size = os.get_terminal_size(sys.stdout.fileno()) if sys.stdout.isatty() else None
+    except (OSError, ValueError):
+        return None
+    return None if size is None or min(size) < 1 else (size.columns, size.lines)
+
+
+def _print(found: List[str], is_window: bool) -> None:
+    """Print, in a window in place of what was printed before."""
+    end = END_OF_LINE + "\n"
+    print(TOP + end.join(found) + end + BELOW if is_window else "\n".join(found) + "\n", end="", flush=True)
 
 
 # ------------------------------------------------------------------------------------------------------------ the node
@@ -197,11 +211,35 @@ def lines(state: State, is_all: bool) -> List[str]:
     """Return the board as text: the mission, the tree with a sign for each node, what is wrong."""
     mission = state["mission"]
     found = ["mission {}; {}".format(mission["file"], state["passes"]["text"])] + list(_doubts(state))
-    found = [clean(line) for line in found] + _tree(mission["nodes"], state["statuses"]["letters"], is_all)
-    troubles = ["{} {}: {}; {}".format(part["kind"], part["name"], part["status"], part["consequence"])
-              for part in state["health"] if not part["well"]]
-    troubles += ["{}  {}".format(line["time"], line["text"]) for line in state["trouble"][-5:]]
-    return found + [clean(line) for line in troubles]
+    tree = [row.text(row.depth) for row in _tree(mission["nodes"], state["statuses"]["letters"], is_all)]
+    return [clean(line) for line in found] + tree + _troubles(state)
+
+
+def in_window(state: State, is_all: bool, width: int, height: int) -> List[str]:
+    """Return the same in at most ``height`` - 1 lines of ``width`` characters: of the tree what lies about what runs."""
+    mission = state["mission"]
+    found = ["{}  mission {}".format(time.strftime("%H:%M:%S"), os.path.basename(mission["file"])),
+             state["passes"]["text"] or "between two visits"] + list(_doubts(state))
+    found = [part for line in found for part in textwrap.wrap(clean(line), width)][:max(1, height - 2)]
+    troubles = _troubles(state)
+    troubles = troubles[:1] + troubles[1:][-max(1, height // 4):]
+    rows = _tree(mission["nodes"], state["statuses"]["letters"], is_all, is_brief=not is_all)
+    deepest = max((row.depth for row in rows), default=0)
+    tree = [row.text(row.depth if 4 * deepest <= width else min(row.depth, width // 4) / 2)
+            for row in _about(rows, height - 1 - len(found) - len(troubles))]
+    return [_cut(clean(line), width) for line in (found + tree + troubles)[:max(1, height - 1)]]
+
+
+def _cut(line: str, width: int) -> str:
+    return line if len(line) <= width else line[:max(0, width - 1)] + "…"
+
+
+def _troubles(state: State) -> List[str]:
+    """Return what is wrong with the robot, and what went wrong last."""
+    found = ["{} {}: {}; {}".format(part["kind"], part["name"], part["status"], part["consequence"])
+             for part in state["health"] if not part["well"]]
+    found += ["{}  {}".format(line["time"], line["text"]) for line in state["trouble"][-5:]]
+    return [clean(line) for line in found]
 
 
 def _doubts(state: State) -> Iterator[str]:
@@ -213,14 +251,58 @@ def _doubts(state: State) -> Iterator[str]:
         yield "the controller hangs: no sign of its tick thread for {} s".format(state["alive"]["age"])
 
 
-def _tree(nodes: List[Dict[str, Any]], letters: str, is_all: bool) -> List[str]:
-    found: List[str] = []
-    depths = [-1]
+class _Row(NamedTuple):
+    """One line of the tree; ``number`` is its node's, 0: nodes are left out here."""
+
+    number: int
+    depth: int
+    label: str
+    letter: str = "-"
+    ancestors: Tuple[int, ...] = ()
+
+    def text(self, depth: float) -> str:
+        """Return the line, indented as for ``depth``."""
+        return " " * int(2 * depth) + self.label
+
+
+def _about(rows: List[_Row], room: int) -> List[_Row]:
+    """Return at most ``room`` of the rows: the way to what runs, and what lies nearest to it."""
+    if len(rows) <= room:
+        return rows
+    here = max((at for at, row in enumerate(rows) if row.letter == "R"), default=0)
+    way = [at for at, row in enumerate(rows) if row.number in rows[here].ancestors]
+    others = sorted(set(range(len(rows))) - set(way) - {here}, key=lambda at: abs(at - here))
+    chosen = rows[here:here + 1]
+    for count in range(1, len(rows) + 1):
+        more = _with_gaps(rows, sorted(([here] + way[::-1] + others)[:count]))
+        if len(more) > room:
+            break
+        chosen = more
+    return chosen
+
+
+def _with_gaps(rows: List[_Row], kept: List[int]) -> List[_Row]:
+    """Return those rows, with a row where others are left out."""
+    found: List[_Row] = []
+    for at, before in zip(kept, [-1] + kept):
+        if at != before + 1:
+            found.append(_Row(0, rows[before + 1].depth, "…"))
+        found.append(rows[at])
+    return found + ([_Row(0, rows[kept[-1] + 1].depth, "…")] if kept[-1] + 1 < len(rows) else [])
+
+
+def _tree(nodes: List[Dict[str, Any]], letters: str, is_all: bool, is_brief: bool = False) -> List[_Row]:
+    """Return the rows of the tree; if ``is_brief`` without nodes that only hold others together and do not run by themselves."""
+    found: List[_Row] = []
+    ways: List[Tuple[int, ...]] = [()]  # the nodes above each node that have a row
+    tip = letters.rfind("R") + 1
+    hidden = {number for number, node in enumerate(nodes, 1) if is_brief and node.get("bare") and number != tip}
     for number, node in enumerate(nodes, 1):
-        depths.append(depths[node["parent"]] + 1 if 0 <= node["parent"] < number else 0)
+        parent = node["parent"] if 0 < node["parent"] < number else 0
+        ways.append(ways[parent] + ((parent,) if parent and parent not in hidden else ()))
         letter = letters[number - 1:number] or "-"
-        if letter != "-" or is_all or number == 1:
+        if number not in hidden and (letter != "-" or is_all or number == 1):
             label = clean(" ".join(filter(None, (node["name"], node["kind"]))))
             words = ": " + WORDS[letter] if WORDS.get(letter) else ""
-            found.append("{}{} {}{}".format("  " * depths[-1], SIGNS.get(letter, "?"), label, words))
+            found.append(_Row(number, len(ways[-1]), "{} {}{}".format(SIGNS.get(letter, "?"), label, words), letter, ways[-1]))
     return found

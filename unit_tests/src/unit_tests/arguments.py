@@ -1,5 +1,7 @@
 """The arguments of a test: every key of both configurations, and what concerns the test as a whole."""
 import os
+import shutil
+import textwrap
 from typing import Dict, List, Mapping, Sequence
 
 from behavior_controller import folders, keys, phrases, settings
@@ -46,8 +48,11 @@ def names() -> List[str]:
     return list(dict.fromkeys(both + list(SHORT)))
 
 
-def read(given: Sequence[str]) -> Dict[str, str]:
-    """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with every unknown one."""
+def read(given: Sequence[str], others: Sequence[str] = ()) -> Dict[str, str]:
+    """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with every unknown one.
+
+    ``others`` are names beside those that a user may give.
+    """
     values: Dict[str, str] = {}
     faults: List[Fault] = []
     for argument in given:
@@ -56,7 +61,7 @@ def read(given: Sequence[str]) -> Dict[str, str]:
         text = hint = ""
         if not is_assignment:
             text, hint = "this is not of the form name:=value", "--help lists the names"
-        elif key not in names() and key not in INTERNAL:
+        elif key not in names() and key not in others:
             text = "unknown"
             hint = did_you_mean(name.lstrip("_"), names()) or "rosrun unit_tests runTest --help lists all"
         elif key in values:
@@ -134,22 +139,35 @@ def _load_own(given: Mapping[str, str]) -> None:
         raise ConfigurationError(faults)
 
 
-def usage() -> str:
-    """Return all arguments with what they are if they are not given. Raises ConfigurationError."""
+def usage(remarks: Mapping[str, str]) -> str:
+    """Return all arguments with what they are if they are not given. Raises ConfigurationError.
+
+    ``remarks``: key -> what is to be added to its meaning.
+    """
     controller = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
     lines = ["usage: rosrun unit_tests runTest [name:=value ...]", "",
-             "Runs the mission against the simulated robot. The last line is the verdict; exit code 0: passed, 1: failed,",
-             "2: nothing was tested. What is not given is as the configuration files say; this is shown here.", "",
-             configuration.FILE_NAME + ":"]
-    lines += _table(configuration.KEYS, keys.values_of(load_test({})))
+             "Runs the mission against the simulated robot. The last line is the verdict; exit code 0: passed, 1: failed, "
+             "2: nothing was tested. What is not given is as the configuration files say: it stands beside the name here.",
+             "", configuration.FILE_NAME + ":"]
+    lines += _table(configuration.KEYS, keys.values_of(load_test({})), remarks)
     lines += ["", CONTROLLER_FILE + " (verboseMode and missionRuns, which it has too, are as above):"]
-    lines += _table([key for key in settings.KEYS if key.name not in TEST], controller)
-    lines += ["", "the test as a whole:"] + _table(OWN, {key.name: key.default for key in OWN})
-    return "\n".join(lines + ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())])
+    lines += _table([key for key in settings.KEYS if key.name not in TEST], controller, remarks)
+    lines += ["", "the test as a whole:"] + _table(OWN, {key.name: key.default for key in OWN}, remarks)
+    lines += ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())]
+    width = shutil.get_terminal_size().columns
+    return "\n".join(line for text in lines for line in textwrap.wrap(
+        text, width, subsequent_indent=" " * (len(text) - len(text.lstrip())), break_on_hyphens=False) or [""])
 
 
-def _table(chosen: Sequence[Key], values: Mapping[str, object]) -> List[str]:
-    return keys.help_lines(chosen, {name: keys.to_text(value) for name, value in values.items()})
+def _table(chosen: Sequence[Key], values: Mapping[str, object], remarks: Mapping[str, str]) -> List[str]:
+    """Return two lines for each key: its name and what it is now; its meaning, what it takes, and its default."""
+    lines: List[str] = []
+    for key in chosen:
+        default = key.default_text if key.default is keys.REQUIRED else "default " + key.default_text
+        remark = "; " + remarks[key.name] if remarks.get(key.name) else ""
+        lines.append("  {:<26} {}".format(key.name, keys.to_text(values[key.name])).rstrip())
+        lines.append("      {} ({}; {}){}".format(key.plain_meaning, key.allowed, default, remark))
+    return lines
 
 
 # ---------------------------------------------------------------------------------------------------------- roslaunch
@@ -169,6 +187,11 @@ def given_to_roslaunch(command: Sequence[str]) -> List[str]:
     if LAUNCH_FILE not in map(os.path.basename, command):
         return []
     return [word for word in command if ":=" in word and not word.startswith("__")]
+
+
+def is_by_run_test(command: Sequence[str]) -> bool:
+    """Return whether a command line of roslaunch is runTest's, which says where the run's folder is."""
+    return any(word.startswith(FOLDER + ":=") for word in given_to_roslaunch(command))
 
 
 def is_roslaunch(command: Sequence[str]) -> bool:

@@ -7,7 +7,7 @@ from typing import Dict, List
 
 from behavior_controller.errors import ConfigurationError
 
-from unit_tests import arguments, parameters
+from unit_tests import arguments, parameters, waits
 from unit_tests.reporter import NOT_RUN, NOTHING_TESTED, read_verdict
 
 
@@ -15,16 +15,22 @@ def main(given: List[str]) -> int:
     """Return 0 if the test passed, 1 if it failed, 2 if it could not be run."""
     try:
         if {"-h", "--help"} & set(given):
-            print(arguments.usage())
+            print(arguments.usage({"arrivalRate": _of_arrival_rate()}))
             return 0
         values = arguments.read(given)
         arguments.check(values)
     except ConfigurationError as error:
         print("{}\n{}".format(error, NOTHING_TESTED))
         return NOT_RUN
-    code, verdict = read_verdict(_launch(values)) or (NOT_RUN, NOTHING_TESTED)
-    print(verdict, flush=True)
+    code, text = read_verdict(_launch(values)) or (NOT_RUN, NOTHING_TESTED)
+    print("\n" + text, flush=True)
     return code
+
+
+def _of_arrival_rate() -> str:
+    """Return which rate the configured mission needs."""
+    needed = waits.of_mission(parameters.read_world(parameters.read_configuration()))
+    return waits.sufficient(needed) if needed else ""
 
 
 def _launch(values: Dict[str, str]) -> str:

@@ -46,7 +46,7 @@ def folder() -> str:
 
 def read_configuration() -> configuration.Configuration:
     """Return the configuration of the test, with a seed. Raises ConfigurationError with every fault."""
-    arguments.read(arguments.given_to_roslaunch(arguments.parent_command()))
+    arguments.read(arguments.given_to_roslaunch(arguments.parent_command()), arguments.INTERNAL)
     arguments.check(given())
     test = arguments.load_test(given())
     if test.random_seed is None:

@@ -1,16 +1,18 @@
-"""The report of a test as text: a line for each failure, the counts, and the verdict as the last line."""
+"""The report of a test as text: the verdict and its cause first, then failures and counts, and the verdict at the end."""
 import datetime
 import os
 from collections import Counter
-from typing import List, Tuple
+from typing import Iterator, List, NamedTuple, Sequence, Tuple
 
 from behavior_controller import settings
 from behavior_controller.gateway import Cause
 from behavior_controller.keys import to_text, values_of
+from behavior_controller.story import LEFT_OUT
 from behavior_controller.text import clean
 
 from unit_tests.configuration import KEYS, Configuration
-from unit_tests.facts import Facts, count, of
+from unit_tests.facts import Event, Facts, Pass, count, of, passes
+from unit_tests.fault_rows import Row, Told, reason_of, story_of, table
 from unit_tests.matching import CAUSE_OF, Matching
 from unit_tests.robot import servers
 from unit_tests.verdict import Verdict, judge, reached
@@ -55,7 +57,7 @@ def failure_lines(facts: Facts) -> List[str]:
 
 
 def summary_lines(facts: Facts) -> List[str]:
-    """Return the counts: of each mission node that ran, each simulated node, and what the recovery did."""
+    """Return the counts: of each mission node that ran, each simulated node, how recoveries ended, and what was reached."""
     ran, failed = Counter(), Counter()  # type: Counter, Counter
     for event in of(facts.events, "LeafFinished"):
         ran[event["node"]] += 1
@@ -66,18 +68,17 @@ def summary_lines(facts: Facts) -> List[str]:
     for node in servers(facts.interface):
         calls = [line for line in facts.journal if line.node == node and line.call > 0]
         lines.append("{:<28} {:>6} {:>8}".format(node, len(calls), sum(line.fault is not None for line in calls)))
-    return lines + [""] + recovery_lines(facts) + coverage_lines(facts)
-
-
-def recovery_lines(facts: Facts) -> List[str]:
-    """Return how many recoveries there were and how they ended, and a line for each decision."""
-    recovered = of(facts.events, "Recovered")
-    ended = Counter(event["outcome"] for event in recovered)
-    lines = ["recoveries: {}{}".format(len(recovered), "".join(
+    ended = Counter(event["outcome"] for event in of(facts.events, "Recovered"))
+    lines += ["", "recoveries: {}{}".format(sum(ended.values()), "".join(
         "; {} {}".format(number, outcome) for outcome, number in sorted(ended.items())))]
-    return lines + ["  {}: {}; policy: {}; {}: {}".format(
+    return lines + coverage_lines(facts)
+
+
+def decision_lines(facts: Facts) -> List[str]:
+    """Return a line for each decision of the recovery."""
+    return ["  {}: {}; policy: {}; {}: {}".format(
         event["path"], event["failure"]["cause"], event["policy"], count(event["attempts"], "attempt", "attempts"),
-        event["outcome"]) for event in recovered]
+        event["outcome"]) for event in of(facts.events, "Recovered")]
 
 
 def coverage_lines(facts: Facts) -> List[str]:
@@ -94,16 +95,96 @@ def coverage_lines(facts: Facts) -> List[str]:
     return lines
 
 
-def write(facts: Facts, title: str) -> Tuple[Verdict, str]:
-    """Return the verdict and the text of the report."""
-    verdict = judge(facts)
-    failures = failure_lines(facts)
-    lines = ["# " + title, "# time\tnode\tpath\ttopic or service\tcause\tmessage"] + failures
-    false = sum("\t{}\t".format(Cause.CONDITION_FALSE.value) in line for line in failures)
-    lines += ["", "{}; {} of them conditions that were false for a while".format(
-        count(len(failures), "failure", "failures"), false), ""] + [clean(line) for line in summary_lines(facts)]
-    lines += ["", str(verdict)]
-    return verdict, "\n".join(lines) + "\n"
+class Report(NamedTuple):
+    """What is to be told of a test, in the order in which it is read."""
+
+    title: str
+    verdict: Verdict
+    visitors: Sequence[str]  # how each pass ended and why; before them what was warned of
+    rows: Sequence[Row]
+    began: float  # unix seconds
+    failures: Sequence[str]
+    decisions: Sequence[str]  # of the recovery
+    counts: Sequence[str]
+
+    def text(self) -> str:
+        """Return all of it, for the file."""
+        lines = self._top(table(self.rows, self.began, WIDEST))
+        lines += ["# time\tnode\tpath\ttopic or service\tcause\tmessage"] + list(self.failures)
+        lines += [""] + (["# recoveries"] + list(self.decisions) + [""] if self.decisions else [])
+        return "\n".join(lines + list(self.counts) + ["", str(self.verdict)]) + "\n"
+
+    def shown(self, width: int, files: Sequence[str] = ()) -> str:
+        """Return what a terminal of so many columns shows: the rows stand for the failures and the decisions about them.
+
+        ``files`` are lines about where all of it stands.
+        """
+        shown = table(self.rows[:MOST_SHOWN], self.began, width)
+        if len(self.rows) > MOST_SHOWN:
+            shown.append("and {} more in the report".format(len(self.rows) - MOST_SHOWN))
+        verdict = str(self.verdict).split("\n")
+        if len(verdict) > MOST_OBJECTIONS:
+            verdict[MOST_OBJECTIONS:] = ["        and {} more in the report".format(len(verdict) - MOST_OBJECTIONS)]
+        return "\n".join(self._top(shown) + list(self.counts) + [""] + list(files) + [""] + verdict)
+
+    def _top(self, shown: List[str]) -> List[str]:
+        objections = self.verdict.objections[1:]
+        more = " (and {}: see the end)".format(count(len(objections), "objection", "objections")) if objections else ""
+        lines = ["# " + self.title, str(self.verdict).split("\n")[0] + more] + list(self.visitors) + [""]
+        return lines + shown + [""] if self.rows else lines
+
+
+WIDEST = 10 ** 6
+"""Columns of a file."""
+
+MOST_SHOWN, MOST_OBJECTIONS = 40, 10
+"""Rows and objections that a terminal shows."""
+
+
+def write(facts: Facts, title: str, warnings: Sequence[str] = ()) -> Report:
+    """Return the report; ``warnings`` were told before the start."""
+    began = facts.events[0]["time"] if facts.events else 0.0
+    rows = Told(facts).rows()
+    visitors = list(warnings) + [clean(line) for line in _visitors(facts, rows)]
+    return Report(title, judge(facts), visitors, rows, began, failure_lines(facts),
+                  [clean(line) for line in decision_lines(facts)], [clean(line) for line in summary_lines(facts)])
+
+
+def _visitors(facts: Facts, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield a line for each pass: how it ended and why, and what the faults cost."""
+    ends = dict(_ends(facts))
+    for a_pass in [*passes(facts), *_under_way(facts)]:
+        mine = [row for row in rows if row.visitor == a_pass.number]
+        told = ends.get(a_pass.number, "visitor {}: {}".format(a_pass.number, a_pass.outcome))
+        reasons = dict.fromkeys(reason_of(event) for event in of(a_pass.events, "Recovered"))
+        parts = [told] + [reason for reason in reasons if reason and reason not in told]
+        parts += ["{}, {:.1f} s lost".format(
+            count(sum(row.is_injected for row in mine), "fault", "faults"), sum(row.lost for row in mine))]
+        parts += [count(sum(map(_is_false, a_pass.events)), "condition", "conditions") + " false for a while"]
+        yield "; ".join(parts)
+
+
+def _ends(facts: Facts) -> Iterator[Tuple[int, str]]:
+    """Yield for each pass that ended what is told of that, and which exhibits the visitor was not shown to the end."""
+    for event, story, added in story_of(facts.events):
+        for sentence in added:
+            if sentence.kind == "visit" and event["event"] == "PassFinished" and story.visit is not None:
+                yield event["number"], "; ".join([sentence.text] + [
+                    "{} {}: {}".format(exhibit.name, exhibit.state, exhibit.why) for exhibit in story.visit.exhibits
+                    if exhibit.state == LEFT_OUT])
+
+
+def _under_way(facts: Facts) -> Iterator[Pass]:
+    """Yield the pass that did not end, if there is one."""
+    ended = of(facts.events, "PassFinished")
+    events = [event for event in facts.events if not ended or event["time"] > ended[-1]["time"]]
+    if of(events, "LeafFinished"):
+        yield Pass(len(ended) + 1, "did not end", events, ())
+
+
+def _is_false(event: Event) -> bool:
+    return event["event"] == "LeafFinished" and event["status"] == "FAILURE" \
+        and (event["failure"] or {}).get("cause") == Cause.CONDITION_FALSE.value
 
 
 def _clock(seconds: float) -> str:

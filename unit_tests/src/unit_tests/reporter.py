@@ -1,9 +1,10 @@
 """The node that waits for the end of the mission, writes the report and gives the verdict."""
 import datetime
 import os
+import shutil
 import signal
 import time
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import rosgraph
 import rospkg
@@ -12,7 +13,7 @@ import rospy
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.watch.record import FILE_NAME as RECORD
 
-from unit_tests import arguments, configuration, parameters
+from unit_tests import arguments, configuration, parameters, waits
 from unit_tests.controller import read_exit_code
 from unit_tests.facts import Facts
 from unit_tests.journal import Journal, Tail
@@ -26,7 +27,7 @@ JUNIT = "behaviorControllerTest.xml"
 """File with the verdict as JUnit XML, in the folder where ROS keeps test results."""
 
 VERDICT = "verdict"
-"""File in the folder of the run that holds the exit code of the test, and the verdict in words."""
+"""File in the folder of the run that holds the exit code of the test, and the text that is shown at its end."""
 
 PASSED, FAILED, NOT_RUN = 0, 1, 2
 """Exit codes of a test."""
@@ -42,6 +43,9 @@ END_LIMIT = 30.0
 
 PROGRESS_INTERVAL = 5.0
 """Seconds between two lines about how far the mission is."""
+
+WIDTH = 120
+"""Columns where the output is no terminal."""
 
 LOOK_INTERVAL = 0.1
 """Seconds between two looks at what the controller has recorded."""
@@ -62,10 +66,11 @@ def _test() -> int:
         test = parameters.read_configuration()
         world = parameters.read_world(test)
     except BehaviorControllerError as error:
-        print("{}\n{}".format(error, NOTHING_TESTED), flush=True)
         _await_nodes()
-        return _finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED))
+        return finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED))
     print("randomSeed {}".format(test.random_seed), flush=True)
+    warnings = waits.warnings(waits.of_mission(world), test.arrival_rate)
+    print("".join(line + "\n" for line in warnings), end="", flush=True)
     folder = parameters.folder()
     began = time.monotonic()
     events, exit_code, cut_off = wait_for_end(folder, test.test_timeout, Progress(folder).show)
@@ -73,11 +78,11 @@ def _test() -> int:
                   world.knowledge, cut_off, _rehearse(events, world), parameters.real_nodes(),
                   world.settings.interface, frozenset(test.absent_services))
     heading = title(facts, test, datetime.datetime.now())
-    verdict, text = write(facts, heading)
-    print("\n" + text, flush=True)
-    _save_junit(to_xml(verdict, time.monotonic() - began, heading))
-    print("written to {}; the record and the journal are in {}".format(_save(text), folder), flush=True)
-    return _finish(PASSED if verdict.passed else FAILED, str(verdict))
+    report = write(facts, heading, warnings)
+    _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
+    files = ["report: " + save(report.text(), folder), "its folder, with record and journal: " + folder]
+    columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
+    return finish(PASSED if report.verdict.passed else FAILED, report.shown(columns, files))
 
 
 def _await_nodes() -> None:
@@ -154,11 +159,17 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
     return events + record.news(), read_exit_code(folder), cut_off
 
 
-def _save(text: str) -> str:
-    """Write the report where this user may write and return the path."""
-    places = [os.path.join(configuration.share(), "data", OUTPUT), os.path.join(parameters.ros_home(), OUTPUT)]
+def save(text: str, folder: str) -> str:
+    """Write the report to the folder of the run, and a copy where the newest is; return the path of the copy."""
+    newest = [os.path.join(configuration.share(), "data", OUTPUT), os.path.join(parameters.ros_home(), OUTPUT)]
     wanted = parameters.given().get("outputFile")
-    for path in [wanted] if wanted else places:
+    _write([os.path.join(folder, OUTPUT)], text)
+    return _write([wanted] if wanted else newest, text)
+
+
+def _write(paths: Sequence[str], text: str) -> str:
+    """Write a file where this user may write and return the path."""
+    for path in paths:
         try:
             with open(path, "w", encoding="utf-8") as file:
                 file.write(text)
@@ -179,23 +190,28 @@ def _save_junit(text: str) -> None:
         print("no JUnit file: {}: {}".format(folder, error.strerror), flush=True)
 
 
-def _finish(code: int, verdict: str) -> int:
-    """Leave exit code and verdict where runTest finds them: roslaunch does not pass on an exit code."""
+def finish(code: int, text: str) -> int:
+    """Leave exit code and text where runTest finds them, which shows the text when roslaunch has ended; else show it.
+
+    roslaunch does not pass on an exit code, and prints a good deal at its end.
+    """
     if parameters.is_launched():
         os.makedirs(parameters.folder(), exist_ok=True)
         with open(os.path.join(parameters.folder(), VERDICT), "w", encoding="utf-8") as file:
-            file.write("{}\n{}\n".format(code, verdict))
+            file.write("{}\n{}\n".format(code, text))
+    if not arguments.is_by_run_test(arguments.parent_command()):
+        print("\n" + text, flush=True)
     return code
 
 
 def read_verdict(folder: str) -> Optional[Tuple[int, str]]:
-    """Return the exit code of the test and the verdict in words; None if there is none."""
+    """Return the exit code of the test and the text that is shown at its end; None if there is none."""
     try:
         with open(os.path.join(folder, VERDICT), encoding="utf-8") as file:
-            code, verdict = file.read().split("\n", 1)
+            code, text = file.read().split("\n", 1)
     except (OSError, ValueError):
         return None
-    return int(code), verdict.rstrip("\n")
+    return int(code), text.rstrip("\n")
 
 
 def _end_launch() -> None:

@@ -1,7 +1,9 @@
 """Tests of the arguments of a test: each key of both configurations, and no word that is not understood."""
+import functools
+
 import pytest
 
-from behavior_controller import settings
+from behavior_controller import folders, keys, settings
 from behavior_controller.errors import ConfigurationError
 
 from unit_tests import arguments, configuration
@@ -14,14 +16,59 @@ def faults(call, given):
     return [str(fault) for fault in raised.value.faults]
 
 
-def test_every_key_of_both_configurations_is_an_argument_with_a_line_of_the_help():
-    usage = arguments.usage().splitlines()
-    for key in settings.KEYS + configuration.KEYS:
-        assert arguments.read([key.name + ":=1"]) == {key.name: "1"}
-        lines = [line for line in usage if line.split()[:1] == [key.name]]
-        # the test's own meaning counts where both have the key
-        meaning = {each.name: each.plain_meaning for each in settings.KEYS + configuration.KEYS}[key.name]
-        assert [line.endswith(meaning) for line in lines] == [True]
+def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "1000")
+    usage = arguments.usage({"arrivalRate": "a remark"}).splitlines()
+    # the test's own meaning counts where both have the key
+    for key in {each.name: each for each in settings.KEYS + configuration.KEYS + arguments.OWN}.values():
+        place, = [number for number, line in enumerate(usage) if line.split()[:1] == [key.name]]
+        told = usage[place + 1].strip()
+        assert told.startswith("{} ({}; ".format(key.plain_meaning, key.allowed))
+        assert key.default_text + ")" in told
+        assert told.endswith("; a remark") == (key.name == "arrivalRate")
+
+
+def test_the_help_fits_the_terminal(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert max(map(len, arguments.usage({}).splitlines())) <= 80
+
+
+def test_what_is_not_for_users_is_refused():
+    for name in arguments.INTERNAL:
+        assert "unknown" in faults(arguments.read, [name + ":=x"])[0]
+        assert arguments.read([name + ":=x"], arguments.INTERNAL) == {name: "x"}
+
+
+LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", "silent", "crash", "action",
+         "textToSpeech:1:crash", "/speechEvent/set_enabled")
+"""Words of which each key takes one at least that is not its default."""
+
+
+@pytest.mark.parametrize("key", {each.name: each for each in settings.KEYS + configuration.KEYS + arguments.OWN}.values(),
+                         ids=lambda key: key.name)
+def test_every_key_can_be_given_and_arrives(key):
+    text, value = next(found for found in map(functools.partial(read_by, key), LEGAL) if found is not None)
+    robot = {"robotInterface": "release-1.0"} if key.name in ("recogniseBy", "absentServices", "tabletSuccessIs") else {}
+    given = dict(robot, **arguments.read(["{}:={}".format(key.name, text)]))
+    arguments.check(given)
+    if key.name in arguments.TEST:
+        assert keys.values_of(arguments.load_test(given))[key.name] == value
+    elif key.name in arguments.CONTROLLER:
+        assert arguments.load_controller(given).values[key.name] == value
+    if key.name in arguments.CONTROLLER:  # what the controller's own process makes of it
+        words = command_line(["behaviorController"] + ["_{}:={}".format(*pair) for pair in given.items()],
+                             arguments.load_test(given), "/folder")
+        arrived = settings.load(folders.config(settings.FILE_NAME), {}, settings.split_arguments(words)[1])
+        assert arrived.values[key.name] == ("/folder" if key.name == "recordDirectory" else value)
+
+
+def read_by(key, text):
+    """Return a text and what a key makes of it; None if it does not take it, or it is the default."""
+    try:
+        value = key.read(text)
+    except ValueError:
+        return None
+    return None if value == key.default else (text, value)
 
 
 def test_short_names_are_those_of_keys():
@@ -69,6 +116,14 @@ def test_what_only_another_robot_has_is_named():
 ))
 def test_what_roslaunch_was_given_for_our_file(command, given):
     assert arguments.given_to_roslaunch(command) == given
+
+
+@pytest.mark.parametrize("command, expected", (
+    (["roslaunch", "unit_tests", "behaviorControllerTest.launch", "folder:=/run", "seed:=1"], True),
+    (["roslaunch", "unit_tests", "behaviorControllerTest.launch", "seed:=1"], False),
+    (["roslaunch", "their_robot", "everything.launch", "folder:=/x"], False)))
+def test_who_shows_the_report(command, expected):
+    assert arguments.is_by_run_test(command) is expected
 
 
 @pytest.mark.parametrize("command, expected", (

@@ -1,0 +1,64 @@
+"""A tree as graphviz draws it, for py-trees-render and the page: each node has the number that Groot2 and the page give it."""
+import copy
+import shutil
+import subprocess
+from typing import Any, Dict
+
+from py_trees.common import VisibilityLevel
+from py_trees.display import dot_tree
+
+from behavior_controller.bt.engine.node import Node, label
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.errors import BehaviorControllerError
+
+LIMIT = 30.0
+"""Seconds that graphviz may take."""
+
+MOST_NODES = 2000
+"""Nodes of a tree that is drawn: graphviz takes minutes, and much memory, for more."""
+
+
+class NotDrawn(BehaviorControllerError):
+    """There is no drawing; the text says why."""
+
+
+def name_for_drawing(node: Any) -> None:
+    """Call ``node`` by its name, type and uid, so that py_trees draws those of one type apart."""
+    node.name = " ".join(label(node)).replace(":", "∶")  # in the dot language what follows a colon is a port
+    # else py_trees puts a sign before the name that few fonts have; the label tells the type
+    setattr(node, "memory", False)
+
+
+def _drawable(root: Node, title: str) -> Node:
+    """Return a copy of the tree, which runs, with names for a drawing; ``title`` is that of the root."""
+    copies: Dict[int, Node] = {}
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        drawn = copies[node.uid] = copy.copy(node)
+        name_for_drawing(drawn)
+        drawn.children = []
+        if node.parent is not None:
+            copies[node.parent.uid].children.append(drawn)
+        waiting += reversed(node.children)
+    copies[root.uid].name = title
+    return copies[root.uid]
+
+
+def svg(tree: Tree, title: str) -> bytes:
+    """Return the drawing of a whole tree. It takes its time: not on a thread that must not wait. Raises NotDrawn."""
+    if shutil.which("dot") is None:
+        raise NotDrawn("graphviz is not installed: apt-get install graphviz")
+    if len(tree.nodes) > MOST_NODES:
+        raise NotDrawn("the tree has {} nodes; trees of at most {} are drawn".format(len(tree.nodes), MOST_NODES))
+    try:
+        text = dot_tree(_drawable(tree.root, title), visibility_level=VisibilityLevel.ALL).to_string()
+        done = subprocess.run(["nice", "dot", "-Tsvg"], input=text.encode("utf-8", "backslashreplace"),
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=LIMIT, check=True)
+    except RecursionError:
+        raise NotDrawn("the tree is too deep to be drawn")
+    except subprocess.TimeoutExpired:
+        raise NotDrawn("graphviz did not draw the tree within {:g} s".format(LIMIT))
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise NotDrawn("graphviz cannot draw the tree: {}".format(getattr(error, "stderr", None) or error))
+    return done.stdout

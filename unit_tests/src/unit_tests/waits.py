@@ -1,0 +1,176 @@
+"""What an arrival rate means for a mission: how often the messages that a condition needs come while it waits.
+
+Messages come at Poisson times, so this is arithmetic; nothing is run.
+"""
+import math
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+from behavior_controller import mission as missions
+from behavior_controller.bt.engine.builtins import Sleep
+from behavior_controller.bt.engine.controls import Fallback, ReactiveFallback, ReactiveSequence
+from behavior_controller.bt.engine.decorators import KeepRunningUntilFailure, Repeat, Timeout
+from behavior_controller.bt.engine.node import NodeError
+from behavior_controller.bt.language.ports import PortError
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.events import Events
+from behavior_controller.gateway import FakeGateway, FakeTopics
+from behavior_controller.interface.records import Answer, Say, SetAttention
+from behavior_controller.leaves.base import TopicCondition, is_asked_again
+
+from unit_tests.facts import count
+from unit_tests.journal import Line
+from unit_tests.robot import TOPICS, World
+from unit_tests.visitor import Visitor
+
+ENOUGH = 0.95
+"""The share of waits in which messages should come in time; a rate at which fewer do is told before the start."""
+
+MOST_MESSAGES = 20
+"""Evidence that has not come in so many messages does not come from this visitor, whatever the rate."""
+
+
+class Wait(NamedTuple):
+    """A condition of a mission, and within how many seconds it needs how many messages.
+
+    ``after``: it is asked only where one of these was in vain, as a node of a Fallback is; empty: it is asked anyway.
+    """
+
+    node: str
+    topic: str
+    messages: int
+    seconds: float
+    after: Tuple["Wait", ...] = ()
+
+    def chance(self, rate: float) -> float:
+        """Return the chance that the messages come in time at ``rate`` per minute."""
+        if math.isinf(rate):
+            return 1.0
+        mean = rate / 60 * self.seconds
+        return 1 - sum(math.exp(-mean) * mean ** number / math.factorial(number) for number in range(self.messages))
+
+    def missed(self, rate: float) -> float:
+        """Return in which share of the visits the condition is asked, and the messages come too late."""
+        asked = min(1.0, sum(1 - wait.chance(rate) for wait in self.after)) if self.after else 1.0
+        return asked * (1 - self.chance(rate))
+
+    def told(self, rate: float) -> str:
+        """Return in a line what ``rate`` means for it."""
+        share = 100 * self.chance(rate)
+        return "arrivalRate {:g}: {} needs {} within {:g} s, which happens in {} % of waits".format(
+            rate, self.node, count(self.messages, "message", "messages"), self.seconds,
+            "about {:.0f}".format(share) if share >= 1 else "less than 1")
+
+
+def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
+    """Return a line for each condition whose messages often come too late at ``rate``, and from which rate on none does."""
+    worst: Dict[str, Wait] = {}
+    for wait in waits:
+        if wait.missed(rate) > max(1 - ENOUGH, worst[wait.node].missed(rate) if wait.node in worst else 0.0):
+            worst[wait.node] = wait
+    return [wait.told(rate) for wait in worst.values()] + ([sufficient(waits)] if worst else [])
+
+
+def sufficient(waits: Sequence[Wait]) -> str:
+    """Return in a line from which rate on messages come in time."""
+    return "from arrivalRate {} on, all that this mission waits for comes in time in {:.0f} % of waits".format(
+        lowest_rate(waits), 100 * ENOUGH)
+
+
+def lowest_rate(waits: Sequence[Wait]) -> int:
+    """Return the lowest whole number of messages per minute of which enough come in time, at least 1."""
+    def is_enough(rate: int) -> bool:
+        return all(wait.missed(rate) <= 1 - ENOUGH for wait in waits)
+
+    high = 1
+    while not is_enough(high):
+        high *= 2
+    low = high // 2  # not enough, or 0
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if is_enough(middle) else (middle, high)
+    return high
+
+
+# --------------------------------------------------------------------------------------------------------- the mission
+
+
+def of_mission(world: World) -> List[Wait]:
+    """Return the waits of the configured mission that have a bound; none if the mission cannot be loaded."""
+    try:
+        loaded = missions.load(world.settings)
+    except BehaviorControllerError:
+        return []  # the controller tells
+    tree = loaded.tree
+    gateway = FakeGateway(lambda: None, lambda request: Answer())
+    tree.setup(mission=loaded.context(gateway, FakeTopics(tree.clock.now), Events()))
+    found: Dict[Any, Wait] = {}
+    for node in tree.nodes:  # those of a Fallback that come before stand before
+        if isinstance(node, TopicCondition):
+            seconds, messages = _seconds(node), _messages(node, world)
+            if seconds is not None and messages is not None:
+                after = tuple(found[before] for before in _asked_before(node) if before in found)
+                found[node] = Wait(node.registration_id, node.topic.name, messages, seconds, after)
+    return list(found.values())
+
+
+def _asked_before(node: Any) -> Iterator[Any]:
+    """Yield what has been in vain where ``node`` is asked: the nodes before it in the Fallbacks around it."""
+    while node.parent is not None:
+        if isinstance(node.parent, Fallback):
+            for sibling in node.parent.children[:node.parent.children.index(node)]:
+                yield from sibling.iterate()
+        node = node.parent
+
+
+def _seconds(node: TopicCondition) -> Optional[float]:
+    """Return how long messages may take to come; None: for ever, or the mission file does not tell."""
+    own = node.mission.settings.condition_wait if node.evidence.wait is None else node.evidence.wait
+    seconds = _beside(node) if is_asked_again(node) else own
+    if seconds is None:
+        return None
+    if node.topic.is_continuous:  # a message that came before the question still counts for so long
+        seconds = max(seconds, node.mission.settings.topic_max_age)
+    above: Any = node.parent
+    while above is not None:
+        limit = _milliseconds(above) if isinstance(above, Timeout) else None
+        seconds = min(seconds, limit / 1000) if limit else seconds
+        above = above.parent
+    return seconds if 0 < seconds < math.inf else None
+
+
+def _beside(node: Any) -> Optional[float]:
+    """Return how long the Sleeps take that a reactive control runs while it asks ``node`` again and again."""
+    while node.parent is not None:
+        if isinstance(node.parent, (ReactiveFallback, ReactiveSequence)):
+            below = [each for sibling in node.parent.children[node.parent.children.index(node) + 1:]
+                     for each in sibling.iterate()]
+            sleeps = [_milliseconds(each) for each in below if isinstance(each, Sleep)]
+            is_endless = any(isinstance(each, (KeepRunningUntilFailure, Repeat)) for each in below)
+            if below:
+                return None if is_endless or not sleeps or None in sleeps else sum(filter(None, sleeps)) / 1000
+        node = node.parent
+    return None
+
+
+def _milliseconds(node: Any) -> Optional[float]:
+    try:
+        return float(node.get_input("msec"))
+    except (PortError, NodeError):
+        return None  # the run decides
+
+
+def _messages(node: TopicCondition, world: World) -> Optional[int]:
+    """Return how many messages it takes until this visitor, who is there and was asked, gives the evidence."""
+    if node.topic.name not in TOPICS:
+        return None
+    visitor = Visitor(world.visitor.manners)
+    robot = world.settings.interface
+    for question in visitor.manners.questions[:1]:
+        visitor.notice(Line(0.0, robot.service(Say).node, "", 1, {"message": question}))
+    if node.evidence.mode:
+        visitor.notice(Line(0.0, robot.service(SetAttention).node, "", 1, {"state": node.evidence.mode}))
+    for number in range(1, MOST_MESSAGES + 1):
+        value = TOPICS[node.topic.name].content(world._replace(visitor=visitor))
+        if value is not None and node.is_evidence(value):
+            return number
+    return None
