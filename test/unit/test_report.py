@@ -2,13 +2,11 @@
 import copy
 import html.parser
 import json
-import os
 import re
 import time
 
 import pytest
 
-from behavior_controller import folders
 from behavior_controller.errors import MissionError
 from behavior_controller.events import RunStarted
 from behavior_controller.story import Story
@@ -16,7 +14,7 @@ from behavior_controller.watch import lanes
 from behavior_controller.watch.codec import FORMAT, VERSION, decode
 from behavior_controller.watch.replay import main, read_record
 from behavior_controller.watch.report import DEEPEST, EVENTS, to_html
-from browser import open_browser
+from browser import axe, findings, open_browser, reset_screen, set_screen
 from recorded_tours import KINDS, recorded_day
 
 FAILED = {"cause": "refused", "message": "a chair is in the way", "resource": "/s"}
@@ -166,7 +164,7 @@ def test_of_a_mission_that_was_changed_the_last_one_is_reported_and_the_first_is
         finished(103.0, path="B::1"), tick([2, "S"]), mission="/m/second.xml",
         nodes=(["B::1", "B", "B", 0], ["C::2", "C", "C", 1]))
     text = page_of(lines)
-    assert "<h1>Mission second.xml</h1>" in text and "/m/first.xml, which this report leaves out" in text
+    assert "<h1>Mission second</h1>" in text and "/m/first.xml, which this report leaves out" in text
     assert "C::2" in text and "A::1" not in text
 
 
@@ -354,6 +352,7 @@ def test_a_tree_of_many_levels_is_reported():
 @pytest.fixture(scope="module")
 def browser():
     opened = open_browser()
+    opened.set_script_timeout(120)
     yield opened
     opened.quit()
 
@@ -372,8 +371,7 @@ def report(browser, address):
     browser.get("about:blank")  # else only the hash would change
     browser.get(address)
     yield browser
-    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    reset_screen(browser)
     assert browser.get_log("browser") == []
 
 
@@ -396,23 +394,16 @@ def short(tmp_path_factory):
     return "file://{}".format(place / "report.html")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("mode", ["light", "dark"])
 @pytest.mark.parametrize("width", [400, 800, 1280, 1920])
-def test_it_is_accessible_and_fits_every_width(report, short, width, scheme):
-    package = pytest.importorskip("axe_core_python")
-    with open(os.path.join(os.path.dirname(package.__file__), "axe.min.js"), encoding="utf-8") as file:
-        axe = file.read()
-    report.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
-        "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500})
-    report.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+def test_it_is_accessible_and_fits_every_width(report, short, width, mode):
+    source = axe()
+    set_screen(report, width, 900, mode)
     report.get(short)
     report.execute_script("visits.forEach(visit => { visit.open = true; }); showVisit(2);")
     assert run(report, "document.documentElement.scrollWidth <= innerWidth")
     report.execute_script("document.querySelectorAll('code:nth-child(n+9), #n30 ~ li, #n30 li').forEach(one => one.remove())")
-    report.execute_script(axe)  # it takes its time: a few rows of each kind do
-    found = report.execute_async_script(
-        "axe.run().then(found => arguments[0](found.violations.map(each => each.id + ': ' + each.nodes[0].html)))")
-    assert found == []
+    assert findings(report, source) == []  # it takes its time: a few rows of each kind do
 
 
 def test_sentences_are_found_by_word_kind_and_cause(report, told):

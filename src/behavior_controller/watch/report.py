@@ -8,12 +8,11 @@ import json
 import os
 import re
 from types import SimpleNamespace
-from typing import (Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Set, Tuple, Union, get_args)
+from typing import (Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
 
 from behavior_controller import leaves
 from behavior_controller.bt.engine.node import label
 from behavior_controller.bt.language.document import parse
-from behavior_controller.bt.registry import Kind
 from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Event, LeafFinished, PassFinished, Retried, RunFinished, RunStarted
@@ -21,6 +20,7 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.mission import build_tree
 from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit
 from behavior_controller.text import clean
+from behavior_controller.watch.board import clock, is_bare, title
 from behavior_controller.watch.codec import LETTERS, Entry, Line, Lost, Tick, TreeNode, TreeShown
 from behavior_controller.watch.lanes import Bar, Lanes
 
@@ -131,12 +131,11 @@ class Run:
 def to_html(lines: Iterable[Line]) -> str:
     """Return the page of a record (its last mission, if the mission was changed while it ran)."""
     earlier, run = _last(lines)
-    title = "Mission {}".format(run.started.mission.split("/")[-1])
     places, doubt = _places(run)
-    body = "".join([_header(title, run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
+    body = "".join([_header(run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
                     _documents(run), _settings(run), "</main>"])
     style, script = _file("report.css"), _file("report.js")
-    return PAGE.format(title=_text(title), body=body, style=style, script=script, data=_data(run),
+    return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, data=_data(run),
                        allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
 
 
@@ -146,7 +145,7 @@ PAGE = """<!DOCTYPE html>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{allowed}">
-<title>{title}</title>
+<title>Mission {title}</title>
 <style>{style}</style>
 </head>
 <body>
@@ -208,11 +207,6 @@ def _time(at: float) -> str:
     return "<time>{}</time>".format(clock(at))
 
 
-def clock(at: float) -> str:
-    """Return the time of day, as all that tells a story shows it."""
-    return datetime.datetime.fromtimestamp(at).strftime("%H:%M:%S")
-
-
 def _seconds(seconds: float) -> str:
     """Return a duration as people write it."""
     if seconds < 60:
@@ -231,7 +225,7 @@ def _options(first: str, values: Iterable[str]) -> str:
         '<option value="{0}">{0} ({1})</option>'.format(_text(value), counts[value]) for value in sorted(counts) if value)
 
 
-def _header(title: str, run: Run, earlier: List[RunStarted]) -> str:
+def _header(run: Run, earlier: List[RunStarted]) -> str:
     """Return when the mission ran, how it ended, and what the report lacks."""
     began = datetime.datetime.fromtimestamp(run.began)
     ends = ", ".join("{} {}".format(count, outcome) for outcome, count in sorted(run.story.outcomes.items()))
@@ -244,10 +238,10 @@ def _header(title: str, run: Run, earlier: List[RunStarted]) -> str:
             ", ".join(mission.mission for mission in earlier)))
     if run.lost:
         lacks.append("The record lacks {} lines, which the disk was too slow for.".format(run.lost))
-    return ('<header><h1>{}</h1><p>{}</p>{}<nav aria-label="Sections"><a href="#story">Story</a> '
+    return ('<header><h1>Mission {}</h1><p>{}</p>{}<nav aria-label="Sections"><a href="#story">Story</a> '
             '<a href="#timeline">Timeline</a> <a href="#tree">Tree</a> <a href="#files">Mission file</a> '
             '<a href="#settings">Configuration</a></nav></header>').format(
-                _text(title), _text("; ".join(told)), "".join("<p>{}</p>".format(_text(text)) for text in lacks))
+                _text(title(run.started.mission)), _text("; ".join(told)), "".join("<p>{}</p>".format(_text(text)) for text in lacks))
 
 
 # ----------------------------------------------------------------------------------------------------------------- story
@@ -346,21 +340,13 @@ def _data(run: Run) -> str:
 # ------------------------------------------------------------------------------------------------------------------ tree
 
 
-def _bare(nodes: List[TreeNode]) -> Set[int]:
-    """Return the uids of nodes that only say how the mission is put together, as on the page."""
-    registry = leaves.registry()
-    specs = [registry.find(node.type) for node in nodes]
-    return {uid for uid, (node, spec) in enumerate(zip(nodes, specs), 1) if node.parent and spec is not None and (
-        spec.is_recovery or spec.kind in (Kind.CONTROL, Kind.DECORATOR) and node.name == node.type)}
-
-
 def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
     """Return the tree as nested lists, each node with its results and its place; what never ran is grey."""
     nodes = run.nodes
     children: List[List[int]] = [[] for _ in range(len(nodes) + 1)]
     for number, node in enumerate(nodes, 1):
         children[node.parent].append(number)
-    bare = _bare(nodes)
+    registry = leaves.registry()
     found: List[str] = []
     waiting: List[Tuple[Union[int, str], int]] = [(1, 1)]  # a node, or what closes one, and its level
     while waiting:
@@ -369,7 +355,8 @@ def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
             found.append(item)
             continue
         is_nested = bool(children[item]) and level < DEEPEST
-        found.append('<li id="n{}"{}>{}'.format(item, ' class="bare"' if item in bare else "", _row(run, item, places)))
+        found.append('<li id="n{}"{}>{}'.format(item, ' class="bare"' if nodes[item - 1].parent and is_bare(
+            registry.find(nodes[item - 1].type), nodes[item - 1].name) else "", _row(run, item, places)))
         found.append("<ul>" if is_nested else "</li>")
         closing = "</ul></li>" if is_nested else ""
         waiting += [(closing, level)] + [(child, level + 1) for child in reversed(children[item])]
