@@ -46,7 +46,7 @@ def test_what_the_terminal_shows():
     rig.tick()
     state = state_of(board)
     assert status.lines(state, False) == [
-        "mission ; pass 1 is under way",
+        "mission ; saying “Please follow me.”, 0 s of at most 60 s",
         "▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success", "  ▶ FollowMeSpeech #3: running"]
     assert status.lines(state, True)[-1] == "  · SayGoodByeSpeech #4"
     assert isinstance(rig.requests[0], Say)

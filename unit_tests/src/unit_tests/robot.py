@@ -134,10 +134,14 @@ Value = Union[Faces, AttentionStatus, str]
 
 
 class Topic(NamedTuple):
-    """A topic. ``content`` is what its next message says, None: there is none; ``fields`` are the message's."""
+    """A topic. ``content`` is what its next message says, None: there is none; ``fields`` are the message's.
+
+    ``value`` is what messages with such fields say.
+    """
 
     content: Callable[[World], Optional[Value]]
     fields: Callable[[Any], Fields]
+    value: Callable[[Fields], Value]
 
 
 def _faces(world: World) -> Faces:
@@ -171,9 +175,12 @@ def _utterance(world: World) -> Optional[str]:
 
 
 TOPICS: Mapping[str, Topic] = {
-    document.FACES.name: Topic(_faces, lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}),
-    document.ATTENTION.name: Topic(_attention, lambda status: status._asdict()),
-    document.SPEECH.name: Topic(_utterance, lambda text: {"data": text}),
+    document.FACES.name: Topic(
+        _faces, lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)},
+        lambda fields: Faces(tuple(fields["face_label_id"]), tuple(fields["mutualGaze"]))),
+    document.ATTENTION.name: Topic(
+        _attention, lambda status: status._asdict(), lambda fields: AttentionStatus(**fields)),
+    document.SPEECH.name: Topic(_utterance, lambda text: {"data": text}, lambda fields: str(fields["data"])),
 }
 """Canonical name -> the topic, of any robot."""
 

@@ -10,7 +10,7 @@ import math
 import os
 from types import SimpleNamespace
 from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple,
-                    Union)
+                    Union, get_args)
 
 from behavior_controller import exits, extensions, folders, leaves
 from behavior_controller import mission as missions
@@ -26,14 +26,15 @@ from behavior_controller.interface import Service, Topic, Unusable
 from behavior_controller.interface.records import Answer, Request
 from behavior_controller.runner import PACE, Runner, Running
 from behavior_controller.settings import Settings
-from behavior_controller.watch.codec import encode
+from behavior_controller.watch.codec import Entry, encode
+from behavior_controller.watch.record import Traversals
 
 from unit_tests import configuration, parameters, robot
 from unit_tests.arrivals import Arrivals
 from unit_tests.configuration import ACTION, Configuration
 from unit_tests.exhibits import Knowledge
 from unit_tests.faults import CRASH, EXCEPTION, UNANSWERED, WRONG, Faults
-from unit_tests.journal import Line
+from unit_tests.journal import Line, Told
 from unit_tests.robot import SERVICES, TOPICS, Fields, World
 from unit_tests.visitor import Manners, Visitor
 
@@ -64,6 +65,9 @@ MOST_BUSY = 10
 CALM = configuration.defaults(failureRate=0.0, randomSeed=0)
 """A test in which nothing goes wrong and every message comes in time."""
 
+KINDS = get_args(Event)
+"""The kinds of events."""
+
 _ORDER = 1e-6
 """Seconds between two things that happen at one moment, so that their order shows in their times."""
 
@@ -71,7 +75,7 @@ _ORDER = 1e-6
 class Played(NamedTuple):
     """What came of a play. ``exit_code`` is the controller's; None: it had not ended when its time was up."""
 
-    events: Sequence[Tuple[float, Event]]
+    entries: Sequence[Tuple[float, Entry]]  # as in a record: events, and what each traversal of the tree changed
     journal: Sequence[Line]
     exit_code: Optional[int]
     cut_off: str  # why the end was not awaited
@@ -82,9 +86,14 @@ class Played(NamedTuple):
     asked: Sequence[Tuple[float, Request]]  # what was asked, whether or not it reached its node
     presence: Sequence[Tuple[float, bool]]  # since when a visitor has been there, or has not
 
+    @property
+    def events(self) -> List[Tuple[float, Event]]:
+        """The events alone."""
+        return [(at, entry) for at, entry in self.entries if isinstance(entry, KINDS)]
+
     def record(self) -> List[Dict[str, Any]]:
-        """Return the events as they are read from a record."""
-        return [json.loads(encode(at, event)) for at, event in self.events]
+        """Return the entries as they are read from a record."""
+        return [json.loads(encode(at, entry)) for at, entry in self.entries]
 
 
 Durations = Callable[[Service, Fields], float]
@@ -178,7 +187,7 @@ class _Play:
         self.wake = tree.wake.emit
         self.health = Health(self.wake)
         self.journal: List[Line] = []
-        self.events: List[Tuple[float, Event]] = []
+        self.entries: List[Tuple[float, Entry]] = []
         self.asked: List[Tuple[float, Request]] = []
         self.presence: List[Tuple[float, bool]] = []
         self.topics = _Topics(self)
@@ -189,7 +198,8 @@ class _Play:
         """Play until the mission is over or its time is up."""
         tree = self.mission.tree
         events = Events()
-        events.subscribe(lambda event: self.events.append((self.stamp(), event)))
+        events.subscribe(self._note)
+        Traversals(self.clock, self._note).show(tree)
         reached: Set[int] = set()
         tree.subscribe(lambda node, old, new: None if new is IDLE else reached.add(node.uid))
         for topic in robot.topics(self.interface):
@@ -201,8 +211,11 @@ class _Play:
         exit_code, cut_off, error = _ended(runner)
         running = [node for node in tree.nodes if node.status is RUNNING]
         waiting = tuple(node.uid for node in running if not any(child.status is RUNNING for child in node.children))
-        return Played(self.events, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
+        return Played(self.entries, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
                       self.clock.now() - START, self.asked, self.presence)
+
+    def _note(self, entry: Entry) -> None:
+        self.entries.append((self.stamp(), entry))
 
     def stamp(self) -> float:
         """Return the time for what happens now: later than that of all that happened before."""
@@ -454,14 +467,14 @@ class _Publisher:
         self._action = topic.action if play.test.recognise_by == ACTION else None
         self._name = topic.name if self._action is None else self._action.name
         self.until = -math.inf  # an action tells nothing later
-        self._published: Fields = {}
+        self._told = Told()
         self._times: Iterator[float] = iter(())
         self._timer: Optional[Timer] = None
 
     def begin(self) -> None:
         """Start as a node does."""
         play = self._topics.play
-        self._published = {}
+        self._told = Told()
         self._times = Arrivals(play.test.arrival_rate, play.seed(self._topic.node, "arrivals")).times(play.clock.now())
         self._await_next()
 
@@ -484,7 +497,6 @@ class _Publisher:
         if value is None:
             return
         fields = simulated.fields(value)
-        if fields != self._published:
-            self._published = fields
+        if self._told.is_due(fields, play.clock.now()):
             play.write(Line(play.stamp(), self._topic.node, self._name, 0, fields))
         self._topics.publish(self._topic, value)
