@@ -34,7 +34,7 @@ from unit_tests.faults import KINDS, REFUSED  # noqa: E402
 from unit_tests.rehearsal import rehearse_on  # noqa: E402
 from unit_tests.stage import CALM, Stage  # noqa: E402
 from unit_tests.verdict import judge  # noqa: E402
-from unit_tests.visitor import BEHAVIOURS, DECLINES, SILENT, UNCLEAR  # noqa: E402
+from unit_tests.visitor import BEHAVIOURS, DECLINES, ENGAGES, SILENT, UNCLEAR  # noqa: E402
 
 FAILURE_RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 ARRIVAL_RATES = (1, 5, 10, 20, 60, 200, 600, math.inf)
@@ -140,7 +140,10 @@ def try_settings(seeds, failure_rates=(None,), is_spoilt=False):
     tally = Tally(is_spoilt)
     for seed in seeds:
         for rate in failure_rates:
-            tally.take(*draw(seed, rate))
+            by_voice, test = draw(seed, rate)
+            if is_spoilt:  # with a visitor who brings it to its mistake
+                test = dataclasses.replace(test, visitor_behaviour=ENGAGES, arrival_rate=600.0)
+            tally.take(by_voice, test)
     return tally
 
 
