@@ -9,7 +9,8 @@ import json
 import math
 import os
 from types import SimpleNamespace
-from typing import Any, Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple,
+                    Union, get_args)
 
 from behavior_controller import exits, extensions, folders, leaves
 from behavior_controller import mission as missions
@@ -18,7 +19,7 @@ from behavior_controller.bt.engine.clock import ManualClock, Timer
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.language.document import Document, read, with_includes
 from behavior_controller.bt.status import IDLE, RUNNING
-from behavior_controller.events import Events, HealthChanged
+from behavior_controller.events import Event, Events, HealthChanged
 from behavior_controller.gateway import Call, Cause, Failure, FakeTopics, Gateway
 from behavior_controller.health import GONE, SLOW_SHARE, Health
 from behavior_controller.interface import Service, Topic, Unusable
@@ -55,11 +56,17 @@ SHORTEST_GAP = 0.05
 LONG_PACE = 0.25
 """Seconds between the ticks of a mission that changes something at every one, in place of ``runner.PACE``."""
 
+BUSY = "the mission busy-loops"
+"""Why the end of a mission that never waits is not awaited."""
+
 MOST_BUSY = 10
 """A mission that busy-loops is ticked so often."""
 
 CALM = configuration.defaults(failureRate=0.0, randomSeed=0)
 """A test in which nothing goes wrong and every message comes in time."""
+
+KINDS = get_args(Event)
+"""The kinds of events."""
 
 _ORDER = 1e-6
 """Seconds between two things that happen at one moment, so that their order shows in their times."""
@@ -68,25 +75,33 @@ _ORDER = 1e-6
 class Played(NamedTuple):
     """What came of a play. ``exit_code`` is the controller's; None: it had not ended when its time was up."""
 
-    events: Sequence[Tuple[float, Entry]]
+    entries: Sequence[Tuple[float, Entry]]  # as in a record: events, and what each traversal of the tree changed
     journal: Sequence[Line]
     exit_code: Optional[int]
     cut_off: str  # why the end was not awaited
     error: str  # an exception that ended the mission; empty: none
-    reached: FrozenSet[str]  # the paths of the nodes that were ticked
-    waiting: Tuple[str, ...]  # the paths of the leaves that were running at the end
+    reached: FrozenSet[int]  # the uids of the nodes that were ticked
+    waiting: Tuple[int, ...]  # the uids of the nodes that were running at the end, without a running child
     seconds: float
+    asked: Sequence[Tuple[float, Request]]  # what was asked, whether or not it reached its node
+    presence: Sequence[Tuple[float, bool]]  # since when a visitor has been there, or has not
+
+    @property
+    def events(self) -> List[Tuple[float, Event]]:
+        """The events alone."""
+        return [(at, entry) for at, entry in self.entries if isinstance(entry, KINDS)]
 
     def record(self) -> List[Dict[str, Any]]:
-        """Return the events as they are read from a record."""
-        return [json.loads(encode(at, event)) for at, event in self.events]
+        """Return the entries as they are read from a record."""
+        return [json.loads(encode(at, entry)) for at, entry in self.entries]
 
 
-Durations = Callable[[Request], float]
+Durations = Callable[[Service, Fields], float]
+"""Seconds that a service takes for a request with these fields."""
 
 
-def at_once(request: Request) -> float:
-    """Return how long the simulated nodes of a test take for a request, in seconds."""
+def at_once(service: Service, request: Fields) -> float:
+    """Return how long the simulated nodes of a test take."""
     return 0.005
 
 
@@ -100,6 +115,11 @@ class Stage:
         self._mission = missions.load(settings, ManualClock(START), documents=self._documents)
         self._registry = leaves.registry()
         self.world = world or parameters.world("", settings)
+
+    @classmethod
+    def of_file(cls, settings: Settings, path: str) -> "Stage":
+        """Return the stage for a mission file. Raises FaultsFound."""
+        return cls(settings, with_includes(read(path)))
 
     @property
     def mission(self) -> missions.Mission:
@@ -137,7 +157,7 @@ class _Runner(Runner):
         result = super()._tick()
         self._busy += self.tree.busy_loops
         if self._busy > MOST_BUSY:
-            raise _TimeIsUp("the mission busy-loops")
+            raise _TimeIsUp(BUSY)
         return result
 
     def wait(self, seconds: Optional[float]) -> None:
@@ -167,7 +187,9 @@ class _Play:
         self.wake = tree.wake.emit
         self.health = Health(self.wake)
         self.journal: List[Line] = []
-        self.events: List[Tuple[float, Entry]] = []
+        self.entries: List[Tuple[float, Entry]] = []
+        self.asked: List[Tuple[float, Request]] = []
+        self.presence: List[Tuple[float, bool]] = []
         self.topics = _Topics(self)
         self.nodes: Dict[str, _Node] = {}
         self._newest = 0.0
@@ -178,8 +200,8 @@ class _Play:
         events = Events()
         events.subscribe(self._note)
         Traversals(self.clock, self._note).show(tree)
-        reached = set()
-        tree.subscribe(lambda node, old, new: None if new is IDLE else reached.add(node.full_path))
+        reached: Set[int] = set()
+        tree.subscribe(lambda node, old, new: None if new is IDLE else reached.add(node.uid))
         for topic in robot.topics(self.interface):
             if topic.name not in silent:
                 self.topics.open(topic, shortest_gap)
@@ -187,12 +209,13 @@ class _Play:
         runner = _Runner(Running(tree, context, self.mission.file, self.test.mission_runs), lambda: False)
         runner.ends = START + self.test.test_timeout
         exit_code, cut_off, error = _ended(runner)
-        waiting = tuple(node.full_path for node in tree.nodes if node.status is RUNNING and not node.children)
-        return Played(self.events, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
-                      self.clock.now() - START)
+        running = [node for node in tree.nodes if node.status is RUNNING]
+        waiting = tuple(node.uid for node in running if not any(child.status is RUNNING for child in node.children))
+        return Played(self.entries, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
+                      self.clock.now() - START, self.asked, self.presence)
 
     def _note(self, entry: Entry) -> None:
-        self.events.append((self.stamp(), entry))
+        self.entries.append((self.stamp(), entry))
 
     def stamp(self) -> float:
         """Return the time for what happens now: later than that of all that happened before."""
@@ -208,7 +231,11 @@ class _Play:
     def write(self, line: Line) -> None:
         """Note a line; the visitor sees it."""
         self.journal.append(line)
-        self.world.visitor.notice(line)
+        visitor = self.world.visitor
+        was_here = visitor.is_here
+        visitor.notice(line)
+        if visitor.is_here is not was_here:
+            self.presence.append((line.time, visitor.is_here))
 
     def seed(self, node: str, purpose: str) -> str:
         return parameters.seed(self.test, node, purpose)
@@ -269,6 +296,7 @@ class _Gateway(Gateway):
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
         play = self._play
+        play.asked.append((play.stamp(), request))
         service = play.interface.service(type(request))
         return _UnderWay(play, service, request).call
 
@@ -332,12 +360,12 @@ class _UnderWay:
         play.write(line)
         answer = None
         if line.done:
-            answer = simulated.answer(fields, play.world) if simulated is not None else Answer()
+            answer = simulated.answer(fields, play.world) if simulated is not None else service.rehearsed(self._request)
         if fault == CRASH:
             node.crash()
         if fault != UNANSWERED:
             at_once = fault in (EXCEPTION, CRASH) or line.objection is not None
-            self._answer_after(0.0 if at_once else play.durations(self._request), self._result(line, answer))
+            self._answer_after(0.0 if at_once else play.durations(service, fields), self._result(line, answer))
 
     def _result(self, line: Line, answer: Optional[Answer]) -> Union[Answer, Failure]:
         """Return what the controller makes of the response."""
