@@ -124,7 +124,7 @@ def test_a_budget_that_is_spent_is_the_cause():
     facts = finished(story, "FAILURE").facts()._replace(runs=2)
     assert rows(story) == [(2, "Navigate", "robotNavigation:1", "refused", "given up: " + spent, 2.0)]
     assert write(facts, "title").visitors[1] == (
-        "visitor 2: FAILURE; {}; 1 fault, 2.0 s lost; 0 conditions false for a while"
+        "pass 2: FAILURE; {}; 1 fault, 2.0 s lost; 0 conditions false for a while"
         .format(spent))
 
 
@@ -174,7 +174,7 @@ def test_false_conditions_are_counted_and_no_rows():
         story.failed("IsVisitorDiscovered", "/faceDetection/data", "condition-false", "no face")
     told = write(finished(story).facts(), "title")
     assert told.rows == []
-    assert told.visitors == ["visitor 1: SUCCESS; 0 faults, 0.0 s lost; 3 conditions false for a while"]
+    assert told.visitors == ["pass 1: SUCCESS; 0 faults, 0.0 s lost; 3 conditions false for a while"]
 
 
 def test_a_pass_that_did_not_end_has_its_line():
@@ -183,7 +183,7 @@ def test_a_pass_that_did_not_end_has_its_line():
     story.done("WelcomeSpeech", SAY)
     story.failed("IsVisitorDiscovered", "/faceDetection/data", "condition-false", "no face")
     assert write(story.facts(), "title").visitors[1:] == [
-        "visitor 2: did not end; 0 faults, 0.0 s lost; 1 condition false for a while"]
+        "pass 2: did not end; 0 faults, 0.0 s lost; 1 condition false for a while"]
 
 
 def test_the_table_fits_its_columns():
