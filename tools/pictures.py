@@ -22,15 +22,15 @@ PICTURES = os.path.join(ROOT, "docs", "pictures")
 MADE_FROM = os.path.join(PICTURES, "made_from.json")
 
 MISSION = "data/lab_tour.xml"
+ANIMATED = "tour.webp"
 PAGE = (MISSION, "src/behavior_controller/watch/page_files/*")
 REPORT = (MISSION, "src/behavior_controller/watch/report*", "src/behavior_controller/watch/report*/*")
 SOURCES: Dict[str, Tuple[str, ...]] = {
-    "tour.webp": PAGE, "page_1280.webp": PAGE, "page_800.webp": PAGE, "page_400.webp": PAGE,
+    ANIMATED: PAGE, "page_1280.webp": PAGE, "page_800.webp": PAGE, "page_400.webp": PAGE,
     "report.webp": REPORT, "lab_tour.svg": (MISSION,), "lab_tour_unfolded.svg": (MISSION,)}
 """What decides what a picture shows: patterns of files."""
 
-SIZES = {"page_1280.webp": (1280, 800), "page_800.webp": (800, 1180), "page_400.webp": (400, 800)}
-ANIMATED = "page_400.webp"
+SIZES = {"page_1280.webp": (1280, 800), "page_800.webp": (800, 1180), "page_400.webp": (400, 800), ANIMATED: (800, 480)}
 STILL_AT = 0.6  # of the tour
 FRAMES = 10  # at most
 FRAME, LAST_FRAME = 1800, 4000  # ms
@@ -102,9 +102,10 @@ def take_pages(browser: Any, scratch: str) -> None:
             test.terminate()
             test.wait()
     for name, picture in rounds[int(len(rounds) * STILL_AT)].items():
-        write(name, picture)
+        if name != ANIMATED:
+            write(name, picture)
     shown = sorted({round(n * (len(rounds) - 1) / (FRAMES - 1)) for n in range(FRAMES)})
-    write("tour.webp", animation([rounds[n][ANIMATED] for n in shown], *SIZES[ANIMATED]))
+    write(ANIMATED, animation([rounds[n][ANIMATED] for n in shown], *SIZES[ANIMATED]))
 
 
 def rounds_of(browser: Any, port: int) -> Iterable[Dict[str, bytes]]:
