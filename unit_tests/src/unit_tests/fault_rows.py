@@ -1,6 +1,6 @@
 """What came of each injected fault and of each other failure: whom it met, what the recovery did, how long that took."""
 import textwrap
-from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple, get_args
+from typing import Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple, get_args
 
 from behavior_controller.events import Event as Happening
 from behavior_controller.gateway import Cause
@@ -13,6 +13,7 @@ from behavior_controller.watch.plain import Wrong, form
 from unit_tests.facts import Event, Facts, of
 from unit_tests.journal import Line
 from unit_tests.matching import CAUSE_OF, RECOVERY
+from unit_tests.recoveries import Round, rounds
 
 AGAIN = "tried again"
 """What the recovery did about a failure whose next attempt failed too."""
@@ -45,10 +46,7 @@ class Told:
         self._facts = facts
         self._quiet = {facts.interface.service(type(request)).node for request in facts.interface.safe_state}
         self._exhibits = list(_exhibits(facts.events))
-        self._at_path: Dict[str, List[Event]] = {}
-        for event in facts.events:
-            if event["event"] in ("LeafFinished", "Retried", "Recovered"):
-                self._at_path.setdefault(event["path"], []).append(event)
+        self._rounds = list(rounds(facts.events))
 
     def rows(self) -> List[Row]:
         """Return a row for each injected fault, and for each failure beside them that is no false condition, in order."""
@@ -96,27 +94,27 @@ class Told:
 
     def _recovery(self, failed: Event) -> Tuple[str, float]:
         """Return what the recovery did about a failure, and when the step was done, tried again or given up."""
-        later = [event for event in self._at_path[failed["path"]] if event["time"] >= failed["time"] and event is not failed]
-        if not later:
+        mine = next((each for each in self._rounds if any(event is failed for event in _attempts(each))), None)
+        if mine is None:
             return NO_RECOVERY, failed["time"]
-        if later[0]["event"] == "Retried":
-            return AGAIN, self._began(later[0], failed["time"])
-        recovered = []
-        for event in later:
-            if event["event"] != "Recovered":
-                break
-            recovered.append(event)
-        if not recovered and later[0]["node"] in RECOVERY:  # a substitute failed, which stands at HandleFallBack's path
-            recovered = [event for event in of(self._facts.events, "Recovered") if event["time"] <= later[0]["time"]][-1:]
-        if not recovered:
-            return NO_RECOVERY, failed["time"]
-        return ", then ".join(dict.fromkeys(map(_outcome, recovered))), recovered[-1]["time"]
+        later = [event for event in _attempts(mine) if event["time"] > failed["time"]]
+        if later:
+            is_other = any(event is later[0] for event in mine.instead)
+            return later[0]["node"] + " instead" if is_other else AGAIN, self._began(later[0], failed["time"])
+        # an outer HandleFallBack goes on with the failure that an inner one gave up
+        ends = [each.recovered for each in self._rounds if _attempts(each)[:1] == _attempts(mine)[:1]]
+        return ", then ".join(dict.fromkeys(map(_outcome, ends))), ends[-1]["time"]
 
     def _began(self, retried: Event, after: float) -> float:
         """Return when the attempt was made that ended with an event."""
         calls = [line.time for line in self._facts.journal
                  if line.resource == retried["failure"]["resource"] and after <= line.time <= retried["time"]]
         return calls[-1] if calls else float(retried["time"])
+
+
+def _attempts(each: Round) -> List[Event]:
+    """Return the failures that a recovery dealt with, in order."""
+    return each.failures + each.instead
 
 
 def _outcome(recovered: Event) -> str:
