@@ -1,6 +1,8 @@
 """What came of each injected fault and of each other failure: whom it met, what the recovery did, how long that took."""
+import bisect
+import itertools
 import textwrap
-from typing import Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple, get_args
+from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple, get_args
 
 from behavior_controller.events import Event as Happening
 from behavior_controller.gateway import Cause
@@ -45,17 +47,33 @@ class Told:
     def __init__(self, facts: Facts):
         self._facts = facts
         self._quiet = {facts.interface.service(type(request)).node for request in facts.interface.safe_state}
-        self._exhibits = list(_exhibits(facts.events))
-        self._rounds = list(rounds(facts.events))
+        self._calls: Dict[str, List[float]] = {}  # when a service was called
+        for line in facts.journal:
+            if line.call:
+                self._calls.setdefault(line.resource, []).append(line.time)
+        self._pass_ends = [event["time"] for event in of(facts.events, "PassFinished")]
+        under_way = [(0.0, "")] + list(_exhibits(facts.events))
+        self._exhibits, self._exhibit_times = [name for _, name in under_way], [time for time, _ in under_way]
+        self._round_of: Dict[int, Round] = {}  # id() of a failure -> the recovery from it
+        self._chains: Dict[int, List[Round]] = {}  # id() of a first failure -> all recoveries that it led to
+        for each in rounds(facts.events):
+            attempts = _attempts(each)
+            for event in attempts:
+                self._round_of.setdefault(id(event), each)
+            for event in attempts[:1]:
+                self._chains.setdefault(id(event), []).append(each)
 
     def rows(self) -> List[Row]:
         """Return a row for each injected fault, and for each failure beside them that is no false condition, in order."""
         ends = [event for event in self._facts.events if _is_failure(event) or _is_halt(event) or _is_given_up(event)]
+        ends.sort(key=lambda event: float(event["time"]))
+        times = [event["time"] for event in ends]
         taken: Set[int] = set()
         found = []
         for line in self._facts.journal:
             if line.fault is not None:
-                end = next((event for event in ends if id(event) not in taken and self._can_end(event, line)), None)
+                later = itertools.islice(ends, bisect.bisect_left(times, line.time), None)
+                end = next((event for event in later if id(event) not in taken and self._can_end(event, line)), None)
                 if end is not None and not _is_given_up(end):
                     taken.add(id(end))
                 found.append(self._of_fault(line, end))
@@ -63,9 +81,7 @@ class Told:
         return sorted(found, key=lambda row: row.at)
 
     def _can_end(self, event: Event, line: Line) -> bool:
-        """Whether an event may be the end of a call that was made to fail."""
-        if event["time"] < line.time:
-            return False
+        """Whether an event may be the end of an earlier call that was made to fail."""
         if _is_given_up(event):
             return line.node in self._quiet
         if _is_halt(event):
@@ -88,13 +104,12 @@ class Told:
         return self._row(event["time"], event["node"], failure["resource"] or "-", failure["cause"], recovery, until, False)
 
     def _row(self, at: float, node: str, call: str, kind: str, recovery: str, until: float, is_injected: bool) -> Row:
-        exhibit = next((name for time, name in reversed(self._exhibits) if time <= at), "")
-        visitor = 1 + sum(end["time"] < at for end in of(self._facts.events, "PassFinished"))
-        return Row(at, visitor, exhibit, node, call, kind, recovery, until - at, is_injected)
+        exhibit = self._exhibits[bisect.bisect_right(self._exhibit_times, at) - 1]
+        return Row(at, 1 + bisect.bisect_left(self._pass_ends, at), exhibit, node, call, kind, recovery, until - at, is_injected)
 
     def _recovery(self, failed: Event) -> Tuple[str, float]:
         """Return what the recovery did about a failure, and when the step was done, tried again or given up."""
-        mine = next((each for each in self._rounds if any(event is failed for event in _attempts(each))), None)
+        mine = self._round_of.get(id(failed))
         if mine is None:
             return NO_RECOVERY, failed["time"]
         later = [event for event in _attempts(mine) if event["time"] > failed["time"]]
@@ -102,14 +117,14 @@ class Told:
             is_other = any(event is later[0] for event in mine.instead)
             return later[0]["node"] + " instead" if is_other else AGAIN, self._began(later[0], failed["time"])
         # an outer HandleFallBack goes on with the failure that an inner one gave up
-        ends = [each.recovered for each in self._rounds if _attempts(each)[:1] == _attempts(mine)[:1]]
+        ends = [each.recovered for each in self._chains[id(_attempts(mine)[0])]]
         return ", then ".join(dict.fromkeys(map(_outcome, ends))), ends[-1]["time"]
 
     def _began(self, retried: Event, after: float) -> float:
         """Return when the attempt was made that ended with an event."""
-        calls = [line.time for line in self._facts.journal
-                 if line.resource == retried["failure"]["resource"] and after <= line.time <= retried["time"]]
-        return calls[-1] if calls else float(retried["time"])
+        calls = self._calls.get(retried["failure"]["resource"], [0.0])
+        last = calls[bisect.bisect_right(calls, retried["time"]) - 1]
+        return last if after <= last <= retried["time"] else float(retried["time"])
 
 
 def _attempts(each: Round) -> List[Event]:
