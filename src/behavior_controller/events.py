@@ -40,7 +40,7 @@ class StepStarted(NamedTuple):
     """A mission leaf begins a request, or begins to wait for what it is asked again and again.
 
     ``words`` and ``what`` say in people's words what the robot does now: see ``records.Words``. ``limit`` is the seconds
-    that it may take; 0: there is none, or it is not known.
+    that it may take; 0: there is none, or it is not known. A wait is over when something else begins.
     """
 
     uid: int
@@ -49,18 +49,20 @@ class StepStarted(NamedTuple):
     words: str
     what: str
     limit: float
+    is_wait: bool
 
 
 class Told(NamedTuple):
     """What people are to be told when a leaf ends: one line, and the ``kind`` of the sentence (``story.KINDS``).
 
     ``mark`` is what that means for the visit: the visitor ``arrived``, is ``engaged``, was ``asked``, answered ``yes`` or
-    ``no``, or has ``left``; else empty.
+    ``no``, or has ``left``; else empty. ``at`` is the time of the mission's clock when a visitor arrived.
     """
 
     kind: str
     text: str
     mark: str = ""
+    at: float = 0.0
 
 
 class LeafFinished(NamedTuple):

@@ -14,3 +14,6 @@ FAILURE = 3
 
 BROKEN = 4
 """The node could not go on: no memory, threads or files left, or an error of its own."""
+
+FOUND = 4
+"""A rehearsal found something that its author should know."""

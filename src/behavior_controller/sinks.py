@@ -26,18 +26,23 @@ MOST_WAITING = 1000
 INDENT = "    "
 """What the second line and further ones begin with, where a line is broken to fit the terminal."""
 
-LEFT_OUT = "behaviorController: %d lines left out: %s did not take them in time"
+LEFT_OUT = "%d lines left out: %s did not take them in time"
 
 
 class Sink:
     """A daemon thread that writes what is put into its queue. ``put`` never waits; what does not fit is counted."""
 
     def __init__(self, name: str, write: Callable[[Any], object], left_out: Callable[[int], Any],
-                 most: int = MOST_WAITING):
-        """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread."""
+                 most: int = MOST_WAITING, rest: float = 0.0):
+        """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread.
+
+        With a ``rest`` in seconds, items that come after an idle time are written so much later: what put them has
+        done by then what others wait for.
+        """
         self._write = write
         self._left_out = left_out
         self._most = most
+        self._rest = rest
         self._waiting: Deque[Any] = collections.deque()
         self._lost = 0
         self._is_busy = False
@@ -67,8 +72,12 @@ class Sink:
         with self._news:
             self._is_busy = False
             self._news.notify_all()
+            is_idle = not self._waiting
             self._news.wait_for(lambda: self._waiting)
             self._is_busy = True
+        if is_idle and self._rest:
+            time.sleep(self._rest)
+        with self._news:
             item = self._waiting.popleft()
             if self._lost and len(self._waiting) <= self._most // 2:
                 self._waiting.append(self._left_out(self._lost))
@@ -130,7 +139,7 @@ def _stream_sink(stream: Any) -> Sink:
     descriptor = stream.fileno()
 
     def left_out(count: int) -> bytes:
-        return "[WARN] [{:f}]: {}\n".format(time.time(), LEFT_OUT % (count, "the terminal")).encode()
+        return "[WARN] [{:f}]: behaviorController: {}\n".format(time.time(), LEFT_OUT % (count, "the terminal")).encode()
 
     def write(data: bytes) -> None:
         if stream.isatty():
@@ -184,7 +193,7 @@ class Detached(logging.Handler):
         name = self.path or "/rosout"
 
         def left_out(count: int) -> logging.LogRecord:
-            return logging.LogRecord("rosout", logging.WARNING, __file__, 0, LEFT_OUT, (count, name), None)
+            return logging.LogRecord("rosout", logging.WARNING, __file__, 0, "behaviorController: " + LEFT_OUT, (count, name), None)
 
         self.sink = Sink(name, handler.handle, left_out)
 

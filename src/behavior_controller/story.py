@@ -83,6 +83,7 @@ class Step(NamedTuple):
     limit: float
     uid: int
     path: str
+    is_wait: bool = False
 
 
 def cause(failure: Failure) -> str:
@@ -121,6 +122,7 @@ class Story:
         self._uids: Dict[str, int] = {}
         self._exhibit_began = 0.0
         self._has_left = False  # the visitor is not seen any more
+        self._clock = self._met_at = 0.0  # when the visit began and the visitor came, on the mission's clock
         self._is_unclear = False  # the visitor has said what was neither yes nor no
         self._given_up: Optional[Recovered] = None  # the last one in this visit
         self._gave_up = ""  # why
@@ -200,6 +202,7 @@ class Story:
         self._recoveries.clear()
         self._has_left, self._given_up, self._failed, self._handler = False, None, (0, ""), 0
         self._is_unclear = False
+        self._clock = self._met_at = event.at
 
     def _pass_finished(self, event: PassFinished) -> None:
         visit = self.visit
@@ -208,12 +211,12 @@ class Story:
         is_success = event.outcome == "SUCCESS"
         self._end_exhibit(SHOWN if is_success else BROKEN_OFF, self._why_failed())
         why = self._why_done() if is_success else self._why_failed()
-        arrived = visit.began if visit.arrived is None else visit.arrived
-        self._change(outcome=event.outcome, why=why, seconds=self._at - arrived, waited=arrived - visit.began)
+        waited = max(0.0, self._met_at - self._clock)
+        self._change(outcome=event.outcome, why=why, seconds=event.seconds - waited, waited=waited)
         self.outcomes[event.outcome] = self.outcomes.get(event.outcome, 0) + 1
         self._steps.clear()
         self._tell("visit", "info" if is_success else "warning", "pass {}: {} after {:.1f} s: {}".format(
-            event.number, event.outcome, self._at - arrived, why))
+            event.number, event.outcome, event.seconds - waited, why))
 
     def _why_done(self) -> str:
         visit = self.visits[-1]
@@ -241,14 +244,20 @@ class Story:
         retry = " (retry {} of {})".format(recovery.attempt, recovery.of) if recovery is not None else ""
         words = " ".join(filter(None, (event.words, "" if is_there else event.what)))
         self._uids[event.path] = event.uid
-        self._steps.pop(event.uid, None)
-        self._steps[event.uid] = Step(clean(words) + retry, self._at, event.limit, event.uid, event.path)
+        self._begin(Step(clean(words) + retry, self._at, event.limit, event.uid, event.path, event.is_wait))
+
+    def _begin(self, step: Step) -> None:
+        """Have a step under way; a wait that another step follows is over."""
+        self._steps = {uid: other for uid, other in self._steps.items() if uid != step.uid and not other.is_wait}
+        self._steps[step.uid] = step
 
     def _leaf_finished(self, event: LeafFinished) -> None:
         self._uids[event.path] = event.uid
         is_false = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
-        if not is_false:  # a wait goes on while its condition is false
-            self._steps.pop(event.uid, None)
+        step = self._steps.get(event.uid)
+        # a wait goes on while its condition is false
+        if step is not None and not (is_false and step.is_wait and not 0.0 < step.limit <= event.seconds):
+            del self._steps[event.uid]
         if event.told is not None:
             self._note(event)
         if event.failure is not None and event.uid != self._handler:
@@ -261,13 +270,13 @@ class Story:
     def _note(self, event: LeafFinished) -> None:
         """Note what a leaf tells when it ends, and what that means for the visit."""
         assert event.told is not None
-        kind, text, mark = event.told
+        kind, text, mark, clock = event.told
         visit = self.visit
         if mark == "left":
             self._has_left = visit is not None and visit.arrived is not None
         elif mark == "arrived" or mark == "engaged":
             self._has_left = False
-            text = self._met(mark) or text
+            text = self._met(mark, clock) or text
         elif mark == "asked":
             self._change(asked=self._at if visit is None or visit.asked is None else visit.asked)
         elif mark:
@@ -276,28 +285,32 @@ class Story:
         if text:
             self._tell(kind, "info", text, event.uid, event.path)
 
-    def _met(self, mark: str) -> str:
+    def _met(self, mark: str, clock: float) -> str:
         """Note that the visitor was seen, or looked at the robot, for the first time; return what is told of it."""
         visit = self.visit
         if visit is None or getattr(visit, mark) is not None:
             return ""
+        if visit.arrived is None:
+            self._met_at = clock
+        self._change(arrived=self._at if visit.arrived is None else visit.arrived)
         self._change(**{mark: self._at})
         return "visitor {} {}".format(visit.number, "arrived" if mark == "arrived" else "looks at the robot")
 
     # ------------------------------------------------------------------------------------------------------- exhibits
 
     def _tour_advanced(self, event: TourAdvanced) -> None:
-        if event.state == BEGUN:
+        exhibit = self.exhibit
+        if event.state == OMITTED:
+            self._omitted = event.number
+        elif exhibit is not None:
             self._end_exhibit(SHOWN)
+            self._tell("exhibit", "info", "{}, was shown".format(exhibit), event.uid, event.path)
+        if event.state == BEGUN:
             begun = ShownExhibit(event.number, event.of, clean(event.name), UNDER_WAY, "", 0.0)
             others = self.visits[-1].exhibits if self.visits else ()
             self._change(exhibits=tuple(each for each in others if each.number != event.number) + (begun,))
             self._exhibit_began = self._at
             self._tell("exhibit", "info", str(begun), event.uid, event.path)
-        elif event.state == OMITTED:
-            self._omitted = event.number
-        else:
-            self._end_exhibit(SHOWN)
 
     def _end_exhibit(self, state: str, why: str = "") -> None:
         """Note how it stands with the exhibit under way."""
@@ -312,19 +325,19 @@ class Story:
         words = "doing {} in place of {}".format(event.substitute, event.node) if event.substitute else (
             "retrying {}, {} of {}".format(event.node, event.attempt, event.of))
         self._recoveries[event.path] = event
-        self._steps[event.uid] = Step(clean(words), self._at, 0.0, event.uid, event.path)
-        self._tell("recovery", "info", words, 0, event.path)
+        self._begin(Step(clean(words), self._at, 0.0, event.uid, event.path))
+        why = ": " + cause(event.failure) if event.attempt > 1 else ""  # the first failure has been told
+        self._tell("recovery", "info", words + why, 0, event.path)
 
     def _retried(self, event: Retried) -> None:
-        self._steps.pop(self._uids.get(event.path, 0), None)
-        self._tell("failure", "warning", "{} failed again: {}".format(event.node, cause(event.failure)), 0, event.path)
+        self._steps.pop(self._uids.get(event.path, 0), None)  # why it failed is told with what is done about it
 
     def _recovered(self, event: Recovered) -> None:
         recovery = self._recoveries.pop(event.path, None)
         omitted, self._omitted = self._omitted, 0
         self._handler = event.uid
         self._steps.pop(self._uids.get(event.path, 0), None)
-        why = why_failed(event.node, event.failure, event.attempts + 1) + ("; " + event.reason if event.reason else "")
+        why = (event.reason + "; " if event.reason else "") + why_failed(event.node, event.failure, event.attempts + 1)
         if omitted and self._is_omitted(event, omitted, why):
             return
         if event.outcome == GIVEN_UP:

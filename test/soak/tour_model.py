@@ -26,7 +26,11 @@ BEFORE_SENDING = ("refused connection", "zombie", "wrong md5")
 
 
 class GivenUp(Exception):
-    """A step that the tour cannot do without was not done."""
+    """A step that the tour cannot do without was not done: which, and what went wrong with it at first."""
+
+    def __init__(self, node, cause):
+        super().__init__(node)
+        self.node, self.cause = node, cause
 
 
 def read_policy():
@@ -45,8 +49,110 @@ class Attempt:
         self.abreast = abreast  # what it has in common with the calls that are made beside it; None: nothing
 
 
-class Tour:
-    """One pass of the lab tour. ``fault(service)`` is asked at each call, in order, for the kind of fault or "".
+class Telling:
+    """The lab tour, step by step. What a step does is for a subclass to say; all of them are generators.
+
+    ``visitor_comes``, ``gaze`` and ``answer`` wait for the visitor, ``is_seen`` looks; ``may_go_on`` is what the recovery
+    beside a whole visit says to what ended it, and ``side_by_side`` does steps of a Parallel.
+    """
+
+    by_voice = True
+    exhibits = EXHIBITS
+
+    def whole(self):
+        yield from self.side_by_side(("EnableAnimateBehavior", ANIMATION), ("ScanningOvertAttentionMode", ATTENTION))
+        yield from self.visitor_comes()
+        yield from self.step("DisableAnimateBehavior", ANIMATION)
+        yield from self.step("WelcomeGesture", GESTURE)
+        yield from self.step("EnableAnimateBehavior", ANIMATION)
+        yield from self.step("WelcomeSpeech", SAY)
+        yield from self.mutual_gaze()
+        yield from self.step("QueryTourSpeech", SAY)
+        if not (yield from (self.by_ear() if self.by_voice else self.by_tablet())):
+            yield from self.step("MaybeAnotherTimeSpeech", SAY)
+            return
+        try:
+            yield from self.tour()
+        except GivenUp as reason:
+            try:
+                yield from self.home()
+            except GivenUp:
+                pass
+            raise reason
+
+    def by_ear(self):
+        """Silence means no; so does whatever goes wrong on the way."""
+        for _ in range(3):
+            heard = yield from self.answer()
+            if heard is not None:
+                return heard
+            try:
+                yield from self.step("SayYesNoSpeech", SAY)
+            except GivenUp:
+                pass
+        return False
+
+    def by_tablet(self):
+        """The tablet is tried three times; the dialogue has no recovery of its own."""
+        for _ in range(3):
+            try:
+                yield from self.step("PressYesNoSpeech", SAY)
+            except GivenUp:
+                continue
+            pressed = yield from self.press()
+            if pressed is not None:
+                return pressed
+        return False
+
+    def mutual_gaze(self):
+        yield from self.step("SeekOvertAttentionMode", ATTENTION)
+        yield from self.gaze()
+        yield from self.step("SocialOvertAttentionMode", ATTENTION)
+
+    def drive(self, place):
+        yield from self.step("DisabledOvertAttentionMode", ATTENTION)
+        yield from self.step("DisableAnimateBehavior", ANIMATION)
+        yield from self.step("Navigate", DRIVE, place)
+
+    def tour(self):
+        yield from self.step("RetrieveListOfExhibits", KNOWLEDGE)
+        for number in range(self.exhibits):
+            try:
+                yield from self.visit(number)
+            except GivenUp as reason:
+                yield from self.may_go_on(reason)
+        yield from self.step("EndTourSpeech", SAY)
+        yield from self.step("LookUpEntrance", KNOWLEDGE)
+        yield from self.drive("entrance")
+        try:
+            yield from self.mutual_gaze()
+        except GivenUp as reason:
+            if not self.is_seen():
+                raise reason
+        yield from self.step("HereIsTheDoorSpeech", SAY)
+        yield from self.step("PerformDeicticGesture", GESTURE)
+        yield from self.side_by_side(("GoodbyeGesture", GESTURE), ("SayGoodByeSpeech", SAY))
+        yield from self.home()
+
+    def visit(self, number):
+        yield from self.step("FollowMeSpeech", SAY)
+        yield from self.drive(number)
+        try:
+            yield from self.mutual_gaze()
+        except GivenUp as reason:
+            raise reason if self.is_seen() else GivenUp("IsVisitorDiscovered", "condition-false")
+        yield from self.step("DescribeExhibitSpeech", SAY)
+        yield from self.step("PerformDeicticGesture", GESTURE)
+        yield from self.step("SocialOvertAttentionMode", ATTENTION)
+        yield from self.step("DescribeExhibitSpeech", SAY)
+
+    def home(self):
+        yield from self.step("LookUpHome", KNOWLEDGE)
+        yield from self.drive("home")
+
+
+class Tour(Telling):
+    """One pass of the lab tour with a visitor who engages. ``fault(service)`` is asked at each call, in order, for the kind of fault or "".
 
     Where a call is the last of its step, the next one to the same service may follow at once; ``is_careful`` has such a
     call meet no fault that only the log can tell of, so that there is time to put the robot in order again.
@@ -56,11 +162,15 @@ class Tour:
         self.attempts = []
         self.outcome = "SUCCESS"
         self._fault = fault
-        self._by_voice = by_voice
+        self.by_voice = by_voice
         self._is_careful = is_careful
         self._rules = read_policy()
         self._abreast = None
-        self._whole()
+        try:
+            for _ in self.whole():
+                pass
+        except GivenUp:
+            self.outcome = "FAILURE"
 
     def _ask(self, node, service, is_told=True, tries=99):
         """Make one call and return the policy's word for what went wrong, or ""."""
@@ -75,10 +185,10 @@ class Tour:
     def _rule(self, node, cause):
         return next(rule for rule in self._rules if rule[0] in ("*", node) and rule[1] in ("*", cause))
 
-    def step(self, node, service):
+    def step(self, node, service, place=None):
         """A leaf and the HandleFallBack beside it."""
         tries = 0
-        cause = self._ask(node, service, tries=tries)
+        first = cause = self._ask(node, service, tries=tries)
         while cause and tries < int(self._rule(node, cause)[2]):
             tries += 1
             cause = self._ask(node, service, tries=tries)
@@ -88,74 +198,32 @@ class Tour:
         if then == "giveUp":
             self._ask("safe state", ATTENTION, False)
             self._ask("safe state", ANIMATION, False)
-            raise GivenUp(node)
+            raise GivenUp(node, first)
+        yield
 
-    def _whole(self):
-        self._side_by_side(("EnableAnimateBehavior", ANIMATION), ("ScanningOvertAttentionMode", ATTENTION))
-        self.step("DisableAnimateBehavior", ANIMATION)
-        self.step("WelcomeGesture", GESTURE)
-        self.step("EnableAnimateBehavior", ANIMATION)
-        self.step("WelcomeSpeech", SAY)
-        self._gaze()
-        self.step("QueryTourSpeech", SAY)
-        if not (self._by_voice or self._dialogue()):
-            self.step("MaybeAnotherTimeSpeech", SAY)
-            return
-        try:
-            self._tour()
-        except GivenUp:
-            self.outcome = "FAILURE"
-            try:
-                self._home()
-            except GivenUp:
-                pass
-
-    def _side_by_side(self, *steps):
-        """Steps of a Parallel: in which order their attempts are made is left to time."""
+    def side_by_side(self, *steps):
+        """In which order the attempts of such steps are made is left to time."""
         self._abreast = (id(self), steps)
         for step in steps:
-            self.step(*step)
+            yield from self.step(*step)
         self._abreast = None
 
-    def _dialogue(self):
-        """The tablet is tried three times; the dialogue has no recovery of its own."""
-        for _ in range(3):
-            self.step("PressYesNoSpeech", SAY)
-            if not self._ask("PressYesNoDialogue", TABLET):
-                return True
-        return False
+    def nothing(self):
+        yield
 
-    def _gaze(self):
-        self.step("SeekOvertAttentionMode", ATTENTION)
-        self.step("SocialOvertAttentionMode", ATTENTION)
+    visitor_comes = gaze = nothing
 
-    def _drive(self):
-        self.step("DisabledOvertAttentionMode", ATTENTION)
-        self.step("DisableAnimateBehavior", ANIMATION)
-        self.step("Navigate", DRIVE)
+    def answer(self):
+        yield
+        return True
 
-    def _tour(self):
-        self.step("RetrieveListOfExhibits", KNOWLEDGE)
-        for _ in range(EXHIBITS):
-            self.step("FollowMeSpeech", SAY)
-            self._drive()
-            self._gaze()
-            self.step("DescribeExhibitSpeech", SAY)
-            self.step("PerformDeicticGesture", GESTURE)
-            self.step("SocialOvertAttentionMode", ATTENTION)
-            self.step("DescribeExhibitSpeech", SAY)
-        self.step("EndTourSpeech", SAY)
-        self.step("LookUpEntrance", KNOWLEDGE)
-        self._drive()
-        self._gaze()
-        self.step("HereIsTheDoorSpeech", SAY)
-        self.step("PerformDeicticGesture", GESTURE)
-        self._side_by_side(("GoodbyeGesture", GESTURE), ("SayGoodByeSpeech", SAY))
-        self._home()
+    def press(self):
+        yield
+        return None if self._ask("PressYesNoDialogue", TABLET) else True
 
-    def _home(self):
-        self.step("LookUpHome", KNOWLEDGE)
-        self._drive()
+    def may_go_on(self, reason):
+        yield
+        raise reason
 
 
 def tour_with(faults, by_voice=True, is_careful=False):

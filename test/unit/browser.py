@@ -1,4 +1,6 @@
-"""A headless browser for the tests of what people see."""
+"""A headless browser for the tests of what people see, and axe-core, which judges whether all can."""
+import importlib.util
+import os
 import shutil
 
 import pytest
@@ -26,3 +28,33 @@ def open_browser(width=1280, height=800):
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     from selenium.webdriver.chrome.service import Service
     return webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+
+
+def set_screen(browser, width, height, mode="light"):
+    """Give the page a screen of that size, narrower than a window can be made, of a phone below 500 px; ``mode``: dark."""
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+        "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500})
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": mode}]})
+
+
+def reset_screen(browser):
+    """Take back what ``set_screen`` did."""
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def axe():
+    """Return the source of axe-core; skip the test where it is not installed, and say so."""
+    found = importlib.util.find_spec("axe_core_python")
+    if found is None:
+        pytest.skip("no axe-core here: pip install axe-core-python")
+    with open(os.path.join(os.path.dirname(found.origin), "axe.min.js"), encoding="utf-8") as file:
+        return file.read()
+
+
+def findings(browser, source):
+    """Return what axe-core finds on the page: rule and places."""
+    browser.execute_script(source)
+    result = browser.execute_async_script("axe.run(document).then(arguments[0])")
+    return [(found["id"], [(node["target"], node["failureSummary"]) for node in found["nodes"]][:3])
+            for found in result["violations"]]

@@ -7,12 +7,14 @@ import types
 import pytest
 
 from behavior_controller.cli import create_tree
-from behavior_controller.events import HealthChanged, Noticed, PassFinished, RunFinished, RunStarted, Sources
+from behavior_controller.events import (HealthChanged, Noticed, PassFinished, PassStarted, RunFinished, RunStarted,
+                                        Sources)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.interface.records import Answer, PerformGesture, QueryKnowledge, Say
+from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
+from behavior_controller.story import Story
 from behavior_controller.text import Source
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import status
@@ -90,22 +92,98 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
     assert board.versions == before
 
 
-def test_passes_health_trouble_and_blackboard():
+def test_story_visits_health_trouble_and_blackboard():
     rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
     board = board_of(rig)
     rig.mission.health.report(GONE, GONE_AWAY)
     rig.run(visitor_who(says="yes"))
-    assert board.part("passes")["count"] == 1 and board.part("passes")["last"][0]["outcome"] == "SUCCESS"
+    assert board.part("passes") == {"count": 1, "ended": "all passes are done; last pass: SUCCESS", "text": ""}
     ill = [part for part in board.part("health") if not part["well"]]
     assert [(part["name"], part["status"], part["consequence"]) for part in ill] == [
         ("/robotNavigation/set_goal", "gone", "it cannot drive")]
     assert len(board.part("health")) == len(INTERFACE.offers)
-    texts = [line["text"] for line in board.part("trouble")]
-    assert texts[0].endswith("WelcomeGesture::22 failed: refused: the server refused")
-    assert texts[2].endswith("recovery: skipped (retry 1x, then skip), for refused: the server refused")
-    assert not any("condition false" in text for text in texts)
+    story = Story()  # what it makes of the same events is what is shown
+    told = [sentence for event in rig.seen for sentence in story.take(0.0, event)]
+    shown = board.part("story")["sentences"]
+    assert [(each["visit"], each["text"], each["uid"]) for each in shown] == [
+        (sentence.visit, sentence.text, sentence.uid) for sentence in told]
+    assert [each["number"] for each in shown] == list(range(1, len(told) + 1))
+    assert [each["told"] for each in ill] == [sentence.text for sentence in told if sentence.kind == "health"]
+    assert [line["text"] for line in board.part("trouble")] == [
+        sentence.text for sentence in told if sentence.severity != "info" and sentence.kind != "health"]
+    assert board.part("visits")["outcomes"] == {"SUCCESS": 1}
+    assert [(each["number"], each["outcome"], [(one["name"], one["state"]) for one in each["exhibits"]])
+            for each in board.part("visits")["newest"]] == [(1, "SUCCESS", [("exhibit 1", "shown"), ("exhibit 2", "shown")])]
     assert ["currentExhibit", "exhibit 2"] in board.part("blackboard")
     assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")
+
+
+def test_a_step_has_its_age_and_its_limit(monkeypatch):
+    now = [1000.0]
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
+        monotonic=time.monotonic, time=lambda: now[0], strftime=time.strftime, localtime=time.localtime))
+    board = board_of(rig)
+    rig.tick()
+    now[0] = 1004.0
+    step = board.part("story")["step"]
+    assert (step["age"], step["limit"], step["uid"]) == (4.0, rig.settings.deadline(rig.mission.interface.service(Say)), 1)
+
+
+def test_the_steps_of_a_visit_are_kept_for_its_timeline_until_the_next_visit():
+    rig = Rig()
+    board = board_of(rig)
+    ends = []
+
+    def visitor(rig):
+        ends.append([step["words"] for step in board.part("timeline")["steps"]])
+        visitor_who(says="no")(rig)
+
+    rig.run(visitor, runs=2)
+    words = [step["words"] for step in board.part("timeline")["steps"]]
+    assert words.count("making the welcome gesture") == 1
+    assert max(each.count("making the welcome gesture") for each in ends) == 1
+    assert all(step["uid"] for step in board.part("timeline")["steps"])
+
+
+def test_what_there_is_to_know_of_a_node():
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, GoTo) else NotImplemented)
+    board = board_of(rig)
+    assert board.node(0) is None and board.node(len(rig.tree.nodes) + 1) is None
+    node = next(node for node in rig.tree.nodes if node.name == "Navigate")
+    before = board.node(node.uid)
+    assert before["results"] == [] and before["ports"] == [{"name": "target", "text": "{@targetLocation}", "value": "–"}]
+    with open(node.element.document.file, encoding="utf-8") as file:
+        line = file.read().split("\n")[int(before["place"].split(":")[1]) - 1]
+    assert "<Navigate/>" in line and before["type"] == "Navigate"
+    rig.run(visitor_who(says="yes"))
+    found = board.node(node.uid)
+    assert [(each["letter"], each["why"], each["times"]) for each in found["results"]] == [
+        ("F", "refused, the server refused ({})".format(service_of(GoTo)), 1)]
+    assert "x=0.5" in found["ports"][0]["value"] and json.dumps(found)
+
+
+def test_the_newest_results_of_a_node_are_kept_and_those_alike_are_one(monkeypatch):
+    monkeypatch.setattr(board_module, "INSTANT", 1000.0)
+    rig = one_leaf("<Sequence><WelcomeSpeech/></Sequence>")
+    board = board_of(rig)
+    for _ in range(7):
+        rig.tick()
+    assert [(each["letter"], each["times"]) for each in board.node(2)["results"]] == [("S", 7)]
+    monkeypatch.setattr(board_module, "INSTANT", 0.0)
+    for _ in range(7):
+        rig.tick()
+    assert [(each["letter"], each["times"]) for each in board.node(2)["results"]] == [("S", 1)] * board_module.RESULTS
+
+
+def test_what_only_says_how_the_mission_is_put_together_is_bare():
+    board = board_of(Rig())
+    nodes = board.part("mission")["nodes"]
+    assert {node["name"] for node in nodes if node["bare"]} == {
+        "Fallback", "ForceFailure", "ForceSuccess", "HandleFallBack", "Inverter", "KeepRunningUntilFailure", "Parallel",
+        "ReactiveFallback", "Sequence"} & {node["name"] for node in nodes}
+    assert not any(node["bare"] for node in nodes if node["subtree"] or not node["parent"] or "(" in node["kind"])
+    assert {node["name"] for node in nodes if node["waits"]} >= {"IsVisitorDiscovered", "IsMutualGazeDiscovered"}
 
 
 def test_the_newest_forty_lines_are_kept():
@@ -115,15 +193,6 @@ def test_the_newest_forty_lines_are_kept():
         rig.mission.events.emit(Noticed("warning", "line {}".format(number)))
         rig.mission.events.emit(Noticed("info", "no trouble"))
     assert [line["text"] for line in board.part("trouble")] == ["line {}".format(number) for number in range(1, 41)]
-
-
-def test_a_recovery_that_gives_up_is_told_by_what_it_decided():
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, QueryKnowledge) else NotImplemented)
-    board = board_of(rig)
-    rig.run(visitor_who(says="yes"))
-    texts = [line["text"] for line in board.part("trouble")]
-    assert any("recovery: given up" in text for text in texts)
-    assert [text for text in texts if "HandleFallBack" in text.split(" failed: ")[0] and " failed: " in text] == []
 
 
 def test_calls_and_the_age_of_topics_are_part_of_the_health():
@@ -158,7 +227,7 @@ def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatc
     rig = one_leaf("<Sleep msec='9000'/>")
     board = Board(rig.mission.events, rig.mission.health, registry())
     assert board.part("alive") == {"age": None, "hangs": False}
-    assert board.part("passes")["text"] == "no pass yet" and board.part("mission")["nodes"] == []
+    assert board.part("passes")["text"] == "" and board.part("mission")["nodes"] == []
     board.show(rig.tree)
     rig.tick()
     time.sleep(0.3)
@@ -173,7 +242,7 @@ def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatc
 
 def test_the_age_of_a_sign_of_life_is_told_in_tenths_of_a_second(monkeypatch):
     now = [50.0]
-    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(monotonic=lambda: now[0], time=time.time))
     board = board_of(one_leaf("<Sleep msec='9000'/>"))
     found = []
     for now[0] in (50.0, 51.26, 52.9, 53.0):
@@ -200,18 +269,17 @@ def test_statuses_of_a_visitor_end_with_the_pass():
     for shown, _ in seen.values():  # nothing beyond the welcome has run
         assert "R" in shown[:welcome - 1] and set(shown[welcome - 1:]) == {"-"}
     assert letters(board)[declined - 1] == "s"  # the last visitor's, when no pass follows
-    assert seen[0][1]["text"] == "pass 1 is under way"
-    assert seen[1][1]["text"].startswith("pass 2 is under way; pass 1: SUCCESS after ")
-    assert board.part("passes")["text"].startswith("pass 2: SUCCESS after ")
+    assert [seen[number][1]["text"].split(" · ")[0] for number in (0, 1)] == ["visitor 1", "visitor 2"]
     assert board.part("passes")["ended"] == "all passes are done; last pass: SUCCESS"
 
 
-def test_a_pass_that_was_stopped_is_not_under_way():
+def test_statuses_of_the_visit_before_are_gone_when_the_next_begins():
     rig = Rig()
     board = board_of(rig)
-    assert board.part("passes")["text"] == "no pass yet"
-    rig.run(lambda rig: rig.clock.advance(0.5), is_stopped=lambda: rig.clock.now() > 1003.0)
-    assert board.part("passes")["text"] == "no pass yet" and "stopped" in board.part("passes")["ended"]
+    rig.run(visitor_who(says="no"))
+    assert "s" in letters(board)
+    rig.mission.events.emit(PassStarted(2, rig.clock.now()))
+    assert set(letters(board)) == {"-"}
 
 
 @pytest.mark.parametrize("outcome, expected", [(None, "the controller has stopped"), ("stopped", "stopped")])

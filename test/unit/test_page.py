@@ -4,10 +4,12 @@ import http.client
 import json
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -16,12 +18,13 @@ import pytest
 
 from behavior_controller.events import HealthChanged, RunFinished
 from behavior_controller.health import GONE
-from behavior_controller.interface.records import Answer, PerformGesture, Say
+from behavior_controller.interface.records import Answer, GoTo, PerformGesture, QueryKnowledge, Say
 from behavior_controller.leaves import registry
-from behavior_controller.watch import server
+from behavior_controller.watch import drawing, server
+from behavior_controller.watch import page as page_module
 from behavior_controller.watch.board import PARTS, Board
 from behavior_controller.watch.page import Page
-from browser import open_browser
+from browser import axe, findings, open_browser, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
@@ -111,6 +114,18 @@ def text(browser, selector):
 IN_VIEW = """
 const row = document.querySelector(".tip > .row").getBoundingClientRect(), box = byId("tree").getBoundingClientRect();
 return row.height > 0 && row.top >= box.top && row.bottom <= box.bottom && row.left >= 0 && row.right <= innerWidth;"""
+NO_SIDEWAYS = "return document.documentElement.scrollWidth <= innerWidth"
+
+
+@pytest.fixture
+def screen(browser):
+    """Return what gives the page a screen: width, height, light or dark."""
+    yield lambda *wanted: set_screen(browser, *wanted)
+    reset_screen(browser)
+
+
+def is_second_text(request):
+    return isinstance(request, Say) and request.text == "second text 1"
 
 
 @pytest.mark.parametrize("width, height", [(1280, 800), (800, 1180)])
@@ -120,16 +135,54 @@ def test_a_tour_is_followed_without_a_reload(show, browser, width, height):
     open_page(browser, shown, width, height)
     assert text(browser, "#now") == "nothing runs"
     browser.execute_script("window.is_same_page = true")
-    shown.run_until(lambda request: isinstance(request, Say) and request.text == "second text 1")
-    wait_until(lambda: "VisitExhibit › 2 (DescribeExhibitSpeech) #128" in text(browser, "#now"))
+    shown.run_until(is_second_text)
+    board = shown.page.board
+    wait_until(lambda: text(browser, "#now") == board.part("story")["step"]["words"])
+    assert "second text 1" in text(browser, "#now") and text(browser, "#visitor") == "Visitor 1 · exhibit 1 of 2, exhibit 1"
+    assert re.match(r"\d+ s of at most \d+ s$", text(browser, "#elapsed"))
     assert browser.execute_script("return is_same_page")
     wait_until(lambda: browser.execute_script(IN_VIEW))
-    drawn = browser.execute_script("return items.map(one => [...one.classList].find(name => name.length == 1) || '-').join('')")
-    assert drawn == shown.page.board.part("statuses")["letters"]
-    assert "recovery: skipped" in text(browser, "#trouble")
+    assert text(browser, "#running").endswith("VisitExhibit › 2 (DescribeExhibitSpeech) #128")
+    drawn = browser.execute_script("return items.map(one => one && ([...one.classList].find(name => name.length == 1) || '-'))")
+    letters = board.part("statuses")["letters"]
+    assert [(uid, letter) for uid, letter in enumerate(drawn) if letter and letter != letters[uid]] == []
+    told = browser.execute_script("return [...document.querySelectorAll('#transcript li span')].map(one => one.innerText)")
+    assert told == [sentence["text"] for sentence in reversed(board.part("story")["sentences"])]
     assert "exhibit 1" in text(browser, "#blackboard")
-    assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+    assert browser.execute_script(NO_SIDEWAYS)
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+def test_the_page_counts_the_time_of_a_step_by_itself(show, browser):
+    shown = show(one_leaf("<WelcomeSpeech/>", lambda request: None))
+    open_page(browser, shown)
+    shown.rig.tick()
+    wait_until(lambda: text(browser, "#elapsed").startswith("0 s of at most 60 s"))
+    wait_until(lambda: text(browser, "#elapsed").startswith("2 s of at most 60 s"))
+    assert browser.execute_script("return byId('limit').max") == 60
+    assert browser.execute_script("return byId('limit').value") == pytest.approx(2.0, abs=1.0)
+
+
+def test_visits_are_told_with_what_was_left_out_and_why(show, browser):
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, GoTo) and request.goal.x == 2.0 else NotImplemented)
+    shown = show(rig)
+    open_page(browser, shown)
+    rig.run(visitor_who(says="yes"), runs=2)
+    visits = shown.page.board.part("visits")
+    wait_until(lambda: len(browser.find_elements("css selector", "#visits-list > li")) == len(visits["newest"]) == 2)
+    for visit in visits["newest"]:
+        assert visit["why"] and visit["why"] in text(browser, "#visits-list")
+        assert "visitor {} · {}".format(visit["number"], visit["outcome"]) in text(browser, "#visits-list")
+    assert text(browser, "#outcomes") == ", ".join("{} {}".format(count, word) for word, count in visits["outcomes"].items())
+
+
+def test_a_visit_that_was_given_up_is_an_alarm(show, browser):
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, QueryKnowledge) else NotImplemented)
+    shown = show(rig)
+    open_page(browser, shown)
+    rig.run(visitor_who(says="yes"))
+    given_up = [line["text"] for line in shown.page.board.part("trouble") if line["severity"] == "error"]
+    wait_until(lambda: given_up and given_up[0] in text(browser, "#alarms"))
 
 
 def test_every_status_has_a_sign_and_a_word_of_its_own(show, browser):
@@ -140,8 +193,8 @@ def test_every_status_has_a_sign_and_a_word_of_its_own(show, browser):
     open_page(browser, shown)
     rig.tick()
     wait_until(lambda: "R" in browser.execute_script("return letters"))
-    seen = dict(browser.execute_script("return items.map((one, n) => [letters[n], [one.firstChild.children[1].innerText, "
-                                       "one.getAttribute('aria-label').split(': ')[1]]])"))
+    seen = dict(browser.execute_script("setAll(true); return items.map((one, n) => [letters[n], [one.firstChild.children[1]"
+                                       ".innerText, one.getAttribute('aria-label').split(': ')[1]]])"))
     assert seen["R"] == ["▶", "running"] and seen["S"] == ["✔", "success"] and seen["F"] == ["✘", "failure"]
 
 
@@ -150,7 +203,7 @@ def press(browser, *keys):
         browser.switch_to.active_element.send_keys(key)
 
 
-def test_the_keyboard_folds_and_walks(show, browser):
+def test_the_keyboard_folds_walks_and_opens(show, browser):
     from selenium.webdriver.common.keys import Keys
     shown = show(Rig())
     open_page(browser, shown)
@@ -162,18 +215,185 @@ def test_the_keyboard_folds_and_walks(show, browser):
     press(browser, Keys.ARROW_DOWN, Keys.ARROW_DOWN)
     assert focused() == "DetectVisitor"
     press(browser, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
-    assert focused() == "Sequence"
-    press(browser, Keys.ARROW_LEFT, Keys.ARROW_LEFT)
+    assert focused() == "EnableAnimateBehavior"  # the rows between say how the mission is put together
+    press(browser, Keys.ARROW_LEFT)
     assert focused() == "DetectVisitor"
     assert browser.execute_script("return document.activeElement.getAttribute('aria-expanded')") == "true"
-    press(browser, Keys.ENTER)
+    press(browser, Keys.SPACE)
     assert browser.execute_script("return document.activeElement.getAttribute('aria-expanded')") == "false"
+    press(browser, Keys.ENTER)
+    wait_until(lambda: "DetectVisitor" in text(browser, "#facts"))
+    press(browser, Keys.ESCAPE)
+    assert focused() == "DetectVisitor" and browser.execute_script("return byId('node').hidden")
     press(browser, Keys.END)
     last = focused()
     press(browser, Keys.ARROW_DOWN)
     assert focused() == last
     press(browser, Keys.HOME)
     assert focused() == "Sequence" and browser.execute_script("return follow") is False
+
+
+def test_all_rows_are_there_if_they_are_wanted(show, browser):
+    shown = show(Rig())
+    open_page(browser, shown)
+    bare = [node["uid"] for node in shown.page.board.part("mission")["nodes"] if node["bare"]]
+    rows = "return items.flatMap((one, place) => one ? [] : [place + 1])"
+    assert bare and browser.execute_script("return [...Array(items.length).keys()].filter(n => !items[n]).map(n => n + 1)") == bare
+    browser.execute_script("byId('all').click()")
+    assert browser.execute_script(rows) == []
+    assert browser.execute_script("return document.querySelectorAll('[role=treeitem]').length") == len(shown.rig.tree.nodes)
+
+
+def test_the_subtrees_around_what_is_seen_stay_at_the_top(show, browser):
+    shown = show(Rig())
+    open_page(browser, shown, 1280, 800)
+    browser.execute_script("byId('unfold').click(); byId('tree').scrollTop = items[121].offsetTop - 200")  # VisitExhibit's
+    names = """const box = byId('tree').getBoundingClientRect(), x = box.left + 300;
+    return [0, 1, 2, 3].map(n => document.elementFromPoint(x, box.top + 14 + n * 28).closest('.row').querySelector('.name').innerText)"""
+    assert browser.execute_script(names) == ["Sequence", "GiveTour", "VisitExhibits", "VisitExhibit"]
+
+
+def test_a_sentence_leads_to_its_node_with_ports_results_and_place(show, browser):
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, GoTo) and request.goal.x == 2.0 else NotImplemented)
+    shown = show(rig)
+    open_page(browser, shown)
+    rig.run(visitor_who(says="yes"))
+    wait_until(lambda: "Navigate failed" in text(browser, "#transcript"))
+    browser.execute_script("""[...document.querySelectorAll('#transcript a')].find(
+        one => one.textContent.startsWith('Navigate failed:')).click()""")
+    wait_until(lambda: "{@targetLocation}" in text(browser, "#ports"))
+    assert text(browser, "#node-title") == "Navigate #101"
+    assert "lab_tour.xml:" in text(browser, "#facts") and "the server refused" in text(browser, "#results")
+    assert browser.execute_script("return document.activeElement.id") == "node-title"
+    assert browser.execute_script("return items[100].offsetParent !== null")  # its row is unfolded
+    browser.execute_script("byId('close').click()")
+    assert browser.execute_script("return location.hash") == ""
+
+
+def test_the_timeline_has_an_axis_waits_and_recoveries(show, browser):
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    shown = show(rig)
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    wait_until(lambda: browser.execute_script("return document.querySelectorAll('#timeline .wait').length"))
+    count = "return document.querySelectorAll('#timeline {}').length"
+    assert browser.execute_script(count.format(".tick")) >= 2
+    sentences = shown.page.board.part("story")["sentences"]
+    for kind in ("failure", "recovery"):
+        told = [sentence for sentence in sentences if sentence["kind"] == kind and sentence["visit"] == 1]
+        assert told and browser.execute_script(count.format("." + kind)) == len(told)
+    assert "recoveries" in browser.execute_script("return byId('timeline').textContent")
+
+
+# ------------------------------------------------------------------------------------------------------------- the graph
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not installed")
+def test_the_graph_is_drawn_coloured_zoomed_and_leads_to_nodes(show, browser):
+    from selenium.webdriver.common.keys import Keys
+    shown = show(Rig())
+    open_page(browser, shown)
+    browser.execute_script("byId('show-graph').click()")
+    wait_until(lambda: browser.execute_script("return drawn.length") == len(shown.rig.tree.nodes), 30.0)
+    assert browser.execute_script("return drawn.filter(Boolean).length") == len(shown.rig.tree.nodes)
+    shown.run_until(is_second_text)
+    wait_until(lambda: browser.execute_script("return drawn[127].classList.contains('tip')"))
+    letters = shown.page.board.part("statuses")["letters"]
+    assert browser.execute_script("return drawn.map(one => [...one.classList].find(name => name.length == 1) || '-').join('')"
+                                  ) == letters
+    inside = """const one = drawn[127].getBoundingClientRect(), box = byId('graph').getBoundingClientRect();
+    return one.left >= box.left && one.right <= box.right && one.top >= box.top && one.bottom <= box.bottom"""
+    assert browser.execute_script(inside)  # it follows what runs
+    wide = browser.execute_script("return view.width")
+    browser.execute_script("byId('nearer').click()")
+    assert browser.execute_script("return view.width") < wide
+    browser.execute_script("byId('whole').click()")
+    assert browser.execute_script("return view.width") > wide
+    browser.execute_script("drawn[0].focus()")
+    press(browser, Keys.ARROW_DOWN, Keys.ARROW_RIGHT)
+    assert browser.execute_script("return document.activeElement.dataset.uid") == "3"
+    press(browser, Keys.ENTER)
+    wait_until(lambda: text(browser, "#node-title").startswith("DetectVisitor"))
+    press(browser, Keys.ESCAPE)
+    browser.execute_script("drawn[100].dispatchEvent(new MouseEvent('click', {bubbles: true}))")
+    wait_until(lambda: text(browser, "#node-title") == "Navigate #101")
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+def test_without_graphviz_the_page_says_so(show, browser, monkeypatch):
+    monkeypatch.setattr(drawing.shutil, "which", lambda name: None)
+    shown = show(Rig())
+    open_page(browser, shown)
+    browser.execute_script("byId('show-graph').click()")
+    wait_until(lambda: text(browser, "#graph") == "No graph: graphviz is not installed: apt-get install graphviz")
+
+
+def test_a_drawing_is_made_once_for_a_tree(show, monkeypatch):
+    made = []
+    monkeypatch.setattr(page_module, "svg", lambda tree, name: made.append(name) or b"<svg/>")
+    shown = show(Rig())
+    assert [shown.fetch("graph.svg")[:2] for _ in range(3)] == [(200, "<svg/>")] * 3 and len(made) == 1
+    shown.page.show(one_leaf("<WelcomeSpeech/>").tree)
+    assert shown.fetch("graph.svg")[0] == 200 and len(made) == 2
+
+
+def test_what_graphviz_cannot_do_is_a_line_and_holds_up_nothing(show, monkeypatch):
+    monkeypatch.setattr(drawing, "MOST_NODES", 1)
+    status, body, _ = show(Rig()).fetch("graph.svg")
+    assert (status, body) == (404, "the tree has 216 nodes; trees of at most 1 are drawn")
+    monkeypatch.setattr(drawing, "MOST_NODES", 3000)
+    begun, end = threading.Event(), threading.Event()
+
+    def hang(*arguments, **options):
+        begun.set()
+        end.wait(20.0)
+        raise subprocess.TimeoutExpired("dot", drawing.LIMIT)
+
+    monkeypatch.setattr(drawing.subprocess, "run", hang)
+    shown = show(Rig())
+    found = []
+    asking = threading.Thread(target=lambda: found.append(shown.fetch("graph.svg")[:2]))
+    asking.start()
+    assert begun.wait(10.0)
+    assert shown.fetch("state")[0] == 200  # while graphviz draws
+    end.set()
+    asking.join(10.0)
+    assert found == [(404, "graphviz did not draw the tree within 30 s")]
+
+
+def test_what_there_is_to_know_of_a_node_is_told_on_demand(show):
+    shown = show(Rig())
+    assert json.loads(shown.fetch("node/101")[1])["type"] == "Navigate"
+    assert [shown.fetch("node/" + uid)[0] for uid in ("0", "217", "999999", "x", "1/2")] == [404] * 5
+
+
+# ------------------------------------------------------------------------------------------------------- for all to see
+
+DEAD = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "the robot cannot drive")
+
+
+@pytest.mark.parametrize("mode", ["light", "dark"])
+@pytest.mark.parametrize("width, height", [(400, 800), (800, 1180), (1280, 800), (1920, 1080)])
+def test_axe_finds_nothing_at_any_width(show, browser, screen, width, height, mode):
+    source = axe()
+    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    rig.mission.health.report(GONE, DEAD)
+    shown = show(rig)
+    screen(width, height, mode)
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    browser.execute_script("location.hash = '#node-101'")
+    wait_until(lambda: "{@targetLocation}" in text(browser, "#ports"))
+    assert browser.execute_script("return innerWidth") == width and browser.execute_script(NO_SIDEWAYS)
+    assert findings(browser, source) == []
+    browser.execute_script("closeNode(); setGraph(true); setAll(true)")
+    if shutil.which("dot"):
+        wait_until(lambda: browser.execute_script("return drawn.length") == len(rig.tree.nodes), 30.0)
+    assert findings(browser, source) == []
+    for kind in ("stale", "ended"):
+        browser.execute_script("showDoubt = () => {}; document.body.classList.add(arguments[0])", kind)
+        assert findings(browser, source) == []
 
 
 def test_another_mission_takes_the_place_of_the_first(show, browser):
@@ -186,7 +406,6 @@ def test_another_mission_takes_the_place_of_the_first(show, browser):
     assert text(browser, "#tree .row:last-child .name, [aria-level='2'] .name") == "<img src=x onerror=alert(1)>"
 
 
-PHONE = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}  # a window cannot be made so narrow
 NAME_IN_VIEW = """
 const name = document.querySelector(".tip > .row > .name").getBoundingClientRect();
 const row = document.querySelector(".tip > .row").getBoundingClientRect(), box = byId("tree").getBoundingClientRect();
@@ -194,34 +413,34 @@ return name.left >= box.left && name.right <= box.right && row.top >= box.top &&
   && row.bottom <= innerHeight && row.right >= name.right;"""
 
 
-@pytest.fixture
-def phone(browser):
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
-    yield browser
-    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-
-
-def test_a_phone_shows_the_running_leaf_and_what_is_wrong(show, phone):
+def test_a_phone_shows_first_what_the_robot_does_and_what_is_wrong(show, browser, screen):
     rig = Rig()
     shown = show(rig)
-    rig.mission.health.report(GONE, HealthChanged("service", "/tabletEvent/x", "", False, "gone", "no choice is shown"))
-    open_page(phone, shown)
-    assert phone.execute_script("return innerWidth") == 400
-    shown.run_until(lambda request: isinstance(request, Say) and request.text == "second text 1")
-    wait_until(lambda: "2 (DescribeExhibitSpeech) #128" in text(phone, "#now"))
-    wait_until(lambda: phone.execute_script(NAME_IN_VIEW))
-    assert phone.execute_script("return document.documentElement.scrollWidth <= innerWidth")
-    assert text(phone, "#alarms") == "✘ /tabletEvent/x: gone; no choice is shown"
-    phone.execute_script("scrollTo(0, document.body.scrollHeight)")  # the alarm stays in view
-    bottom = phone.execute_script("return byId('alarms').getBoundingClientRect().bottom")
+    rig.mission.health.report(GONE, DEAD)
+    screen(400, 800)
+    open_page(browser, shown)
+    assert browser.execute_script("return innerWidth") == 400
+    shown.run_until(is_second_text)
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    for what in ("#alarms", "#now", "#elapsed", "#exhibits", "#transcript li"):  # without scrolling
+        bottom = browser.execute_script("return document.querySelector(arguments[0]).getBoundingClientRect().bottom", what)
+        assert 0 < bottom <= 800, what
+    assert browser.execute_script(NO_SIDEWAYS)
+    dead = [part["told"] for part in shown.page.board.part("health") if not part["well"]]
+    assert text(browser, "#alarms") == "✘ " + dead[0] and "the robot cannot drive" in dead[0]
+    browser.execute_script("byId('mission-section').scrollIntoView()")
+    wait_until(lambda: browser.execute_script(NAME_IN_VIEW))
+    browser.execute_script("scrollTo(0, document.body.scrollHeight)")  # the alarm stays in view
+    bottom = browser.execute_script("return byId('alarms').getBoundingClientRect().bottom")
     assert 0 < bottom < 400
 
 
 def test_a_tree_of_many_levels_is_shown(show, browser):
     shown = show(one_leaf("<Inverter>" * 1900 + "<WelcomeSpeech/>" + "</Inverter>" * 1900, lambda request: None))
     open_page(browser, shown)
+    browser.execute_script("setAll(true)")
     shown.rig.tick()
-    wait_until(lambda: "WelcomeSpeech #1901" in text(browser, "#now"))
+    wait_until(lambda: "WelcomeSpeech #1901" in text(browser, "#running"))
     wait_until(lambda: browser.execute_script(NAME_IN_VIEW))
 
 
@@ -263,14 +482,14 @@ def test_a_controller_that_is_frozen_does_not_look_live(browser):
             os.kill(served.pid, signal.SIGSTOP)
             wait_until(lambda: is_stale(browser), 5.0)
             assert doubt(browser).startswith("No message from the mission. What is shown may be old. Since ")
-            wait_until(lambda: "Since 4 s" in doubt(browser))
+            wait_until(lambda: ", 4 s ago." in doubt(browser))
             # the age that the server told last goes on growing
             assert float(re.search(r"last message ([\d.]+) s ago", text(browser, "#health"))[1]) >= 3.0
             os.kill(served.pid, signal.SIGCONT)
             wait_until(lambda: doubt(browser) == "" and not is_stale(browser))
         finally:
             served.kill()
-    wait_until(lambda: doubt(browser).startswith("No connection to the mission; trying again."))
+    wait_until(lambda: doubt(browser).startswith("The connection to the mission is lost; trying again."))
     assert is_stale(browser)
 
 
@@ -503,4 +722,4 @@ def test_the_terminal_shows_the_same(show):
     printed = subprocess.run([sys.executable, os.path.join(SOURCE, "behavior_controller", "missionStatus"), "--port",
                               str(shown.port)], env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE,
                              universal_newlines=True, check=True).stdout
-    assert "▶ 1 (DescribeExhibitSpeech) #119: running" in printed
+    assert "1 (DescribeExhibitSpeech) #119" in printed

@@ -3,9 +3,12 @@ import fcntl
 import logging
 import os
 import pty
+import struct
 import sys
+import termios
 import threading
 import time
+import unicodedata
 
 import pytest
 
@@ -168,6 +171,36 @@ def test_a_terminal_held_by_ctrl_s_shows_all_when_it_is_let_go(streams):
         shown += os.read(operator, 65536)
     assert shown.split() == b" ".join(b"line %d" % number for number in range(10)).split()
     assert sys.stdout.isatty()
+
+
+def wide(terminal, width):
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, width, 0, 0))
+
+
+WORDS = " ".join("word{}".format(number) for number in range(60))
+
+
+@pytest.mark.parametrize("width", [24, 40, 80, 132])
+@pytest.mark.parametrize("text", [WORDS, 300 * "x", "展品 " * 60, "\x1b[33m" + WORDS, "a short one"])
+def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, width, text):
+    operator, terminal = pty.openpty()
+    wide(terminal, width)
+    sinks = take_over(terminal, terminal)
+    print(text)
+    drain(sinks, 5)
+    shown = os.read(operator, 65536).decode().replace("\r\n", "\n")
+    for line in shown.replace("\x1b[33m", "").split("\n"):
+        assert sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in line) <= width
+    assert "".join(shown.split()) == "".join(text.split())
+
+
+def test_a_terminal_that_does_not_tell_its_width_gets_whole_lines(streams):
+    operator, terminal = pty.openpty()
+    wide(terminal, 0)
+    sinks = take_over(terminal, terminal)
+    print(WORDS)
+    drain(sinks, 5)
+    assert os.read(operator, 65536).decode() == WORDS + "\r\n"
 
 
 def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(streams):

@@ -13,11 +13,11 @@ import pytest
 
 from behavior_controller.events import HealthChanged, Noticed, RunFinished
 from behavior_controller.health import GONE
-from behavior_controller.interface.records import Answer, Say
+from behavior_controller.interface.records import Answer, GoTo, Say
 from behavior_controller.leaves import registry
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
-from mission_rig import Rig, one_leaf
+from mission_rig import Rig, one_leaf, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 
@@ -46,7 +46,7 @@ def test_what_the_terminal_shows():
     rig.tick()
     state = state_of(board)
     assert status.lines(state, False) == [
-        "mission ; pass 1 is under way",
+        "mission ; saying “Please follow me.”, 0 s of at most 60 s",
         "▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success", "  ▶ FollowMeSpeech #3: running"]
     assert status.lines(state, True)[-1] == "  · SayGoodByeSpeech #4"
     assert isinstance(rig.requests[0], Say)
@@ -74,6 +74,32 @@ def test_a_picture_is_old_after_two_seconds_and_five_lines_of_trouble_are_shown(
         "line {}".format(number) for number in range(2, 7)]
     assert len(status.lines(state, False)) == 7 == len(status.lines(dict(state, silent=1.99), False))
     assert len(status.lines(dict(state, silent=2.0), False)) == 8
+
+
+@pytest.mark.parametrize("width, height", [(20, 5), (40, 12), (80, 24), (100, 30), (200, 130)])
+def test_a_window_shows_what_runs_and_what_lies_about_it(width, height):
+    rig = Rig(answer=lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    board, states = board_of(rig), []
+
+    def visitor(rig):
+        states.append(state_of(board))
+        visitor_who("yes")(rig)
+
+    rig.run(visitor, is_stopped=lambda: len(states) > 5)
+    found = status.in_window(states[-1], False, width, height)
+    assert len(found) < height and all(len(line) <= width for line in found)
+    tree = "\n".join(found)
+    assert "▶ Navigate" in tree and found[0].startswith(time.strftime("%H:"))
+    assert height < 12 or "▶ NavigateToLocation" in tree
+    assert height < 30 or "✔ DisableAnimateBehavior" in tree and found[0].endswith("  mission lab_tour.xml")
+    assert any(line.strip() == "…" for line in found) == (5 < height < 130)
+
+
+def test_the_story_is_not_cut_in_a_narrow_window():
+    state = good()
+    state["passes"]["text"] = "visitor 3 · exhibit 2 of 5, Robot arm · driving, 4 s of at most 180 s"
+    found = status.in_window(state, False, 30, 20)
+    assert " ".join(found[1:4]).startswith(state["passes"]["text"]) and all(len(line) <= 30 for line in found)
 
 
 def test_names_cannot_steer_the_terminal():

@@ -46,7 +46,8 @@ class Service(Generic[Asked]):
     ``answer`` reads a positive response and raises ``Unusable``. ``name`` is the canonical name, ``node`` the robot's
     node that offers it, ``type`` its ``package/Type``. ``deadline`` is the default, in seconds. ``absence`` says what
     the robot cannot do without it; ``is_optional``: a mission starts on a robot without it, where its leaves then
-    succeed, unless ``fails_without``.
+    succeed, unless ``fails_without``. ``rehearsed`` is the robot's answer in a rehearsal of a service that the test
+    package does not simulate.
     """
 
     request: Type[Asked]
@@ -60,6 +61,7 @@ class Service(Generic[Asked]):
     answer: Callable[[Message], Answer] = _nothing
     is_optional: bool = False
     fails_without: bool = False
+    rehearsed: Callable[[Asked], Answer] = lambda request: Answer()
 
     @property
     def deadline_key(self) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Seq
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.builtins import Sleep
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.decorators import Timeout
+from behavior_controller.bt.engine.decorators import Inverter, Timeout
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, Result
 from behavior_controller.bt.engine.tree import Tree
@@ -162,10 +162,16 @@ class MissionLeaf(Node):
         self.mission.events.emit(LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
                                               self.mission.clock.now() - self.started_at, failure, told))
 
-    def begin_step(self, words: str, what: str = "", limit: float = 0.0) -> None:
+    def begin_step(self, words: str, what: str, limit: float) -> None:
         """Tell the events in people's words what the robot does from now on, for ``limit`` seconds at most (0: any)."""
-        self.mission.events.emit(StepStarted(self.uid, self.registration_id, self.full_path, words, what,
-                                             limit if limit < math.inf else 0.0))
+        self._begin(words, what, limit, False)
+
+    def begin_wait(self, words: str, limit: float) -> None:
+        """As ``begin_step``, for what the robot waits for."""
+        self._begin(words, "", limit if limit < math.inf else 0.0, True)
+
+    def _begin(self, words: str, what: str, limit: float, is_wait: bool) -> None:
+        self.mission.events.emit(StepStarted(self.uid, self.registration_id, self.full_path, words, what, limit, is_wait))
 
 
 class InstantAction(MissionLeaf, SyncActionLeaf):
@@ -346,7 +352,7 @@ def wait_beside(node: Any) -> Optional[float]:
 
     The limit is that of a Timeout above the two, or of a Sleep in their place, where the file says it as a number.
     """
-    while node.parent is not None:
+    while node.parent is not None and not isinstance(node.parent, Inverter):  # that waits for the opposite
         parent, later = node.parent, node.parent.children[node.parent.children.index(node) + 1:]
         if isinstance(parent, ReactiveFallback) and later:
             timers = [each for beside in later for each in beside.iterate() if isinstance(each, Sleep)]
@@ -446,7 +452,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     def _begin_to_wait(self, limit: float) -> None:
         sensed = self.own_sense
-        self.begin_step(self.awaiting or (self.registration_id if sensed is None else sensed.awaiting), "", limit)
+        self.begin_wait(self.awaiting or (self.registration_id if sensed is None else sensed.awaiting), limit)
 
     def _is_end(self, value: Any) -> bool:
         return self.is_evidence(value) or self.evidence.is_given_up(value)
@@ -464,8 +470,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
         self._told = ("", 0.0)
-        sensed = self.own_sense
-        self.told = Told("visit", "", sensed.given) if sensed is not None and sensed.given else None
+        self.told = self._told_of(self.own_sense.given if self.own_sense is not None else "")
         self.use(sample)
         return self.succeeded()
 
@@ -475,11 +480,13 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         if sample is not None and not self._counts(sample):
             when = "came before" if sample.arrived <= self.not_before() else "is too old"
             failure = failure._replace(message="{}; the newest message {}".format(self.otherwise, when))
-        sensed = self.own_sense
-        self.told = Told("visit", "", sensed.absent) if sensed is not None and sensed.absent else None
+        self.told = self._told_of(self.own_sense.absent if self.own_sense is not None else "")
         if sample is not None and self._counts(sample):
             self.unused(sample)
         return self._fail(failure, self.not_before())
+
+    def _told_of(self, mark: str) -> Optional[Told]:
+        return Told("visit", "", mark, self.mission.clock.now()) if mark else None
 
     def _fail(self, failure: Failure, since: float) -> Result:
         telling = failure.message, max(since, self.mission.visit_began)

@@ -9,7 +9,6 @@ from behavior_controller.bt.engine.leaf import ActionLeaf
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.language.ports import PortError
 from behavior_controller.bt.status import IDLE, RUNNING
-from behavior_controller.events import Told
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface import Sense, Topic
 from behavior_controller.interface.records import Request, Say, SetPose, SetRecognition, SetRecognitionLanguage
@@ -136,7 +135,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
     def on_start(self) -> Result:
         """Forget an older answer and listen."""
         self.started_at = self.mission.clock.now()
-        self.begin_step(self.sense.awaiting, "", ANSWER_WAIT)
+        self.begin_wait(self.sense.awaiting, ANSWER_WAIT)
         self._patience = self.mission.clock.call_after(ANSWER_WAIT, self.wake)
         self.mission.topics.listen(self.topic, ANSWER_WAIT)
         return self.on_running()

@@ -10,13 +10,13 @@ import sys
 import tempfile
 import time
 import traceback
-from typing import Any
+from typing import Any, Tuple
 
 from rosgraph.roslogging import RosStreamHandler
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.events import Event, LeafFinished, Retried
-from behavior_controller.sinks import Detached, drain, take_over_streams
+from behavior_controller.sinks import LEFT_OUT, Detached, Sink, drain, take_over_streams
 from behavior_controller.story import Story
 from behavior_controller.text import clean
 
@@ -25,6 +25,9 @@ FORMAT = "ROSCONSOLE_FORMAT"
 
 FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
 """Its value on a terminal, if it has none: the time of day, where rospy's own has seconds since 1970."""
+
+REST = 0.03
+"""Seconds by which a line comes later than what it tells, so that telling it competes with nothing that the robot does."""
 
 HEARTBEAT = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
@@ -51,7 +54,8 @@ class Console:
         self.is_verbose = False  # until the configuration is known
         if sys.stdout.isatty():
             os.environ.setdefault(FORMAT, FOR_PEOPLE)
-        self._sinks = take_over_streams()
+        self._lines = Sink("console", self._write, lambda count: ("warning", LEFT_OUT % (count, "the console")), rest=REST)
+        self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
         self._logger = logging.getLogger(ROSOUT)
         self._shortage_told = -SHORTAGE_SPAN
@@ -108,7 +112,11 @@ class Console:
 
     def tell(self, severity: str, text: str) -> None:
         """Write ``text`` as one line, whatever it quotes, at ``info``, ``warning`` or ``error``; from any thread."""
-        getattr(self._logger, severity)("behaviorController: %s", clean(text))
+        self._lines.put((severity, text))
+
+    def _write(self, line: Tuple[str, str]) -> None:
+        """Have rospy's logging write a line, which takes longer than all that the tick thread does with an event."""
+        getattr(self._logger, line[0])("behaviorController: %s", clean(line[1]))
 
     def tell_shortage(self, error: BaseException) -> None:
         """Tell in one line that memory, threads or files are used up, unless that was said a moment ago."""

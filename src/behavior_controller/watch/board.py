@@ -15,7 +15,7 @@ from behavior_controller.events import (Event, Events, HealthChanged, LeafFinish
 from behavior_controller.health import Health
 from behavior_controller.interface import Interface
 from behavior_controller.interface.robots import DEFAULT
-from behavior_controller.story import Sentence, Step, Story, Visit
+from behavior_controller.story import Sentence, Step, Story, Visit, cause
 from behavior_controller.text import clean
 from behavior_controller.watch.codec import LETTERS
 
@@ -142,7 +142,7 @@ class Board:
             self._steps.clear()
             self._touch("statuses", "passes", "timeline")
         elif isinstance(event, LeafFinished) and event.failure is not None:
-            self._why[event.uid] = clean("{}: {}".format(event.failure.cause.text, event.failure.message))
+            self._why[event.uid] = cause(event.failure)
         elif isinstance(event, RunFinished):
             self._ended = event.outcome
             self._touch("passes")
@@ -161,7 +161,7 @@ class Board:
         told = self._story.take(at, event)
         for sentence in told:
             self._told.append((self._told[-1][0] + 1 if self._told else 1, sentence))
-            if sentence.severity != "info":
+            if sentence.severity != "info" and sentence.kind != "health":  # which is a part of its own
                 self._trouble.append(sentence)
                 self._touch("trouble")
             self._touch("story")

@@ -2,7 +2,7 @@
 import copy
 import shutil
 import subprocess
-from typing import Dict
+from typing import Any, Dict
 
 from py_trees.common import VisibilityLevel
 from py_trees.display import dot_tree
@@ -22,7 +22,7 @@ class NotDrawn(BehaviorControllerError):
     """There is no drawing; the text says why."""
 
 
-def name_for_drawing(node: Node) -> None:
+def name_for_drawing(node: Any) -> None:
     """Call ``node`` by its name, type and uid, so that py_trees draws those of one type apart."""
     node.name = " ".join(label(node)).replace(":", "∶")  # in the dot language what follows a colon is a port
     # else py_trees puts a sign before the name that few fonts have; the label tells the type

@@ -46,7 +46,39 @@ def new_folder(logs: str) -> str:
     return os.path.join(place, "{}_{}".format(time.strftime("%Y%m%d-%H%M%S"), os.getpid()))
 
 
-class Record:
+class Traversals:
+    """Tells ``note`` what a tree is and what each traversal changed in it."""
+
+    def __init__(self, clock: Clock, note: Callable[[Entry], None]):
+        self._clock = clock
+        self._note = note
+        self._changes: List[Tuple[int, Letter]] = []  # of this traversal
+        self._is_first = self._is_traversing = False
+
+    def show(self, tree: Tree) -> None:
+        """Tell of ``tree`` from now on."""
+        tree.subscribe(self._observe)
+        tree.traversals = self
+        self._note(TreeShown(tree.id, [
+            TreeNode(node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0)
+            for node in tree.nodes]))
+
+    def begin(self, is_first: bool) -> None:
+        """A traversal begins, the first one of a tick or a further one."""
+        self._changes = []
+        self._is_first, self._is_traversing = is_first, True
+
+    def end(self) -> None:
+        """The traversal is over."""
+        self._is_traversing = False
+        self._note(Tick(self._clock.now(), self._is_first, self._changes))
+
+    def _observe(self, node: Any, old: Any, new: Any) -> None:
+        if self._is_traversing:  # what is halted or reset between two traversals follows from what is recorded
+            self._changes.append((node.uid, LETTERS[new]))
+
+
+class Record(Traversals):
     """Writes ``<directory>/mission.jsonl``. A sink of events. What cannot be written is told once; the run goes on.
 
     The file is opened, written and closed on a thread of its own: a disk may take its time, or for ever.
@@ -54,15 +86,13 @@ class Record:
 
     def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None],
                  interface: Interface = DEFAULT):
+        super().__init__(clock, self)
         self._interface = interface
         self.path = os.path.join(directory, FILE_NAME)
-        self._clock = clock
         self._complain = complain
         self._lost = 0  # notes that did not fit since the last one that did
         self._notes: Deque[Tuple[float, Entry]] = collections.deque()
         self._is_over = threading.Event()
-        self._changes: List[Tuple[int, Letter]] = []  # of this traversal
-        self._is_first = self._is_traversing = False
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Optional[Sample]] = {}
         self._calls = 0
@@ -139,28 +169,10 @@ class Record:
 
     # ----------------------------------------------------------------------------------------------------- what happens
 
-    def show(self, tree: Tree) -> None:
-        """Record ``tree`` from now on."""
-        tree.subscribe(self._observe)
-        tree.traversals = self
-        self(TreeShown(tree.id, [
-            TreeNode(node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0)
-            for node in tree.nodes]))
-
     def begin(self, is_first: bool) -> None:
-        """A traversal begins, the first one of a tick or a further one."""
+        """A traversal begins."""
         self._reads.clear()
-        self._changes = []
-        self._is_first, self._is_traversing = is_first, True
-
-    def end(self) -> None:
-        """The traversal is over."""
-        self._is_traversing = False
-        self(Tick(self._clock.now(), self._is_first, self._changes))
-
-    def _observe(self, node: Any, old: Any, new: Any) -> None:
-        if self._is_traversing:  # what is halted or reset between two traversals follows from what is recorded
-            self._changes.append((node.uid, LETTERS[new]))
+        super().begin(is_first)
 
     def gateway(self, inner: Gateway) -> Gateway:
         """Return a gateway that records requests and answers."""

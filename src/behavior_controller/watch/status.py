@@ -5,6 +5,7 @@ import json
 import os
 import queue
 import sys
+import textwrap
 import threading
 import time
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
@@ -219,9 +220,10 @@ def in_window(state: State, is_all: bool, width: int, height: int) -> List[str]:
     mission = state["mission"]
     found = ["{}  mission {}".format(time.strftime("%H:%M:%S"), os.path.basename(mission["file"])),
              state["passes"]["text"] or "between two visits"] + list(_doubts(state))
+    found = [part for line in found for part in textwrap.wrap(clean(line), width)][:max(1, height - 2)]
     troubles = _troubles(state)
     troubles = troubles[:1] + troubles[1:][-max(1, height // 4):]
-    rows = _tree(mission["nodes"], state["statuses"]["letters"], is_all)
+    rows = _tree(mission["nodes"], state["statuses"]["letters"], is_all, is_brief=not is_all)
     deepest = max((row.depth for row in rows), default=0)
     tree = [row.text(row.depth if 4 * deepest <= width else min(row.depth, width // 4) / 2)
             for row in _about(rows, height - 1 - len(found) - len(troubles))]
@@ -270,7 +272,7 @@ def _about(rows: List[_Row], room: int) -> List[_Row]:
     here = max((at for at, row in enumerate(rows) if row.letter == "R"), default=0)
     way = [at for at, row in enumerate(rows) if row.number in rows[here].ancestors]
     others = sorted(set(range(len(rows))) - set(way) - {here}, key=lambda at: abs(at - here))
-    chosen: List[_Row] = []
+    chosen = rows[here:here + 1]
     for count in range(1, len(rows) + 1):
         more = _with_gaps(rows, sorted(([here] + way[::-1] + others)[:count]))
         if len(more) > room:
@@ -289,16 +291,18 @@ def _with_gaps(rows: List[_Row], kept: List[int]) -> List[_Row]:
     return found + ([_Row(0, rows[kept[-1] + 1].depth, "…")] if kept[-1] + 1 < len(rows) else [])
 
 
-def _tree(nodes: List[Dict[str, Any]], letters: str, is_all: bool) -> List[_Row]:
+def _tree(nodes: List[Dict[str, Any]], letters: str, is_all: bool, is_brief: bool = False) -> List[_Row]:
+    """Return the rows of the tree; if ``is_brief`` without nodes that only hold others together and do not run by themselves."""
     found: List[_Row] = []
-    ways: List[Tuple[int, ...]] = [()]
-    depths = [-1]
+    ways: List[Tuple[int, ...]] = [()]  # the nodes above each node that have a row
+    tip = letters.rfind("R") + 1
+    hidden = {number for number, node in enumerate(nodes, 1) if is_brief and node.get("bare") and number != tip}
     for number, node in enumerate(nodes, 1):
-        depths.append(depths[node["parent"]] + 1 if 0 <= node["parent"] < number else 0)
-        ways.append(ways[node["parent"]] + (node["parent"],) if 0 < node["parent"] < number else ())
+        parent = node["parent"] if 0 < node["parent"] < number else 0
+        ways.append(ways[parent] + ((parent,) if parent and parent not in hidden else ()))
         letter = letters[number - 1:number] or "-"
-        if letter != "-" or is_all or number == 1:
+        if number not in hidden and (letter != "-" or is_all or number == 1):
             label = clean(" ".join(filter(None, (node["name"], node["kind"]))))
             words = ": " + WORDS[letter] if WORDS.get(letter) else ""
-            found.append(_Row(number, depths[-1], "{} {}{}".format(SIGNS.get(letter, "?"), label, words), letter, ways[-1]))
+            found.append(_Row(number, len(ways[-1]), "{} {}{}".format(SIGNS.get(letter, "?"), label, words), letter, ways[-1]))
     return found

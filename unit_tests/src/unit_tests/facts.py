@@ -28,6 +28,37 @@ class Facts(NamedTuple):
     absent: FrozenSet[str] = frozenset()  # canonical names of the services that it did not offer
 
 
+class Tree:
+    """The mission's nodes as the record shows them, by number from 1; empty if it shows none."""
+
+    def __init__(self, events: Sequence[Event]):
+        shown = of(events, "TreeShown")
+        nodes = shown[-1]["nodes"] if shown else []
+        self.types: Dict[int, str] = {uid: node["type"] for uid, node in enumerate(nodes, 1)}
+        self.paths: Dict[int, str] = {uid: node["path"] for uid, node in enumerate(nodes, 1)}
+        self._parents: Dict[int, int] = {uid: node["parent"] for uid, node in enumerate(nodes, 1)}
+
+    def __bool__(self) -> bool:
+        return bool(self.types)
+
+    def are_neighbours(self, one: int, other: int) -> bool:
+        """Return whether two nodes have the same parent."""
+        return one in self._parents and self._parents[one] == self._parents.get(other)
+
+    def is_below(self, uid: int, control: str) -> bool:
+        """Return whether a node's parent is of that type."""
+        return self.types.get(self._parents[uid]) == control
+
+    def before(self, uid: int) -> range:
+        """Return all nodes before a node below the nearest one above it that has any: those come one after the other."""
+        while uid:
+            first = self._parents[uid] + 1
+            if first < uid:
+                return range(first, uid)
+            uid = self._parents[uid]
+        return range(0)
+
+
 class Pass(NamedTuple):
     """One pass of the mission: what the controller recorded and what the nodes were asked meanwhile."""
 

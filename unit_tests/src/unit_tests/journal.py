@@ -4,15 +4,19 @@ A file, because its order of lines is the order of events across processes, a li
 and none is lost while connections come up.
 """
 import json
+import math
 import os
 import time
 from typing import Any, Dict, List, NamedTuple, Optional
 
 FILE_NAME = "journal.jsonl"
 
+REPEAT = 0.1
+"""Seconds in which a message that says the same as the last gets no line of its own: topics may have a thousand a second."""
+
 
 class Line(NamedTuple):
-    """One request that a node received (``call`` counts from 1), or, with call 0, a new content of a topic."""
+    """One request that a node received (``call`` counts from 1), or, with call 0, a message of a topic: see ``Told``."""
 
     time: float  # unix seconds
     node: str  # the simulated node, without the slash
@@ -26,6 +30,21 @@ class Line(NamedTuple):
     def done(self) -> bool:
         """Whether the node did what the request said."""
         return self.fault is None and self.objection is None
+
+
+class Told:
+    """Which messages of a topic get a line: those that say something new, and of others the first in each ``REPEAT``."""
+
+    def __init__(self) -> None:
+        self._content: Dict[str, Any] = {}
+        self._at = -math.inf
+
+    def is_due(self, content: Dict[str, Any], at: float) -> bool:
+        """Take note of a message at a time in seconds, and return whether it gets a line."""
+        if content == self._content and at < self._at + REPEAT:
+            return False
+        self._content, self._at = content, at
+        return True
 
 
 class Tail:

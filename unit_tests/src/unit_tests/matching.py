@@ -33,10 +33,12 @@ class Matching:
 
     def __init__(self, facts: Facts):
         self.in_recovery: List[Tuple[Line, Event]] = []  # faults of the safe state's calls
+        self.injected: List[Event] = []  # failures of leaves that come from a fault, or from a node that is away
         self._facts = facts
         self._open: List[Line] = [line for line in facts.journal if line.fault is not None]
         self._failed_at: Dict[str, float] = {}  # path of a leaf -> when it failed last
         self._not_injected: List[Event] = []
+        self._not_pressed: List[Event] = []  # answers on the tablet of a visitor who gives none
         for event in facts.events:
             if event["event"] == "LeafFinished":
                 self._leaf(event)
@@ -50,26 +52,34 @@ class Matching:
         for event in self._not_injected:
             yield "{} failed and nothing was injected there: {}: {}".format(
                 event["node"], event["failure"]["cause"], event["failure"]["message"])
+        for event in self._not_pressed:
+            yield "{} ended with SUCCESS, and the visitor pressed nothing".format(event["node"])
         for line in self._open:
             yield "call {} of {} was made to fail ({}) and is not on record as a failure".format(
                 line.call, line.resource, line.fault)
 
     def _leaf(self, event: Event) -> None:
         resource = event["resource"]
-        if event["status"] == "IDLE":
+        if event["status"] == "SUCCESS" and event["node"] in PROMPTS and self._facts.behaviour == SILENT \
+                and not self._is_real(resource):
+            self._not_pressed.append(event)
+        if event["status"] == "IDLE" and event["node"] in RECOVERY:
+            self._halted(event)
+        elif event["status"] == "IDLE":
             self._take(resource, self._failed_at.get(event["path"], 0.0), event["time"], 1)
         elif event["status"] == "FAILURE" and event["node"] not in RECOVERY:
             self._failed_at[event["path"]] = event["time"]
             self._failed(event)
 
     def _failed(self, event: Event) -> None:
-        if not self._is_natural(event) and not self._take_fault(event):
-            self._not_injected.append(event)
+        if self._is_natural(event):
+            return
+        is_injected = self._is_away(event) or self._take_fault(event)
+        (self.injected if is_injected else self._not_injected).append(event)
 
     def _is_natural(self, event: Event) -> bool:
         """Whether the failure is the mission's way to say no: a false condition, a visitor who does not say yes."""
-        return event["failure"]["cause"] == Cause.CONDITION_FALSE.value or self._is_no_answer(event) \
-            or self._is_away(event)
+        return event["failure"]["cause"] == Cause.CONDITION_FALSE.value or self._is_no_answer(event)
 
     def _is_no_answer(self, event: Event) -> bool:
         """Whether the visitor is why there is no answer: none was heard or pressed, or a tablet told of no yes."""
@@ -87,12 +97,14 @@ class Matching:
         """Whether the service that failed is not simulated: a real node does it, or it has crashed and is not back."""
         resource = event["failure"]["resource"]
         if not any(line.resource == resource and line.call for line in self._facts.journal):
-            return resource in self._facts.absent or any(
-                service.name == resource and service.node in self._facts.real
-                for service in self._facts.interface.services)
+            return resource in self._facts.absent or self._is_real(resource)
         before = self._before(event)
         return bool(before) and before[-1].fault == CRASH and before[-1] not in self._open \
             and event["failure"]["cause"] in AWAY
+
+    def _is_real(self, resource: str) -> bool:
+        return any(service.name == resource and service.node in self._facts.real
+                   for service in self._facts.interface.services)
 
     def _before(self, event: Event) -> List[Line]:
         """Return the calls of the service that failed up to then."""
@@ -100,15 +112,13 @@ class Matching:
                 and line.time <= event["time"]]
 
     def _take_fault(self, event: Event) -> bool:
-        """Match the newest fault before a leaf's failure, if it is of the right kind."""
-        failure = event["failure"]
-        for line in reversed(self._open):
-            if line.resource == failure["resource"] and line.time <= event["time"]:
-                if CAUSE_OF[line.fault or ""] != failure["cause"]:
-                    return False
-                self._open.remove(line)
-                return True
-        return False
+        """Match the fault that a failure comes from: the first while the leaf ran, or else the newest before."""
+        failure, began = event["failure"], event["time"] - event.get("seconds", 0.0)
+        found = [line for line in self._open if line.resource == failure["resource"] and line.time <= event["time"]
+                 and CAUSE_OF[line.fault or ""] == failure["cause"]]
+        for line in [line for line in found if line.time >= began][:1] or found[-1:]:
+            self._open.remove(line)
+        return bool(found)
 
     def _gave_up(self, event: Event) -> None:
         """Match the faults of the requests for the safe state; the record does not tell how those went."""
@@ -116,6 +126,11 @@ class Matching:
         quiet = {self._facts.interface.service(type(request)).node for request in self._facts.interface.safe_state}
         for resource in sorted({line.resource for line in self._open if line.node in quiet}):
             self.in_recovery += [(line, event) for line in self._take(resource, began, event["time"], 1)]
+
+    def _halted(self, event: Event) -> None:
+        """Match the faults of what a recovery had under way when it was halted: a retry, or the safe state."""
+        for resource in sorted({line.resource for line in self._open}):
+            self._take(resource, event["time"] - event["seconds"], event["time"], 1)
 
     def _take(self, resource: str, after: float, until: float, most: int) -> List[Line]:
         """Match and return up to ``most`` faults of a service between two moments."""

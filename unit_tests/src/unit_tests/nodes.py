@@ -24,7 +24,7 @@ from unit_tests import arguments, parameters, robot
 from unit_tests.arrivals import Arrivals
 from unit_tests.configuration import ACTION
 from unit_tests.faults import CRASH, EXCEPTION, UNANSWERED, WRONG, Faults
-from unit_tests.journal import Journal, Line, now
+from unit_tests.journal import Journal, Line, Told, now
 from unit_tests.robot import SERVICES, TOPICS, Fields
 
 CRASHED = 9
@@ -99,6 +99,7 @@ class Node:
         planned = [fault for fault in self._test.planned_faults if fault.node == name]
         self._faults = Faults(self._test.failure_rate, self._seed("faults"), self._test.fault_kinds, planned)
         self._published: Fields = {}
+        self._told = Told()
         self._look_around()
         if not parameters.is_launched():  # else the report says it
             rospy.loginfo("%s: randomSeed %d", name, self._test.random_seed)
@@ -191,14 +192,15 @@ class Node:
                 return
 
     def _content(self, topic: Topic, name: str) -> Optional[Fields]:
-        """Return what the next message says; the journal gets what differs from the last, under that name."""
+        """Return what the next message says; the journal gets it under that name."""
         with self._lock:
             self._look_around()
             value = TOPICS[topic.name].content(self._world)
             content = None if value is None else TOPICS[topic.name].fields(value)
+            if content is not None and self._told.is_due(content, time.monotonic()):
+                self._write(Line(now(), self._name, rospy.resolve_name(name), 0, content))
             if content not in (None, self._published):
                 self._published = content
-                self._write(Line(now(), self._name, rospy.resolve_name(name), 0, content))
                 self._tell("says", content)
         return content
 

@@ -121,8 +121,11 @@ class Report(NamedTuple):
         """
         shown = table(self.rows[:MOST_SHOWN], self.began, width)
         if len(self.rows) > MOST_SHOWN:
-            shown.append("and {} more in the file".format(len(self.rows) - MOST_SHOWN))
-        return "\n".join(self._top(shown) + list(self.counts) + [""] + list(files) + ["", str(self.verdict)])
+            shown.append("and {} more in the report".format(len(self.rows) - MOST_SHOWN))
+        verdict = str(self.verdict).split("\n")
+        if len(verdict) > MOST_OBJECTIONS:
+            verdict[MOST_OBJECTIONS:] = ["        and {} more in the report".format(len(verdict) - MOST_OBJECTIONS)]
+        return "\n".join(self._top(shown) + list(self.counts) + [""] + list(files) + [""] + verdict)
 
     def _top(self, shown: List[str]) -> List[str]:
         objections = self.verdict.objections[1:]
@@ -134,8 +137,8 @@ class Report(NamedTuple):
 WIDEST = 10 ** 6
 """Columns of a file."""
 
-MOST_SHOWN = 40
-"""Rows that a terminal shows."""
+MOST_SHOWN, MOST_OBJECTIONS = 40, 10
+"""Rows and objections that a terminal shows."""
 
 
 def write(facts: Facts, title: str, warnings: Sequence[str] = ()) -> Report:

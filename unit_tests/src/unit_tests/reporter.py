@@ -67,7 +67,7 @@ def _test() -> int:
         world = parameters.read_world(test)
     except BehaviorControllerError as error:
         _await_nodes()
-        return _finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED))
+        return finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED))
     print("randomSeed {}".format(test.random_seed), flush=True)
     warnings = waits.warnings(waits.of_mission(world), test.arrival_rate)
     print("".join(line + "\n" for line in warnings), end="", flush=True)
@@ -80,9 +80,9 @@ def _test() -> int:
     heading = title(facts, test, datetime.datetime.now())
     report = write(facts, heading, warnings)
     _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
-    files = ["report: " + _save(report.text(), folder), "its folder, with record and journal: " + folder]
+    files = ["report: " + save(report.text(), folder), "its folder, with record and journal: " + folder]
     columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
-    return _finish(PASSED if report.verdict.passed else FAILED, report.shown(columns, files))
+    return finish(PASSED if report.verdict.passed else FAILED, report.shown(columns, files))
 
 
 def _await_nodes() -> None:
@@ -159,7 +159,7 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
     return events + record.news(), read_exit_code(folder), cut_off
 
 
-def _save(text: str, folder: str) -> str:
+def save(text: str, folder: str) -> str:
     """Write the report to the folder of the run, and a copy where the newest is; return the path of the copy."""
     newest = [os.path.join(configuration.share(), "data", OUTPUT), os.path.join(parameters.ros_home(), OUTPUT)]
     wanted = parameters.given().get("outputFile")
@@ -190,7 +190,7 @@ def _save_junit(text: str) -> None:
         print("no JUnit file: {}: {}".format(folder, error.strerror), flush=True)
 
 
-def _finish(code: int, text: str) -> int:
+def finish(code: int, text: str) -> int:
     """Leave exit code and text where runTest finds them, which shows the text when roslaunch has ended; else show it.
 
     roslaunch does not pass on an exit code, and prints a good deal at its end.

@@ -36,11 +36,13 @@ class Service(NamedTuple):
 
     ``object_to`` says what is wrong with a request. ``answer`` is what a positive answer brings; None: the answer is no,
     because the visitor's is. ``nonsense`` is of the right type and means nothing, where an answer brings something.
+    ``seconds`` is about how long a real robot takes.
     """
 
     object_to: Callable[[Fields], Optional[str]]
     answer: Callable[[Fields, World], Optional[Answer]] = lambda request, world: Answer()
     nonsense: Optional[Answer] = None
+    seconds: Callable[[Fields], float] = lambda request: 0.2
 
 
 def _allow(field: str, *values: str) -> Callable[[Fields], Optional[str]]:
@@ -88,18 +90,21 @@ def _press(request: Fields, world: World) -> Optional[Answer]:
     return Answer() if pressed in wanted else None
 
 
+LETTERS_A_SECOND = 14.0
+"""How fast a robot speaks."""
+
 NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
 """A place that cannot be driven to."""
 
 SERVICES: Mapping[type, Service] = {
     SetAnimation: Service(_allow("state", "enabled", "disabled")),
     SetAttention: Service(_allow("state", "disabled", "social", "scanning", "seeking", "location")),
-    PerformGesture: Service(_object_to_gesture),
-    Say: Service(_object_to_text),
-    GoTo: Service(_object_to_place),
+    PerformGesture: Service(_object_to_gesture, seconds=lambda request: request["gesture_duration"] / 1000),
+    Say: Service(_object_to_text, seconds=lambda request: len(request["message"]) / LETTERS_A_SECOND),
+    GoTo: Service(_object_to_place, seconds=lambda request: 15.0),
     SetPose: Service(_object_to_place),
     QueryKnowledge: Service(_object_to_query, _places, Answer(exhibits=(NOWHERE,))),
-    Prompt: Service(_object_to_text, _press, Answer(response="Perhaps")),
+    Prompt: Service(_object_to_text, _press, Answer(response="Perhaps"), lambda request: 5.0),
     SetRecognition: Service(_allow("status", "true", "false")),
     SetRecognitionLanguage: Service(_object_to_language),
 }
@@ -109,6 +114,11 @@ SERVICES: Mapping[type, Service] = {
 def nonsense(success: Success) -> Optional[Plain]:
     """Return a value of the field that tells the outcome, which tells none; None: each of its values means something."""
     return None if isinstance(success.done, bool) else 7 if isinstance(success.done, int) else "perhaps"
+
+
+def usual_seconds(service: interfaces.Service, request: Fields) -> float:
+    """Return about how long a real robot takes for a request with these fields."""
+    return SERVICES[service.request].seconds(request) if service.request in SERVICES else 1.0
 
 
 def possible(fault: Optional[str], service: interfaces.Service, response: Collection[str]) -> Optional[str]:
@@ -124,10 +134,14 @@ Value = Union[Faces, AttentionStatus, str]
 
 
 class Topic(NamedTuple):
-    """A topic. ``content`` is what its next message says, None: there is none; ``fields`` are the message's."""
+    """A topic. ``content`` is what its next message says, None: there is none; ``fields`` are the message's.
+
+    ``value`` is what messages with such fields say.
+    """
 
     content: Callable[[World], Optional[Value]]
     fields: Callable[[Any], Fields]
+    value: Callable[[Fields], Value]
 
 
 def _faces(world: World) -> Faces:
@@ -161,9 +175,12 @@ def _utterance(world: World) -> Optional[str]:
 
 
 TOPICS: Mapping[str, Topic] = {
-    document.FACES.name: Topic(_faces, lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}),
-    document.ATTENTION.name: Topic(_attention, lambda status: status._asdict()),
-    document.SPEECH.name: Topic(_utterance, lambda text: {"data": text}),
+    document.FACES.name: Topic(
+        _faces, lambda faces: {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)},
+        lambda fields: Faces(tuple(fields["face_label_id"]), tuple(fields["mutualGaze"]))),
+    document.ATTENTION.name: Topic(
+        _attention, lambda status: status._asdict(), lambda fields: AttentionStatus(**fields)),
+    document.SPEECH.name: Topic(_utterance, lambda text: {"data": text}, lambda fields: str(fields["data"])),
 }
 """Canonical name -> the topic, of any robot."""
 

@@ -9,7 +9,8 @@ import json
 import math
 import os
 from types import SimpleNamespace
-from typing import Any, Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple,
+                    Union)
 
 from behavior_controller import exits, extensions, folders, leaves
 from behavior_controller import mission as missions
@@ -18,21 +19,22 @@ from behavior_controller.bt.engine.clock import ManualClock, Timer
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.language.document import Document, read, with_includes
 from behavior_controller.bt.status import IDLE, RUNNING
-from behavior_controller.events import Event, Events, HealthChanged
+from behavior_controller.events import Events, HealthChanged
 from behavior_controller.gateway import Call, Cause, Failure, FakeTopics, Gateway
 from behavior_controller.health import GONE, SLOW_SHARE, Health
 from behavior_controller.interface import Service, Topic, Unusable
 from behavior_controller.interface.records import Answer, Request
 from behavior_controller.runner import PACE, Runner, Running
 from behavior_controller.settings import Settings
-from behavior_controller.watch.codec import encode
+from behavior_controller.watch.codec import Entry, encode
+from behavior_controller.watch.record import Traversals
 
 from unit_tests import configuration, parameters, robot
 from unit_tests.arrivals import Arrivals
 from unit_tests.configuration import ACTION, Configuration
 from unit_tests.exhibits import Knowledge
 from unit_tests.faults import CRASH, EXCEPTION, UNANSWERED, WRONG, Faults
-from unit_tests.journal import Line
+from unit_tests.journal import Line, Told
 from unit_tests.robot import SERVICES, TOPICS, Fields, World
 from unit_tests.visitor import Manners, Visitor
 
@@ -54,6 +56,9 @@ SHORTEST_GAP = 0.05
 LONG_PACE = 0.25
 """Seconds between the ticks of a mission that changes something at every one, in place of ``runner.PACE``."""
 
+BUSY = "the mission busy-loops"
+"""Why the end of a mission that never waits is not awaited."""
+
 MOST_BUSY = 10
 """A mission that busy-loops is ticked so often."""
 
@@ -67,25 +72,28 @@ _ORDER = 1e-6
 class Played(NamedTuple):
     """What came of a play. ``exit_code`` is the controller's; None: it had not ended when its time was up."""
 
-    events: Sequence[Tuple[float, Event]]
+    events: Sequence[Tuple[float, Entry]]
     journal: Sequence[Line]
     exit_code: Optional[int]
     cut_off: str  # why the end was not awaited
     error: str  # an exception that ended the mission; empty: none
-    reached: FrozenSet[str]  # the paths of the nodes that were ticked
-    waiting: Tuple[str, ...]  # the paths of the leaves that were running at the end
+    reached: FrozenSet[int]  # the uids of the nodes that were ticked
+    waiting: Tuple[int, ...]  # the uids of the nodes that were running at the end, without a running child
     seconds: float
+    asked: Sequence[Tuple[float, Request]]  # what was asked, whether or not it reached its node
+    presence: Sequence[Tuple[float, bool]]  # since when a visitor has been there, or has not
 
     def record(self) -> List[Dict[str, Any]]:
         """Return the events as they are read from a record."""
         return [json.loads(encode(at, event)) for at, event in self.events]
 
 
-Durations = Callable[[Request], float]
+Durations = Callable[[Service, Fields], float]
+"""Seconds that a service takes for a request with these fields."""
 
 
-def at_once(request: Request) -> float:
-    """Return how long the simulated nodes of a test take for a request, in seconds."""
+def at_once(service: Service, request: Fields) -> float:
+    """Return how long the simulated nodes of a test take."""
     return 0.005
 
 
@@ -99,6 +107,11 @@ class Stage:
         self._mission = missions.load(settings, ManualClock(START), documents=self._documents)
         self._registry = leaves.registry()
         self.world = world or parameters.world("", settings)
+
+    @classmethod
+    def of_file(cls, settings: Settings, path: str) -> "Stage":
+        """Return the stage for a mission file. Raises FaultsFound."""
+        return cls(settings, with_includes(read(path)))
 
     @property
     def mission(self) -> missions.Mission:
@@ -136,7 +149,7 @@ class _Runner(Runner):
         result = super()._tick()
         self._busy += self.tree.busy_loops
         if self._busy > MOST_BUSY:
-            raise _TimeIsUp("the mission busy-loops")
+            raise _TimeIsUp(BUSY)
         return result
 
     def wait(self, seconds: Optional[float]) -> None:
@@ -166,7 +179,9 @@ class _Play:
         self.wake = tree.wake.emit
         self.health = Health(self.wake)
         self.journal: List[Line] = []
-        self.events: List[Tuple[float, Event]] = []
+        self.events: List[Tuple[float, Entry]] = []
+        self.asked: List[Tuple[float, Request]] = []
+        self.presence: List[Tuple[float, bool]] = []
         self.topics = _Topics(self)
         self.nodes: Dict[str, _Node] = {}
         self._newest = 0.0
@@ -175,9 +190,10 @@ class _Play:
         """Play until the mission is over or its time is up."""
         tree = self.mission.tree
         events = Events()
-        events.subscribe(lambda event: self.events.append((self.stamp(), event)))
-        reached = set()
-        tree.subscribe(lambda node, old, new: None if new is IDLE else reached.add(node.full_path))
+        events.subscribe(self._note)
+        Traversals(self.clock, self._note).show(tree)
+        reached: Set[int] = set()
+        tree.subscribe(lambda node, old, new: None if new is IDLE else reached.add(node.uid))
         for topic in robot.topics(self.interface):
             if topic.name not in silent:
                 self.topics.open(topic, shortest_gap)
@@ -185,9 +201,13 @@ class _Play:
         runner = _Runner(Running(tree, context, self.mission.file, self.test.mission_runs), lambda: False)
         runner.ends = START + self.test.test_timeout
         exit_code, cut_off, error = _ended(runner)
-        waiting = tuple(node.full_path for node in tree.nodes if node.status is RUNNING and not node.children)
+        running = [node for node in tree.nodes if node.status is RUNNING]
+        waiting = tuple(node.uid for node in running if not any(child.status is RUNNING for child in node.children))
         return Played(self.events, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
-                      self.clock.now() - START)
+                      self.clock.now() - START, self.asked, self.presence)
+
+    def _note(self, entry: Entry) -> None:
+        self.events.append((self.stamp(), entry))
 
     def stamp(self) -> float:
         """Return the time for what happens now: later than that of all that happened before."""
@@ -203,7 +223,11 @@ class _Play:
     def write(self, line: Line) -> None:
         """Note a line; the visitor sees it."""
         self.journal.append(line)
-        self.world.visitor.notice(line)
+        visitor = self.world.visitor
+        was_here = visitor.is_here
+        visitor.notice(line)
+        if visitor.is_here is not was_here:
+            self.presence.append((line.time, visitor.is_here))
 
     def seed(self, node: str, purpose: str) -> str:
         return parameters.seed(self.test, node, purpose)
@@ -264,6 +288,7 @@ class _Gateway(Gateway):
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
         play = self._play
+        play.asked.append((play.stamp(), request))
         service = play.interface.service(type(request))
         return _UnderWay(play, service, request).call
 
@@ -327,12 +352,12 @@ class _UnderWay:
         play.write(line)
         answer = None
         if line.done:
-            answer = simulated.answer(fields, play.world) if simulated is not None else Answer()
+            answer = simulated.answer(fields, play.world) if simulated is not None else service.rehearsed(self._request)
         if fault == CRASH:
             node.crash()
         if fault != UNANSWERED:
             at_once = fault in (EXCEPTION, CRASH) or line.objection is not None
-            self._answer_after(0.0 if at_once else play.durations(self._request), self._result(line, answer))
+            self._answer_after(0.0 if at_once else play.durations(service, fields), self._result(line, answer))
 
     def _result(self, line: Line, answer: Optional[Answer]) -> Union[Answer, Failure]:
         """Return what the controller makes of the response."""
@@ -434,14 +459,14 @@ class _Publisher:
         self._action = topic.action if play.test.recognise_by == ACTION else None
         self._name = topic.name if self._action is None else self._action.name
         self.until = -math.inf  # an action tells nothing later
-        self._published: Fields = {}
+        self._told = Told()
         self._times: Iterator[float] = iter(())
         self._timer: Optional[Timer] = None
 
     def begin(self) -> None:
         """Start as a node does."""
         play = self._topics.play
-        self._published = {}
+        self._told = Told()
         self._times = Arrivals(play.test.arrival_rate, play.seed(self._topic.node, "arrivals")).times(play.clock.now())
         self._await_next()
 
@@ -464,7 +489,6 @@ class _Publisher:
         if value is None:
             return
         fields = simulated.fields(value)
-        if fields != self._published:
-            self._published = fields
+        if self._told.is_due(fields, play.clock.now()):
             play.write(Line(play.stamp(), self._topic.node, self._name, 0, fields))
         self._topics.publish(self._topic, value)

@@ -1,22 +1,33 @@
-"""The verdict of a test: what the controller recorded against what the simulated nodes received and what was expected.
+"""The verdict of a test: what the controller did against what was made to fail and what there was to see.
 
-``QUESTIONS`` decide, among them: did each pass end as the visitor's behaviour predicts, was every exhibit and every leaf
-of the mission seen to that had to be, and is every recorded failure one that was injected, and the other way round?
+What is believed: the journal, which the simulated nodes write, tells every request, every injected fault and every
+message. Of the controller's record only the built-in controls are believed, which the traces of BehaviorTree.CPP prove,
+and when things happened; what it says of leaves and recoveries is held against the journal and the policy:
+
+* ``matching``: each recorded failure was injected, and each injected fault is recorded;
+* ``evidence``: each condition held if a message told so in time, and only then;
+* ``recoveries``: each recovery tried, left out and gave up what the policy prescribes for its failures.
+
+Where all of that is right, a pass ended as it had to. Where nothing kept it from going its way (``_obstacles``), it also
+has to end, and to get about, as the visitor's behaviour predicts. A mission whose record has no tree, and what real
+nodes do, is judged by the rest. ``QUESTIONS`` are all that decides.
 """
-from collections import Counter
 from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller import leaves
+from behavior_controller.bt.registry import Kind
 from behavior_controller.interface import Sense
-from behavior_controller.interface.records import Exhibit, GoTo
+from behavior_controller.interface.records import Exhibit, GoTo, Say
 from behavior_controller.leaves import data
 from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.settings import YES
 from behavior_controller.text import clean
 
-from unit_tests.facts import Event, Facts, Pass, count, of, passes, started
+from unit_tests.evidence import Wait, Watch
+from unit_tests.facts import Event, Facts, Pass, Tree, count, of, passes, started
 from unit_tests.journal import Line
-from unit_tests.matching import Matching
+from unit_tests.matching import AWAY, Matching
+from unit_tests.recoveries import GIVEN_UP, SPECS, Recoveries, Round, rounds
 from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, NO_GAZE, SILENT, UNCLEAR
 
 
@@ -36,6 +47,8 @@ GAZE = _nodes(lambda spec: Sense.GAZE in spec.listens)
 
 MISSING = GAZE | _nodes(lambda spec: Sense.PRESENCE in spec.listens)
 """Mission nodes that notice in the middle of the tour that the visitor has left."""
+
+SPEAKING = _nodes(lambda spec: Say in spec.calls)
 
 DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines", LEAVES: "leaves",
         NO_GAZE: "never looks back"}
@@ -66,15 +79,63 @@ class Verdict(NamedTuple):
         return "FAILED: {}".format("\n        ".join(self.objections))
 
 
+class Case:
+    """The facts of a test, and what follows from them."""
+
+    def __init__(self, facts: Facts):
+        self.facts = facts
+        self.tree = Tree(facts.events)
+        self.matching = Matching(facts)
+        self.watch = Watch(facts)
+        self.rounds = list(rounds(facts.events))
+        self.passes = [(each, tuple(self._obstacles(each))) for each in passes(facts)]
+        """Each pass, and what kept it from going as it should."""
+
+    def _obstacles(self, a_pass: Pass) -> Iterator[str]:
+        """Say what a right controller cannot make good again: what it goes by then is the policy and the mission."""
+        rounds = [each for each in self.rounds if _is_within(each.fallback["time"], a_pass)]
+        for each in rounds:
+            if each.outcome == GIVEN_UP or not each.helped and not self._are_neighbours(each):
+                yield "{} was {} ({})".format(each.recovered["node"], each.outcome, each.recovered["failure"]["cause"])
+        recovered = {id(failure) for each in rounds for failure in each.failures}
+        for event in self.matching.injected:
+            if _is_within(event["time"], a_pass) and id(event) not in recovered:
+                yield "{} failed ({})".format(event["node"], event["failure"]["cause"])
+        for wait in self.watch.waits:
+            if _is_within(wait.ended, a_pass) and not wait.held and wait.sign is None and self._is_given(wait, a_pass):
+                yield "{} saw nothing in {:.1f} s".format(wait.node, wait.ended - wait.began)
+
+    def _are_neighbours(self, each: Round) -> bool:
+        return bool(each.failures) and self.tree.are_neighbours(each.failures[0].get("uid", 0), each.fallback["uid"])
+
+    def _is_given(self, wait: Wait, a_pass: Pass) -> bool:
+        """Whether the visitor gives such a sign, if only the messages come."""
+        behaviour = self.facts.behaviour
+        drives = sum(line.node == "robotNavigation" and line.done and line.time < wait.ended for line in a_pass.lines)
+        if behaviour == LEAVES and drives > EXHIBITS_BEFORE_LEAVING:
+            return False
+        return not (wait.sense is Sense.GAZE and behaviour == NO_GAZE
+                    or wait.sense is Sense.UTTERANCE and behaviour in (SILENT, UNCLEAR))
+
+
+def _is_within(time: float, a_pass: Pass) -> bool:
+    return bool(a_pass.events) and a_pass.events[0]["time"] <= time <= a_pass.events[-1]["time"]
+
+
 def judge(facts: Facts) -> Verdict:
-    answers = tuple((question, tuple(map(clean, answer(facts)))) for question, answer in QUESTIONS)
-    ended = len(of(facts.events, "PassFinished"))
+    case = Case(facts)
+    answers = tuple((question, tuple(map(clean, answer(case)))) for question, answer in QUESTIONS)
+    ended = len(case.passes)
     calls = [line for line in facts.journal if line.call > 0]
     praise = "{} as a visitor who {} should; {} of {} calls were made to fail, and all of these are on record".format(
         count(ended, "pass ended", "passes ended"), DOES[facts.behaviour],
         sum(line.fault is not None for line in calls), len(calls))
     if _is_mute(facts):
         praise += "; no yes can reach the robot (asrEnabled false, tabletSuccessIs done), so no tour is expected"
+    praise += "".join("; pass {} ended with FAILURE, as it had to: {}".format(a_pass.number, obstacles[0])
+                      for a_pass, obstacles in case.passes if obstacles and a_pass.outcome == "FAILURE")
+    if case.rounds and not case.tree:
+        praise += "; the record shows no tree, so the recoveries are not judged"
     if facts.real:
         praise += "; not simulated, so what they were asked is not judged: {}".format(", ".join(sorted(facts.real)))
     return Verdict(answers, praise)
@@ -83,8 +144,9 @@ def judge(facts: Facts) -> Verdict:
 # ------------------------------------------------------------------------------------------------------ start and end
 
 
-def _ended(facts: Facts) -> Iterator[str]:
+def _ended(case: Case) -> Iterator[str]:
     """Object to a controller that did not start its mission or did not end as it should."""
+    facts = case.facts
     finished = of(facts.events, "RunFinished")
     ended = len(of(facts.events, "PassFinished"))
     ending = _ending(facts.exit_code)
@@ -106,17 +168,35 @@ def _ending(exit_code: Optional[int]) -> str:
     return "ended with exit code {}".format(exit_code)
 
 
-def _outcomes(facts: Facts) -> Iterator[str]:
-    """Object to passes that did not end as the visitor's behaviour predicts; once to those of one cause."""
-    expected = _expected_outcome(facts)
-    alike: Dict[object, List[Pass]] = {}
-    for a_pass in passes(facts):
-        if a_pass.outcome != expected:
-            alike.setdefault(_reasons(_given_up(a_pass.events)) or a_pass.number, []).append(a_pass)
-    for group in alike.values():
-        events = [event for a_pass in group for event in a_pass.events]
-        yield "{} ended with {}; a visitor who {} should bring {} ({}{})".format(
-            _numbers(group), group[0].outcome, DOES[facts.behaviour], expected, _last_failure(events), _hint(*group))
+def _outcomes(case: Case) -> Iterator[str]:
+    """Object to passes that did not end as the tree did, or as the visitor's behaviour predicts if nothing was in the way."""
+    expected = _expected_outcome(case.facts)
+    for a_pass, obstacles in case.passes:
+        root = [letter for tick in of(a_pass.events, "Tick") for uid, letter in tick["changes"] if uid == 1][-1:]
+        if root in (["S"], ["F"]) and root[0] != a_pass.outcome[:1]:
+            yield "pass {} ended with {}, and its tree did not".format(a_pass.number, a_pass.outcome)
+        elif a_pass.outcome != expected and not obstacles:
+            yield "pass {} ended with {}; a visitor who {} should bring {} ({})".format(
+                a_pass.number, a_pass.outcome, DOES[case.facts.behaviour], expected, _last_failure(a_pass.events))
+
+
+def _taken_over(case: Case) -> Iterator[str]:
+    """Object to leaves whose result is not what the tree went on with."""
+    told: Dict[int, List[str]] = {}
+    for event in case.facts.events:
+        if event["event"] == "LeafFinished" and event["status"] != "IDLE":
+            told.setdefault(event["uid"], []).append(event["status"])
+        elif event["event"] == "Tick":
+            for uid in told:
+                yield from _differs(case.tree.types.get(uid, ""), told[uid], [
+                    letter for number, letter in event["changes"] if number == uid and letter in "SF"])
+            told.clear()
+
+
+def _differs(node: str, told: Sequence[str], letters: Sequence[str]) -> Iterator[str]:
+    for status, letter in zip(told, letters):
+        if status[:1] != letter and node in SPECS and SPECS[node].kind is Kind.ACTION:
+            yield "{} ended with {}, and the mission went on as if it had not".format(node, status)
 
 
 def _expected_outcome(facts: Facts) -> str:
@@ -130,12 +210,6 @@ def _expected_outcome(facts: Facts) -> str:
 
 def _is_declined(facts: Facts) -> bool:
     return facts.behaviour in (DECLINES, SILENT, UNCLEAR) and bool(ASKING & _mission_nodes(facts))
-
-
-def _numbers(group: Sequence[Pass]) -> str:
-    if len(group) == 1:
-        return "pass {}".format(group[0].number)
-    return "{} passes, from {} to {},".format(len(group), group[0].number, group[-1].number)
 
 
 def _is_never_met(facts: Facts) -> bool:
@@ -167,56 +241,28 @@ def _mission_nodes(facts: Facts) -> Set[str]:
 
 
 def _last_failure(events: Sequence[Event]) -> str:
-    """Return what the recovery gave up and why, if not for the policy's rule; or else what failed last."""
-    given_up = _given_up(events)
     failed = [event for event in of(events, "LeafFinished") if event["status"] == "FAILURE"]
-    if given_up:
-        nodes = Counter(event["node"] for event in given_up)
-        return "; ".join(_reasons(given_up) + ("given up: " + ", ".join(
-            node if number == 1 else "{} ({} times)".format(node, number) for node, number in nodes.items()),))
     if failed:
         return "failed last: {}: {}".format(failed[-1]["node"], failed[-1]["failure"]["message"])
     return "without a failure of a mission node"
 
 
-def _given_up(events: Sequence[Event]) -> List[Event]:
-    return [event for event in of(events, "Recovered") if not event["success"]]
-
-
-def _reasons(given_up: Sequence[Event]) -> Tuple[str, ...]:
-    """Return what kept recoveries from the policy's rule, each once: the record has it after the rule and a colon."""
-    found = dict.fromkeys(event["policy"].partition(": ")[2] for event in given_up)
-    return tuple(reason for reason in found if reason)
-
-
-def _hint(*group: Pass) -> str:
-    """Return what may have made a good controller fail."""
-    faults = sum(line.fault is not None for a_pass in group for line in a_pass.lines)
-    if faults:
-        return "; {} made to fail in {}".format(count(faults, "call was", "calls were"),
-                                                "this pass" if len(group) == 1 else "these passes")
-    return "; if the visitor's messages came too late for the mission, a higher arrivalRate helps"
-
-
 # ------------------------------------------------------------------------------------------------------------ exhibits
 
 
-def _exhibits(facts: Facts) -> Iterator[str]:
+def _exhibits(case: Case) -> Iterator[str]:
     """Object to exhibits that were left out, or visited though no visitor wanted a tour."""
-    nodes = _mission_nodes(facts)
-    if not _has_tour(nodes) or facts.real & JUDGED_BY or _is_mute(facts):
+    facts = case.facts
+    if not _has_tour(_mission_nodes(facts)) or facts.real & JUDGED_BY or _is_mute(facts):
         return
-    for a_pass in passes(facts):
-        if _is_never_met(facts):
+    for a_pass, obstacles in case.passes:
+        if _is_never_met(facts) or _is_declined(facts):
             yield from _unwanted(a_pass)
-            yield from _never_sought(a_pass)
         elif _is_deserted(facts):
-            yield from _left_out(a_pass, facts, EXHIBITS_BEFORE_LEAVING)
+            yield from _left_out(case, a_pass, bool(obstacles), EXHIBITS_BEFORE_LEAVING)
             yield from _waved_after(a_pass)
-        elif _is_declined(facts):
-            yield from _unwanted(a_pass)
-        elif a_pass.outcome == "SUCCESS":  # why it failed is told already
-            yield from _left_out(a_pass, facts, len(facts.knowledge.exhibits))
+        elif a_pass.outcome == "SUCCESS" or obstacles:  # else it is told already that it failed
+            yield from _left_out(case, a_pass, bool(obstacles), len(facts.knowledge.exhibits))
 
 
 def _unwanted(a_pass: Pass) -> Iterator[str]:
@@ -224,13 +270,6 @@ def _unwanted(a_pass: Pass) -> Iterator[str]:
     if drives:
         yield "pass {}: the robot was sent to {} without a visitor who wants a tour".format(
             a_pass.number, count(drives, "place", "places"))
-
-
-def _never_sought(a_pass: Pass) -> Iterator[str]:
-    """Object to a pass that failed before the visitor's gaze was sought, without a fault that excuses it."""
-    sought = any(line.node == "overtAttention" and line.content["state"] == "seeking" for line in a_pass.lines)
-    if not sought and not any(line.fault for line in a_pass.lines):
-        yield "pass {}: the robot did not seek the visitor's gaze".format(a_pass.number)
 
 
 def _waved_after(a_pass: Pass) -> Iterator[str]:
@@ -245,15 +284,53 @@ def _is_goodbye(event: Event) -> bool:
     return any(spec.id == event["node"] and spec.bids_farewell(name) for spec in leaves.mission_specs())
 
 
-def _left_out(a_pass: Pass, facts: Facts, count_of_exhibits: int) -> Iterator[str]:
-    """Object to exhibits that the robot did not get to, or did not describe to a visitor who was there."""
-    stops = _stops(a_pass.lines)
-    for exhibit in facts.knowledge.exhibits[:count_of_exhibits]:
-        stop = stops.get((exhibit.location.x, exhibit.location.y))
-        if stop is None:
+def _left_out(case: Case, a_pass: Pass, is_excused: bool, number: int) -> Iterator[str]:
+    """Object to exhibits that the robot did not get to, or did not describe to a visitor who was there.
+
+    With an excuse, the tour may have ended early, a drive may have failed, and a visit may have been given up.
+    """
+    visits, stops = _visits(a_pass), _stops(a_pass.lines)
+    for index, exhibit in enumerate(case.facts.knowledge.exhibits[:number]):
+        place = exhibit.location.x, exhibit.location.y
+        visit = visits[index] if index < len(visits) else None
+        if place not in stops and not (is_excused and (visit is None or _is_lost(case, visit, place))):
             yield "pass {}: the robot did not get to exhibit {}".format(a_pass.number, exhibit.name)
-        elif not _is_described(exhibit, stop) and not _could_not_seek(stop, facts):
-            yield "pass {}: exhibit {} was not described{}".format(a_pass.number, exhibit.name, _hint(a_pass))
+        elif place in stops and not _is_described(exhibit, stops[place]) and not (
+                is_excused and (visit is None or _is_given_up(case, visit)) or visit and _is_mute_for_a_while(case, visit)):
+            yield "pass {}: exhibit {} was not described".format(a_pass.number, exhibit.name)
+
+
+def _is_lost(case: Case, visit: Tuple[float, float], place: Tuple[float, float]) -> bool:
+    """Whether a visit was given up before the robot was there, and not because it went to another exhibit."""
+    knowledge = case.facts.knowledge
+    others = {(each.location.x, each.location.y) for each in knowledge.exhibits} - {place}
+    others -= {(knowledge.home.location.x, knowledge.home.location.y)}
+    return _is_given_up(case, visit) and not any(
+        _place(line) in others for line in case.facts.journal
+        if line.node == "robotNavigation" and visit[0] < line.time <= visit[1])
+
+
+def _place(drive: Line) -> Tuple[float, float]:
+    return drive.content["goal_x"], drive.content["goal_y"]
+
+
+def _visits(a_pass: Pass) -> List[Tuple[float, float]]:
+    """Return from when until when the robot was about each exhibit that it chose."""
+    chosen = [event["time"] for event in of(a_pass.events, "LeafFinished") if event["status"] == "SUCCESS"
+              and event["node"] in SPECS and SPECS[event["node"]].writes(data.CURRENT_EXHIBIT.name)]
+    return list(zip(chosen, chosen[1:] + [a_pass.events[-1]["time"]]))
+
+
+def _is_given_up(case: Case, visit: Tuple[float, float]) -> bool:
+    """Whether something of a visit as a whole was left out or given up."""
+    return any(visit[0] < each.fallback["time"] <= visit[1] and not each.helped
+               and (each.outcome == GIVEN_UP or not case._are_neighbours(each)) for each in case.rounds)
+
+
+def _is_mute_for_a_while(case: Case, visit: Tuple[float, float]) -> bool:
+    """Whether words of a visit could not reach the robot's speech: its node had crashed and was not back."""
+    return any(visit[0] < event["time"] <= visit[1] and event["failure"]["cause"] in AWAY and event["node"] in SPEAKING
+               for event in case.matching.injected)
 
 
 def _stops(lines: Sequence[Line]) -> Dict[Tuple[float, float], List[Line]]:
@@ -265,8 +342,7 @@ def _stops(lines: Sequence[Line]) -> Dict[Tuple[float, float], List[Line]]:
     stop: List[Line] = []
     for line in lines:
         if line.node == "robotNavigation":
-            place = line.content["goal_x"], line.content["goal_y"]
-            stop = stops.setdefault(place, []) if line.done else []
+            stop = stops.setdefault(_place(line), []) if line.done else []
         else:
             stop.append(line)
     return stops
@@ -277,17 +353,9 @@ def _is_described(exhibit: Exhibit, stop: Sequence[Line]) -> bool:
     return {text for text in (exhibit.description1, exhibit.description2) if text} <= texts
 
 
-def _could_not_seek(stop: Sequence[Line], facts: Facts) -> bool:
-    """Whether every attempt at a mode of attention that tells of the visitor was made to fail, so that none was found."""
-    modes = {facts.interface.evidence(sense).mode for sense in (Sense.GAZE, Sense.PRESENCE) if facts.interface.tells(sense)}
-    tries = [line for line in stop if line.node == "overtAttention" and line.call > 0]
-    return any(not any(line.done for line in tries if line.content["state"] == mode)
-               for mode in modes & {line.content["state"] for line in tries})
-
-
-def _objections(facts: Facts) -> Iterator[str]:
+def _objections(case: Case) -> Iterator[str]:
     """Object to requests that make no sense to the node that received them."""
-    for line in facts.journal:
+    for line in case.facts.journal:
         if line.objection is not None:
             yield "{} received a request that makes no sense: {}".format(line.resource, line.objection)
 
@@ -295,12 +363,11 @@ def _objections(facts: Facts) -> Iterator[str]:
 # ------------------------------------------------------------------------------------------------------------ coverage
 
 
-def _unreached(facts: Facts) -> Iterator[str]:
-    """Object to leaves that the same mission reaches with a robot that never fails, unless a recovery gave up."""
-    if facts.rehearsal is None or facts.real or any(not event["success"] for event in of(facts.events, "Recovered")):
-        return
-    if not of(facts.events, "PassFinished"):
-        return  # told already
+def _unreached(case: Case) -> Iterator[str]:
+    """Object to leaves that the same mission reaches with a robot that never fails, if a pass had nothing in its way."""
+    facts = case.facts
+    if facts.rehearsal is None or facts.real or all(obstacles for _, obstacles in case.passes):
+        return  # without a pass, that is told already
     for path in sorted(facts.rehearsal.reached - reached(facts)):
         yield "the leaf {} was not reached; a visitor who {} should bring the robot there".format(
             path, DOES[facts.behaviour])
@@ -311,11 +378,14 @@ def reached(facts: Facts) -> Set[str]:
     return {event["path"] for event in of(facts.events, "LeafFinished")}
 
 
-QUESTIONS: Tuple[Tuple[str, Callable[[Facts], Iterable[str]]], ...] = (
+QUESTIONS: Tuple[Tuple[str, Callable[[Case], Iterable[str]]], ...] = (
     ("the controller ran the mission to its end", _ended),
-    ("each pass ended as the visitor's behaviour predicts", _outcomes),
+    ("each pass ended as it should", _outcomes),
     ("each exhibit was seen to, and no visitor had an unwanted tour", _exhibits),
     ("each leaf was reached that should be", _unreached),
     ("each request made sense to the node that got it", _objections),
-    ("the failures on record are those that were injected", lambda facts: Matching(facts).objections()),
+    ("the failures on record are those that were injected", lambda case: case.matching.objections()),
+    ("each recovery did what the policy prescribes", lambda case: Recoveries(case.facts).objections()),
+    ("each leaf's result is what the mission went on with", _taken_over),
+    ("the mission saw of its visitor what there was to see", lambda case: case.watch.objections()),
 )

@@ -3,6 +3,7 @@
 Each simulated sensor has a Visitor of its own and tells it everything that stands in the journal, so all of them know
 the same person. Only the times of messages are random.
 """
+import math
 from typing import Callable, Dict, NamedTuple, Optional, Sequence, Tuple
 
 from unit_tests.journal import Line
@@ -17,6 +18,9 @@ ALIASES = {"complete": ENGAGES, "partial01": NO_GAZE, "partial02": SILENT, "part
 
 EXHIBITS_BEFORE_LEAVING = 2
 """A visitor who leaves follows the robot to this many exhibits, and no farther."""
+
+LONG_WAIT = 300.0
+"""Seconds without a request after which the next visitor comes in any case: longer than any step takes."""
 
 SMALL_TALK = "What a bright room"
 """What a visitor says when there is nothing to answer; no language takes it for an answer."""
@@ -55,13 +59,17 @@ class Manners(NamedTuple):
 
 
 class Visitor:
-    """One visitor after the other: the first comes when the robot wakes up, the next when it scans again."""
+    """One visitor after the other: the first comes when the robot wakes up, the next when it scans or stirs again.
+
+    A robot whose nodes have crashed may do neither; then the next comes after a long wait.
+    """
 
     def __init__(self, manners: Manners):
         self.manners = manners
         self.attention = "disabled"  # the mode that the robot's gaze was last set to
         self.is_listened_to = True  # until the robot switches its speech recognition off
         self._is_first_request = True
+        self._last_request = math.inf
         self._come()
         self.is_here = False
 
@@ -75,9 +83,12 @@ class Visitor:
     # ------------------------------------------------------------------------------------------- what the robot does
 
     def notice(self, line: Line) -> None:
-        """Take in a request of the robot; lines about topics are no news to a visitor."""
+        """Take in a request of the robot; of lines about topics only the time is news to a visitor."""
         if line.call == 0:
+            if not self.is_here and line.time > self._last_request + LONG_WAIT:
+                self._come()
             return
+        self._last_request = line.time
         if self._is_first_request:
             self._is_first_request = False
             self._come()
@@ -92,6 +103,10 @@ class Visitor:
         if line.done:
             self.attention = line.content["state"]
             self._looks = 0
+
+    def _notice_movement(self, line: Line, _was_asked: bool) -> None:
+        if line.content["state"] == "enabled" and not self.is_here:  # the call for scanning may have been lost
+            self._come()
 
     def _notice_speech(self, line: Line, was_asked: bool) -> None:
         if not line.done:
@@ -113,8 +128,8 @@ class Visitor:
             self.is_listened_to = line.content["status"] == "true"
 
     _REACTIONS: Dict[str, Callable[["Visitor", Line, bool], None]] = {
-        "overtAttention": _notice_attention, "textToSpeech": _notice_speech, "robotNavigation": _notice_drive,
-        "speechEvent": _notice_recognition}
+        "overtAttention": _notice_attention, "animateBehavior": _notice_movement, "textToSpeech": _notice_speech,
+        "robotNavigation": _notice_drive, "speechEvent": _notice_recognition}
 
     # ------------------------------------------------------------------------------------------- what the visitor does
 

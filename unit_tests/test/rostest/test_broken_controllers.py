@@ -9,25 +9,9 @@ import unittest
 import rospy
 import rostest
 
+from broken import GIVES_UP_A_RETRY_TOO_EARLY, IGNORES_REFUSALS, RECOVERS_ALWAYS, SKIPS_EXHIBITS
 from expected import KNOWLEDGE
 from whole_test import FAILED, run_test
-
-IGNORES_REFUSALS = """
-from behavior_controller.leaves.base import Attempt, Ended
-poll = Attempt.poll
-Attempt.poll = lambda self: poll(self) and Ended(None)
-"""
-RECOVERS_ALWAYS = """
-from py_trees.common import Status
-from behavior_controller.leaves.recovery import HandleFallBack
-update = HandleFallBack.update
-HandleFallBack.update = lambda self: {Status.FAILURE: Status.SUCCESS}.get(result := update(self), result)
-"""
-SKIPS_EXHIBITS = """
-from behavior_controller.leaves.knowledge import SelectExhibit
-act = SelectExhibit.act
-SelectExhibit.act = lambda self: act(self) or act(self) and None
-"""
 
 
 class TestBrokenControllers(unittest.TestCase):
@@ -54,7 +38,12 @@ class TestBrokenControllers(unittest.TestCase):
         # the first drive of the tour and both retries that the delivered policy allows
         objections = self.run_spoilt(RECOVERS_ALWAYS, "plannedFaults:=" + ",".join(
             "robotNavigation:{}".format(n) for n in (1, 2, 3)))
-        self.assertEqual(objections, ["pass 1: the robot did not get to exhibit " + EXHIBITS[0]])
+        self.assertIn("HandleFallBack ended with FAILURE, and the mission went on as if it had not", objections)
+
+    def test_a_recovery_that_gives_up_a_retry_too_early(self):
+        objections = self.run_spoilt(GIVES_UP_A_RETRY_TOO_EARLY, "plannedFaults:=gestureExecution:1")
+        self.assertEqual(objections, ["the recovery from refused of WelcomeGesture ended after 0 retries where the policy "
+                                      "prescribes 1"])
 
     def test_an_exhibit_that_is_skipped(self):
         objections = self.run_spoilt(SKIPS_EXHIBITS)  # but for the last, after which there is none

@@ -119,6 +119,14 @@ def test_what_roslaunch_was_given_for_our_file(command, given):
 
 
 @pytest.mark.parametrize("command, expected", (
+    (["roslaunch", "unit_tests", "behaviorControllerTest.launch", "folder:=/run", "seed:=1"], True),
+    (["roslaunch", "unit_tests", "behaviorControllerTest.launch", "seed:=1"], False),
+    (["roslaunch", "their_robot", "everything.launch", "folder:=/x"], False)))
+def test_who_shows_the_report(command, expected):
+    assert arguments.is_by_run_test(command) is expected
+
+
+@pytest.mark.parametrize("command, expected", (
     (["/usr/bin/python3", "/usr/bin/roslaunch", "unit_tests", "x.launch"], True), (["roslaunch", "x.launch"], True),
     (["bash"], False), (["vi", "notes", "roslaunch"], False), ([], False)))
 def test_only_roslaunch_is_asked_to_end(command, expected):

@@ -34,14 +34,6 @@ def test_a_tour_for_somebody_who_never_looked_back_is_wrong():
         "pass 1: the robot was sent to 1 place without a visitor who wants a tour"]
 
 
-def test_a_pass_that_failed_before_the_gaze_was_sought_is_wrong():
-    assert objections("noGaze", "FAILURE", SPEECH) == ["pass 1: the robot did not seek the visitor's gaze"]
-
-
-def test_a_fault_excuses_that_the_gaze_was_not_sought():
-    assert not any("seek" in text for text in objections("noGaze", "FAILURE", SPEECH._replace(fault="refused")))
-
-
 def test_a_mission_that_seeks_no_gaze_has_to_succeed():
     assert objections("noGaze", "SUCCESS", SPEECH, leaves=("WelcomeSpeech",)) == []
 

@@ -204,15 +204,20 @@ def test_the_table_fits_its_columns():
 
 def test_a_terminal_shows_so_many_rows_and_the_verdict_last(monkeypatch):
     monkeypatch.setattr(report, "MOST_SHOWN", 2)
+    monkeypatch.setattr(report, "MOST_OBJECTIONS", 2)
     story = without_tour()
     for number in range(3):
         story.say("Hello", "refused")
         story.failed("WelcomeSpeech", SAY, "refused", path=str(number))
+        story.failed("WelcomeSpeech", SAY, "refused", "nothing was injected", path=str(number))
     told = write(finished(story).facts(), "title", ["a warning"])
     shown = told.shown(100, ["where the files are"]).splitlines()
-    assert shown[:3] == ["# title", str(told.verdict).splitlines()[0], "a warning"]
-    assert "and 1 more in the file" in shown
-    assert shown[-3:] == ["where the files are", "", str(told.verdict).splitlines()[-1]]
+    assert shown[0] == "# title" and shown[2] == "a warning"
+    assert shown[1] == "{} (and 2 objections: see the end)".format(str(told.verdict).splitlines()[0])
+    assert "and 4 more in the report" in shown
+    verdict = str(told.verdict).splitlines()
+    assert shown[-5:] == ["where the files are", ""] + verdict[:2] + ["        and 1 more in the report"]
+    assert len(verdict) == 3
     assert "textToSpeech:3" in told.text() and "textToSpeech:3" not in "\n".join(shown)
 
 

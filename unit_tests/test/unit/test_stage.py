@@ -151,6 +151,6 @@ def test_an_exception_beside_the_leaves_ends_the_mission(monkeypatch):
 
 def test_the_record_is_what_a_record_holds():
     record = play().record()
-    assert record[0]["event"] == "RunStarted" and record[-1]["event"] == "RunFinished"
+    assert [line["event"] for line in record[:2]] == ["TreeShown", "RunStarted"] and record[-1]["event"] == "RunFinished"
     failed = [line for line in record if line["event"] == "LeafFinished" and line["failure"]][0]
     assert failed["failure"]["cause"] == "condition-false" and math.isfinite(failed["time"])

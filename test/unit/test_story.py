@@ -1,0 +1,333 @@
+"""What an operator asks of a visit is answered by the story: what happened, why, and what the robot did, in one line each.
+
+The runs are real ones of the engine, in virtual time; each is told twice, as it happens and from its record.
+"""
+from typing import get_args
+
+import pytest
+
+from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
+                                        StepStarted, Told, TourAdvanced)
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.health import GONE
+from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Prompt, Say
+from behavior_controller.story import BROKEN_OFF, KEPT, KINDS, LEFT_OUT, SHOWN, UNDER_WAY, Story
+from behavior_controller.watch.record import Record
+from behavior_controller.watch.replay import read_record, replay
+from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
+
+
+class Teller:
+    """The story of a rig's run as it happens: ``lines`` are its sentences, ``now`` what was shown while it waited."""
+
+    def __init__(self, rig, folder=None):
+        self.rig, self.story, self.sentences, self.now = rig, Story(), [], []
+        rig.mission.events.subscribe(self._take)
+        self._record = None
+        if folder is not None:
+            self._record = Record(str(folder), rig.clock, pytest.fail)
+            rig.mission.events.subscribe(self._record)
+            self._record.show(rig.tree)
+            rig.mission.gateway = self._record.gateway(rig.gateway)
+            rig.mission.topics = self._record.topics(rig.topics)
+
+    def _take(self, event):
+        self.sentences += self.story.take(self.rig.clock.now(), event)
+
+    @property
+    def lines(self):
+        return [sentence.text for sentence in self.sentences]
+
+    def run(self, visitor, runs=1, **options):
+        """Run passes; return the teller."""
+        def act(rig):
+            self.now.append(self.story.now(rig.clock.now()))
+            visitor(rig)
+
+        self.rig.run(act, runs=runs, **options)
+        return self
+
+    def recorded(self):
+        """Return the sentences that the record tells; the record is replayed first."""
+        self._record.close()
+        lines = read_record(self._record.path)
+        assert not replay(lines).divergence
+        story = Story()
+        return [sentence.text for line in lines if isinstance(line.entry, get_args(Event))
+                for sentence in story.take(line.time, line.entry)]
+
+
+def drives(rig):
+    return sum(isinstance(request, GoTo) for request in rig.requests)
+
+
+def refusing(*kinds):
+    return lambda request: refusal(request) if isinstance(request, kinds) else NotImplemented
+
+
+def unanswered_drive(request):
+    return Failure(Cause.NO_ANSWER, "waited 180 s", service_of(request)) if isinstance(request, GoTo) else NotImplemented
+
+
+def looks_away(rig):
+    """Look at the robot everywhere but at the first exhibit."""
+    visitor_who("yes", gazes=drives(rig) != 1)(rig)
+
+
+def walks_off(rig):
+    """Be gone when the robot has driven to the first exhibit."""
+    rig.clock.advance(0.5) if drives(rig) else visitor_who("yes")(rig)
+
+
+def loses_the_voice(rig):
+    """Lose the node that speaks while the visitor is met."""
+    if not rig.of(HealthChanged):
+        rig.mission.health.report(GONE, HealthChanged("service", "/textToSpeech/say_text", "textToSpeech", False,
+                                                      "gone: no node offers it", "until it is back, the robot cannot speak"))
+    visitor_who("no")(rig)
+
+
+def unreachable_speech(request):
+    return Failure(Cause.NOT_REACHABLE, "connection refused", service_of(request)) if (
+        isinstance(request, Say) and "another time" in request.text.lower()) else NotImplemented
+
+
+NO = lambda request: Answer("No") if isinstance(request, Prompt) else NotImplemented  # noqa: E731
+YES_NO = "asked “I am sorry, I can only understand yes or no. Please say yes or no.”"
+REFUSED = "refused, the server refused (/textToSpeech/say_text)"
+
+# the visitor, the robot's answers, asrEnabled, passes; lines that stand in the story in this order; how the last visit ended
+RUNS = {
+    "tour": (visitor_who("yes please"), None, True, 1, [
+        "visitor 1 arrived", "made the welcome gesture", "visitor 1 looks at the robot",
+        "asked “Would you like me to give you a tour of the lab?”", "heard “yes please”: yes", "exhibit 1 of 2, exhibit 1",
+        "drove to exhibit 1", "said “first text 1”", "pointed at exhibit 1", "said “second text 1”", "exhibit 1 of 2, exhibit 1, was shown",
+        "exhibit 2 of 2, exhibit 2", "exhibit 2 of 2, exhibit 2, was shown", "drove to the entrance", "made the goodbye gesture", "drove to its home",
+        "pass 1: SUCCESS after 2.5 s: the tour was given, 2 of 2 exhibits shown"]),
+    "left out": (looks_away, None, True, 1, [
+        "exhibit 1 of 2, exhibit 1", "drove to exhibit 1",
+        "exhibit 1 of 2, exhibit 1, is left out: the visitor did not look at the robot",
+        "exhibit 2 of 2, exhibit 2", "pass 1: SUCCESS after 17.0 s: the tour was given, 1 of 2 exhibits shown"]),
+    "given up": (visitor_who("yes"), unanswered_drive, True, 1, [
+        "Navigate failed: no answer in time, waited 180 s (/robotNavigation/set_goal)", "retrying Navigate, 1 of 1",
+        "exhibit 1 of 2, exhibit 1, is broken off: Navigate failed 2 times: no answer in time, waited 180 s "
+        "(/robotNavigation/set_goal)",
+        "gave up: Navigate failed 2 times: no answer in time, waited 180 s (/robotNavigation/set_goal)",
+        "pass 1: FAILURE after 3.0 s: gave up at exhibit 1 of 2, exhibit 1: Navigate failed 2 times: no answer in time, waited "
+        "180 s (/robotNavigation/set_goal)"]),
+    "visitor left": (walks_off, None, True, 1, [
+        "drove to exhibit 1", "exhibit 1 of 2, exhibit 1, is broken off: the visitor left", "drove to its home",
+        "pass 1: FAILURE after 16.0 s: the visitor left at exhibit 1 of 2, exhibit 1"]),
+    "node died": (loses_the_voice, unreachable_speech, True, 1, [
+        "service /textToSpeech/say_text (of node /textToSpeech): gone: no node offers it; until it is back, the robot cannot "
+        "speak", "MaybeAnotherTimeSpeech failed: not reachable, connection refused (/textToSpeech/say_text)",
+        "retrying MaybeAnotherTimeSpeech, 1 of 1",
+        "went on without MaybeAnotherTimeSpeech, which failed 2 times: not reachable, connection refused "
+        "(/textToSpeech/say_text)", "pass 1: SUCCESS after 1.5 s: the visitor did not want a tour"]),
+    "budget spent": (visitor_who("yes"), refusing(Say, PerformGesture), True, 2, [
+        "went on without WelcomeSpeech, which failed 2 times: " + REFUSED,
+        "did LocationOvertAttentionMode in place of PerformDeicticGesture: refused, the server refused "
+        "(/gestureExecution/perform_gesture)", "looked at exhibit 1", "gave up: the budget of 30 recoveries in 600 s is spent"]),
+    "silent": (visitor_who(), None, True, 1, 3 * [YES_NO] + [
+        "said “That is all right. Maybe another time! Have a nice day.”",
+        "pass 1: SUCCESS after 30.5 s: the visitor did not answer"]),
+    "declined": (visitor_who("no"), None, True, 1, [
+        "heard “no”: no", "pass 1: SUCCESS after 1.0 s: the visitor did not want a tour"]),
+    "no gaze": (visitor_who(gazes=False), None, True, 1, [
+        "visitor 1 arrived", "pass 1: FAILURE after 15.0 s: the visitor did not look at the robot"]),
+    "unclear": (visitor_who("perhaps"), None, True, 1, [
+        "heard “perhaps”: neither yes nor no", YES_NO,
+        "pass 1: SUCCESS after 30.5 s: the visitor answered neither yes nor no"]),
+    "tablet": (visitor_who(), NO, False, 1, [
+        "the visitor pressed “No”", "pass 1: SUCCESS after 0.5 s: the visitor did not want a tour"]),
+}
+
+
+@pytest.mark.parametrize("kind", RUNS)
+def test_each_kind_of_visit_is_told_with_its_causes_and_the_record_tells_the_same(kind, tmp_path):
+    visitor, answer, by_voice, runs, expected = RUNS[kind]
+    teller = Teller(Rig(answer=answer or (lambda request: NotImplemented), asrEnabled=by_voice), tmp_path)
+    teller.run(visitor, runs)
+    rest = iter(teller.lines)
+    assert [line for line in expected if not any(told.startswith(line) for told in rest)] == []
+    assert teller.recorded() == teller.lines
+    assert {sentence.kind for sentence in teller.sentences} <= set(KINDS)
+    assert all(sentence.uid and sentence.path for sentence in teller.sentences if sentence.kind not in (
+        "notice", "health") and not sentence.text.startswith("pass"))
+
+
+def test_a_budget_that_is_spent_is_the_reason_of_the_visit_s_end():
+    teller = Teller(Rig(answer=refusing(Say, PerformGesture))).run(visitor_who("yes"), 2)
+    assert "budget of 30 recoveries in 600 s is spent" in teller.story.visits[-1].why
+
+
+@pytest.mark.parametrize("visitor, answer, states, why", [
+    (visitor_who("yes"), None, [SHOWN, SHOWN], ["", ""]),
+    (looks_away, None, [LEFT_OUT, SHOWN], ["the visitor did not look at the robot", ""]),
+    (walks_off, None, [BROKEN_OFF], ["the visitor left"]),
+    (visitor_who("yes"), unanswered_drive, [BROKEN_OFF], ["Navigate failed 2 times: no answer in time, waited 180 s "
+                                                          "(/robotNavigation/set_goal)"])])
+def test_how_it_stands_with_each_exhibit_and_why(visitor, answer, states, why):
+    visit = Teller(Rig(answer=answer or (lambda request: NotImplemented))).run(visitor).story.visit
+    assert [(shown.state, shown.why) for shown in visit.exhibits] == list(zip(states, why))
+    assert [(shown.number, shown.of, shown.name) for shown in visit.exhibits] == [
+        (1, 2, "exhibit 1"), (2, 2, "exhibit 2")][:len(states)]
+
+
+def test_the_wait_for_a_visitor_does_not_count_as_the_visit():
+    def comes_late(rig):
+        rig.clock.advance(0.5) if rig.clock.now() < 1100.0 else visitor_who("no")(rig)
+
+    visit = Teller(Rig()).run(comes_late).story.visit
+    assert (visit.waited, visit.seconds, visit.outcome, visit.answer) == (100.5, 1.0, "SUCCESS", "no")
+    assert visit.began < visit.arrived < visit.engaged <= visit.asked
+
+
+def test_a_visit_under_way_counts():
+    teller = Teller(Rig())
+    counts = []
+
+    def visitor(rig):
+        counts.append((teller.story.visit_count, dict(teller.story.outcomes)))
+        visitor_who("no")(rig)
+
+    teller.run(visitor, 2)
+    assert counts[0] == (1, {}) and counts[-1] == (2, {"SUCCESS": 1})
+    assert teller.story.outcomes == {"SUCCESS": 2}
+
+
+def test_the_step_under_way_with_its_time_and_its_limit():
+    rig = Rig(answer=lambda request: None if isinstance(request, GoTo) else NotImplemented)
+    teller = Teller(rig)
+
+    def visitor(rig):
+        visitor_who("yes")(rig)
+        if drives(rig):
+            rig.clock.advance(3.5)
+
+    teller.run(visitor, is_stopped=lambda: len(teller.now) > 4)
+    assert teller.now[0] == "waiting for a visitor, 0 s"
+    assert teller.now[1] == "visitor 1 · waiting for the visitor to look at the robot, 0 s of at most 15 s"
+    assert teller.now[2] == "visitor 1 · listening to the visitor, 0 s of at most 10 s"
+    assert teller.now[4] == "visitor 1 · exhibit 1 of 2, exhibit 1 · driving, 4 s of at most 180 s"
+    visit = teller.story.visit
+    assert (visit.outcome, visit.why, visit.exhibits[0].state) == ("", "the robot was stopped", BROKEN_OFF)
+    assert teller.story.now(rig.clock.now()) == "visitor 1"
+
+
+def test_a_retry_is_told_as_it_goes_on_and_when_it_is_done():
+    answers = [Failure(Cause.REFUSED, "busy", "/robotNavigation/set_goal")] * 2 + [None]
+    rig = Rig(answer=lambda request: answers.pop(0) if isinstance(request, GoTo) and answers else NotImplemented)
+    teller = Teller(rig).run(visitor_who("yes"), is_stopped=lambda: drives(rig) == 3 and rig.clock.now() > 1010.0)
+    at = teller.lines.index("retrying Navigate, 1 of 2")
+    assert teller.lines[at - 1:at + 2] == [
+        "Navigate failed: refused, busy (/robotNavigation/set_goal)", "retrying Navigate, 1 of 2",
+        "retrying Navigate, 2 of 2: refused, busy (/robotNavigation/set_goal)"]
+    assert "visitor 1 · exhibit 1 of 2, exhibit 1 · retrying Navigate, 2 of 2, 0 s" in teller.now
+    assert teller.now[-1].startswith("visitor 1 · exhibit 1 of 2, exhibit 1 · driving (retry 2 of 2), ")
+
+
+def test_a_step_that_is_done_at_another_try_is_told_once_with_what_it_did():
+    answers = [Failure(Cause.REFUSED, "busy", "/robotNavigation/set_goal")]
+    rig = Rig(answer=lambda request: answers.pop() if isinstance(request, GoTo) and answers else NotImplemented)
+    lines = Teller(rig).run(visitor_who("yes")).lines
+    at = lines.index("Navigate is done at the 2nd try")
+    assert lines[at + 1] == "drove to exhibit 1" and lines.count("drove to exhibit 1") == 1
+
+
+def test_a_wait_is_over_when_something_else_begins():
+    story = Story()
+    story.take(1.0, StepStarted(1, "Seen", "a", "waiting for a visitor", "", 5.0, True))
+    story.take(1.0, LeafFinished(1, "Seen", "a", "FAILURE", "", 0.0, Failure(Cause.CONDITION_FALSE, "no face")))
+    assert story.now(3.0) == "waiting for a visitor, 2 s of at most 5 s"
+    story.take(3.0, StepStarted(2, "Say", "b", "saying", "hello", 0.0, False))
+    story.take(4.0, LeafFinished(2, "Say", "b", "SUCCESS", "", 1.0, None))
+    assert story.now(4.0) == ""
+
+
+@pytest.mark.parametrize("beside, limit", [
+    ("<ForceFailure><Sleep msec='15000'/></ForceFailure>", 15.0), ("<Sleep msec='{@long}'/>", 0.0),
+    ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", 0.0)])
+def test_the_limit_of_a_wait_is_that_of_the_timer_beside_it(beside, limit):
+    rig = one_leaf("<ReactiveFallback><IsVisitorDiscovered/>{}</ReactiveFallback>".format(beside))
+    rig.tree.blackboard.set("long", 1)
+    rig.tick()
+    assert [(event.words, event.limit, event.is_wait) for event in rig.of(StepStarted)] == [
+        ("waiting for a visitor", limit, True)]
+
+
+def test_the_limit_of_a_wait_may_be_that_of_a_timeout_above_it():
+    rig = one_leaf("<Timeout msec='3000'><ReactiveFallback><IsVisitorDiscovered/><KeepRunningUntilFailure><AlwaysSuccess/>"
+                   "</KeepRunningUntilFailure></ReactiveFallback></Timeout>")
+    rig.tick()
+    assert [event.limit for event in rig.of(StepStarted)] == [3.0]
+
+
+def test_a_condition_that_waits_by_itself_waits_as_long_as_it_does():
+    rig = one_leaf("<Sequence><IsVisitorDiscovered/></Sequence>", conditionWait=7.0)
+    rig.tick()
+    rig.tick()
+    assert [(event.words, event.limit) for event in rig.of(StepStarted)] == [("waiting for a visitor", 7.0)]
+
+
+def test_a_condition_that_does_not_wait_is_no_step():
+    rig = one_leaf("<Sequence><IsVisitorDiscovered/></Sequence>")
+    rig.tick()
+    assert rig.of(StepStarted) == []
+
+
+# --------------------------------------------------------------------------------------------------- other vocabularies
+
+
+def test_a_leaf_without_words_is_told_by_its_name(monkeypatch):
+    monkeypatch.setattr(Say, "words", None)
+    teller = Teller(one_leaf("<Sequence><WelcomeSpeech/><Sleep msec='100'/></Sequence>", lambda request: None))
+
+    def robot(rig):
+        rig.clock.advance(0.5)
+        rig.gateway.calls[0].finish(Answer())
+
+    lines = teller.run(robot).lines
+    assert teller.now[0] == "WelcomeSpeech, 0 s of at most 60 s" and "WelcomeSpeech is done" in lines
+
+
+def test_the_robot_s_requests_have_words_for_leaves_of_any_package():
+    rig = one_leaf('<Sequence><Navigate target="1;2;90"/><PerformDeicticGesture target="1;2;3"/></Sequence>')
+    assert Teller(rig).run(lambda rig: None).lines[1:3] == ["drove to 1, 2, 90°", "pointed at 1, 2, 3"]
+
+
+# ------------------------------------------------------------------------------------------------------- what it bears
+
+
+def test_it_keeps_a_bounded_number_of_visits_and_steps():
+    story = Story()
+    for number in range(1, KEPT + 10):
+        story.take(1.0, PassStarted(number, 0.0))
+        story.take(1.0, StepStarted(number, "x", "x", "doing", "", 0.0, False))
+        story.take(1.0, PassFinished(number, "SUCCESS", 1.0))
+        assert story.step is None
+    assert len(story.visits) == KEPT and story.visits[-1].number == KEPT + 9
+    assert story.outcomes == {"SUCCESS": KEPT + 9}
+
+
+FAILURE = Failure(Cause.REFUSED, "\x1b[2J\n", "/x\x1b")
+
+
+@pytest.mark.parametrize("event", [
+    LeafFinished(7, "x", "x", "SUCCESS", "", 1.0, None, Told("odd", "\x1b[2J", "odd")), Noticed("odd", "\x1b[2J"),
+    LeafFinished(7, "x", "x", "SUCCESS", "", 1.0, None, Told("visit", "", "left")),
+    LeafFinished(7, "x", "x", "FAILURE", "", 1.0, FAILURE), PassFinished(3, "FAILURE", 1.0),
+    Recovered("x\x1b", "x", FAILURE, "-", 2, False, "given up"), Recovered("x", "x", FAILURE, "-", 2, True, "substituted"),
+    TourAdvanced(1, "x", "x", 3, 2, "\x1b", "begun"), TourAdvanced(1, "x", "x", 3, 2, "x", "omitted")])
+def test_whatever_comes_in_whatever_order_is_one_line_each(event):
+    story = Story()
+    for known in (story.take(1.0, event), story.take(2.0, event)):
+        assert all(sentence.text.isprintable() and sentence.kind in KINDS for sentence in known)
+    assert story.now(3.0).isprintable()
+
+
+def test_an_exhibit_under_way_is_under_way():
+    story = Story()
+    story.take(1.0, PassStarted(1, 0.0))
+    story.take(1.0, TourAdvanced(1, "x", "x", 1, 2, "Arm", "begun"))
+    assert story.exhibit.state == UNDER_WAY and story.now(1.0) == "exhibit 1 of 2, Arm"

@@ -1,0 +1,249 @@
+"""Whether each recovery did what the policy prescribes for the failures that it met.
+
+Written from the words at the head of recoveryPolicy.ini, beside the controller's own recovery: all that is read as the
+controller reads it are the lines of the policy's rules and what the node types are declared to be.
+"""
+from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set
+
+from behavior_controller import leaves, policy
+from behavior_controller.interface import Interface
+from behavior_controller.leaves import data
+from behavior_controller.mission_spec import MissionSpec, whole_mission
+from behavior_controller.text import Source
+
+from unit_tests.facts import Event, Facts, Tree, count, started
+
+DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given up"
+
+AT_ONCE = 0.01
+"""Seconds within which two recoveries begin at one moment, so that either may have begun first."""
+
+NEARLY = 0.5
+"""Seconds by which the record's times may be wrong about which recoveries the budget still counts."""
+
+SPECS: Dict[str, MissionSpec] = {spec.id: spec for spec in leaves.mission_specs()}
+RECOVERY = {name for name, spec in SPECS.items() if spec.is_recovery}
+
+
+class Round(NamedTuple):
+    """One recovery as the record tells it. ``failures``: the step's own, then those of its retries."""
+
+    recovered: Event
+    fallback: Event  # how HandleFallBack ended
+    failures: List[Event]
+    instead: List[Event]  # failures of the substitute
+
+    @property
+    def began(self) -> float:
+        return float(self.fallback["time"] - self.fallback["seconds"])
+
+    @property
+    def outcome(self) -> str:
+        return str(self.recovered["outcome"])
+
+    @property
+    def helped(self) -> bool:
+        """Whether the step, or what stands in for it, was done after all."""
+        return self.outcome in (DONE, SUBSTITUTED)
+
+
+def rounds(events: Sequence[Event]) -> Iterator[Round]:
+    """Yield all recoveries, in the order of their ends."""
+    met: Dict[str, List[Event]] = {}  # path -> the failures there since the leaf, or HandleFallBack, ran last
+    recovered: Optional[Event] = None
+    for event in events:
+        if event["event"] == "Retried":
+            met.setdefault(event["path"], []).append(event)
+        elif event["event"] == "Recovered":
+            recovered = event
+        elif event["event"] == "LeafFinished" and event["node"] not in RECOVERY:
+            if event["status"] == "FAILURE":
+                met[event["path"]] = [event]
+        elif event["event"] == "LeafFinished":
+            instead = met.pop(event["path"], [])
+            if recovered is not None and event["status"] != "IDLE":
+                yield Round(recovered, event, met.get(recovered["path"], []), instead)
+                # what is left to an outer HandleFallBack is the failure of the step itself
+                met[recovered["path"]] = met.get(recovered["path"], [])[:1]
+            recovered = None
+
+
+class Recoveries:
+    """All recoveries of a run against the policy in its record. Nothing is judged if the record has no tree or policy."""
+
+    def __init__(self, facts: Facts):
+        self._facts = facts
+        self._tree = Tree(facts.events)
+        self._policy = _policy(facts)
+        self._tour = _Tour(len(facts.knowledge.exhibits), bool(facts.real))
+        self._all = list(rounds(facts.events))
+        self._begun = sorted(event["time"] - event["seconds"] for event in facts.events
+                             if event["event"] == "LeafFinished" and event["node"] in RECOVERY
+                             and not (event["failure"] or {}).get("cause") == "missing-data")
+
+    def objections(self) -> Iterator[str]:
+        """Object to each recovery that tried too often or not often enough, or ended as it may not."""
+        if self._policy is None or not self._tree:
+            return
+        by_end = {id(each.fallback): each for each in self._all}
+        for event in self._facts.events:
+            self._tour.take(event)
+            if id(event) in by_end:
+                each = by_end[id(event)]
+                may_skip = self._leave_out(each)
+                if each.recovered["path"] != event["path"]:  # else there was nothing to recover from
+                    yield from self._judge(each, may_skip)
+        yield from self._quiet_tries()
+
+    def _leave_out(self, each: Round) -> Optional[bool]:
+        """Return whether the mission may go on without the steps; None if that cannot be told."""
+        types = (self._tree.types[uid] for uid in self._tree.before(each.fallback["uid"]))
+        if each.helped or not any(kind in SPECS and SPECS[kind].leave_out is not None for kind in types):
+            return True
+        return self._tour.leave_out()
+
+    def _judge(self, each: Round, may_skip: Optional[bool]) -> Iterator[str]:
+        node = each.recovered["node"]
+        can_redo = self._tree.are_neighbours(each.failures[0]["uid"], each.fallback["uid"]) if each.failures else False
+        is_spent = self._is_spent(each.began)
+        verdicts = [list(self._told(each, can_redo, spent, may)) for spent in ([is_spent] if is_spent is not None else
+                    [False, True]) for may in ([may_skip] if may_skip is not None else [False, True])]
+        if all(verdicts):  # what cannot be told for sure counts for the controller
+            yield "the recovery from {} of {} {}".format(
+                each.failures[0]["failure"]["cause"] if each.failures else "a failure", node, verdicts[0][0])
+
+    def _told(self, each: Round, can_redo: bool, is_spent: bool, may_skip: bool) -> Iterator[str]:
+        """Say what is wrong with a recovery, given whether it can redo the step, afford it, and leave it out."""
+        spec, rule, causes = SPECS.get(each.recovered["node"]), None, [_cause(event) for event in each.failures]
+        if spec is None or not causes:
+            yield "is on record without the failure"
+            return
+        tries = len(causes) - 1 + (each.outcome == DONE)
+        for number, cause in enumerate(causes):
+            rule = self._rule(spec, cause)
+            allowed = rule.retries if can_redo and not is_spent else 0
+            if number < tries and number >= allowed:
+                yield "made {} where the policy allows {}".format(count(tries, "retry", "retries"), allowed)
+                return
+        assert rule is not None
+        if each.outcome == DONE:
+            return
+        if tries < allowed:
+            yield "ended after {} where the policy prescribes {}".format(count(tries, "retry", "retries"), allowed)
+        instead = rule.substitute.id if rule.substitute is not None and can_redo and not is_spent else None
+        tried = {event["node"] for event in each.instead}
+        if tried - {instead} or each.outcome == SUBSTITUTED and instead is None:
+            yield "did something else instead, which the policy does not prescribe"
+        elif each.outcome != SUBSTITUTED:
+            if instead is not None and not tried:
+                yield "left out {}, which the policy prescribes instead".format(instead)
+            expected = SKIPPED if rule.then == policy.SKIP and not is_spent and may_skip else GIVEN_UP
+            if each.outcome != expected:
+                yield "ended with: {}; the policy says: {}".format(each.outcome, expected)
+
+    def _rule(self, spec: MissionSpec, cause: str) -> policy.Rule:
+        """Return the first line that fits; what the tour cannot do without is given up where a line would skip it."""
+        assert self._policy is not None
+        for rule in self._policy.rules:
+            if rule.node in ("*", spec.id) and rule.cause in ("*", cause):
+                is_kept = rule.then == policy.SKIP and spec.is_indispensable
+                return rule._replace(then=policy.GIVE_UP, substitute=None) if is_kept else rule
+        return policy.Rule("*", "*", 0, 0.0, policy.GIVE_UP)
+
+    def _is_spent(self, began: float) -> Optional[bool]:
+        """Return whether the budget was spent when a recovery began; None if its times are too near to tell."""
+        assert self._policy is not None
+        oldest = began - self._policy.seconds
+        sure = 1 + sum(oldest + NEARLY < other < began - AT_ONCE for other in self._begun)
+        perhaps = sum(oldest - NEARLY < other < began + AT_ONCE for other in self._begun)
+        if sure > self._policy.most:
+            return True
+        return False if perhaps <= self._policy.most else None
+
+    def _quiet_tries(self) -> Iterator[str]:
+        """Object to a step that was carried out as often as the record does not say."""
+        interface, journal = self._facts.interface, [line for line in self._facts.journal if line.call and line.done]
+        for each in self._all:
+            names = _services(each.recovered["node"], interface)
+            if not names or self._is_beside_others(each, names) or _nodes(names, interface) & self._facts.real:
+                continue
+            done = [line for line in journal if line.resource in names
+                    and each.failures and each.failures[0]["time"] < line.time <= each.recovered["time"]
+                    and line.time >= each.began - AT_ONCE]
+            if len(done) != (each.outcome == DONE) and not self._may_be_safe_state(each, names):
+                yield "the recovery of {} is on record as {}, and {} carried its request out {}".format(
+                    each.recovered["node"], each.outcome, "/".join(sorted(_nodes(names, interface))),
+                    count(len(done), "time", "times"))
+
+    def _may_be_safe_state(self, each: Round, names: Set[str]) -> bool:
+        return each.outcome != DONE and any(
+            self._facts.interface.service(type(request)).name in names for request in self._facts.interface.safe_state)
+
+    def _is_beside_others(self, each: Round, names: Set[str]) -> bool:
+        """Whether another leaf used the same services meanwhile, or the step is not one that is asked again."""
+        substitute = {name for event in self._facts.events if event["event"] == "LeafFinished"
+                      and event["path"] != each.recovered["path"] and event["node"] not in RECOVERY
+                      and each.began - AT_ONCE < event["time"] + 0.0 and event["time"] - event["seconds"] <
+                      each.recovered["time"] - AT_ONCE for name in [event["resource"]]}
+        return bool(substitute & names) or each.outcome == SUBSTITUTED
+
+
+def _cause(event: Event) -> str:
+    return str(event["failure"]["cause"])
+
+
+def _services(node: str, interface: Interface) -> Set[str]:
+    calls = SPECS[node].calls if node in SPECS else ()
+    return {service.name for service in interface.services if service.request in calls}
+
+
+def _nodes(names: Set[str], interface: Interface) -> Set[str]:
+    return {service.node for service in interface.services if service.name in names}
+
+
+def _policy(facts: Facts) -> Optional[policy.Policy]:
+    """Return the policy that the record holds."""
+    source = started(facts).get("sources", {}).get("policy")
+    return policy.read(Source(source["file"], source["text"]), leaves.mission_specs()) if source else None
+
+
+class _Tour:
+    """Which exhibits a pass has left out so far. A tour may not leave out every one of them."""
+
+    def __init__(self, number: int, is_unknown: bool):
+        self._number, self._is_unknown = number, is_unknown
+        self._begin()
+
+    def _begin(self) -> None:
+        self._next, self._left_out = 0, set()  # type: int, Set[int]
+        self._current: Optional[int] = None  # the exhibit on whose behalf the robot is under way
+
+    def take(self, event: Event) -> None:
+        """Follow the leaves that choose where the robot goes."""
+        if event["event"] == "PassStarted":
+            self._begin()
+        is_done = event["event"] == "LeafFinished" and event["status"] == "SUCCESS" \
+            or event["event"] == "Recovered" and event["outcome"] == DONE
+        spec = SPECS.get(event["node"]) if is_done else None
+        if spec is None:
+            return
+        if spec.writes(data.EXHIBITS.name):
+            self._begin()
+        elif spec.writes(data.CURRENT_EXHIBIT.name):
+            self._current = self._next
+            self._next += 1
+        elif spec.writes(data.TARGET_LOCATION.name):
+            self._current = None
+
+    def leave_out(self) -> Optional[bool]:
+        """Leave the exhibit under way out; return whether the tour may, None if the number of exhibits is not known."""
+        if self._current is None:
+            return True
+        is_new = self._current not in self._left_out
+        self._left_out.add(self._current)
+        if self._is_unknown:
+            return None
+        may = len(self._left_out) < self._number
+        if not may and is_new:
+            self._next = self._current  # it goes back to the list, once
+        return may

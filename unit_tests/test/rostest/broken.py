@@ -1,0 +1,41 @@
+"""Controllers that do one thing wrong, each as the code that spoils it."""
+
+IGNORES_REFUSALS = """
+from behavior_controller.leaves.base import Attempt, Ended
+poll = Attempt.poll
+Attempt.poll = lambda self: poll(self) and Ended(None)
+"""
+RECOVERS_ALWAYS = """
+from py_trees.common import Status
+from behavior_controller.leaves.recovery import HandleFallBack
+update = HandleFallBack.update
+HandleFallBack.update = lambda self: {Status.FAILURE: Status.SUCCESS}.get(result := update(self), result)
+"""
+SKIPS_EXHIBITS = """
+from behavior_controller.leaves.knowledge import SelectExhibit
+act = SelectExhibit.act
+SelectExhibit.act = lambda self: act(self) or act(self) and None
+"""
+GIVES_UP_A_RETRY_TOO_EARLY = """
+from behavior_controller.recovery import Recovery
+next_step = Recovery.next_step
+def one_less(self):
+    self._rule = self._rule._replace(retries=max(0, self._rule.retries - 1))
+    return next_step(self)
+Recovery.next_step = one_less
+"""
+RETRIES_ONCE_TOO_OFTEN = """
+from behavior_controller.recovery import Recovery
+next_step = Recovery.next_step
+def one_more(self):
+    self._rule = self._rule._replace(retries=self._rule.retries + 1)
+    return next_step(self)
+Recovery.next_step = one_more
+"""
+SKIPS_WHAT_MAY_NOT_BE_SKIPPED = """
+from behavior_controller.recovery import GIVEN_UP, SKIPPED, End, Recovery
+next_step = Recovery.next_step
+Recovery.next_step = lambda self: End(SKIPPED) if (step := next_step(self)) == End(GIVEN_UP) else step
+"""
+
+ALL = {name: code for name, code in list(globals().items()) if name.isupper()}

@@ -1,0 +1,213 @@
+"""rehearseMission: each planted mistake is found by its name, and nothing in the lab tour."""
+import json
+import math
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from behavior_controller import exits
+
+from unit_tests import findings, rehearse, scenes
+from unit_tests.faults import KINDS, PlannedFault
+from unit_tests.scenes import Outcome, Scene, Theatre
+from unit_tests.survey import Share, Survey
+from unit_tests.visitor import BEHAVIOURS
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ENGAGES, SILENT = ["--visitors", "engages"], ["--visitors", "silent"]
+CALM = ["--faults", "none", "--limit", "900"]
+PLANTED = [
+    ("busy_loop", "busy-loop", CALM + ENGAGES),
+    ("endless_retry", "endless", CALM + SILENT),
+    ("endless_first_exhibit", "endless", CALM + ENGAGES),
+    ("waits_for_ever", "waits-for-ever", CALM),
+    ("exception", "exception", CALM),
+    ("missing_data", "missing-data", CALM),
+    ("budget_spent", "budget-spent", CALM),
+    ("left_on", "left-on", CALM),
+    ("not_home", "not-home", CALM),
+    ("abandoned_drive", "abandoned-drive", CALM),
+    ("goodbye_to_nobody", "goodbye-to-nobody", CALM),
+    ("left_out", "left-out", CALM),
+    ("unrecovered", "unrecovered", ["--kinds", "refused"]),
+    ("never_off", "never-off", ["--kinds", "refused"]),
+    ("unreached", "unreached", ["--kinds", "refused"]),
+]
+
+
+def planted(name):
+    return os.path.join(HERE, "planted", name + ".xml")
+
+
+def run(capsys, *words):
+    """Return the exit code and what was printed."""
+    code = rehearse.main(list(words) + ["--jobs", "1"])
+    return code, capsys.readouterr().out
+
+
+def found(capsys, *words):
+    code, text = run(capsys, "--json", *words)
+    told = json.loads(text)["found"]
+    assert code == (exits.FOUND if told else 0)
+    return told
+
+
+@pytest.mark.parametrize("name, kind, words", PLANTED)
+def test_each_planted_mistake_is_found_by_its_name(capsys, name, kind, words):
+    told = found(capsys, planted(name), *words)
+    assert {each["kind"] for each in told} == {kind}
+    for each in told:
+        assert (each["scene"] is None) is (kind in ("never-off", "unreached"))
+        assert each["story"] or each["scene"] is None or kind in ("busy-loop", "endless", "waits-for-ever")
+
+
+def test_each_mistake_is_planted():
+    assert {kind for _, kind, _ in PLANTED} == set(findings.BY_NAME) - {"senseless-request"}
+    assert {name for name, _, _ in PLANTED} | {"good"} == {name[:-4] for name in os.listdir(os.path.join(HERE, "planted"))}
+
+
+def test_nothing_is_found_in_the_mission_without_a_mistake(capsys):
+    assert found(capsys, planted("good"), "--kinds", "unanswered", "--visitors", "engages,leaves") == []
+
+
+@pytest.mark.parametrize("words", (["--kinds", "crash"], ["--runs", "20", "--failureRate", "0.1"]))
+def test_nothing_is_found_in_the_lab_tour(capsys, words):
+    assert found(capsys, "lab_tour", *words) == []
+
+
+def test_the_tour_of_release_1_0_is_rehearsed_too(capsys):
+    code, text = run(capsys, "release_1_0_tour", "robotInterface:=release-1.0", "--faults", "none", *ENGAGES)
+    assert "robot release-1.0: 2 plays" in text
+
+
+def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_it_again(capsys):
+    path = planted("goodbye_to_nobody")
+    code, text = run(capsys, path, *CALM)
+    assert code == exits.FOUND == 4
+    line = [number for number, line in enumerate(open(path), 1) if "SayGoodByeSpeech" in line][0]
+    assert "goodbye-to-nobody: The robot says goodbye although the visitor has left." in text
+    assert re.search(r"SayGoodByeSpeech::\d+ \({}:{}:\d+\): the visitor had left \d+ s before".format(path, line), text)
+    again = re.search("again: rosrun unit_tests rehearseMission (.*)", text).group(1).split()
+    code, text = run(capsys, *again)
+    assert code == exits.FOUND and "1 plays" in text and "goodbye-to-nobody" in text
+
+
+def test_the_shortest_play_of_a_finding_has_the_fewest_faults():
+    survey = Survey(Theatre({}, planted("good"), 900.0))
+    finding = ("not-home", "", "x")
+    faulty = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "refused"),))
+    for scene, seconds in ((faulty, 5.0), (Scene("leaves"), 90.0), (Scene("engages"), 80.0)):
+        survey.take(Outcome(scene, "SUCCESS", seconds, 0, (finding,), frozenset(), frozenset()))
+    told, = survey.found(False)
+    assert (told.scene, told.plays, told.seconds) == (Scene("engages"), 3, 80.0)
+
+
+def test_single_faults_are_each_call_in_each_way_and_each_silent_topic():
+    theatre = Theatre({}, planted("unrecovered"), 900.0)
+    made = list(scenes.single(theatre, [Scene("engages")], KINDS))
+    calls = [("overtAttention", 1), ("textToSpeech", 1), ("overtAttention", 2), ("animateBehavior", 1)]
+    assert [scene.planned for scene in made[:-3]] == [
+        (PlannedFault(node, call, kind),) for node, call in calls for kind in KINDS]
+    assert {scene.silent for scene in made[-3:]} == {("/faceDetection/data",), ("/overtAttention/mode",), ("/speechEvent/text",)}
+
+
+def test_what_the_tablet_does_not_change_is_not_played_again():
+    theatre = Theatre({}, planted("unrecovered"), 900.0)
+    by_tablet = [scene for scene in scenes.single(theatre, [Scene("engages"), Scene("engages", False)], KINDS)
+                 if not scene.by_voice]
+    assert len(by_tablet) == 3 and all(scene.silent for scene in by_tablet)
+
+
+def test_pairs_are_each_two_calls_and_each_call_with_its_repetition():
+    theatre = Theatre({}, planted("unrecovered"), 900.0)
+    made = list(scenes.pairs(theatre, [Scene("engages")], ("refused",)))
+    assert len(set(made)) == len(made) == 6 + 4 - 1  # of four calls, two of which follow each other on one node
+
+
+def test_the_share_of_successes_has_wilsons_interval():
+    # n = 20, 12 successes: (0.6 + 0.09604 ± 1.96 * sqrt(0.012 + 0.0024010)) / 1.19208
+    low, high = Share(0.3, 20, 12, 1.0).interval
+    assert low == pytest.approx((0.69604 - 1.96 * math.sqrt(0.014401)) / 1.19208, abs=1e-6)
+    assert high == pytest.approx((0.69604 + 1.96 * math.sqrt(0.014401)) / 1.19208, abs=1e-6)
+    assert Share(0.0, 10, 10, 1.0).interval[1] == 1.0 and Share(1.0, 10, 0, 1.0).interval[0] == 0.0
+
+
+def test_the_page_stands_alone_and_has_the_plot(capsys, tmp_path):
+    path = str(tmp_path / "page.html")
+    run(capsys, planted("good"), "--runs", "3", "--failureRate", "0,0.5", "--html", path)
+    page = open(path, encoding="utf-8").read()
+    assert page.count("<circle") == 2 and "<polyline" in page
+    assert "http" not in page and "<script" not in page and "src=" not in page
+
+
+@pytest.mark.parametrize("words, told", [
+    (["lab_tour", "--falts", "none"], "did you mean --faults?"),
+    (["lab_tour", "--faults", "singel"], "did you mean single?"),
+    (["lab_tour", "--visitors", "engages,leafs"], "did you mean leaves?"),
+    (["lab_tour", "--kinds", "crsh"], "did you mean crash?"),
+    (["lab_tour", "--runs", "0"], "allowed: 1 to"),
+    (["lab_tour", "--failureRate", "2", "--runs", "1"], "allowed: 0 to 1"),
+    (["lab_tour", "--failureRate", "0.5"], "--failureRate is for --runs"),
+    (["lab_tour", "--runs", "2", "--faults", "none"], "exclude each other"),
+    (["lab_tour", "--kinds", "crash", "--faults", "none"], "--kinds is for"),
+    (["lab_tour", "--planned", "textToSpeech"], "node:call:kind"),
+])
+def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
+    with pytest.raises(SystemExit) as end:
+        rehearse.main(words)
+    assert end.value.code == exits.WRONG_INPUT and told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words, told", [
+    (["lab_tuor"], "did you mean lab_tour?"),
+    (["no/such/file.xml"], "no/such/file.xml"),
+    (["lab_tour", "asrEnabeld:=true"], "did you mean asrEnabled?"),
+    (["lab_tour", "asrEnabled:=perhaps"], "asrEnabled cannot be"),
+    (["lab_tour", "--planned", "textToSpeach:1"], "did you mean textToSpeech?"),
+    (["lab_tour", "--silent", "/faces"], "/faceDetection/data"),
+])
+def test_what_cannot_be_played_is_told(capsys, words, told):
+    code, text = run(capsys, *words)
+    assert code == exits.WRONG_INPUT and told in text and "Traceback" not in text
+
+
+def start(*words, complaints):
+    """Start the command as a process of its own, in a process group of its own."""
+    command = os.path.join(HERE, "..", "..", "nodes", "rehearseMission")
+    return subprocess.Popen([sys.executable, command] + list(words), stdout=subprocess.PIPE, stderr=complaints,
+                            env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)), start_new_session=True)
+
+
+def test_several_processes_find_the_same(capsys):
+    words = [planted("goodbye_to_nobody"), "--json", "--kinds", "refused,crash", "--visitors", "leaves"]
+    process = start(*words, "--jobs", "2", complaints=subprocess.PIPE)
+    text, complaints = process.communicate(timeout=120)
+    assert (process.returncode, complaints) == (exits.FOUND, b"")
+    here, there = json.loads(run(capsys, *words)[1]), json.loads(text)
+    assert here["found"] == there["found"] and here["plays"] == there["plays"] > scenes.FEW
+
+
+def test_a_terminal_shows_the_progress_and_ctrl_c_tells_what_was_found_so_far():
+    terminal, far_end = pty.openpty()
+    process = start("lab_tour", "--runs", "100000", "--failureRate", "0", "--jobs", "2", complaints=far_end)
+    os.close(far_end)
+    shown = b""
+    while b" of 100000 plays" not in shown:
+        assert select.select([terminal], [], [], 120)[0], shown
+        shown += os.read(terminal, 1000)
+    os.killpg(process.pid, signal.SIGINT)
+    text, _ = process.communicate(timeout=60)
+    assert process.returncode == exits.UNAVAILABLE
+    assert re.search(rb"\d+ plays in .* stopped before the other \d+", text)
+    assert b"Traceback" not in shown + os.read(terminal, 10000) + text
+    os.close(terminal)
+
+
+def test_all_visitors_are_played():
+    assert [scene.visitor for scene in scenes.calm(BEHAVIOURS, [True])] == list(BEHAVIOURS)

@@ -1,0 +1,44 @@
+"""Verdicts on many tours in virtual time, held against a plain telling of the tour; a larger number is a soak's work."""
+import dataclasses
+import os
+import sys
+
+import pytest
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
+sys.path.append(os.path.join(ROOT, "test", "soak"))
+import verdicts  # noqa: E402
+from broken import ALL  # noqa: E402
+
+from unit_tests.stage import CALM  # noqa: E402
+from unit_tests.verdict import judge  # noqa: E402
+
+
+def test_no_verdict_speaks_against_a_controller_that_does_what_the_policy_says():
+    tally = verdicts.try_settings(range(300))
+    assert (tally.differing, tally.wrong) == (0, [])
+
+
+@pytest.mark.parametrize("name", sorted(ALL))
+def test_a_controller_that_does_one_thing_wrong_is_found_out(name):
+    with verdicts.spoilt(ALL[name]):
+        tally = verdicts.try_settings(range(8), (0.3, 0.5), is_spoilt=True)
+    assert tally.differing and tally.wrong == []
+
+
+def test_a_model_that_could_not_differ_would_prove_nothing():
+    facts = verdicts.play(True, CALM)
+    assert verdicts.difference(True, CALM, facts) == ""
+    calls = [line for line in facts.journal if line.call]
+    for left_out in calls:
+        assert verdicts.difference(True, CALM, facts._replace(journal=[line for line in facts.journal if line != left_out]))
+        twice = left_out._replace(time=left_out.time + 0.01)
+        assert verdicts.difference(True, CALM, facts._replace(journal=sorted(list(facts.journal) + [twice])))
+
+
+@pytest.mark.parametrize("seed, rate, arrivals", [(6, 0.1, 600.0), (1, 0.0, 1.0), (2, 0.0, 5.0), (3, 0.0, 10.0)])
+def test_what_comes_too_late_or_is_given_up_is_not_the_controllers_fault(seed, rate, arrivals):
+    test = dataclasses.replace(CALM, random_seed=seed, failure_rate=rate, arrival_rate=arrivals, test_timeout=36000.0)
+    facts = verdicts.play(True, test)
+    assert [event["outcome"] for event in facts.events if event["event"] == "PassFinished"] == ["FAILURE"]
+    assert judge(facts).passed
