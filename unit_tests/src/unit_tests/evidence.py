@@ -9,7 +9,7 @@ from behavior_controller.bt.registry import Kind
 from behavior_controller.interface import Evidence, Sense
 from behavior_controller.settings import defaults
 
-from unit_tests.facts import Event, Facts, Tree, started
+from unit_tests.facts import Facts, Tree, started
 from unit_tests.faults import CRASH
 from unit_tests.journal import Line
 from unit_tests.recoveries import SPECS

@@ -8,7 +8,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set
 from behavior_controller import leaves, policy
 from behavior_controller.interface import Interface
 from behavior_controller.leaves import data
-from behavior_controller.mission_spec import MissionSpec, whole_mission
+from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.text import Source
 
 from unit_tests.facts import Event, Facts, Tree, count, started

@@ -10,7 +10,7 @@ import math
 import os
 from types import SimpleNamespace
 from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple,
-                    Union)
+                    Union, get_args)
 
 from behavior_controller import exits, extensions, folders, leaves
 from behavior_controller import mission as missions
@@ -19,7 +19,7 @@ from behavior_controller.bt.engine.clock import ManualClock, Timer
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.language.document import Document, read, with_includes
 from behavior_controller.bt.status import IDLE, RUNNING
-from behavior_controller.events import Events, HealthChanged
+from behavior_controller.events import Event, Events, HealthChanged
 from behavior_controller.gateway import Call, Cause, Failure, FakeTopics, Gateway
 from behavior_controller.health import GONE, SLOW_SHARE, Health
 from behavior_controller.interface import Service, Topic, Unusable
@@ -65,6 +65,9 @@ MOST_BUSY = 10
 CALM = configuration.defaults(failureRate=0.0, randomSeed=0)
 """A test in which nothing goes wrong and every message comes in time."""
 
+KINDS = get_args(Event)
+"""The kinds of events."""
+
 _ORDER = 1e-6
 """Seconds between two things that happen at one moment, so that their order shows in their times."""
 
@@ -72,7 +75,7 @@ _ORDER = 1e-6
 class Played(NamedTuple):
     """What came of a play. ``exit_code`` is the controller's; None: it had not ended when its time was up."""
 
-    events: Sequence[Tuple[float, Entry]]
+    entries: Sequence[Tuple[float, Entry]]  # as in a record: events, and what each traversal of the tree changed
     journal: Sequence[Line]
     exit_code: Optional[int]
     cut_off: str  # why the end was not awaited
@@ -83,9 +86,14 @@ class Played(NamedTuple):
     asked: Sequence[Tuple[float, Request]]  # what was asked, whether or not it reached its node
     presence: Sequence[Tuple[float, bool]]  # since when a visitor has been there, or has not
 
+    @property
+    def events(self) -> List[Tuple[float, Event]]:
+        """The events alone."""
+        return [(at, entry) for at, entry in self.entries if isinstance(entry, KINDS)]
+
     def record(self) -> List[Dict[str, Any]]:
-        """Return the events as they are read from a record."""
-        return [json.loads(encode(at, event)) for at, event in self.events]
+        """Return the entries as they are read from a record."""
+        return [json.loads(encode(at, entry)) for at, entry in self.entries]
 
 
 Durations = Callable[[Service, Fields], float]
@@ -179,7 +187,7 @@ class _Play:
         self.wake = tree.wake.emit
         self.health = Health(self.wake)
         self.journal: List[Line] = []
-        self.events: List[Tuple[float, Entry]] = []
+        self.entries: List[Tuple[float, Entry]] = []
         self.asked: List[Tuple[float, Request]] = []
         self.presence: List[Tuple[float, bool]] = []
         self.topics = _Topics(self)
@@ -203,11 +211,11 @@ class _Play:
         exit_code, cut_off, error = _ended(runner)
         running = [node for node in tree.nodes if node.status is RUNNING]
         waiting = tuple(node.uid for node in running if not any(child.status is RUNNING for child in node.children))
-        return Played(self.events, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
+        return Played(self.entries, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
                       self.clock.now() - START, self.asked, self.presence)
 
     def _note(self, entry: Entry) -> None:
-        self.events.append((self.stamp(), entry))
+        self.entries.append((self.stamp(), entry))
 
     def stamp(self) -> float:
         """Return the time for what happens now: later than that of all that happened before."""
