@@ -45,7 +45,7 @@ PARTS = ("mission", "statuses", "passes", "story", "visits", "timeline", "blackb
 
 
 class Result(NamedTuple):
-    """How a node ended: when (unix seconds), S, F or - (halted), after how long, why it failed, how often in a row."""
+    """How a node ended: when (monotonic seconds), S, F or - (halted), after how long, why it failed, how often in a row."""
 
     at: float
     letter: str
@@ -124,13 +124,13 @@ class Board:
 
     def _note_result(self, uid: int, letter: str) -> None:
         now = time.monotonic()
-        found = Result(time.time(), letter, now - self._began.pop(uid, now), self._why.pop(uid, ""), 1)
+        seconds, why, times = now - self._began.pop(uid, now), self._why.pop(uid, ""), 1
         results = self._results.get(uid)
         if results is None:
             results = self._results[uid] = collections.deque(maxlen=RESULTS)
-        if results and found.seconds < INSTANT and (results[-1].letter, results[-1].why) == (letter, found.why):
-            found = found._replace(times=results.pop().times + 1)
-        results.append(found)
+        elif seconds < INSTANT and results[-1].letter == letter and results[-1].why == why:
+            times += results.pop().times
+        results.append(Result(now, letter, seconds, why, times))
 
     def _take(self, event: Event) -> None:
         """Keep what is worth being seen of an event."""
@@ -168,12 +168,13 @@ class Board:
         if self._story.visit is not self._visit:
             self._visit = self._story.visit
             self._touch("story")
+            self._tell_now(at)
         if self._story.step is not self._step:
             if self._step is not None:
                 self._steps.append((self._step, at))
             self._step = self._story.step
             self._touch("story", "timeline")
-        self._tell_now(at)
+            self._tell_now(at)
         return told
 
     def _tell_now(self, at: float) -> None:
@@ -283,8 +284,8 @@ class Board:
         return {"uid": uid, "path": node.full_path, "type": node.registration_id,
                 "description": spec.summary if spec is not None else "", "place": node.place_in_file().rstrip(": "),
                 "ports": [dict(zip(("name", "text", "value"), row)) for row in _ports(node)],
-                "results": [dict(result._asdict(), time=clock(result.at)) for result in
-                            reversed(list(self._results.get(uid, ())))]}
+                "results": [dict(result._asdict(), time=clock(time.time() - time.monotonic() + result.at))
+                            for result in reversed(list(self._results.get(uid, ())))]}
 
 
 def title(mission: str) -> str:
