@@ -501,7 +501,7 @@ def visit(events, number):
     path = "GiveTour::73/VisitExhibits::76/VisitExhibit::86/Navigate::101"
     failure = Failure(Cause.REFUSED, "the server refused visitor {}".format(number), "/robotNavigation/set_goal")
     events.emit(PassStarted(number, 0.0))
-    events.emit(StepStarted(101, "Navigate", path, "driving to", "exhibit {}".format(number), 180.0))
+    events.emit(StepStarted(101, "Navigate", path, "driving to", "exhibit {}".format(number), 180.0, False))
     events.emit(LeafFinished(101, "Navigate", path, "FAILURE", "/robotNavigation/set_goal", 0.1, failure))
     events.emit(Noticed("error", "notice {}".format(number)))
     events.emit(HealthChanged("service", "/robotNavigation/set_goal", "", bool(number % 2), "gone", "it cannot drive"))

@@ -214,13 +214,12 @@ class Board:
         return {"file": self.mission, "nodes": nodes}
 
     def _outline(self, node: Node) -> Dict[str, Any]:
-        """Return what the tree shows of a node. ``waits``: while it is what runs, the robot waits."""
+        """Return what the tree shows of a node."""
         spec = self._registry.find(node.registration_id)
         name, kind = label(node)
         return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
                 "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE,
-                "bare": node.parent is not None and is_bare(spec, node.name),
-                "waits": spec is not None and spec.kind is Kind.CONDITION}
+                "bare": node.parent is not None and is_bare(spec, node.name)}
 
     def _part_statuses(self) -> Dict[str, Any]:
         letters = "".join(self._statuses[1:])
@@ -326,7 +325,7 @@ def _sentence(sentence: Sentence) -> Dict[str, Any]:
 
 
 def _step(step: Step) -> Dict[str, Any]:
-    return {"words": clean(step.words), "began": step.began, "uid": step.uid}
+    return {"words": clean(step.words), "began": step.began, "uid": step.uid, "is_wait": step.is_wait}
 
 
 def _visit(visit: Visit) -> Dict[str, Any]:

@@ -183,9 +183,8 @@ function laneOf(each) {
 }
 
 function bar(each, left, right, y) {
-  const node = nodes[each.uid - 1];
   const made = shape("rect", {x: left, y: y, width: Math.max(2, right - left).toFixed(1), height: 9, rx: 2,
-                              class: node && node.waits ? "wait" : "R"});
+                              class: each.is_wait ? "wait" : "R"});
   made.append(shape("title", {}, each.words + ", " + duration(each.seconds)));
   return made;
 }
