@@ -24,7 +24,7 @@ from behavior_controller.watch.board import clock, is_bare, title
 from behavior_controller.watch.codec import LETTERS, Entry, Line, Lost, Tick, TreeNode, TreeShown
 from behavior_controller.watch.lanes import Bar, Lanes
 
-FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "report_files")
+FOLDER = os.path.dirname(os.path.abspath(__file__))
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○"}
 LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
 NO, RETRY, DONE = "n", "r", "d"
@@ -134,7 +134,7 @@ def to_html(lines: Iterable[Line]) -> str:
     places, doubt = _places(run)
     body = "".join([_header(run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
                     _documents(run), _settings(run), "</main>"])
-    style, script = _file("report.css"), _file("report.js")
+    style, script = _file("page_files", "colours.css") + _file("report_files", "report.css"), _file("report_files", "report.js")
     return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, data=_data(run),
                        allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
 
@@ -186,8 +186,8 @@ def _places(run: Run) -> Tuple[Dict[str, Place], str]:
             for node in tree.nodes if node.element is not None}, ""
 
 
-def _file(name: str) -> str:
-    with open(os.path.join(FILES, name), encoding="utf-8") as file:
+def _file(folder: str, name: str) -> str:
+    with open(os.path.join(FOLDER, folder, name), encoding="utf-8") as file:
         return file.read()
 
 
