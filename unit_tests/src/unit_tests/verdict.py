@@ -28,7 +28,8 @@ from unit_tests.facts import Event, Facts, Pass, Tree, count, of, passes, starte
 from unit_tests.journal import Line
 from unit_tests.matching import AWAY, Matching
 from unit_tests.recoveries import GIVEN_UP, SPECS, Recoveries, Round, rounds
-from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, NO_GAZE, SILENT, UNCLEAR
+from unit_tests.stage import TIMED_OUT
+from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR
 
 
 def _nodes(fits: Callable[[MissionSpec], bool]) -> Set[str]:
@@ -135,7 +136,7 @@ def judge(facts: Facts) -> Verdict:
         praise += "; no yes can reach the robot (asrEnabled false, tabletSuccessIs done), so no tour is expected"
     praise += "".join("; pass {} ended with FAILURE, as it had to: {}".format(a_pass.number, obstacles[0])
                       for a_pass, obstacles in case.passes if obstacles and a_pass.outcome == "FAILURE")
-    if facts.cut_off and _waits_in_vain(case):
+    if _waits_in_vain(case):
         praise += "; at last {} waited for a sign of the visitor that never came: {}".format(
             case.watch.endless[0].node, facts.cut_off)
     if case.rounds and not case.tree:
@@ -168,8 +169,9 @@ def _ended(case: Case) -> Iterator[str]:
 
 
 def _waits_in_vain(case: Case) -> bool:
-    """Whether the mission waits for a sign of the visitor, as it should, and none came: so it may wait for ever."""
-    return any(wait.sign is None for wait in case.watch.endless)
+    """Whether the mission has long waited for a sign of the visitor and none came: so it may wait for ever."""
+    return case.facts.cut_off.startswith(TIMED_OUT.split("{")[0]) and any(
+        wait.sign is None and wait.ended - wait.began > LONG_WAIT for wait in case.watch.endless)
 
 
 def _ending(exit_code: Optional[int]) -> str:
