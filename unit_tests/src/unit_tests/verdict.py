@@ -93,18 +93,22 @@ class Case:
         """Each pass, and what kept it from going as it should."""
 
     def _obstacles(self, a_pass: Pass) -> Iterator[str]:
-        """Say what a right controller cannot make good again: what it goes by then is the policy and the mission."""
+        """Say what a right controller cannot make good again, first what may have ended the pass.
+
+        What it goes by then is the policy and the mission.
+        """
         rounds = [each for each in self.rounds if _is_within(each.fallback["time"], a_pass)]
-        for each in rounds:
-            if each.outcome == GIVEN_UP or not each.helped and not self.are_neighbours(each):
-                yield "{} was {} ({})".format(each.recovered["node"], each.outcome, each.recovered["failure"]["cause"])
+        lost = [each for each in rounds if not each.helped and each.outcome != GIVEN_UP and not self.are_neighbours(each)]
         recovered = {id(failure) for each in rounds for failure in each.failures}
+        for each in [each for each in rounds if each.outcome == GIVEN_UP]:
+            yield _told(each)
         for event in self.matching.injected:
             if _is_within(event["time"], a_pass) and id(event) not in recovered:
                 yield "{} failed ({})".format(event["node"], event["failure"]["cause"])
-        for wait in self.watch.waits:
+        for wait in reversed(self.watch.waits):
             if _is_within(wait.ended, a_pass) and not wait.held and wait.sign is None and self._is_given(wait, a_pass):
                 yield "{} saw nothing in {:.1f} s".format(wait.node, wait.ended - wait.began)
+        yield from map(_told, lost)
 
     def are_neighbours(self, each: Round) -> bool:
         """Return whether a recovery stands beside the leaf that failed, not beside a whole SubTree."""
@@ -118,6 +122,10 @@ class Case:
             return False
         return not (wait.sense is Sense.GAZE and behaviour == NO_GAZE
                     or wait.sense is Sense.UTTERANCE and behaviour in (SILENT, UNCLEAR))
+
+
+def _told(each: Round) -> str:
+    return "{} was {} ({})".format(each.recovered["node"], each.outcome, each.recovered["failure"]["cause"])
 
 
 def _is_within(time: float, a_pass: Pass) -> bool:

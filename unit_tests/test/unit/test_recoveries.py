@@ -176,6 +176,21 @@ def test_a_tour_may_not_leave_out_every_exhibit(left_out, outcome, number):
     assert len(KNOWLEDGE.exhibits) == 3 and len(about(story)) == number
 
 
+def test_a_condition_is_not_asked_again_whatever_a_line_says():
+    story = Recovered("IsMutualGazeDiscovered", policy="budget 9 60\n* * 3 1 skip")
+    story.failed("IsMutualGazeDiscovered", GAZE, "condition-false")
+    story.end_of("IsMutualGazeDiscovered", GAZE, "skipped", "condition-false")
+    assert about(story) == []
+
+
+def test_a_failure_for_want_of_data_counts_in_the_budget():
+    story = spent()
+    for number in range(3):
+        story.failed("WelcomeSpeech", SAY, "missing-data")
+        story.end_of("WelcomeSpeech", SAY, "given up" if number == 2 else "skipped", "missing-data")
+    assert about(story) == []
+
+
 def test_of_a_whole_visit_nothing_is_tried_again():
     story = Recovered("WelcomeSpeech", "FollowMeSpeech")
     story.say("Hello", "refused")
