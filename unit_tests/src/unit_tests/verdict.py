@@ -98,7 +98,7 @@ class Case:
         What it goes by then is the policy and the mission.
         """
         rounds = [each for each in self.rounds if _is_within(each.fallback["time"], a_pass)]
-        lost = [each for each in rounds if not each.helped and each.outcome != GIVEN_UP and not self.are_neighbours(each)]
+        lost = [each for each in rounds if each.outcome != GIVEN_UP and self.is_lost(each)]
         recovered = {id(failure) for each in rounds for failure in each.failures}
         for each in [each for each in rounds if each.outcome == GIVEN_UP]:
             yield _told(each)
@@ -110,9 +110,11 @@ class Case:
                 yield "{} saw nothing in {:.1f} s".format(wait.node, wait.ended - wait.began)
         yield from map(_told, lost)
 
-    def are_neighbours(self, each: Round) -> bool:
-        """Return whether a recovery stands beside the leaf that failed, not beside a whole SubTree."""
-        return bool(each.failures) and self.tree.are_neighbours(each.failures[0].get("uid", 0), each.fallback["uid"])
+    def is_lost(self, each: Round) -> bool:
+        """Return whether more than one step is left undone: a recovery gave up, or skipped a whole SubTree."""
+        is_one_step = bool(each.failures) and self.tree.are_neighbours(
+            each.failures[0].get("uid", 0), each.fallback["uid"])
+        return each.outcome == GIVEN_UP or not each.helped and not is_one_step
 
     def _is_given(self, wait: Wait, a_pass: Pass) -> bool:
         """Whether the visitor gives such a sign, if only the messages come."""
@@ -189,7 +191,7 @@ def _ending(exit_code: Optional[int]) -> str:
 
 
 def _outcomes(case: Case) -> Iterator[str]:
-    """Object to passes that did not end as the tree did, or as the visitor's behaviour predicts if nothing was in the way."""
+    """Object to passes that did not end as the tree did, or, with nothing in the way, as the visitor's behaviour predicts."""
     expected = _expected_outcome(case.facts)
     for a_pass, obstacles in case.passes:
         root = [letter for tick in of(a_pass.events, "Tick") for uid, letter in tick["changes"] if uid == 1][-1:]
@@ -342,10 +344,11 @@ def _visits(a_pass: Pass) -> List[Tuple[float, float]]:
 
 
 def _is_broken_off(case: Case, visit: Tuple[float, float]) -> bool:
-    """Whether something of a visit as a whole was left out or given up, or the pass failed in it."""
-    return any(a_pass.outcome == "FAILURE" and visit[1] == a_pass.events[-1]["time"] for a_pass, _ in case.passes) or any(
-        visit[0] < each.fallback["time"] <= visit[1] and not each.helped
-        and (each.outcome == GIVEN_UP or not case.are_neighbours(each)) for each in case.rounds)
+    """Whether a visit as a whole was left out or given up, the visitor was not found in it, or the pass failed in it."""
+    began, ended = visit
+    return any(began < each.fallback["time"] <= ended and case.is_lost(each) for each in case.rounds) or any(
+        began < wait.ended <= ended and not wait.held and wait.sign is None for wait in case.watch.waits) or any(
+        a_pass.outcome == "FAILURE" and ended == a_pass.events[-1]["time"] for a_pass, _ in case.passes)
 
 
 def _is_mute_for_a_while(case: Case, visit: Tuple[float, float]) -> bool:

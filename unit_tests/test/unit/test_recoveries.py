@@ -165,7 +165,8 @@ def test_the_budget_counts_so_many_seconds_and_no_more():
     assert about(story) == []
 
 
-@pytest.mark.parametrize("left_out, outcome, number", [(2, "skipped", 0), (3, "given up", 0), (3, "skipped", 1), (2, "given up", 1)])
+@pytest.mark.parametrize("left_out, outcome, number", [
+    (2, "skipped", 0), (3, "given up", 0), (3, "skipped", 1), (2, "given up", 1)])
 def test_a_tour_may_not_leave_out_every_exhibit(left_out, outcome, number):
     story = Recovered("SelectExhibit", "IsMutualGazeDiscovered", policy=POLICY.replace("budget 2", "budget 9"))
     for each in range(left_out):
