@@ -191,7 +191,7 @@ def _ending(exit_code: Optional[int]) -> str:
 
 
 def _outcomes(case: Case) -> Iterator[str]:
-    """Object to passes that did not end as the tree did, or, with nothing in the way, as the visitor's behaviour predicts."""
+    """Object to passes that did not end as their tree, or, with nothing in the way, as the visitor's behaviour predicts."""
     expected = _expected_outcome(case.facts)
     for a_pass, obstacles in case.passes:
         root = [letter for tick in of(a_pass.events, "Tick") for uid, letter in tick["changes"] if uid == 1][-1:]
@@ -315,19 +315,20 @@ def _left_out(case: Case, a_pass: Pass, is_excused: bool, number: int) -> Iterat
     for index, exhibit in enumerate(case.facts.knowledge.exhibits[:number]):
         place = exhibit.location.x, exhibit.location.y
         visit = visits[index] if index < len(visits) else None
-        if place not in stops and not (is_excused and (visit is None or _is_lost(case, visit, place))):
+        is_over = is_excused and (visit is None or _is_broken_off(case, visit))
+        if place not in stops and not (is_over and (visit is None or not _is_elsewhere(case, visit, place))):
             yield "pass {}: the robot did not get to exhibit {}".format(a_pass.number, exhibit.name)
         elif place in stops and not _is_described(exhibit, stops[place]) and not (
-                is_excused and (visit is None or _is_broken_off(case, visit)) or visit and _is_mute_for_a_while(case, visit)):
+                is_over or visit and _is_mute_for_a_while(case, visit)):
             yield "pass {}: exhibit {} was not described".format(a_pass.number, exhibit.name)
 
 
-def _is_lost(case: Case, visit: Tuple[float, float], place: Tuple[float, float]) -> bool:
-    """Whether a visit was given up before the robot was there, and not because it went to another exhibit."""
+def _is_elsewhere(case: Case, visit: Tuple[float, float], place: Tuple[float, float]) -> bool:
+    """Whether the robot was sent to another exhibit than the one that the visit was to."""
     knowledge = case.facts.knowledge
     others = {(each.location.x, each.location.y) for each in knowledge.exhibits} - {place}
     others -= {(knowledge.home.location.x, knowledge.home.location.y)}
-    return _is_broken_off(case, visit) and not any(
+    return any(
         _place(line) in others for line in case.facts.journal
         if line.node == "robotNavigation" and visit[0] < line.time <= visit[1])
 
