@@ -1,8 +1,8 @@
 """Write what is derived from declarations: ``make derived`` writes each file that is not up to date, and names it.
 
-These are the tables of docs/reference.md, of docs/authors_guide.md and of the README, the keys of both configurations, the
-arguments and nodes of the launch files, the executables of the simulated nodes, and docs/faults.md. A derived part of a file is
-below a line with ``derived: NAME`` and ends before ``derived: end``.
+These are tables of the documents, the keys of both configurations, the arguments and nodes of the launch files, the
+executables of the simulated nodes, and docs/faults.md. A derived part of a file is below a line with ``derived: NAME`` and
+ends before ``derived: end``.
 A value that a configuration file gives stays as it is.
 """
 import os
@@ -66,9 +66,10 @@ def entries() -> str:
         ("`{}`".format(datum.name), datum.type, datum.meaning) for datum in data.ALL])
 
 
-def kinds_of_findings() -> str:
+def found_by_rehearsal() -> str:
     """Return a table of what a rehearsal can find."""
-    return _table([("finding", "means")] + [("`{}`".format(kind.name), kind.means) for kind in findings.BY_NAME.values()])
+    return _table([("finding", "meaning")] + [
+        ("`{}`".format(kind.name), kind.means) for kind in findings.BY_NAME.values()])
 
 
 def _table(rows: Sequence[Tuple[str, ...]]) -> str:
@@ -165,8 +166,8 @@ def _fixed(derive: Callable[[], str]) -> Part:
 
 
 PARTS: Dict[str, Dict[str, Part]] = {
-    "docs/authors_guide.md": {"findings": _fixed(kinds_of_findings)},
     "README.md": {"keys": _fixed(lambda: keys_table("key", settings.KEYS))},
+    "docs/authors_guide.md": {"findings": _fixed(found_by_rehearsal)},
     "docs/reference.md": {
         "keys": _fixed(lambda: keys_table("key", settings.KEYS)),
         "services and topics": _fixed(offers), "nodes": _fixed(nodes), "entries": _fixed(entries),

@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Seq
 from behavior_controller.bt.engine.clock import Clock, Timer
 from behavior_controller.bt.engine.builtins import Sleep
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.decorators import Inverter, Timeout
+from behavior_controller.bt.engine.decorators import Inverter, KeepRunningUntilFailure, Repeat, Timeout
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, Result
 from behavior_controller.bt.engine.tree import Tree
@@ -347,18 +347,25 @@ def is_asked_again(node: Any) -> bool:
     return False
 
 
+def _limit(node: Any) -> float:
+    """Return the seconds of a Sleep or Timeout; 0: the file does not say them as a number."""
+    msec = node.attributes.get("msec", "")
+    return int(msec) / 1000.0 if msec.isdecimal() else 0.0
+
+
 def wait_beside(node: Any) -> Optional[float]:
     """Return for how many seconds a node is asked again while a ReactiveFallback waits; 0: for ever, None: it is not.
 
-    The limit is that of a Timeout above the two, or of a Sleep in their place, where the file says it as a number.
+    The limit is that of a Timeout above the two, or of the Sleeps in their place, where the file says it as a number.
     """
     while node.parent is not None and not isinstance(node.parent, Inverter):  # that waits for the opposite
         parent, later = node.parent, node.parent.children[node.parent.children.index(node) + 1:]
         if isinstance(parent, ReactiveFallback) and later:
-            timers = [each for beside in later for each in beside.iterate() if isinstance(each, Sleep)]
-            above = parent.parent if isinstance(parent.parent, Timeout) else None
-            limits = [each.attributes.get("msec", "") for each in timers + ([above] if above is not None else [])]
-            return min([int(msec) / 1000.0 for msec in limits if msec.isdecimal()], default=0.0)
+            below = [each for beside in later for each in beside.iterate()]
+            sleeps = [_limit(each) for each in below if isinstance(each, Sleep)]
+            is_endless = any(isinstance(each, (KeepRunningUntilFailure, Repeat)) for each in below) or not all(sleeps)
+            limits = (0.0 if is_endless else sum(sleeps), _limit(parent.parent) if isinstance(parent.parent, Timeout) else 0.0)
+            return min(filter(None, limits), default=0.0)
         node = parent
     return None
 
@@ -443,11 +450,11 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
             return self._false(sample)
         self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
-        self.mission.topics.listen(self.topic, self._wait)
+        self.mission.topics.listen(self.topic, self.wait)
         if not self._waits():
             return self._false(sample)
         if self.status is not RUNNING:
-            self._begin_to_wait(self._wait)
+            self._begin_to_wait(self.wait)
         return RUNNING
 
     def _begin_to_wait(self, limit: float) -> None:
@@ -502,16 +509,16 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         return result
 
     @property
-    def _wait(self) -> float:
+    def wait(self) -> float:
         """Seconds that the condition waits for its evidence."""
         wait = self.evidence.wait
         return self.mission.settings.condition_wait if wait is None else wait
 
     def _waits(self) -> bool:
-        if self._wait <= 0.0 or self._is_over or is_asked_again(self):
+        if self.wait <= 0.0 or self._is_over or is_asked_again(self):
             return False
-        if self._patience is None and self._wait < math.inf:
-            self._patience = self.mission.clock.call_after(self._wait, self._give_up)
+        if self._patience is None and self.wait < math.inf:
+            self._patience = self.mission.clock.call_after(self.wait, self._give_up)
         return True
 
     def _give_up(self) -> None:

@@ -79,13 +79,13 @@ def read(given: Sequence[str], others: Sequence[str] = ()) -> Dict[str, str]:
 def check(given: Mapping[str, str]) -> None:
     """Raise ConfigurationError with every value that is not allowed."""
     faults: List[Fault] = []
-    for load in (_load_both, _load_phrases, _load_own):
+    for load in (load_test, load_controller, _load_both, _load_phrases, _load_own):
         try:
             load(given)
         except ConfigurationError as error:
             faults += error.faults
     if faults:
-        raise ConfigurationError(faults)
+        raise ConfigurationError(list(dict.fromkeys(faults)))
 
 
 def load_test(given: Mapping[str, str]) -> configuration.Configuration:
@@ -120,7 +120,7 @@ def load_controller(given: Mapping[str, str]) -> settings.Settings:
 
 
 def _load_phrases(given: Mapping[str, str]) -> None:
-    phrases.load(load_controller(given).language)
+    phrases.load(load_controller({name: value for name, value in given.items() if name == "language"}).language)
 
 
 def _load_own(given: Mapping[str, str]) -> None:
@@ -144,6 +144,7 @@ def usage(remarks: Mapping[str, str]) -> str:
 
     ``remarks``: key -> what is to be added to its meaning.
     """
+    remarks = dict({"recordDirectory": "in a test a folder for a copy, and not none"}, **remarks)
     controller = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
     lines = ["usage: rosrun unit_tests runTest [name:=value ...]", "",
              "Runs the mission against the simulated robot. The last line is the verdict; exit code 0: passed, 1: failed, "

@@ -1,4 +1,6 @@
 """What came of each injected fault and of each other failure: whom it met, what the recovery did, how long that took."""
+import bisect
+import itertools
 import textwrap
 from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple, get_args
 
@@ -13,6 +15,7 @@ from behavior_controller.watch.plain import Wrong, form
 from unit_tests.facts import Event, Facts, of
 from unit_tests.journal import Line
 from unit_tests.matching import CAUSE_OF, RECOVERY
+from unit_tests.recoveries import Round, rounds
 
 AGAIN = "tried again"
 """What the recovery did about a failure whose next attempt failed too."""
@@ -44,20 +47,33 @@ class Told:
     def __init__(self, facts: Facts):
         self._facts = facts
         self._quiet = {facts.interface.service(type(request)).node for request in facts.interface.safe_state}
-        self._exhibits = list(_exhibits(facts.events))
-        self._at_path: Dict[str, List[Event]] = {}
-        for event in facts.events:
-            if event["event"] in ("LeafFinished", "Retried", "Recovered"):
-                self._at_path.setdefault(event["path"], []).append(event)
+        self._calls: Dict[str, List[float]] = {}  # when a service was called
+        for line in facts.journal:
+            if line.call:
+                self._calls.setdefault(line.resource, []).append(line.time)
+        self._pass_ends = [event["time"] for event in of(facts.events, "PassFinished")]
+        under_way = [(0.0, "")] + list(_exhibits(facts.events))
+        self._exhibits, self._exhibit_times = [name for _, name in under_way], [time for time, _ in under_way]
+        self._round_of: Dict[int, Round] = {}  # id() of a failure -> the recovery from it
+        self._chains: Dict[int, List[Round]] = {}  # id() of a first failure -> all recoveries that it led to
+        for each in rounds(facts.events):
+            attempts = _attempts(each)
+            for event in attempts:
+                self._round_of.setdefault(id(event), each)
+            for event in attempts[:1]:
+                self._chains.setdefault(id(event), []).append(each)
 
     def rows(self) -> List[Row]:
         """Return a row for each injected fault, and for each failure beside them that is no false condition, in order."""
         ends = [event for event in self._facts.events if _is_failure(event) or _is_halt(event) or _is_given_up(event)]
+        ends.sort(key=lambda event: float(event["time"]))
+        times = [event["time"] for event in ends]
         taken: Set[int] = set()
         found = []
         for line in self._facts.journal:
             if line.fault is not None:
-                end = next((event for event in ends if id(event) not in taken and self._can_end(event, line)), None)
+                later = itertools.islice(ends, bisect.bisect_left(times, line.time), None)
+                end = next((event for event in later if id(event) not in taken and self._can_end(event, line)), None)
                 if end is not None and not _is_given_up(end):
                     taken.add(id(end))
                 found.append(self._of_fault(line, end))
@@ -65,9 +81,7 @@ class Told:
         return sorted(found, key=lambda row: row.at)
 
     def _can_end(self, event: Event, line: Line) -> bool:
-        """Whether an event may be the end of a call that was made to fail."""
-        if event["time"] < line.time:
-            return False
+        """Whether an event may be the end of an earlier call that was made to fail."""
         if _is_given_up(event):
             return line.node in self._quiet
         if _is_halt(event):
@@ -90,33 +104,32 @@ class Told:
         return self._row(event["time"], event["node"], failure["resource"] or "-", failure["cause"], recovery, until, False)
 
     def _row(self, at: float, node: str, call: str, kind: str, recovery: str, until: float, is_injected: bool) -> Row:
-        exhibit = next((name for time, name in reversed(self._exhibits) if time <= at), "")
-        visitor = 1 + sum(end["time"] < at for end in of(self._facts.events, "PassFinished"))
-        return Row(at, visitor, exhibit, node, call, kind, recovery, until - at, is_injected)
+        exhibit = self._exhibits[bisect.bisect_right(self._exhibit_times, at) - 1]
+        return Row(at, 1 + bisect.bisect_left(self._pass_ends, at), exhibit, node, call, kind, recovery, until - at, is_injected)
 
     def _recovery(self, failed: Event) -> Tuple[str, float]:
         """Return what the recovery did about a failure, and when the step was done, tried again or given up."""
-        later = [event for event in self._at_path[failed["path"]] if event["time"] >= failed["time"] and event is not failed]
-        if not later:
+        mine = self._round_of.get(id(failed))
+        if mine is None:
             return NO_RECOVERY, failed["time"]
-        if later[0]["event"] == "Retried":
-            return AGAIN, self._began(later[0], failed["time"])
-        recovered = []
-        for event in later:
-            if event["event"] != "Recovered":
-                break
-            recovered.append(event)
-        if not recovered and later[0]["node"] in RECOVERY:  # a substitute failed, which stands at HandleFallBack's path
-            recovered = [event for event in of(self._facts.events, "Recovered") if event["time"] <= later[0]["time"]][-1:]
-        if not recovered:
-            return NO_RECOVERY, failed["time"]
-        return ", then ".join(dict.fromkeys(map(_outcome, recovered))), recovered[-1]["time"]
+        later = [event for event in _attempts(mine) if event["time"] > failed["time"]]
+        if later:
+            is_other = any(event is later[0] for event in mine.instead)
+            return later[0]["node"] + " instead" if is_other else AGAIN, self._began(later[0], failed["time"])
+        # an outer HandleFallBack goes on with the failure that an inner one gave up
+        ends = [each.recovered for each in self._chains[id(_attempts(mine)[0])]]
+        return ", then ".join(dict.fromkeys(map(_outcome, ends))), ends[-1]["time"]
 
     def _began(self, retried: Event, after: float) -> float:
         """Return when the attempt was made that ended with an event."""
-        calls = [line.time for line in self._facts.journal
-                 if line.resource == retried["failure"]["resource"] and after <= line.time <= retried["time"]]
-        return calls[-1] if calls else float(retried["time"])
+        calls = self._calls.get(retried["failure"]["resource"], [0.0])
+        last = calls[bisect.bisect_right(calls, retried["time"]) - 1]
+        return last if after <= last <= retried["time"] else float(retried["time"])
+
+
+def _attempts(each: Round) -> List[Event]:
+    """Return the failures that a recovery dealt with, in order."""
+    return each.failures + each.instead
 
 
 def _outcome(recovered: Event) -> str:

@@ -155,7 +155,7 @@ def _visitors(facts: Facts, rows: Sequence[Row]) -> Iterator[str]:
     ends = dict(_ends(facts))
     for a_pass in [*passes(facts), *_under_way(facts)]:
         mine = [row for row in rows if row.visitor == a_pass.number]
-        told = ends.get(a_pass.number, "visitor {}: {}".format(a_pass.number, a_pass.outcome))
+        told = ends.get(a_pass.number, "pass {}: {}".format(a_pass.number, a_pass.outcome))
         reasons = dict.fromkeys(reason_of(event) for event in of(a_pass.events, "Recovered"))
         parts = [told] + [reason for reason in reasons if reason and reason not in told]
         parts += ["{}, {:.1f} s lost".format(

@@ -6,16 +6,12 @@ import math
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 from behavior_controller import mission as missions
-from behavior_controller.bt.engine.builtins import Sleep
-from behavior_controller.bt.engine.controls import Fallback, ReactiveFallback, ReactiveSequence
-from behavior_controller.bt.engine.decorators import KeepRunningUntilFailure, Repeat, Timeout
-from behavior_controller.bt.engine.node import NodeError
-from behavior_controller.bt.language.ports import PortError
+from behavior_controller.bt.engine.controls import Fallback
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Events
 from behavior_controller.gateway import FakeGateway, FakeTopics
 from behavior_controller.interface.records import Answer, Say, SetAttention
-from behavior_controller.leaves.base import TopicCondition, is_asked_again
+from behavior_controller.leaves.base import TopicCondition, is_asked_again, wait_beside
 
 from unit_tests.facts import count
 from unit_tests.journal import Line
@@ -124,39 +120,14 @@ def _asked_before(node: Any) -> Iterator[Any]:
 
 def _seconds(node: TopicCondition) -> Optional[float]:
     """Return how long messages may take to come; None: for ever, or the mission file does not tell."""
-    own = node.mission.settings.condition_wait if node.evidence.wait is None else node.evidence.wait
-    seconds = _beside(node) if is_asked_again(node) else own
-    if seconds is None:
+    seconds = wait_beside(node)
+    if seconds is None and not is_asked_again(node):
+        seconds = node.wait
+    elif not seconds:
         return None
     if node.topic.is_continuous:  # a message that came before the question still counts for so long
         seconds = max(seconds, node.mission.settings.topic_max_age)
-    above: Any = node.parent
-    while above is not None:
-        limit = _milliseconds(above) if isinstance(above, Timeout) else None
-        seconds = min(seconds, limit / 1000) if limit else seconds
-        above = above.parent
     return seconds if 0 < seconds < math.inf else None
-
-
-def _beside(node: Any) -> Optional[float]:
-    """Return how long the Sleeps take that a reactive control runs while it asks ``node`` again and again."""
-    while node.parent is not None:
-        if isinstance(node.parent, (ReactiveFallback, ReactiveSequence)):
-            below = [each for sibling in node.parent.children[node.parent.children.index(node) + 1:]
-                     for each in sibling.iterate()]
-            sleeps = [_milliseconds(each) for each in below if isinstance(each, Sleep)]
-            is_endless = any(isinstance(each, (KeepRunningUntilFailure, Repeat)) for each in below)
-            if below:
-                return None if is_endless or not sleeps or None in sleeps else sum(filter(None, sleeps)) / 1000
-        node = node.parent
-    return None
-
-
-def _milliseconds(node: Any) -> Optional[float]:
-    try:
-        return float(node.get_input("msec"))
-    except (PortError, NodeError):
-        return None  # the run decides
 
 
 def _messages(node: TopicCondition, world: World) -> Optional[int]:

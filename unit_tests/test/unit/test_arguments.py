@@ -25,7 +25,7 @@ def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeyp
         told = usage[place + 1].strip()
         assert told.startswith("{} ({}; ".format(key.plain_meaning, key.allowed))
         assert key.default_text + ")" in told
-        assert told.endswith("; a remark") == (key.name == "arrivalRate")
+        assert told.endswith(")") == (key.name not in ("arrivalRate", "recordDirectory"))
 
 
 def test_the_help_fits_the_terminal(monkeypatch):
@@ -90,10 +90,12 @@ def test_every_word_that_is_not_understood_is_named():
 
 def test_every_value_that_is_not_allowed_is_named():
     assert faults(arguments.check, {"failureRate": "2", "monitorPort": "99999", "verboseMode": "yes",
-                                    "use_real_speechEvent": "x", "recordDirectory": "none"}) == [
+                                    "use_real_speechEvent": "x", "recordDirectory": "none", "language": "Klingon"}) == [
         "argument failureRate: failureRate cannot be \"2\" (allowed: a number from 0 to 1)",
         "argument verboseMode: verboseMode cannot be \"yes\" (allowed: true or false)",
         "argument monitorPort: monitorPort cannot be \"99999\" (allowed: a port from 1 to 65535, or 0)",
+        "language: there are no phrases in Klingon (there are: English, Kinyarwanda; another language is a file "
+        "data/phrases_Klingon.ini)",
         "argument use_real_speechEvent: use_real_speechEvent cannot be \"x\" (allowed: true or false)",
         "argument recordDirectory: a test needs its record (leave it out, or name a folder for a copy)"]
 

@@ -91,12 +91,20 @@ def rows(story, **others):
             for row in Told(story.facts()._replace(**others)).rows()]
 
 
+def recovered(story, *words, outcome=None, handler="HandleFallBack", **others):
+    """Record a recovery, and the end of the HandleFallBack that made it."""
+    story.recovered(*words, **others)
+    story.events[-1]["outcome"] = outcome or story.events[-1]["outcome"]
+    story.done("HandleFallBack")
+    story.events[-1]["path"] = handler
+
+
 def test_a_fault_that_a_retry_puts_right_costs_the_time_until_then():
     story = without_tour()
     story.say("Hello", "refused")  # each step takes a second
     story.failed("WelcomeSpeech", SAY, "refused")
     story.say("Hello")
-    story.recovered("WelcomeSpeech", SAY, 1)
+    recovered(story, "WelcomeSpeech", SAY, 1)
     assert rows(finished(story)) == [(1, "WelcomeSpeech", "textToSpeech:1", "refused", "done by retry 1", 3.0)]
 
 
@@ -107,7 +115,7 @@ def test_each_fault_of_a_recovery_has_its_row_and_no_second_is_counted_twice():
     story.go(1.0, "exception")
     story.retried("Navigate", GO, "exception")
     story.call("animateBehavior", ANIMATE, "refused", state="disabled")
-    story.recovered("Navigate", GO, 1, success=False, cause="exception")
+    recovered(story, "Navigate", GO, 1, success=False, cause="exception")
     assert rows(finished(story, "FAILURE")) == [
         (1, "Navigate", "robotNavigation:1", "refused", "tried again", 2.0),
         (1, "Navigate", "robotNavigation:2", "exception", "given up", 3.0),
@@ -120,11 +128,11 @@ def test_a_budget_that_is_spent_is_the_cause():
     story.end_pass()
     story.go(1.0, "refused")
     story.failed("Navigate", GO, "refused")
-    story.recovered("Navigate", GO, 0, success=False, policy="give up: " + spent)
+    recovered(story, "Navigate", GO, 0, success=False, policy="give up: " + spent)
     facts = finished(story, "FAILURE").facts()._replace(runs=2)
     assert rows(story) == [(2, "Navigate", "robotNavigation:1", "refused", "given up: " + spent, 2.0)]
     assert write(facts, "title").visitors[1] == (
-        "visitor 2: FAILURE; {}; 1 fault, 2.0 s lost; 0 conditions false for a while"
+        "pass 2: FAILURE; {}; 1 fault, 2.0 s lost; 0 conditions false for a while"
         .format(spent))
 
 
@@ -132,10 +140,9 @@ def test_an_inner_and_an_outer_recovery_are_told_in_their_order():
     story = without_tour()
     story.go(1.0, "refused")
     story.failed("Navigate", GO, "refused")
-    story.recovered("Navigate", GO, 2, success=False)
-    story.events.append(dict(story.event("Recovered"), node="Navigate", path="Navigate", policy="skip", attempts=0,
-                             success=True, outcome="skipped", failure=story.events[-1]["failure"]))
-    assert rows(finished(story)) == [(1, "Navigate", "robotNavigation:1", "refused", "given up, then skipped", 3.0)]
+    recovered(story, "Navigate", GO, 2, success=False)
+    recovered(story, "Navigate", GO, 0, outcome="skipped")
+    assert rows(finished(story)) == [(1, "Navigate", "robotNavigation:1", "refused", "given up, then skipped", 4.0)]
 
 
 def test_what_no_recovery_dealt_with_is_told_as_such():
@@ -159,12 +166,9 @@ def test_the_failure_of_a_substitute_belongs_to_the_recovery_that_chose_it():
     story.failed("PerformDeicticGesture", "/gesture", "refused", path="t/Point")
     story.call("overtAttention", ATTEND, "refused", state="location")
     story.retried("LocationOvertAttentionMode", ATTEND, path="t/HandleFallBack")
-    story.recovered("PerformDeicticGesture", "/gesture", 0, path="t/Point", policy="LocationOvertAttentionMode instead, or skip")
-    story.events[-1]["outcome"] = "skipped"
-    story.done("HandleFallBack")
-    story.events[-1]["path"] = "t/HandleFallBack"
+    recovered(story, "PerformDeicticGesture", "/gesture", 0, path="t/Point", outcome="skipped", handler="t/HandleFallBack")
     assert rows(finished(story)) == [
-        (1, "PerformDeicticGesture", "gestureExecution:1", "refused", "skipped", 4.0),
+        (1, "PerformDeicticGesture", "gestureExecution:1", "refused", "LocationOvertAttentionMode instead", 2.0),
         (1, "LocationOvertAttentionMode", "overtAttention:1", "refused", "skipped", 2.0)]
 
 
@@ -174,7 +178,7 @@ def test_false_conditions_are_counted_and_no_rows():
         story.failed("IsVisitorDiscovered", "/faceDetection/data", "condition-false", "no face")
     told = write(finished(story).facts(), "title")
     assert told.rows == []
-    assert told.visitors == ["visitor 1: SUCCESS; 0 faults, 0.0 s lost; 3 conditions false for a while"]
+    assert told.visitors == ["pass 1: SUCCESS; 0 faults, 0.0 s lost; 3 conditions false for a while"]
 
 
 def test_a_pass_that_did_not_end_has_its_line():
@@ -183,14 +187,14 @@ def test_a_pass_that_did_not_end_has_its_line():
     story.done("WelcomeSpeech", SAY)
     story.failed("IsVisitorDiscovered", "/faceDetection/data", "condition-false", "no face")
     assert write(story.facts(), "title").visitors[1:] == [
-        "visitor 2: did not end; 0 faults, 0.0 s lost; 1 condition false for a while"]
+        "pass 2: did not end; 0 faults, 0.0 s lost; 1 condition false for a while"]
 
 
 def test_the_table_fits_its_columns():
     story = without_tour()
     story.say("Hello", "refused")
     story.failed("WelcomeSpeech", SAY, "refused")
-    story.recovered("WelcomeSpeech", SAY, 1)
+    recovered(story, "WelcomeSpeech", SAY, 1)
     told = Told(story.facts()).rows()
     assert table(told, 100.0, 120) == [
         "time  visitor  exhibit  node           call            kind     recovery          lost",
