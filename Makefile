@@ -40,8 +40,8 @@ bench:
 	@tools/in_workspace.sh python3 bench/bench_engine.py
 	@tools/in_workspace.sh python3 bench/bench_runtime.py $(ARGS)
 
-# the lab tour on the real node with every fault at every call, and an adversary around it: about 55 minutes.
-# ARGS=sweep, pairs, rates, stops or adversary
+# the lab tour on the real node with every fault at every call, an adversary around it, and verdicts: about 75 minutes.
+# ARGS=sweep, pairs, rates, stops, adversary or verdicts
 soak:
 	@tools/in_workspace.sh python3 test/soak/soak.py $(ARGS)
 

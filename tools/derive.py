@@ -1,6 +1,6 @@
 """Write what is derived from declarations: ``make derived`` writes each file that is not up to date, and names it.
 
-These are the tables of docs/reference.md and of the README, the keys of both configurations, the arguments and nodes of the
+These are tables of the documents, the keys of both configurations, the arguments and nodes of the
 launch files, the executables of the simulated nodes, and docs/faults.md. A derived part of a file is below a line with ``derived: NAME`` and ends before ``derived: end``.
 A value that a configuration file gives stays as it is.
 """
@@ -21,7 +21,7 @@ from behavior_controller.keys import REQUIRED, Key, to_text  # noqa: E402
 from behavior_controller.leaves import data  # noqa: E402
 from behavior_controller.mission_spec import MissionSpec, whole_mission  # noqa: E402
 
-from unit_tests import arguments, configuration  # noqa: E402
+from unit_tests import arguments, configuration, findings  # noqa: E402
 from unit_tests.robot import NODES  # noqa: E402
 
 Part = Callable[[str], str]
@@ -63,6 +63,12 @@ def entries() -> str:
     """Return a table of the entries that the nodes share."""
     return _table([("entry", "type", "meaning")] + [
         ("`{}`".format(datum.name), datum.type, datum.meaning) for datum in data.ALL])
+
+
+def found_by_rehearsal() -> str:
+    """Return a table of what a rehearsal can find."""
+    return _table([("finding", "meaning")] + [
+        ("`{}`".format(kind.name), kind.means) for kind in findings.BY_NAME.values()])
 
 
 def _table(rows: Sequence[Tuple[str, ...]]) -> str:
@@ -160,6 +166,7 @@ def _fixed(derive: Callable[[], str]) -> Part:
 
 PARTS: Dict[str, Dict[str, Part]] = {
     "README.md": {"keys": _fixed(lambda: keys_table("key", settings.KEYS))},
+    "docs/authors_guide.md": {"findings": _fixed(found_by_rehearsal)},
     "docs/reference.md": {
         "keys": _fixed(lambda: keys_table("key", settings.KEYS)),
         "services and topics": _fixed(offers), "nodes": _fixed(nodes), "entries": _fixed(entries),

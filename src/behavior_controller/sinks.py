@@ -17,6 +17,9 @@ from behavior_controller.text import LONGEST, clean
 COLOURS = re.compile(r"(?:\x1b\[[\d;]*m)*")
 """What rospy begins a line with on a terminal."""
 
+RESET = "\x1b[0m"
+"""What ends them. rospy writes it after the line's end, where it would wait for the next line of the same stream."""
+
 LONGEST_LINE = 2 * LONGEST
 """Characters of a line: a text from outside, and what is told of it."""
 
@@ -112,7 +115,9 @@ class LineStream(io.TextIOBase):
             whole, newline, self._part = (self._part + text).rpartition("\n")
             for line in whole.split("\n") if newline else []:
                 colours = COLOURS.match(line).group()  # type: ignore[union-attr]
-                line = colours + clean(line[len(colours):], LONGEST_LINE) + newline
+                text = clean(line[len(colours):], LONGEST_LINE)
+                colours = colours.replace(RESET, "")
+                line = colours + text + (RESET if colours else "") + newline
                 self._sink.put(line.encode(self._original.encoding, "backslashreplace"))
         return len(text)
 
@@ -161,11 +166,13 @@ def fitted(line: str, width: int) -> str:
     """Return a line with its end, broken between words into lines of at most ``width`` characters; 0: as it is."""
     colours = COLOURS.match(line).group()  # type: ignore[union-attr]
     text = line[len(colours):].rstrip("\n")
+    end = RESET if colours and text.endswith(RESET) else ""
+    text = text[:len(text) - len(end)]
     if any(unicodedata.east_asian_width(letter) in "WF" for letter in text):
         width //= 2  # such letters take two columns
     if len(text) <= width or width <= len(INDENT):
         return line
-    return colours + "\n".join(textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False)) + "\n"
+    return colours + "\n".join(textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False)) + end + "\n"
 
 
 def _write_all(descriptor: int, data: bytes) -> None:

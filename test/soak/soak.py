@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Run the lab tour on the real node against a robot that fails as planned, and hold every run against a plain model.
 
-``soak.py sweep|pairs|rates|stops|adversary [--short] [--seed N] [--only WORD]``. sweep: each call of the tour meets
+``soak.py sweep|pairs|rates|stops|adversary|verdicts [--short] [--seed N] [--only WORD]``. sweep: each call of the tour meets
 each kind of fault. pairs: 200 tours with two random faults. rates: 20 tours for each failure rate, by voice and by
-tablet. stops: a signal during each call. adversary: the trials of ``adversary.py``. Exit code 0 if every tour ended as
-predicted, with the calls and the failures in the log as predicted, and every trial as it should.
+tablet. stops: a signal during each call. adversary: the trials of ``adversary.py``. verdicts: 10,000 tours in virtual time, see ``verdicts.py``. Exit code 0 if
+every tour ended as predicted, with the calls and the failures in the log as predicted, and every trial as it should.
 """
 import argparse
 import os
@@ -22,6 +22,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [HERE, os.path.join(os.path.dirname(HERE), "rostest")]
 import adversary  # noqa: E402
 import trial  # noqa: E402
+import verdicts  # noqa: E402
 from faulty_robot import FaultyRobot  # noqa: E402
 from robot import Controller, Package, start_master  # noqa: E402
 from tour_model import ANIMATION, ATTENTION, FAULTS, SAY, SERVICES, TABLET, tour_with  # noqa: E402
@@ -199,17 +200,19 @@ def run_tours(names, short, seed):
 def main():
     """Read the command line and run."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("plans", nargs="*", choices=[[]] + list(PLANS) + ["adversary"], help="default: all")
+    parser.add_argument("plans", nargs="*", choices=[[]] + list(PLANS) + ["adversary", "verdicts"], help="default: all")
     parser.add_argument("--short", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", metavar="WORD", help="the adversary's trials with this word in their name")
     chosen = parser.parse_args()
-    names = chosen.plans or list(PLANS) + ["adversary"]
+    names = chosen.plans or list(PLANS) + ["adversary", "verdicts"]
     if chosen.only and "adversary" not in names:
         parser.error("--only chooses among the trials of the plan adversary")
     problems = []
     if "adversary" in names:  # before rospy has a master of its own
         problems += trial.run(adversary.SHORT if chosen.short else adversary.TRIALS, chosen.only)
+    if "verdicts" in names:
+        problems += verdicts.run(200 if chosen.short else 10000, chosen.seed)
     tours = [name for name in names if name in PLANS]
     if tours:
         problems += run_tours(tours, chosen.short, chosen.seed)

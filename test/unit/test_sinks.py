@@ -189,6 +189,8 @@ def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, w
     print(text)
     drain(sinks, 5)
     shown = os.read(operator, 65536).decode().replace("\r\n", "\n")
+    assert shown.endswith("\x1b[0m\n") == text.startswith("\x1b")
+    shown = shown.replace("\x1b[0m", "")
     for line in shown.replace("\x1b[33m", "").split("\n"):
         assert sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in line) <= width
     assert "".join(shown.split()) == "".join(text.split())
@@ -246,7 +248,7 @@ def test_what_is_printed_of_outside_text_does_nothing_to_a_terminal(streams):
     drain(sinks, 5)
     assert os.read(reader, 65536).decode() == (
         "shutdown request: \\x1b[2J\\x1b]0;title\\x07\\r\\u202e\n"
-        "\x1b[33m[WARN] a \\x1b[2J\n\x1b[0mnext\n")
+        "\x1b[33m[WARN] a \\x1b[2J\x1b[0m\nnext\n")
 
 
 def test_a_log_that_hangs_does_not_hold_its_caller(tmp_path):

@@ -8,7 +8,7 @@ from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.language.ports import PortError, entry_value, reference
-from behavior_controller.bt.registry import Kind, Registry
+from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import IDLE, RUNNING
 from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, PassFinished, PassStarted,
                                         RunFinished, RunStarted)
@@ -45,7 +45,7 @@ PARTS = ("mission", "statuses", "passes", "story", "visits", "timeline", "blackb
 
 
 class Result(NamedTuple):
-    """How a node ended: when (unix seconds), S, F or - (halted), after how long, why it failed, how often in a row."""
+    """How a node ended: when (monotonic seconds), S, F or - (halted), after how long, why it failed, how often in a row."""
 
     at: float
     letter: str
@@ -124,13 +124,13 @@ class Board:
 
     def _note_result(self, uid: int, letter: str) -> None:
         now = time.monotonic()
-        found = Result(time.time(), letter, now - self._began.pop(uid, now), self._why.pop(uid, ""), 1)
+        seconds, why, times = now - self._began.pop(uid, now), self._why.pop(uid, ""), 1
         results = self._results.get(uid)
         if results is None:
             results = self._results[uid] = collections.deque(maxlen=RESULTS)
-        if results and found.seconds < INSTANT and (results[-1].letter, results[-1].why) == (letter, found.why):
-            found = found._replace(times=results.pop().times + 1)
-        results.append(found)
+        elif seconds < INSTANT and results[-1].letter == letter and results[-1].why == why:
+            times += results.pop().times
+        results.append(Result(now, letter, seconds, why, times))
 
     def _take(self, event: Event) -> None:
         """Keep what is worth being seen of an event."""
@@ -168,12 +168,13 @@ class Board:
         if self._story.visit is not self._visit:
             self._visit = self._story.visit
             self._touch("story")
+            self._tell_now(at)
         if self._story.step is not self._step:
             if self._step is not None:
                 self._steps.append((self._step, at))
             self._step = self._story.step
             self._touch("story", "timeline")
-        self._tell_now(at)
+            self._tell_now(at)
         return told
 
     def _tell_now(self, at: float) -> None:
@@ -212,16 +213,12 @@ class Board:
         return {"file": self.mission, "nodes": nodes}
 
     def _outline(self, node: Node) -> Dict[str, Any]:
-        """Return what the tree shows of a node. ``bare``: it only says how the mission is put together.
-
-        ``waits``: while it is what runs, the robot waits.
-        """
+        """Return what the tree shows of a node. ``waits``: while it is what runs, the robot waits."""
         spec = self._registry.find(node.registration_id)
         name, kind = label(node)
-        is_bare = spec is not None and node.parent is not None and (spec.is_recovery or (
-            spec.kind in (Kind.CONTROL, Kind.DECORATOR) and node.name == node.registration_id))
         return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
-                "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE, "bare": is_bare,
+                "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE,
+                "bare": node.parent is not None and is_bare(spec, node.name),
                 "waits": spec is not None and spec.kind is Kind.CONDITION}
 
     def _part_statuses(self) -> Dict[str, Any]:
@@ -287,8 +284,8 @@ class Board:
         return {"uid": uid, "path": node.full_path, "type": node.registration_id,
                 "description": spec.summary if spec is not None else "", "place": node.place_in_file().rstrip(": "),
                 "ports": [dict(zip(("name", "text", "value"), row)) for row in _ports(node)],
-                "results": [dict(result._asdict(), time=_clock(result.at)) for result in
-                            reversed(list(self._results.get(uid, ())))]}
+                "results": [dict(result._asdict(), time=clock(time.time() - time.monotonic() + result.at))
+                            for result in reversed(list(self._results.get(uid, ())))]}
 
 
 def title(mission: str) -> str:
@@ -312,12 +309,19 @@ def _ports(node: Node) -> List[Tuple[str, str, str]]:
     return found
 
 
-def _clock(at: float) -> str:
+def is_bare(spec: Optional[NodeSpec], name: str) -> bool:
+    """Whether a node below the root, with that name, only says how the mission is put together."""
+    return spec is not None and (spec.is_recovery or (
+        spec.kind in (Kind.CONTROL, Kind.DECORATOR) and name == spec.id))
+
+
+def clock(at: float) -> str:
+    """Return the time of day, as sentences show it."""
     return time.strftime("%H:%M:%S", time.localtime(at))
 
 
 def _sentence(sentence: Sentence) -> Dict[str, Any]:
-    return dict(sentence._asdict(), time=_clock(sentence.at), text=clean(sentence.text))
+    return dict(sentence._asdict(), time=clock(sentence.at), text=clean(sentence.text))
 
 
 def _step(step: Step) -> Dict[str, Any]:
@@ -325,7 +329,7 @@ def _step(step: Step) -> Dict[str, Any]:
 
 
 def _visit(visit: Visit) -> Dict[str, Any]:
-    return dict(visit._asdict(), time=_clock(visit.arrived or visit.began), why=clean(visit.why), exhibits=[
+    return dict(visit._asdict(), time=clock(visit.arrived or visit.began), why=clean(visit.why), exhibits=[
         dict(shown._asdict(), name=clean(shown.name), why=clean(shown.why)) for shown in visit.exhibits])
 
 

@@ -75,7 +75,7 @@ class Page:
         if tree is None:
             return None
         if self._drawing is None or self._drawing.tree is not tree:
-            self._drawing = _Drawing(tree, title(self.board.mission))
+            self._drawing = _Drawing(tree, title(self.board.mission) or tree.root.name)
         await self._drawing.is_done.wait()
         return self._drawing.result
 

@@ -1,7 +1,6 @@
 """A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes, the mission file."""
 import base64
 import datetime
-import functools
 import hashlib
 import html
 import itertools
@@ -9,7 +8,7 @@ import json
 import os
 import re
 from types import SimpleNamespace
-from typing import (Any, Counter, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
+from typing import (Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
 
 from behavior_controller import leaves
 from behavior_controller.bt.engine.node import label
@@ -21,6 +20,7 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.mission import build_tree
 from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit
 from behavior_controller.text import clean
+from behavior_controller.watch.board import clock, is_bare, title
 from behavior_controller.watch.codec import LETTERS, Entry, Line, Lost, Tick, TreeNode, TreeShown
 from behavior_controller.watch.lanes import Bar, Lanes
 
@@ -131,12 +131,11 @@ class Run:
 def to_html(lines: Iterable[Line]) -> str:
     """Return the page of a record (its last mission, if the mission was changed while it ran)."""
     earlier, run = _last(lines)
-    title = "Mission {}".format(run.started.mission.split("/")[-1])
     places, doubt = _places(run)
-    body = "".join([_header(title, run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
-                    _documents(run), "</main>"])
+    body = "".join([_header(run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
+                    _documents(run), _settings(run), "</main>"])
     style, script = _file("report.css"), _file("report.js")
-    return PAGE.format(title=_text(title), body=body, style=style, script=script, data=_data(run),
+    return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, data=_data(run),
                        allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
 
 
@@ -146,7 +145,7 @@ PAGE = """<!DOCTYPE html>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{allowed}">
-<title>{title}</title>
+<title>Mission {title}</title>
 <style>{style}</style>
 </head>
 <body>
@@ -208,11 +207,6 @@ def _time(at: float) -> str:
     return "<time>{}</time>".format(clock(at))
 
 
-def clock(at: float) -> str:
-    """Return the time of day, as all that tells a story shows it."""
-    return datetime.datetime.fromtimestamp(at).strftime("%H:%M:%S")
-
-
 def _seconds(seconds: float) -> str:
     """Return a duration as people write it."""
     if seconds < 60:
@@ -231,8 +225,8 @@ def _options(first: str, values: Iterable[str]) -> str:
         '<option value="{0}">{0} ({1})</option>'.format(_text(value), counts[value]) for value in sorted(counts) if value)
 
 
-def _header(title: str, run: Run, earlier: List[RunStarted]) -> str:
-    """Return when the mission ran, with which configuration, how it ended, and what the report lacks."""
+def _header(run: Run, earlier: List[RunStarted]) -> str:
+    """Return when the mission ran, how it ended, and what the report lacks."""
     began = datetime.datetime.fromtimestamp(run.began)
     ends = ", ".join("{} {}".format(count, outcome) for outcome, count in sorted(run.story.outcomes.items()))
     told = ["{:%Y-%m-%d} {} to {}, {}".format(began, clock(run.began), clock(run.ended), _seconds(run.ended - run.began)),
@@ -244,12 +238,10 @@ def _header(title: str, run: Run, earlier: List[RunStarted]) -> str:
             ", ".join(mission.mission for mission in earlier)))
     if run.lost:
         lacks.append("The record lacks {} lines, which the disk was too slow for.".format(run.lost))
-    rows = "".join("<tr><th scope=\"row\">{}</th><td>{}</td></tr>".format(_text(key), _text(value))
-                   for key, value in run.started.settings.items())
-    return ('<header><h1>{}</h1><p>{}</p>{}<nav aria-label="Sections"><a href="#story">Story</a> '
-            '<a href="#timeline">Timeline</a> <a href="#tree">Tree</a> <a href="#files">Mission file</a></nav>'
-            '<details><summary>Configuration</summary><table>{}</table></details></header>').format(
-                _text(title), _text("; ".join(told)), "".join("<p>{}</p>".format(_text(text)) for text in lacks), rows)
+    return ('<header><h1>Mission {}</h1><p>{}</p>{}<nav aria-label="Sections"><a href="#story">Story</a> '
+            '<a href="#timeline">Timeline</a> <a href="#tree">Tree</a> <a href="#files">Mission file</a> '
+            '<a href="#settings">Configuration</a></nav></header>').format(
+                _text(title(run.started.mission)), _text("; ".join(told)), "".join("<p>{}</p>".format(_text(text)) for text in lacks))
 
 
 # ----------------------------------------------------------------------------------------------------------------- story
@@ -294,9 +286,9 @@ def _exhibits(visit: Visit) -> str:
 
 
 def _sentences(told: List[Told]) -> str:
-    """Return sentences as a list; those that are repeated in a row are one, with their count."""
+    """Return sentences as a list; one that is repeated within a second is told once, with its count."""
     items = []
-    for _, group in itertools.groupby(told, lambda each: (each.sentence.text, each.sentence.uid, each.cause)):
+    for _, group in itertools.groupby(told, lambda each: (each.sentence._replace(at=int(each.sentence.at)), each.cause)):
         alike = list(group)
         sentence, cause = alike[0]
         items.append('<li class="{}" data-kind="{}"{} data-at="{:.3f}">{}<span>{}</span>{}{}</li>'.format(
@@ -329,32 +321,23 @@ def _timeline(run: Run) -> str:
 def _data(run: Run) -> str:
     """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of the run."""
     notes: Dict[str, int] = {}
-    lanes = [[key] + [part for bar in bars for part in (
-        round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind, bar.count,
-        notes.setdefault(bar.note, len(notes)))] for key, bars in run.lanes]
-    visits = [[visit.number, *(round(1000 * (at - run.began)) for at in (
-        visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))),
-        LETTER_OF.get(visit.outcome, "R")] for visit in run.visits.values()]
+    lanes: List[List[Union[int, str]]] = []
+    for key, bars in run.lanes:
+        lanes.append([key])
+        for bar in bars:
+            lanes[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind, bar.count,
+                          notes.setdefault(bar.note, len(notes))]
+    visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (
+        visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))] for visit in run.visits.values()]
+    outcomes = [LETTER_OF.get(visit.outcome, "R") for visit in run.visits.values()]
     offset = datetime.datetime.fromtimestamp(run.began).astimezone().utcoffset()
     data = {"began": round(1000 * run.began), "offset": round(1000 * offset.total_seconds()) if offset else 0,
-            "length": round(1000 * (run.ended - run.began)), "visits": visits, "lanes": lanes, "notes": list(notes)}
+            "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
+            "lanes": lanes, "notes": list(notes)}
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
 # ------------------------------------------------------------------------------------------------------------------ tree
-
-
-@functools.lru_cache(maxsize=None)
-def _recoveries() -> FrozenSet[str]:
-    return frozenset(spec.id for spec in leaves.mission_specs() if spec.is_recovery)
-
-
-def _bare(nodes: List[TreeNode]) -> FrozenSet[int]:
-    """Return the uids of recoveries, and of what holds a step and its recovery and has no name of its own."""
-    found = {uid for uid, node in enumerate(nodes, 1) if node.type in _recoveries()}
-    return frozenset(found | {nodes[uid - 1].parent for uid in found
-                              if nodes[uid - 1].parent and nodes[nodes[uid - 1].parent - 1].name == nodes[
-                                  nodes[uid - 1].parent - 1].type})
 
 
 def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
@@ -363,7 +346,7 @@ def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
     children: List[List[int]] = [[] for _ in range(len(nodes) + 1)]
     for number, node in enumerate(nodes, 1):
         children[node.parent].append(number)
-    bare = _bare(nodes)
+    registry = leaves.registry()
     found: List[str] = []
     waiting: List[Tuple[Union[int, str], int]] = [(1, 1)]  # a node, or what closes one, and its level
     while waiting:
@@ -372,12 +355,13 @@ def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
             found.append(item)
             continue
         is_nested = bool(children[item]) and level < DEEPEST
-        found.append('<li id="n{}"{}>{}'.format(item, ' class="bare"' if item in bare else "", _row(run, item, places)))
+        found.append('<li id="n{}"{}>{}'.format(item, ' class="bare"' if nodes[item - 1].parent and is_bare(
+            registry.find(nodes[item - 1].type), nodes[item - 1].name) else "", _row(run, item, places)))
         found.append("<ul>" if is_nested else "</li>")
         closing = "</ul></li>" if is_nested else ""
         waiting += [(closing, level)] + [(child, level + 1) for child in reversed(children[item])]
-    return ('<section id="tree"><h2>Tree</h2><div class="tools"><button type="button" id="operator" aria-pressed="true">'
-            "Without recovery nodes</button></div>{}<ul>{}</ul></section>").format(
+    return ('<section id="tree"><h2>Tree</h2><div class="tools"><button type="button" id="all" aria-pressed="false">'
+            "All rows</button></div>{}<ul>{}</ul></section>").format(
                 "<p>{}</p>".format(_text(doubt)) if doubt else "", "".join(found))
 
 
@@ -404,6 +388,12 @@ def _documents(run: Run) -> str:
                         for place, line in enumerate(re.split("\r\n?|\n", text), 1))
         parts.append("<h3>{}</h3><pre>{}</pre>".format(_text(file), lines))
     return '<section id="files"><h2>Mission file</h2>{}</section>'.format("".join(parts))
+
+
+def _settings(run: Run) -> str:
+    rows = "".join('<tr><th scope="row">{}</th><td>{}</td></tr>'.format(_text(key), _text(value))
+                   for key, value in run.started.settings.items())
+    return '<section id="settings"><h2>Configuration</h2><table>{}</table></section>'.format(rows)
 
 
 # ---------------------------------------------------------------------------------------------------------- on a terminal

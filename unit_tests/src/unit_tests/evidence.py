@@ -110,8 +110,9 @@ class Watch:
             if event["event"] == "Tick":
                 self._traverse(event["time"], event["changes"])
             elif event["event"] == "PassFinished":
-                for uid in list(self._since):
-                    self._end(uid, event["time"], False)
+                self._end_all(event["time"])
+        self.endless = self._end_all(max([line.time for line in facts.journal[-1:]], default=0.0))
+        """Waits that the end of the test cut off."""
 
     def _senses(self, node: str) -> List[Sense]:
         listens = SPECS[node].listens if node in SPECS else ()
@@ -141,6 +142,13 @@ class Watch:
             self._since.setdefault(uid, now)
         if uid in self._since and not (letter == "R" or letter == "F" and self._tree.is_below(uid, ASKED_AGAIN)):
             self._end(uid, now, is_condition and letter == "S")
+
+    def _end_all(self, now: float) -> List[Wait]:
+        """End the waits that are under way, and return them."""
+        before = len(self.waits)
+        for uid in list(self._since):
+            self._end(uid, now, False)
+        return self.waits[before:]
 
     def _end(self, uid: int, now: float, held: bool) -> None:
         began, sense = self._since.pop(uid), self._asked[uid]

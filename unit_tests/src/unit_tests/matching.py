@@ -96,11 +96,13 @@ class Matching:
     def _is_away(self, event: Event) -> bool:
         """Whether the service that failed is not simulated: a real node does it, or it has crashed and is not back."""
         resource = event["failure"]["resource"]
-        if not any(line.resource == resource and line.call for line in self._facts.journal):
-            return resource in self._facts.absent or self._is_real(resource)
-        before = self._before(event)
-        return bool(before) and before[-1].fault == CRASH and before[-1] not in self._open \
-            and event["failure"]["cause"] in AWAY
+        node = next((service.node for service in self._facts.interface.services if service.name == resource), None)
+        asked = [line for line in self._facts.journal if line.call and line.time <= event["time"]
+                 and (line.node == node or line.resource == resource)][-1:]
+        if asked and asked[0].fault == CRASH and asked[0] not in self._open and event["failure"]["cause"] in AWAY:
+            return True
+        return not any(line.resource == resource and line.call for line in self._facts.journal) and (
+            resource in self._facts.absent or self._is_real(resource))
 
     def _is_real(self, resource: str) -> bool:
         return any(service.name == resource and service.node in self._facts.real

@@ -161,31 +161,29 @@ class Recoveries:
         return False if perhaps <= self._policy.most else None
 
     def _quiet_tries(self) -> Iterator[str]:
-        """Object to a step that was carried out as often as the record does not say."""
-        interface, journal = self._facts.interface, [line for line in self._facts.journal if line.call and line.done]
+        """Object to a step that was carried out otherwise than the record says: a retry that helped, and no other."""
+        interface = self._facts.interface
+        calm = {interface.service(type(request)).name for request in interface.safe_state}
         for each in self._all:
             names = _services(each.recovered["node"], interface)
-            if not names or self._is_beside_others(each, names) or _nodes(names, interface) & self._facts.real:
+            is_told = each.outcome == DONE or each.outcome != SUBSTITUTED and not names & calm
+            if not names or not each.failures or not is_told or self._is_shared(each, names):
                 continue
-            done = [line for line in journal if line.resource in names
-                    and each.failures and each.failures[0]["time"] < line.time <= each.recovered["time"]
-                    and line.time >= each.began - AT_ONCE]
-            if len(done) != (each.outcome == DONE) and not self._may_be_safe_state(each, names):
-                yield "the recovery of {} is on record as {}, and {} carried its request out {}".format(
-                    each.recovered["node"], each.outcome, "/".join(sorted(_nodes(names, interface))),
-                    count(len(done), "time", "times"))
+            done = sum(line.resource in names and line.done and line.call > 0 and
+                       each.failures[0]["time"] < line.time <= each.recovered["time"] for line in self._facts.journal)
+            if done != (each.outcome == DONE):
+                yield "the recovery of {} is on record as {}, and its request was carried out {}".format(
+                    each.recovered["node"], each.outcome, count(done, "time", "times"))
 
-    def _may_be_safe_state(self, each: Round, names: Set[str]) -> bool:
-        return each.outcome != DONE and any(
-            self._facts.interface.service(type(request)).name in names for request in self._facts.interface.safe_state)
-
-    def _is_beside_others(self, each: Round, names: Set[str]) -> bool:
-        """Whether another leaf used the same services meanwhile, or the step is not one that is asked again."""
-        substitute = {name for event in self._facts.events if event["event"] == "LeafFinished"
-                      and event["path"] != each.recovered["path"] and event["node"] not in RECOVERY
-                      and each.began - AT_ONCE < event["time"] + 0.0 and event["time"] - event["seconds"] <
-                      each.recovered["time"] - AT_ONCE for name in [event["resource"]]}
-        return bool(substitute & names) or each.outcome == SUBSTITUTED
+    def _is_shared(self, each: Round, names: Set[str]) -> bool:
+        """Whether a real node has the service, or another leaf or the safe state used it meanwhile."""
+        began, ended = each.failures[0]["time"], each.recovered["time"]
+        return any(service.name in names and service.node in self._facts.real
+                   for service in self._facts.interface.services) or any(
+            event["time"] > began and event["time"] - event.get("seconds", 0.0) < ended
+            and (event["event"] == "LeafFinished" and event["resource"] in names and event["node"] not in RECOVERY
+                 or event["event"] == "Recovered" and not event["success"] and event is not each.recovered)
+            for event in self._facts.events if event["event"] in ("LeafFinished", "Recovered"))
 
 
 def _cause(event: Event) -> str:
@@ -195,10 +193,6 @@ def _cause(event: Event) -> str:
 def _services(node: str, interface: Interface) -> Set[str]:
     calls = SPECS[node].calls if node in SPECS else ()
     return {service.name for service in interface.services if service.request in calls}
-
-
-def _nodes(names: Set[str], interface: Interface) -> Set[str]:
-    return {service.node for service in interface.services if service.name in names}
 
 
 def _policy(facts: Facts) -> Optional[policy.Policy]:

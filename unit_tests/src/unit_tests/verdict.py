@@ -95,7 +95,7 @@ class Case:
         """Say what a right controller cannot make good again: what it goes by then is the policy and the mission."""
         rounds = [each for each in self.rounds if _is_within(each.fallback["time"], a_pass)]
         for each in rounds:
-            if each.outcome == GIVEN_UP or not each.helped and not self._are_neighbours(each):
+            if each.outcome == GIVEN_UP or not each.helped and not self.are_neighbours(each):
                 yield "{} was {} ({})".format(each.recovered["node"], each.outcome, each.recovered["failure"]["cause"])
         recovered = {id(failure) for each in rounds for failure in each.failures}
         for event in self.matching.injected:
@@ -105,7 +105,8 @@ class Case:
             if _is_within(wait.ended, a_pass) and not wait.held and wait.sign is None and self._is_given(wait, a_pass):
                 yield "{} saw nothing in {:.1f} s".format(wait.node, wait.ended - wait.began)
 
-    def _are_neighbours(self, each: Round) -> bool:
+    def are_neighbours(self, each: Round) -> bool:
+        """Return whether a recovery stands beside the leaf that failed, not beside a whole SubTree."""
         return bool(each.failures) and self.tree.are_neighbours(each.failures[0].get("uid", 0), each.fallback["uid"])
 
     def _is_given(self, wait: Wait, a_pass: Pass) -> bool:
@@ -134,6 +135,9 @@ def judge(facts: Facts) -> Verdict:
         praise += "; no yes can reach the robot (asrEnabled false, tabletSuccessIs done), so no tour is expected"
     praise += "".join("; pass {} ended with FAILURE, as it had to: {}".format(a_pass.number, obstacles[0])
                       for a_pass, obstacles in case.passes if obstacles and a_pass.outcome == "FAILURE")
+    if facts.cut_off and _waits_in_vain(case):
+        praise += "; at last {} waited for a sign of the visitor that never came: {}".format(
+            case.watch.endless[0].node, facts.cut_off)
     if case.rounds and not case.tree:
         praise += "; the record shows no tree, so the recoveries are not judged"
     if facts.real:
@@ -151,7 +155,8 @@ def _ended(case: Case) -> Iterator[str]:
     ended = len(of(facts.events, "PassFinished"))
     ending = _ending(facts.exit_code)
     if facts.cut_off:
-        yield facts.cut_off
+        if not _waits_in_vain(case):
+            yield facts.cut_off
     elif not of(facts.events, "RunStarted"):
         yield "the controller {} before it started its mission".format(ending)
     elif not finished:
@@ -160,6 +165,11 @@ def _ended(case: Case) -> Iterator[str]:
         yield "the controller {}, but announced exit code {}".format(ending, finished[-1]["exit_code"])
     elif ended != facts.runs:
         yield "the controller made {} instead of {}".format(count(ended, "pass", "passes"), facts.runs)
+
+
+def _waits_in_vain(case: Case) -> bool:
+    """Whether the mission waits for a sign of the visitor, as it should, and none came: so it may wait for ever."""
+    return any(wait.sign is None for wait in case.watch.endless)
 
 
 def _ending(exit_code: Optional[int]) -> str:
@@ -296,7 +306,7 @@ def _left_out(case: Case, a_pass: Pass, is_excused: bool, number: int) -> Iterat
         if place not in stops and not (is_excused and (visit is None or _is_lost(case, visit, place))):
             yield "pass {}: the robot did not get to exhibit {}".format(a_pass.number, exhibit.name)
         elif place in stops and not _is_described(exhibit, stops[place]) and not (
-                is_excused and (visit is None or _is_given_up(case, visit)) or visit and _is_mute_for_a_while(case, visit)):
+                is_excused and (visit is None or _is_broken_off(case, visit)) or visit and _is_mute_for_a_while(case, visit)):
             yield "pass {}: exhibit {} was not described".format(a_pass.number, exhibit.name)
 
 
@@ -305,7 +315,7 @@ def _is_lost(case: Case, visit: Tuple[float, float], place: Tuple[float, float])
     knowledge = case.facts.knowledge
     others = {(each.location.x, each.location.y) for each in knowledge.exhibits} - {place}
     others -= {(knowledge.home.location.x, knowledge.home.location.y)}
-    return _is_given_up(case, visit) and not any(
+    return _is_broken_off(case, visit) and not any(
         _place(line) in others for line in case.facts.journal
         if line.node == "robotNavigation" and visit[0] < line.time <= visit[1])
 
@@ -321,10 +331,11 @@ def _visits(a_pass: Pass) -> List[Tuple[float, float]]:
     return list(zip(chosen, chosen[1:] + [a_pass.events[-1]["time"]]))
 
 
-def _is_given_up(case: Case, visit: Tuple[float, float]) -> bool:
-    """Whether something of a visit as a whole was left out or given up."""
-    return any(visit[0] < each.fallback["time"] <= visit[1] and not each.helped
-               and (each.outcome == GIVEN_UP or not case._are_neighbours(each)) for each in case.rounds)
+def _is_broken_off(case: Case, visit: Tuple[float, float]) -> bool:
+    """Whether something of a visit as a whole was left out or given up, or the pass failed in it."""
+    return any(a_pass.outcome == "FAILURE" and visit[1] == a_pass.events[-1]["time"] for a_pass, _ in case.passes) or any(
+        visit[0] < each.fallback["time"] <= visit[1] and not each.helped
+        and (each.outcome == GIVEN_UP or not case.are_neighbours(each)) for each in case.rounds)
 
 
 def _is_mute_for_a_while(case: Case, visit: Tuple[float, float]) -> bool:

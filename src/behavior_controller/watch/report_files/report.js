@@ -69,10 +69,11 @@ function barsOf(numbers) {
 
 function visitBars() {
   const bars = [];
-  for (const [number, began, arrived, ended, outcome] of data.visits) {
+  data.visits.forEach(([number, began, arrived, ended], place) => {
+    const outcome = data.outcomes[place];
     if (arrived > began) bars.push({begin: began, end: arrived, kind: "w", count: 1, text: "", link: "v" + number});
     bars.push({begin: arrived, end: ended, kind: outcome === "-" ? "h" : outcome, count: 1, text: "Visitor " + number, link: "v" + number});
-  }
+  });
   return bars;
 }
 
@@ -115,7 +116,8 @@ function makeLanes() {
 function merged(bars, scale) {
   const found = [], newest = {};
   for (const bar of bars) {
-    if (bar.end < from || bar.begin > to) continue;
+    const isMoment = bar.begin === bar.end;
+    if (isMoment ? bar.end < from || bar.begin > to : bar.end <= from || bar.begin >= to) continue;
     const last = newest[bar.kind];
     if (last && (bar.begin - last.end) * scale < NEAR && (last.end - last.begin) * scale < 4 * NEAR && (bar.end - bar.begin) * scale < NEAR) {
       last.end = Math.max(last.end, bar.end);
@@ -260,9 +262,9 @@ function fold(item, isFolded) {
   item.querySelector("button").setAttribute("aria-expanded", !isFolded);
 }
 
-function operatorsView(isOn) {
-  byId("tree").classList.toggle("operator", isOn);
-  byId("operator").setAttribute("aria-pressed", isOn);
+function showAllRows(isOn) {
+  byId("tree").classList.toggle("operator", !isOn);
+  byId("all").setAttribute("aria-pressed", isOn);
 }
 
 // ---------------------------------------------------------------------------------------------------- links and the print
@@ -275,7 +277,7 @@ function reveal() {
     document.querySelector("form").reset();
     find();
   }
-  if (target.classList.contains("bare")) operatorsView(false);
+  if (target.classList.contains("bare")) showAllRows(true);
   for (let outer = target; outer; outer = outer.parentElement) {
     if (outer.tagName === "DETAILS") outer.open = true;
     if (outer !== target && outer.classList.contains("folded")) fold(outer, false);
@@ -292,8 +294,8 @@ addEventListener("beforeprint", () => {
 addEventListener("afterprint", () => { for (const visit of opened) visit.open = false; });
 
 foldable();
-operatorsView(true);
-byId("operator").addEventListener("click", () => operatorsView(byId("operator").getAttribute("aria-pressed") !== "true"));
+showAllRows(false);
+byId("all").addEventListener("click", () => showAllRows(byId("all").getAttribute("aria-pressed") !== "true"));
 if (visits.length === 1) visits[0].open = true;
 makeLanes();
 listenToTimeline();

@@ -1,0 +1,310 @@
+"""Recoveries against the policy, and conditions against messages: what is right, and each way of being wrong."""
+import pytest
+
+from unit_tests.facts import Facts, Tree
+from unit_tests.journal import Line
+from unit_tests.verdict import judge
+
+from test_verdict import ATTEND, EXHIBITS, GO, KNOWLEDGE, SAY, Story, finished
+
+POLICY = """
+budget 2 600
+Navigate              no-answer  1 1.0 giveUp
+Navigate              *          2 1.0 giveUp
+SelectExhibit         *          0 0   giveUp
+IsMutualGazeDiscovered condition-false 0 0 skip
+*                     condition-false  0 0 giveUp
+PerformDeicticGesture *          0 0   LocationOvertAttentionMode
+*                     refused    1 0.2 skip
+*                     *          0 0   skip
+"""
+POINT = "/gestureExecution/perform_gesture"
+GAZE, FACES = "/overtAttention/mode", "/faceDetection/data"
+
+
+class Recovered(Story):
+    """A story of a tree: a Fallback of a node and HandleFallBack, or of a Sequence of two nodes and HandleFallBack."""
+
+    def __init__(self, *nodes, behaviour="engages", policy=POLICY):
+        super().__init__(behaviour, leaves=nodes)
+        inner = list(nodes) if len(nodes) == 1 else ["Sequence"] + list(nodes)
+        parents = [1] if len(nodes) == 1 else [1] + [2] * len(nodes)
+        self.types = ["Fallback"] + inner + ["HandleFallBack"]
+        self.fallback = len(self.types)
+        shown = [{"type": kind, "path": kind, "name": kind, "parent": parent}
+                 for kind, parent in zip(self.types, [0] + parents + [1])]
+        self.events.insert(0, self.event("TreeShown", id="T", nodes=shown))
+        self.events[1]["sources"] = {"policy": {"file": "recoveryPolicy.ini", "text": policy}}
+
+    def failed(self, node, resource, cause, message="-", path=None, status="FAILURE"):
+        super().failed(node, resource, cause, message, path, status)
+        self.events[-1]["uid"] = self.types.index(node) + 1
+
+    def end_of(self, node, resource, outcome, cause="refused", seconds=0.5):
+        self.handled(node, resource, outcome, cause, self.fallback, seconds)
+
+    def drives(self, *faults, outcome="given up", causes=("refused",) * 9):
+        """Have the first drive and its retries go wrong in these ways; None: it is done."""
+        for number, fault in enumerate(faults):
+            self.go(1.0, fault)
+            if fault:
+                (self.retried if number else self.failed)("Navigate", GO, causes[number])
+        self.end_of("Navigate", GO, outcome)
+        return self
+
+
+def objections(story, outcome="FAILURE"):
+    return finished(story, outcome).objections()
+
+
+def about(story, outcome="FAILURE"):
+    return [text for text in objections(story, outcome) if text.startswith("the recovery")]
+
+
+def test_a_step_that_is_tried_as_often_as_the_policy_says_and_given_up_is_right():
+    assert objections(Recovered("Navigate").drives("refused", "refused", "refused")) == []
+
+
+@pytest.mark.parametrize("faults", [("refused", None), ("refused", "refused", None)])
+def test_a_retry_that_helps_ends_the_recovery(faults):
+    assert about(Recovered("Navigate").drives(*faults, outcome="done"), "SUCCESS") == []
+
+
+def test_a_retry_too_few():
+    assert about(Recovered("Navigate").drives("refused", "refused")) == [
+        "the recovery from refused of Navigate ended after 1 retry where the policy prescribes 2"]
+
+
+def test_a_retry_too_many():
+    assert about(Recovered("Navigate").drives("refused", "refused", "refused", "refused")) == [
+        "the recovery from refused of Navigate made 3 retries where the policy allows 2"]
+
+
+def test_the_rule_is_that_of_the_newest_cause():
+    causes = ("refused", "no-answer", "no-answer")
+    right = Recovered("Navigate").drives("refused", "unanswered", causes=causes)
+    wrong = Recovered("Navigate").drives("refused", "unanswered", "unanswered", causes=causes)
+    assert (about(right), len(about(wrong))) == ([], 1)
+
+
+def test_what_the_tour_cannot_do_without_is_not_skipped_whatever_a_line_says():
+    story = Recovered("Navigate", policy="budget 9 60\n* * 0 0 skip").drives("refused", outcome="skipped")
+    assert about(story, "SUCCESS") == [
+        "the recovery from refused of Navigate ended with: skipped; the policy says: given up"]
+
+
+def test_what_may_be_skipped_is_not_given_up():
+    story = Recovered("WelcomeSpeech")
+    for number in range(2):
+        story.say("Hello", "refused")
+        (story.retried if number else story.failed)("WelcomeSpeech", SAY, "refused")
+    story.end_of("WelcomeSpeech", SAY, "given up")
+    assert about(story) == ["the recovery from refused of WelcomeSpeech ended with: given up; the policy says: skipped"]
+
+
+def test_a_success_that_the_robot_did_not_bring_is_none():
+    assert about(Recovered("Navigate").drives("refused", outcome="done")) == [
+        "the recovery of Navigate is on record as done, and its request was carried out 0 times"]
+
+
+def test_a_retry_that_is_not_on_record():
+    story = Recovered("Navigate")
+    story.drives("refused", "refused", "refused")
+    end = story.events[-2:]
+    story.journal.append(Line(end[0]["time"] - 0.1, "robotNavigation", GO, 4, {"goal_x": 1.0, "goal_y": 0.0}))
+    end[1]["seconds"] = 9.0
+    assert about(story) == [
+        "the recovery of Navigate is on record as given up, and its request was carried out 1 time"]
+
+
+@pytest.mark.parametrize("tried, outcome, found", [
+    (True, "skipped", []), (True, "given up", ["ended with: given up; the policy says: skipped"]),
+    (False, "substituted", []), (False, "skipped", ["left out LocationOvertAttentionMode, which the policy prescribes "
+                                                    "instead"])])
+def test_a_substitute(tried, outcome, found):
+    story = Recovered("PerformDeicticGesture")
+    story.call("gestureExecution", POINT, "refused")
+    story.failed("PerformDeicticGesture", POINT, "refused")
+    if tried:
+        story.call("overtAttention", ATTEND, "refused", state="location")
+        story.retried("LocationOvertAttentionMode", ATTEND, path="HandleFallBack")
+    elif outcome == "substituted":
+        story.call("overtAttention", ATTEND, state="location")
+    story.end_of("PerformDeicticGesture", POINT, outcome)
+    assert about(story) == ["the recovery from refused of PerformDeicticGesture " + text for text in found]
+
+
+def spent(*outcomes):
+    """Return a story of recoveries from a speech that is never heard; the policy allows two in ten minutes."""
+    story = Recovered("WelcomeSpeech")
+    for outcome in outcomes:
+        for number in range(1 if outcome == "given up" else 2):
+            story.say("Hello", "refused")
+            (story.retried if number else story.failed)("WelcomeSpeech", SAY, "refused")
+        story.end_of("WelcomeSpeech", SAY, outcome)
+    return story
+
+
+def test_beyond_the_budget_every_failure_is_given_up():
+    assert about(spent("skipped", "skipped", "given up", "given up")) == []
+    assert about(spent("skipped", "skipped", "skipped"))[0] == (
+        "the recovery from refused of WelcomeSpeech made 1 retry where the policy allows 0")
+
+
+def test_within_the_budget_nothing_is_given_up_for_it():
+    assert len(about(spent("skipped", "given up"))) == 1
+
+
+def test_the_budget_counts_so_many_seconds_and_no_more():
+    story = spent("skipped", "skipped")
+    story.now += 700.0
+    for number in range(2):
+        story.say("Hello", "refused")
+        (story.retried if number else story.failed)("WelcomeSpeech", SAY, "refused")
+    story.end_of("WelcomeSpeech", SAY, "skipped")
+    assert about(story) == []
+
+
+@pytest.mark.parametrize("left_out, outcome, number", [(2, "skipped", 0), (3, "given up", 0), (3, "skipped", 1), (2, "given up", 1)])
+def test_a_tour_may_not_leave_out_every_exhibit(left_out, outcome, number):
+    story = Recovered("SelectExhibit", "IsMutualGazeDiscovered", policy=POLICY.replace("budget 2", "budget 9"))
+    for each in range(left_out):
+        story.choose()
+        story.go(EXHIBITS[each].location.x)
+        story.failed("IsMutualGazeDiscovered", GAZE, "condition-false")
+        story.end_of("IsMutualGazeDiscovered", GAZE, outcome if each == left_out - 1 else "skipped", "condition-false")
+    assert len(KNOWLEDGE.exhibits) == 3 and len(about(story)) == number
+
+
+def test_of_a_whole_visit_nothing_is_tried_again():
+    story = Recovered("WelcomeSpeech", "FollowMeSpeech")
+    story.say("Hello", "refused")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.say("Hello", "refused")
+    story.retried("WelcomeSpeech", SAY)
+    story.end_of("WelcomeSpeech", SAY, "skipped")
+    assert about(story) == ["the recovery from refused of WelcomeSpeech made 1 retry where the policy allows 0"]
+
+
+def test_a_result_that_the_tree_did_not_go_on_with():
+    story = Recovered("Navigate").drives("refused", "refused", "refused")
+    story.record("Tick", at=1.0, first=True, changes=[[3, "S"], [1, "S"]])
+    assert objections(story) == ["pass 1 ended with FAILURE, and its tree did not",
+                                 "HandleFallBack ended with FAILURE, and the mission went on as if it had not"]
+
+
+# ------------------------------------------------------------------------------------------------------ the visitor
+
+
+class Watched(Story):
+    """A story of one condition below a ReactiveFallback, beside a Sleep."""
+
+    def __init__(self, condition="IsMutualGazeDiscovered", behaviour="engages"):
+        super().__init__(behaviour, leaves=(condition,))
+        self.events.insert(0, self.event("TreeShown", id="T", nodes=[
+            {"type": kind, "path": kind, "name": kind, "parent": parent}
+            for kind, parent in (("ReactiveFallback", 0), (condition, 1), ("Sleep", 1))]))
+
+    def tick(self, letter):
+        self.record("Tick", at=self.now, first=True, changes=[[2, letter]])
+
+    def gaze(self, value):
+        self.now += 1.0
+        self.journal.append(Line(self.now, "overtAttention", GAZE, 0, {"state": "seeking", "value": value}))
+
+    def face(self, *labels):
+        self.now += 1.0
+        self.journal.append(Line(self.now, "faceDetection", FACES, 0, {"face_label_id": list(labels),
+                                                                       "mutualGaze": [True] * len(labels)}))
+
+
+def seen(story, outcome="SUCCESS"):
+    return list(judge(finished(story, outcome).facts()).objections)
+
+
+def test_a_gaze_that_comes_is_seen():
+    story = Watched()
+    story.tick("F")
+    story.gaze(0)
+    story.gaze(1)
+    story.tick("S")
+    assert seen(story) == []
+
+
+def test_a_gaze_that_does_not_come_ends_the_pass_and_that_is_right():
+    story = Watched()
+    story.tick("F")
+    story.gaze(0)
+    story.tick("-")
+    assert seen(story, "FAILURE") == []
+    assert "IsMutualGazeDiscovered saw nothing in 2.0 s" in str(judge(story.facts()))
+
+
+def test_a_gaze_that_came_and_was_not_seen_is_wrong():
+    story = Watched()
+    story.tick("F")
+    story.gaze(1)
+    story.tick("-")
+    assert "IsMutualGazeDiscovered did not see what /overtAttention/mode told 1.0 s before it was asked last" in \
+        seen(story, "FAILURE")
+
+
+@pytest.mark.parametrize("crashed, number", ((True, 0), (False, 1)))
+def test_what_a_node_says_soon_after_its_crash_may_be_missed(crashed, number):
+    story = Watched()
+    story.call("overtAttention", ATTEND, "crash" if crashed else None, state="seeking")
+    if crashed:
+        story.failed("SeekOvertAttentionMode", ATTEND, "connection-lost")
+    story.tick("F")
+    story.gaze(1)
+    story.tick("-")
+    assert len([text for text in seen(story, "FAILURE") if "did not see" in text]) == number
+
+
+@pytest.mark.parametrize("value, wait", ((0, 0.0), (1, 30.0)))
+def test_a_gaze_that_nobody_told_of_or_long_ago_is_wrong(value, wait):
+    story = Watched()
+    story.gaze(value)
+    story.now += wait
+    story.tick("S")
+    assert seen(story) == ["IsMutualGazeDiscovered held, and no message told so"]
+
+
+def test_a_visitor_who_stands_there_is_there():
+    story = Watched("IsVisitorDiscovered")
+    story.face("visitor")
+    story.tick("F")
+    assert "IsVisitorDiscovered did not hold, though the newest message told so" in seen(story)
+
+
+def test_a_test_that_ends_while_the_mission_waits_for_nobody_is_no_fault_of_the_controller():
+    story = Watched("IsVisitorDiscovered")
+    story.tick("F")
+    story.now += 900.0
+    story.face()
+    story.cut_off = "the mission did not end within 900 s (testTimeout)"
+    assert story.objections() == []
+    assert story.cut_off in str(judge(story.facts()))
+    story.face("visitor")
+    story.now += 5.0
+    story.face("visitor")
+    assert story.objections()[0] == story.cut_off
+
+
+def test_the_nodes_before_a_node_are_those_of_the_nearest_neighbours():
+    shown = [{"type": name, "path": name, "name": name, "parent": parent}
+             for name, parent in (("a", 0), ("b", 1), ("c", 2), ("d", 1), ("e", 4))]
+    tree = Tree([{"event": "TreeShown", "nodes": shown}])
+    assert [list(tree.before(uid)) for uid in (1, 2, 4, 5)] == [[], [], [2, 3], [2, 3]]
+    assert tree.are_neighbours(2, 4) and not tree.are_neighbours(2, 3)
+    assert not Tree([]) and not Tree([]).are_neighbours(1, 1)
+
+
+def test_without_a_tree_recoveries_are_not_judged_and_that_is_said():
+    story = Story(leaves=())
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.handled("Navigate", GO, "given up")
+    facts = finished(story, "FAILURE").facts()
+    assert isinstance(facts, Facts) and judge(facts).passed
+    assert "the record shows no tree, so the recoveries are not judged" in str(judge(facts))
