@@ -18,6 +18,8 @@ KEPT = 50
 UNDER_WAY, SHOWN, LEFT_OUT, BROKEN_OFF = "under way", "shown", "left out", "broken off"
 """How it stands with an exhibit."""
 
+LEFT = "the visitor left"
+
 SKIPPED, GIVEN_UP, SUBSTITUTED = "skipped", "given up", "substituted"
 """Outcomes of ``Recovered``; any other is that a retry did it."""
 
@@ -209,7 +211,7 @@ class Story:
         if visit is None:  # the record of this run has lost its beginning
             return
         is_success = event.outcome == "SUCCESS"
-        self._end_exhibit(SHOWN if is_success else BROKEN_OFF, self._why_failed())
+        self._end_exhibit(SHOWN if is_success and not self._has_left else BROKEN_OFF, self._why_failed())
         why = self._why_done() if is_success else self._why_failed()
         waited = max(0.0, self._met_at - self._clock)
         self._change(outcome=event.outcome, why=why, seconds=event.seconds - waited, waited=waited)
@@ -221,6 +223,8 @@ class Story:
     def _why_done(self) -> str:
         visit = self.visits[-1]
         shown = sum(exhibit.state == SHOWN for exhibit in visit.exhibits)
+        if self._has_left and visit.exhibits and visit.exhibits[-1].state == BROKEN_OFF:
+            return self._why_failed()
         if visit.exhibits:
             return "the tour was given, {} of {} exhibits shown".format(shown, visit.exhibits[-1].of)
         if visit.answer == "no":
@@ -233,7 +237,7 @@ class Story:
         exhibits = self.visits[-1].exhibits
         where = " at {}".format(exhibits[-1]) if exhibits and exhibits[-1].state == BROKEN_OFF else ""
         if self._has_left:
-            return "the visitor left" + where
+            return LEFT + where
         return "gave up{}: {}".format(where, self._gave_up) if self._given_up else self._failed[1] or "it failed"
 
     # ---------------------------------------------------------------------------------------------------------- steps
@@ -302,6 +306,9 @@ class Story:
         exhibit = self.exhibit
         if event.state == OMITTED:
             self._omitted = event.number
+        elif exhibit is not None and self._has_left:
+            self._end_exhibit(BROKEN_OFF, LEFT)
+            self._tell("exhibit", "warning", "{}, is broken off: {}".format(exhibit, LEFT), event.uid, event.path)
         elif exhibit is not None:
             self._end_exhibit(SHOWN)
             self._tell("exhibit", "info", "{}, was shown".format(exhibit), event.uid, event.path)
@@ -362,7 +369,7 @@ class Story:
         if not is_left_out and exhibits[-1].state == BROKEN_OFF:
             return False
         if self._has_left:
-            why = "the visitor left"
+            why = LEFT
         self._change(exhibits=exhibits[:-1] + (exhibits[-1]._replace(state=UNDER_WAY),))
         self._end_exhibit(LEFT_OUT if is_left_out else BROKEN_OFF, why)
         if is_left_out:

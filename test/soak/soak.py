@@ -3,8 +3,9 @@
 
 ``soak.py sweep|pairs|rates|stops|adversary|verdicts [--short] [--seed N] [--only WORD]``. sweep: each call of the tour meets
 each kind of fault. pairs: 200 tours with two random faults. rates: 20 tours for each failure rate, by voice and by
-tablet. stops: a signal during each call. adversary: the trials of ``adversary.py``. verdicts: 10,000 tours in virtual time, see ``verdicts.py``. Exit code 0 if
-every tour ended as predicted, with the calls and the failures in the log as predicted, and every trial as it should.
+tablet. stops: a signal during each call. adversary: the trials of ``adversary.py``. verdicts: 10,000 tours in virtual
+time, see ``verdicts.py``. Exit code 0 if every tour ended as predicted, with the calls and the failures in the log as
+predicted, and every trial as it should.
 """
 import argparse
 import os

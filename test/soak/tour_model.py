@@ -152,7 +152,9 @@ class Telling:
 
 
 class Tour(Telling):
-    """One pass of the lab tour with a visitor who engages. ``fault(service)`` is asked at each call, in order, for the kind of fault or "".
+    """One pass of the lab tour with a visitor who engages.
+
+    ``fault(service)`` is asked at each call, in order, for the kind of fault or "".
 
     Where a call is the last of its step, the next one to the same service may follow at once; ``is_careful`` has such a
     call meet no fault that only the log can tell of, so that there is time to put the robot in order again.

@@ -9,15 +9,16 @@ from behavior_controller.events import HealthChanged, PassFinished
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.document import ATTENTION, FACES, SPEECH
-from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture,
-                                                   Point, QueryKnowledge, Say, SetAttention)
+from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
+                                                   PerformGesture, Point, QueryKnowledge, Say, SetAttention)
 from behavior_controller.watch import record as record_module
 from behavior_controller.watch.record import Record
 from mission_rig import ENTRANCE, HOME, Rig, service_of
 
 NAMES = ("Robot arm", "Sea chest", "Loom", "Weather balloon", "Printing press")
-EXHIBITS = tuple(Exhibit(name, "This is the {}.".format(name.lower()), "It was made here, in the year {}.".format(1890 + 7 * n),
-                         Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n, name in enumerate(NAMES, 1))
+EXHIBITS = tuple(
+    Exhibit(name, "This is the {}.".format(name.lower()), "It was made here, in the year {}.".format(1890 + 7 * n),
+            Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n, name in enumerate(NAMES, 1))
 STEP = 0.25  # seconds between two messages of a topic
 BEGAN = 1_790_000_000.0  # when the clock of the record says that the day begins
 KINDS = ("engages", "engages", "declines", "silent", "no gaze", "leaves", "robot refuses", "drive dies")
@@ -37,7 +38,8 @@ class Day:
     def seconds(self, request):
         if isinstance(request, Say):
             return 1.0 + 0.06 * len(request.text)
-        return {GoTo: 14.0, PerformGesture: 2.5, QueryKnowledge: 0.05}.get(type(request), 0.1) * self.draw.uniform(0.8, 1.3)
+        usual = {GoTo: 14.0, PerformGesture: 2.5, QueryKnowledge: 0.05}.get(type(request), 0.1)
+        return usual * self.draw.uniform(0.8, 1.3)
 
     def answer(self, request):
         if isinstance(request, QueryKnowledge):

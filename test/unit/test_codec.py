@@ -1,7 +1,7 @@
 """What is written into a record comes back as it was, whatever the interface has to ask and to tell."""
 import pytest
 
-from behavior_controller.events import PassFinished, RunStarted, Sources
+from behavior_controller.events import LeafFinished, PassFinished, RunStarted, Sources, StepStarted, Told, TourAdvanced
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
@@ -29,12 +29,22 @@ def written(entries, version=VERSION):
 
 
 @pytest.mark.parametrize("entry", [Asked(1, "/s", request) for request in REQUESTS] + MESSAGES + [
-    Answered(2, result) for result in RESULTS] + [Tick(1.5, False, [(1, "R"), (2, "-")]), PassFinished(1, "FAILURE", 2.0)],
+    Answered(2, result) for result in RESULTS] + [Tick(1.5, False, [(1, "R"), (2, "-")]), PassFinished(1, "FAILURE", 2.0),
+                                                  StepStarted(2, "B", "b::2", "driving", "to it", 3.5, False),
+                                                  TourAdvanced(2, "B", "b::2", 1, 2, "cup", "begun"),
+                                                  LeafFinished(2, "B", "b::2", "SUCCESS", "", 1.0, None, Told("said", "x"))],
     ids=str)
 def test_each_entry_comes_back_as_it_was(entry):
     lines = list(decode(written(BEGIN + [entry]), "r"))
     assert lines == [Line(1.5, each) for each in BEGIN + [entry]]
     assert type(lines[-1].entry) is type(entry)
+
+
+def test_a_record_of_version_2_is_read_without_what_it_does_not_have():
+    finished = LeafFinished(2, "B", "b::2", "FAILURE", "/s", 1.0, RESULTS[2])
+    data = written(BEGIN + [finished], version=2)
+    assert data.count(b', "told": null') == 1
+    assert list(decode(data.replace(b', "told": null', b""), "r"))[-1].entry == finished
 
 
 def test_all_that_the_interface_asks_and_tells_can_be_recorded():

@@ -174,8 +174,7 @@ def test_visits_are_told_with_what_was_left_out_and_why(show, browser):
     visits = shown.page.board.part("visits")
     wait_until(lambda: len(browser.find_elements("css selector", "#visits-list > li")) == len(visits["newest"]) == 2)
     for visit in visits["newest"]:
-        assert visit["why"] and visit["why"] in text(browser, "#visits-list")
-        assert "visitor {} · {}".format(visit["number"], visit["outcome"]) in text(browser, "#visits-list")
+        assert visit["why"] in visit["told"] and visit["told"] in text(browser, "#visits-list")
     assert text(browser, "#outcomes") == ", ".join("{} {}".format(count, word) for word, count in visits["outcomes"].items())
 
 
@@ -502,7 +501,7 @@ def visit(events, number):
     path = "GiveTour::73/VisitExhibits::76/VisitExhibit::86/Navigate::101"
     failure = Failure(Cause.REFUSED, "the server refused visitor {}".format(number), "/robotNavigation/set_goal")
     events.emit(PassStarted(number, 0.0))
-    events.emit(StepStarted(101, "Navigate", path, "driving to", "exhibit {}".format(number), 180.0))
+    events.emit(StepStarted(101, "Navigate", path, "driving to", "exhibit {}".format(number), 180.0, False))
     events.emit(LeafFinished(101, "Navigate", path, "FAILURE", "/robotNavigation/set_goal", 0.1, failure))
     events.emit(Noticed("error", "notice {}".format(number)))
     events.emit(HealthChanged("service", "/robotNavigation/set_goal", "", bool(number % 2), "gone", "it cannot drive"))
@@ -528,7 +527,7 @@ def test_a_page_left_open_for_10000_visits_does_not_grow(show, browser, monkeypa
         for number in range(first, end):
             visit(shown.rig.mission.events, number)
             time.sleep(0.001)
-        wait_until(lambda: "visitor {}".format(end - 1) in text(browser, "#visits-list"), 60.0)
+        wait_until(lambda: "pass {}:".format(end - 1) in text(browser, "#visits-list"), 60.0)
 
     tell(1, 300)  # by now each list is as long as it may become
     nodes, heap = size(browser)
@@ -631,7 +630,7 @@ def test_health_is_told_when_it_changes(show, browser):
 
 def test_it_needs_nothing_from_elsewhere_and_takes_no_orders(show):
     shown = show(Rig())
-    for path in ("", "page.js", "page.css", "icon.svg"):
+    for path in ("", "page.js", "page.css", "colours.css", "icon.svg"):
         status, body, headers = shown.fetch(path)
         assert status == 200 and "http://" not in body.replace("http://www.w3.org/2000/svg", "") and "https://" not in body
         assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'"

@@ -170,7 +170,8 @@ def test_of_a_mission_that_was_changed_the_last_one_is_reported_and_the_first_is
 
 @pytest.mark.parametrize("more, expected", [
     ([], "the record ends before the run"),
-    ([{"event": "RunFinished", "time": 101.0, "outcome": "stopped; last pass: none", "exit_code": 0}], "ended: stopped; last pass: none"),
+    ([{"event": "RunFinished", "time": 101.0, "outcome": "stopped; last pass: none", "exit_code": 0}],
+     "ended: stopped; last pass: none"),
     ([{"event": "Lost", "time": 101.0, "lines": 7}, {"event": "Lost", "time": 102.0, "lines": 5}], "lacks 12 lines")])
 def test_how_the_run_ended_and_what_is_missing(more, expected):
     assert expected in Page(page_of(lines_of(*more))).of("header")[0]
@@ -379,6 +380,9 @@ def run(browser, script, *arguments):
     return browser.execute_script("return " + script, *arguments)
 
 
+SHOWN = "sentences.filter(one => one.offsetParent !== null)"
+
+
 def choose(browser, name, value):
     browser.execute_script("byId(arguments[0]).value = arguments[1]; byId(arguments[0]).dispatchEvent(new Event('input'))",
                            name, value)
@@ -411,10 +415,10 @@ def test_sentences_are_found_by_word_kind_and_cause(report, told):
     choose(report, "words", "LOOM")
     count = sum("loom" in text.lower() for text in told.told)
     assert run(report, "byId('found').textContent") == "{} of {} sentences".format(count, len(told.told))
-    assert run(report, "sentences.filter(one => one.offsetParent !== null).length") == count > 5  # and they are unfolded
+    assert run(report, SHOWN + ".length") == count > 5  # and they are unfolded
     choose(report, "words", "")
     choose(report, "cause", "not reachable")
-    shown = run(report, "sentences.filter(one => one.offsetParent !== null).map(one => one.querySelector('span').innerText)")
+    shown = run(report, SHOWN + ".map(one => one.querySelector('span').innerText)")
     assert shown[0].startswith("Navigate failed: not reachable, ") and shown[1] == "retrying Navigate, 1 of 2"
     assert run(report, "visits.filter(one => !one.hidden).map(one => one.id)") == ["v8"]
     choose(report, "kind", "said")

@@ -326,6 +326,19 @@ def test_whatever_comes_in_whatever_order_is_one_line_each(event):
     assert story.now(3.0).isprintable()
 
 
+@pytest.mark.parametrize("outcome", ["SUCCESS", "FAILURE"])
+@pytest.mark.parametrize("ends", [[TourAdvanced(1, "x", "x", 1, 2, "Arm", "over")], []])
+def test_an_exhibit_that_the_visitor_left_was_not_shown_whatever_the_mission_makes_of_it(ends, outcome):
+    story = Story()
+    for event in [PassStarted(1, 0.0), LeafFinished(7, "x", "x", "SUCCESS", "", 0.0, None, Told("visit", "", "arrived")),
+                  TourAdvanced(1, "x", "x", 1, 2, "Arm", "begun"),
+                  LeafFinished(7, "x", "x", "FAILURE", "", 0.0, Failure(Cause.CONDITION_FALSE, "no face"),
+                               Told("visit", "", "left"))] + ends + [PassFinished(1, outcome, 5.0)]:
+        story.take(1.0, event)
+    assert (story.visit.exhibits[0].state, story.visit.exhibits[0].why) == (BROKEN_OFF, "the visitor left")
+    assert story.visit.why == "the visitor left at exhibit 1 of 2, Arm"
+
+
 def test_an_exhibit_under_way_is_under_way():
     story = Story()
     story.take(1.0, PassStarted(1, 0.0))

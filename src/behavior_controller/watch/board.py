@@ -15,6 +15,7 @@ from behavior_controller.events import (Event, Events, HealthChanged, LeafFinish
 from behavior_controller.health import Health
 from behavior_controller.interface import Interface
 from behavior_controller.interface.robots import DEFAULT
+from behavior_controller.story import KEPT as VISITS
 from behavior_controller.story import Sentence, Step, Story, Visit, cause
 from behavior_controller.text import clean
 from behavior_controller.watch.codec import LETTERS
@@ -75,7 +76,7 @@ class Board:
         self._beaten = 0.0
         self._story = Story()
         self._now, self._step, self._visit = "", self._story.step, self._story.visit
-        self._visits: List[Visit] = []
+        self._visits: Deque[Tuple[Visit, str]] = collections.deque(maxlen=VISITS)  # that ended, and what was told of it
         self._told: Deque[Tuple[int, Sentence]] = collections.deque(maxlen=TOLD)
         self._trouble: Deque[Sentence] = collections.deque(maxlen=KEPT)
         self._steps: Deque[Tuple[Step, float]] = collections.deque(maxlen=STEPS)  # of this visit, and when each ended
@@ -152,8 +153,8 @@ class Board:
             entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence,
                          told=clean(told[0].text) if told else "")
             self._touch("health")
-        if isinstance(event, PassFinished):
-            self._visits = list(self._story.visits)
+        if isinstance(event, PassFinished) and self._visit is not None:
+            self._visits.append((self._visit, told[-1].text if told else ""))
             self._touch("passes", "visits")
 
     def _tell(self, at: float, event: Event) -> Tuple[Sentence, ...]:
@@ -213,13 +214,12 @@ class Board:
         return {"file": self.mission, "nodes": nodes}
 
     def _outline(self, node: Node) -> Dict[str, Any]:
-        """Return what the tree shows of a node. ``waits``: while it is what runs, the robot waits."""
+        """Return what the tree shows of a node."""
         spec = self._registry.find(node.registration_id)
         name, kind = label(node)
         return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
                 "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE,
-                "bare": node.parent is not None and is_bare(spec, node.name),
-                "waits": spec is not None and spec.kind is Kind.CONDITION}
+                "bare": node.parent is not None and is_bare(spec, node.name)}
 
     def _part_statuses(self) -> Dict[str, Any]:
         letters = "".join(self._statuses[1:])
@@ -241,7 +241,7 @@ class Board:
     def _part_visits(self) -> Dict[str, Any]:
         """Return the newest visits that ended, and how often each outcome was there among all."""
         return {"outcomes": dict(self._story.outcomes),
-                "newest": [_visit(visit) for visit in reversed(self._visits) if visit.outcome]}
+                "newest": [dict(_visit(visit), told=clean(text)) for visit, text in reversed(list(self._visits))]}
 
     def _part_timeline(self) -> Dict[str, Any]:
         """Return the steps of the visit that ended: when each began, in unix seconds, and how long it took."""
@@ -325,7 +325,7 @@ def _sentence(sentence: Sentence) -> Dict[str, Any]:
 
 
 def _step(step: Step) -> Dict[str, Any]:
-    return {"words": clean(step.words), "began": step.began, "uid": step.uid}
+    return {"words": clean(step.words), "began": step.began, "uid": step.uid, "is_wait": step.is_wait}
 
 
 def _visit(visit: Visit) -> Dict[str, Any]:

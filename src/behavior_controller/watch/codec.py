@@ -137,7 +137,7 @@ def decode(data: bytes, file: str) -> Iterator[Line]:
 
 def _parsed(data: bytes) -> Dict[str, Any]:
     try:
-        plain = json.loads(data.decode("utf-8-sig"), parse_int=_whole)
+        plain = _JSON.decode(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise ValueError("it is not UTF-8 text") from error
     except json.JSONDecodeError as error:
@@ -153,6 +153,9 @@ def _whole(text: str) -> int:
     if len(text) > LONGEST_NUMBER:
         raise ValueError("a whole number has more than {} digits".format(LONGEST_NUMBER))
     return int(text)
+
+
+_JSON = json.JSONDecoder(parse_int=_whole)  # made once: making it takes longer than a short line
 
 
 def _check_header(plain: Dict[str, Any], file: str) -> None:

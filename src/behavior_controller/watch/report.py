@@ -24,14 +24,14 @@ from behavior_controller.watch.board import clock, is_bare, title
 from behavior_controller.watch.codec import LETTERS, Entry, Line, Lost, Tick, TreeNode, TreeShown
 from behavior_controller.watch.lanes import Bar, Lanes
 
-FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "report_files")
+FOLDER = os.path.dirname(os.path.abspath(__file__))
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○"}
 LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
 NO, RETRY, DONE = "n", "r", "d"
 """Kinds of bars beside the letters of the statuses: a condition that does not hold, a retry that failed, a step."""
 
-LEGEND = {"S": "success", "F": "failure", "h": "halted", NO: "does not hold yet", "w": "waiting for a visitor",
-          "warning": "warning", "error": "error"}
+LEGEND = {"S": "success", "F": "failure", "h": "halted", NO: "does not hold yet", RETRY: "a retry failed",
+          "w": "waiting for a visitor", "warning": "warning", "error": "error"}
 EVENTS = get_args(Event)
 
 DEEPEST = 100
@@ -134,7 +134,7 @@ def to_html(lines: Iterable[Line]) -> str:
     places, doubt = _places(run)
     body = "".join([_header(run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
                     _documents(run), _settings(run), "</main>"])
-    style, script = _file("report.css"), _file("report.js")
+    style, script = _file("page_files", "colours.css") + _file("report_files", "report.css"), _file("report_files", "report.js")
     return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, data=_data(run),
                        allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
 
@@ -186,8 +186,8 @@ def _places(run: Run) -> Tuple[Dict[str, Place], str]:
             for node in tree.nodes if node.element is not None}, ""
 
 
-def _file(name: str) -> str:
-    with open(os.path.join(FILES, name), encoding="utf-8") as file:
+def _file(folder: str, name: str) -> str:
+    with open(os.path.join(FOLDER, folder, name), encoding="utf-8") as file:
         return file.read()
 
 
@@ -231,7 +231,8 @@ def _header(run: Run, earlier: List[RunStarted]) -> str:
     ends = ", ".join("{} {}".format(count, outcome) for outcome, count in sorted(run.story.outcomes.items()))
     told = ["{:%Y-%m-%d} {} to {}, {}".format(began, clock(run.began), clock(run.ended), _seconds(run.ended - run.began)),
             "{} visits: {}".format(sum(run.story.outcomes.values()), ends) if ends else "no visit was ended",
-            "ended: " + run.outcome if run.outcome else "the record ends before the run: the node was killed, or the record full"]
+            "ended: " + run.outcome if run.outcome else
+            "the record ends before the run: the node was killed, or the record full"]
     lacks = []
     if earlier:
         lacks.append("Before it the record has {}, which this report leaves out.".format(
@@ -241,7 +242,8 @@ def _header(run: Run, earlier: List[RunStarted]) -> str:
     return ('<header><h1>Mission {}</h1><p>{}</p>{}<nav aria-label="Sections"><a href="#story">Story</a> '
             '<a href="#timeline">Timeline</a> <a href="#tree">Tree</a> <a href="#files">Mission file</a> '
             '<a href="#settings">Configuration</a></nav></header>').format(
-                _text(title(run.started.mission)), _text("; ".join(told)), "".join("<p>{}</p>".format(_text(text)) for text in lacks))
+                _text(title(run.started.mission)), _text("; ".join(told)),
+                "".join("<p>{}</p>".format(_text(text)) for text in lacks))
 
 
 # ----------------------------------------------------------------------------------------------------------------- story
@@ -264,7 +266,8 @@ def _story(run: Run) -> str:
 
 def _visit(run: Run, visit: Visit) -> str:
     shown = sum(exhibit.state == SHOWN for exhibit in visit.exhibits)
-    facts = [_time(visit.began), "{} {}".format(_sign(LETTER_OF.get(visit.outcome, "R"), ""), _text(visit.outcome or UNDER_WAY))]
+    outcome = _sign(LETTER_OF.get(visit.outcome, "R"), "") + " " + _text(visit.outcome or UNDER_WAY)
+    facts = [_time(visit.began), outcome]
     if visit.exhibits:
         facts.append("{} of {} exhibits {}".format(shown, visit.exhibits[0].of, SHOWN))
     facts.append(_seconds(visit.seconds) + (", waited {} before".format(_seconds(visit.waited)) if visit.waited else ""))

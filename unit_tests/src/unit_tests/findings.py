@@ -146,12 +146,13 @@ def _unrecovered(look: Look) -> Iterator[Seen]:
 
 
 def _budget(look: Look) -> Iterator[Seen]:
-    """See a budget of recoveries that is spent, unless so many calls were made to fail."""
+    """See a budget of recoveries that is spent, most of it on failures that no fault brought about."""
     policy = look.stage.mission.policy
     recovered = [(at, event) for at, event in look.played.events if isinstance(event, Recovered)]
-    injected = sum(line.fault is not None for line in look.played.journal)
+    faulty = {line.resource for line in look.played.journal if line.fault is not None}
+    own = sum(event.failure.resource not in faulty for _, event in recovered)
     for (at, event), (began, _) in zip(recovered[policy.most:], recovered):
-        if at - began < policy.seconds and injected < policy.most:
+        if at - began < policy.seconds and 2 * own > policy.most:
             yield event.path, "more than {} recoveries in {:g} s: whatever fails from here on is given up".format(
                 policy.most, policy.seconds)
             return
@@ -236,8 +237,8 @@ KINDS = (
     Kind("missing-data", "A node reads an entry or an answer that is not there.", _missing_data),
     Kind("senseless-request", "A node of the robot is asked for something that it does not know.", _senseless),
     Kind("unrecovered", "A single fault ends the pass, because no HandleFallBack stands beside the node.", _unrecovered),
-    Kind("budget-spent", "Recoveries use up the budget of the policy although few calls fail: what fails later is given "
-                         "up at once.", _budget),
+    Kind("budget-spent", "Recoveries use up the budget of the policy although hardly a call fails: what fails later is "
+                         "given up at once.", _budget),
     Kind("left-on", "Attention or lifelike movement is on when a tour is over.", _left_on),
     Kind("not-home", "The robot does not drive home after a tour.", _not_home),
     Kind("abandoned-drive", "The mission stops waiting for a drive, and the robot drives on.", _abandoned),

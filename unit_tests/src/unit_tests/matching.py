@@ -15,7 +15,7 @@ CAUSE_OF = {REFUSED: Cause.REFUSED.value, EXCEPTION: Cause.HANDLER_EXCEPTION.val
             CRASH: Cause.CONNECTION_LOST.value, WRONG: Cause.UNUSABLE_ANSWER.value}
 """How the controller must record each kind of fault."""
 
-AWAY = {Cause.NOT_REACHABLE.value, Cause.CONNECTION_LOST.value}
+AWAY = {Cause.NOT_REACHABLE.value, Cause.NOT_ADVERTISED.value, Cause.CONNECTION_LOST.value}
 """How calls fail between the crash of a node and its return."""
 
 RECOVERY = {spec.id for spec in leaves.mission_specs() if spec.is_recovery}

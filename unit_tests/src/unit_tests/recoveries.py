@@ -46,6 +46,11 @@ class Round(NamedTuple):
         """Whether the step, or what stands in for it, was done after all."""
         return self.outcome in (DONE, SUBSTITUTED)
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether there was nothing to recover from: what is on record is HandleFallBack itself."""
+        return bool(self.recovered["path"] == self.fallback["path"])
+
 
 def rounds(events: Sequence[Event]) -> Iterator[Round]:
     """Yield all recoveries, in the order of their ends."""
@@ -77,9 +82,9 @@ class Recoveries:
         self._policy = _policy(facts)
         self._tour = _Tour(len(facts.knowledge.exhibits), bool(facts.real))
         self._all = list(rounds(facts.events))
-        self._begun = sorted(event["time"] - event["seconds"] for event in facts.events
-                             if event["event"] == "LeafFinished" and event["node"] in RECOVERY
-                             and not (event["failure"] or {}).get("cause") == "missing-data")
+        idle = {id(each.fallback) for each in self._all if each.is_idle}
+        self._begun = [event["time"] - event["seconds"] for event in facts.events
+                       if event["event"] == "LeafFinished" and event["node"] in RECOVERY and id(event) not in idle]
 
     def objections(self) -> Iterator[str]:
         """Object to each recovery that tried too often or not often enough, or ended as it may not."""
@@ -91,7 +96,7 @@ class Recoveries:
             if id(event) in by_end:
                 each = by_end[id(event)]
                 may_skip = self._leave_out(each)
-                if each.recovered["path"] != event["path"]:  # else there was nothing to recover from
+                if not each.is_idle:
                     yield from self._judge(each, may_skip)
         yield from self._quiet_tries()
 
@@ -104,7 +109,8 @@ class Recoveries:
 
     def _judge(self, each: Round, may_skip: Optional[bool]) -> Iterator[str]:
         node = each.recovered["node"]
-        can_redo = self._tree.are_neighbours(each.failures[0]["uid"], each.fallback["uid"]) if each.failures else False
+        can_redo = bool(each.failures and node in SPECS and SPECS[node].calls) and self._tree.are_neighbours(
+            each.failures[0]["uid"], each.fallback["uid"])
         is_spent = self._is_spent(each.began)
         verdicts = [list(self._told(each, can_redo, spent, may)) for spent in ([is_spent] if is_spent is not None else
                     [False, True]) for may in ([may_skip] if may_skip is not None else [False, True])]

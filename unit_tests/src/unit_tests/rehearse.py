@@ -16,6 +16,7 @@ from behavior_controller.text import clean
 
 from unit_tests import arguments, rehearse_page, scenes
 from unit_tests.configuration import ALIASES
+from unit_tests.facts import count
 from unit_tests.faults import KINDS, PlannedFault
 from unit_tests.robot import topics
 from unit_tests.scenes import Scene, Theatre
@@ -287,8 +288,8 @@ def heading(result: Result) -> str:
     total = len(result.plan.scenes)
     robot = result.plan.theatre.stage(result.plan.scenes[0].by_voice).settings.interface.name
     stopped = "" if result.plays == total else ", stopped before the other {}".format(total - result.plays)
-    return "{}, robot {}: {} plays in {:.1f} s{}".format(
-        clean(os.path.basename(result.plan.arguments[1])), robot, result.plays, result.seconds, stopped)
+    return "{}, robot {}: {} in {:.1f} s{}".format(clean(os.path.basename(result.plan.arguments[1])), robot,
+                                                   count(result.plays, "play", "plays"), result.seconds, stopped)
 
 
 def as_text(result: Result) -> str:
@@ -305,8 +306,8 @@ def as_text(result: Result) -> str:
         lines += _found_lines(found, found.kind.name != told)
         told = found.kind.name
     kinds = len({found.kind.name for found in result.found})
-    return "\n".join(lines + ["", "nothing was found" if not result.found else "found: {} at {} places".format(
-        "{} kinds of mistakes".format(kinds) if kinds > 1 else "1 kind of mistake", len(result.found))])
+    return "\n".join(lines + ["", "nothing was found" if not result.found else "found: {} at {}".format(
+        count(kinds, "kind of mistake", "kinds of mistakes"), count(len(result.found), "place", "places"))])
 
 
 def _found_lines(found: Found, is_first: bool) -> List[str]:
@@ -317,7 +318,7 @@ def _found_lines(found: Found, is_first: bool) -> List[str]:
                                      found.what))
     if found.scene is None:
         return lines
-    lines.append("    in {} of the plays, the shortest: {}".format(found.plays, words(found.scene)))
+    lines.append("    in {}, the shortest: {}".format(count(found.plays, "play", "plays"), words(found.scene)))
     if is_first:
         lines += ["      " + line for line in _story_lines(found.story)]
     return lines + ["    again: " + found.command]

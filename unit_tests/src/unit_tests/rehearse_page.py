@@ -2,6 +2,7 @@
 import html
 from typing import Any, List, Sequence
 
+from unit_tests.facts import count
 from unit_tests.survey import Found, Row, Share
 
 ROW_HEAD = ("visitor", "answers by", "outcome", "after", "exhibits", "with faults")
@@ -72,8 +73,8 @@ def _found(found: Found) -> str:
     story = "".join("<tr><td class=\"at\">{:.1f} s</td><td>{}</td></tr>".format(each.at, _text(each.text))
                     for each in found.story)
     shown = "" if found.scene is None else (
-        "<details><summary>{} plays show it; the shortest</summary><table>{}</table></details>"
-        "<p>Again: <code>{}</code></p>").format(found.plays, story, _text(found.command))
+        "<details><summary>the shortest of {}</summary><table>{}</table></details>"
+        "<p>Again: <code>{}</code></p>").format(count(found.plays, "play", "plays"), story, _text(found.command))
     return "<h3>{}: {}</h3><p>{}</p><p>{}{}</p>{}".format(
         _text(found.kind.name), _text(found.where or "the mission"), _text(found.kind.means), _text(found.what),
         " (<code>{}</code>)".format(_text(found.place)) if found.place else "", shown)

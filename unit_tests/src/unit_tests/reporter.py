@@ -21,6 +21,7 @@ from unit_tests.junit import to_xml
 from unit_tests.rehearsal import Rehearsal, rehearse
 from unit_tests.report import title, write
 from unit_tests.robot import World
+from unit_tests.stage import TIMED_OUT
 
 OUTPUT = "behaviorControllerTestOutput.dat"
 JUNIT = "behaviorControllerTest.xml"
@@ -151,7 +152,7 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
         if not is_started and waited > start_limit:
             cut_off = "the controller did not start its mission within {:g} s".format(start_limit)
         elif waited > limit:
-            cut_off = "the mission did not end within {:g} s (testTimeout)".format(limit)
+            cut_off = TIMED_OUT.format(limit) + " (testTimeout)"
         else:
             time.sleep(LOOK_INTERVAL)
     if rospy.is_shutdown():

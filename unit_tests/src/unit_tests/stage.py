@@ -56,6 +56,9 @@ SHORTEST_GAP = 0.05
 LONG_PACE = 0.25
 """Seconds between the ticks of a mission that changes something at every one, in place of ``runner.PACE``."""
 
+TIMED_OUT = "the mission did not end within {:g} s"
+"""Why the end is not awaited of a mission that has had its time."""
+
 BUSY = "the mission busy-loops"
 """Why the end of a mission that never waits is not awaited."""
 
@@ -170,7 +173,7 @@ class _Runner(Runner):
             due = clock.next_due()
             moment = min(limit, math.inf if due is None else due)
             if moment > self.ends:
-                raise _TimeIsUp("the mission did not end within {:g} s".format(self.ends - START))
+                raise _TimeIsUp(TIMED_OUT.format(self.ends - START))
             clock.set_to(max(clock.now(), moment))
             clock.run_due()
             if moment == limit:

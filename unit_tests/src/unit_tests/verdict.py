@@ -28,7 +28,8 @@ from unit_tests.facts import Event, Facts, Pass, Tree, count, of, passes, starte
 from unit_tests.journal import Line
 from unit_tests.matching import AWAY, Matching
 from unit_tests.recoveries import GIVEN_UP, SPECS, Recoveries, Round, rounds
-from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, NO_GAZE, SILENT, UNCLEAR
+from unit_tests.stage import TIMED_OUT
+from unit_tests.visitor import DECLINES, ENGAGES, EXHIBITS_BEFORE_LEAVING, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR
 
 
 def _nodes(fits: Callable[[MissionSpec], bool]) -> Set[str]:
@@ -92,22 +93,28 @@ class Case:
         """Each pass, and what kept it from going as it should."""
 
     def _obstacles(self, a_pass: Pass) -> Iterator[str]:
-        """Say what a right controller cannot make good again: what it goes by then is the policy and the mission."""
+        """Say what a right controller cannot make good again, first what may have ended the pass.
+
+        What it goes by then is the policy and the mission.
+        """
         rounds = [each for each in self.rounds if _is_within(each.fallback["time"], a_pass)]
-        for each in rounds:
-            if each.outcome == GIVEN_UP or not each.helped and not self.are_neighbours(each):
-                yield "{} was {} ({})".format(each.recovered["node"], each.outcome, each.recovered["failure"]["cause"])
+        lost = [each for each in rounds if each.outcome != GIVEN_UP and self.is_lost(each)]
         recovered = {id(failure) for each in rounds for failure in each.failures}
+        for each in [each for each in rounds if each.outcome == GIVEN_UP]:
+            yield _told(each)
         for event in self.matching.injected:
             if _is_within(event["time"], a_pass) and id(event) not in recovered:
                 yield "{} failed ({})".format(event["node"], event["failure"]["cause"])
-        for wait in self.watch.waits:
+        for wait in reversed(self.watch.waits):
             if _is_within(wait.ended, a_pass) and not wait.held and wait.sign is None and self._is_given(wait, a_pass):
                 yield "{} saw nothing in {:.1f} s".format(wait.node, wait.ended - wait.began)
+        yield from map(_told, lost)
 
-    def are_neighbours(self, each: Round) -> bool:
-        """Return whether a recovery stands beside the leaf that failed, not beside a whole SubTree."""
-        return bool(each.failures) and self.tree.are_neighbours(each.failures[0].get("uid", 0), each.fallback["uid"])
+    def is_lost(self, each: Round) -> bool:
+        """Return whether more than one step is left undone: a recovery gave up, or skipped a whole SubTree."""
+        is_one_step = bool(each.failures) and self.tree.are_neighbours(
+            each.failures[0].get("uid", 0), each.fallback["uid"])
+        return each.outcome == GIVEN_UP or not each.helped and not is_one_step
 
     def _is_given(self, wait: Wait, a_pass: Pass) -> bool:
         """Whether the visitor gives such a sign, if only the messages come."""
@@ -117,6 +124,10 @@ class Case:
             return False
         return not (wait.sense is Sense.GAZE and behaviour == NO_GAZE
                     or wait.sense is Sense.UTTERANCE and behaviour in (SILENT, UNCLEAR))
+
+
+def _told(each: Round) -> str:
+    return "{} was {} ({})".format(each.recovered["node"], each.outcome, each.recovered["failure"]["cause"])
 
 
 def _is_within(time: float, a_pass: Pass) -> bool:
@@ -135,7 +146,7 @@ def judge(facts: Facts) -> Verdict:
         praise += "; no yes can reach the robot (asrEnabled false, tabletSuccessIs done), so no tour is expected"
     praise += "".join("; pass {} ended with FAILURE, as it had to: {}".format(a_pass.number, obstacles[0])
                       for a_pass, obstacles in case.passes if obstacles and a_pass.outcome == "FAILURE")
-    if facts.cut_off and _waits_in_vain(case):
+    if _waits_in_vain(case):
         praise += "; at last {} waited for a sign of the visitor that never came: {}".format(
             case.watch.endless[0].node, facts.cut_off)
     if case.rounds and not case.tree:
@@ -168,8 +179,9 @@ def _ended(case: Case) -> Iterator[str]:
 
 
 def _waits_in_vain(case: Case) -> bool:
-    """Whether the mission waits for a sign of the visitor, as it should, and none came: so it may wait for ever."""
-    return any(wait.sign is None for wait in case.watch.endless)
+    """Whether the mission has long waited for a sign of the visitor and none came: so it may wait for ever."""
+    return case.facts.cut_off.startswith(TIMED_OUT.split("{")[0]) and any(
+        wait.sign is None and wait.ended - wait.began > LONG_WAIT for wait in case.watch.endless)
 
 
 def _ending(exit_code: Optional[int]) -> str:
@@ -179,7 +191,7 @@ def _ending(exit_code: Optional[int]) -> str:
 
 
 def _outcomes(case: Case) -> Iterator[str]:
-    """Object to passes that did not end as the tree did, or as the visitor's behaviour predicts if nothing was in the way."""
+    """Object to passes that did not end as their tree, or, with nothing in the way, as the visitor's behaviour predicts."""
     expected = _expected_outcome(case.facts)
     for a_pass, obstacles in case.passes:
         root = [letter for tick in of(a_pass.events, "Tick") for uid, letter in tick["changes"] if uid == 1][-1:]
@@ -303,19 +315,20 @@ def _left_out(case: Case, a_pass: Pass, is_excused: bool, number: int) -> Iterat
     for index, exhibit in enumerate(case.facts.knowledge.exhibits[:number]):
         place = exhibit.location.x, exhibit.location.y
         visit = visits[index] if index < len(visits) else None
-        if place not in stops and not (is_excused and (visit is None or _is_lost(case, visit, place))):
+        is_over = is_excused and (visit is None or _is_broken_off(case, visit))
+        if place not in stops and not (is_over and (visit is None or not _is_elsewhere(case, visit, place))):
             yield "pass {}: the robot did not get to exhibit {}".format(a_pass.number, exhibit.name)
         elif place in stops and not _is_described(exhibit, stops[place]) and not (
-                is_excused and (visit is None or _is_broken_off(case, visit)) or visit and _is_mute_for_a_while(case, visit)):
+                is_over or visit and _is_mute_for_a_while(case, visit)):
             yield "pass {}: exhibit {} was not described".format(a_pass.number, exhibit.name)
 
 
-def _is_lost(case: Case, visit: Tuple[float, float], place: Tuple[float, float]) -> bool:
-    """Whether a visit was given up before the robot was there, and not because it went to another exhibit."""
+def _is_elsewhere(case: Case, visit: Tuple[float, float], place: Tuple[float, float]) -> bool:
+    """Whether the robot was sent to another exhibit than the one that the visit was to."""
     knowledge = case.facts.knowledge
     others = {(each.location.x, each.location.y) for each in knowledge.exhibits} - {place}
     others -= {(knowledge.home.location.x, knowledge.home.location.y)}
-    return _is_broken_off(case, visit) and not any(
+    return any(
         _place(line) in others for line in case.facts.journal
         if line.node == "robotNavigation" and visit[0] < line.time <= visit[1])
 
@@ -332,10 +345,11 @@ def _visits(a_pass: Pass) -> List[Tuple[float, float]]:
 
 
 def _is_broken_off(case: Case, visit: Tuple[float, float]) -> bool:
-    """Whether something of a visit as a whole was left out or given up, or the pass failed in it."""
-    return any(a_pass.outcome == "FAILURE" and visit[1] == a_pass.events[-1]["time"] for a_pass, _ in case.passes) or any(
-        visit[0] < each.fallback["time"] <= visit[1] and not each.helped
-        and (each.outcome == GIVEN_UP or not case.are_neighbours(each)) for each in case.rounds)
+    """Whether a visit as a whole was left out or given up, the visitor was not found in it, or the pass failed in it."""
+    began, ended = visit
+    return any(began < each.fallback["time"] <= ended and case.is_lost(each) for each in case.rounds) or any(
+        began < wait.ended <= ended and not wait.held and wait.sign is None for wait in case.watch.waits) or any(
+        a_pass.outcome == "FAILURE" and ended == a_pass.events[-1]["time"] for a_pass, _ in case.passes)
 
 
 def _is_mute_for_a_while(case: Case, visit: Tuple[float, float]) -> bool:

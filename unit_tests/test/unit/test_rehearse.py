@@ -5,6 +5,7 @@ import os
 import pty
 import re
 import select
+import shutil
 import signal
 import subprocess
 import sys
@@ -95,7 +96,7 @@ def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_i
     assert re.search(r"SayGoodByeSpeech::\d+ \({}:{}:\d+\): the visitor had left \d+ s before".format(path, line), text)
     again = re.search("again: rosrun unit_tests rehearseMission (.*)", text).group(1).split()
     code, text = run(capsys, *again)
-    assert code == exits.FOUND and "1 plays" in text and "goodbye-to-nobody" in text
+    assert code == exits.FOUND and ": 1 play in" in text and "goodbye-to-nobody" in text
 
 
 def test_the_shortest_play_of_a_finding_has_the_fewest_faults():
@@ -207,6 +208,42 @@ def test_a_terminal_shows_the_progress_and_ctrl_c_tells_what_was_found_so_far():
     assert re.search(rb"\d+ plays in .* stopped before the other \d+", text)
     assert b"Traceback" not in shown + os.read(terminal, 10000) + text
     os.close(terminal)
+
+
+GREETER = os.path.join(HERE, "..", "..", "..", "examples", "greeter")
+
+
+def rehearse_package(folder, *words):
+    """Return the exit code and the text of a rehearsal that finds the package in ``folder``."""
+    pytest.importorskip("rospkg")
+    command = os.path.join(HERE, "..", "..", "nodes", "rehearseMission")
+    paths = [os.path.join(str(folder), "src")] + sys.path
+    done = subprocess.run([sys.executable, command] + list(words), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          universal_newlines=True, env=dict(os.environ, ROS_PACKAGE_PATH=str(folder), ROS_ROOT="",
+                                                            PYTHONPATH=os.pathsep.join(paths)))
+    return done.returncode, done.stdout
+
+
+def test_the_missions_of_another_package_are_rehearsed_by_their_name():
+    code, text = rehearse_package(GREETER, "greet", "--faults", "none")
+    assert code == 0 and "greet.xml, robot D5.4.3: 12 plays" in text
+    code, text = rehearse_package(GREETER, "greet", "--planned", "lights:1:refused", "--visitors", "engages")
+    assert code == exits.FOUND and "unrecovered: " in text and "Lights::3" in text
+
+
+def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
+    folder = tmp_path / "greeter"
+    shutil.copytree(GREETER, str(folder))
+    leaves, interface = folder / "src" / "greeter" / "leaves.py", folder / "src" / "greeter" / "interface.py"
+    leaves.write_text(leaves.read_text().replace("    asks = SetLights\n", """    asks = SetLights
+
+    def accept(self, answer):
+        raise RuntimeError("the answer was " + answer.response)
+"""))
+    interface.write_text(interface.read_text().replace("import Request\n", "import Answer, Request\n").replace(
+        "as they are\")", "as they are\",\n            rehearsed=lambda request: Answer(response=request.colour))"))
+    code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
+    assert code == exits.FOUND and "exception: " in text and "the answer was blue" in text
 
 
 def test_all_visitors_are_played():

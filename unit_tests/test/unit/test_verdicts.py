@@ -1,6 +1,7 @@
 """Verdicts on many tours in virtual time, held against a plain telling of the tour; a larger number is a soak's work."""
 import dataclasses
 import os
+import random
 import sys
 
 import pytest
@@ -8,9 +9,13 @@ import pytest
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
 sys.path.append(os.path.join(ROOT, "test", "soak"))
 import verdicts  # noqa: E402
+from behavior_controller import settings  # noqa: E402
 from broken import ALL  # noqa: E402
 
-from unit_tests.stage import CALM  # noqa: E402
+from unit_tests.facts import Facts  # noqa: E402
+from unit_tests.rehearsal import rehearse_on  # noqa: E402
+from unit_tests.robot import OPTIONAL  # noqa: E402
+from unit_tests.stage import CALM, Stage  # noqa: E402
 from unit_tests.verdict import judge  # noqa: E402
 
 
@@ -42,3 +47,19 @@ def test_what_comes_too_late_or_is_given_up_is_not_the_controllers_fault(seed, r
     facts = verdicts.play(True, test)
     assert [event["outcome"] for event in facts.events if event["event"] == "PassFinished"] == ["FAILURE"]
     assert judge(facts).passed
+
+
+@pytest.mark.parametrize("by_voice, tablet", [(True, "done"), (False, "yes"), (False, "done")])
+def test_no_verdict_speaks_against_a_tour_of_release_1_0(by_voice, tablet):
+    on = Stage(settings.defaults(asrEnabled=by_voice, tabletSuccessIs=tablet, robotInterface="release-1.0",
+                                 scenarioSpecification="release_1_0_tour"))
+    for seed in range(25):
+        chance = random.Random(seed)
+        test = dataclasses.replace(
+            verdicts.draw(seed)[1], recognise_by=chance.choice(("topic", "action")), test_timeout=3000.0,
+            absent_services=tuple(chance.sample(OPTIONAL, chance.choice((0, 0, 1)))))
+        played = on.play(test)
+        verdict = judge(Facts(played.record(), played.journal, played.exit_code, test.visitor_behaviour, test.mission_runs,
+                              on.knowledge, played.cut_off, rehearse_on(on, test.visitor_behaviour),
+                              interface=on.settings.interface, absent=frozenset(test.absent_services)))
+        assert verdict.passed, (test, str(verdict))

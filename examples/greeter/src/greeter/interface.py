@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 
 from behavior_controller.interface import Service, Success
-from behavior_controller.interface.records import Request
+from behavior_controller.interface.records import Request, Words
 
 
 @dataclass(frozen=True)
@@ -10,6 +10,11 @@ class SetLights(Request):
     """Light up in ``colour``."""
 
     colour: str
+
+    @property
+    def words(self) -> Words:
+        """What an operator is told."""
+        return Words("lighting up", "lit up", "in {}".format(self.colour), "moved")
 
 
 SERVICES = (

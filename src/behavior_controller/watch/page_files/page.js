@@ -72,7 +72,7 @@ function showStory(story) {
 
 function visitorText() {
   const current = visit.exhibits.find(each => each.state === "under way");
-  return "Visitor " + visit.number + (current ? " · exhibit " + current.number + " of " + current.of + ", " + current.name : "");
+  return (visit.arrived === null ? "Pass " : "Visitor ") + visit.number + (current ? " · exhibit " + current.number + " of " + current.of + ", " + current.name : "");
 }
 
 function showElapsed() {
@@ -121,10 +121,8 @@ function showVisits(visits) {
   byId("visits-list").replaceChildren(...visits.newest.map(each => {
     const made = element("li", each.outcome);
     const head = element("span");
-    head.append(element("span", "sign", OUTCOME_SIGNS[each.outcome] || "■"), " visitor " + each.number + " · "
-                + each.outcome + " after " + duration(each.seconds));
+    head.append(element("span", "sign", OUTCOME_SIGNS[each.outcome] || "■"), " " + each.told);
     made.append(element("time", "", each.time), head);
-    if (each.why) made.append(element("span", "why", each.why));
     for (const one of each.exhibits)
       if (one.state === "left out")
         made.append(element("span", "why", one.name + ": " + one.state + (one.why ? ", " + one.why : "")));
@@ -185,9 +183,8 @@ function laneOf(each) {
 }
 
 function bar(each, left, right, y) {
-  const node = nodes[each.uid - 1];
   const made = shape("rect", {x: left, y: y, width: Math.max(2, right - left).toFixed(1), height: 9, rx: 2,
-                              class: node && node.waits ? "wait" : "R"});
+                              class: each.is_wait ? "wait" : "R"});
   made.append(shape("title", {}, each.words + ", " + duration(each.seconds)));
   return made;
 }

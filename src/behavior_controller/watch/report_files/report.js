@@ -30,6 +30,7 @@ function find() {
     visit.hidden = isAsked && !visit.querySelector(".told li:not([hidden])");
     if (isAsked) visit.open = !visit.hidden;
   }
+  byId("story").classList.toggle("found", isAsked);
   byId("found").textContent = isAsked ? count + " of " + sentences.length + " sentences" : sentences.length + " sentences";
 }
 
@@ -38,7 +39,6 @@ document.querySelector("form").addEventListener("submit", event => event.prevent
 
 // -------------------------------------------------------------------------------------------------------------- timeline
 
-const SIGNS = {r: "↻"};
 const WORDS = {S: "success", F: "failure", R: "under way", h: "halted", n: "does not hold yet", r: "a retry failed", w: "waiting for a visitor",
                d: "", warning: "warning", error: "error"};
 const NEAR = 3;       // pixels between two bars of a kind that are drawn as one
@@ -139,7 +139,7 @@ function telling(lane, bar) {
 
 function barElement(lane, bar, scale) {
   const begin = Math.max(bar.begin, from), width = (Math.min(bar.end, to) - begin) * scale;
-  const made = element("span", "bar " + bar.kind + (width > 45 ? " wide" : ""), SIGNS[bar.kind] || "");
+  const made = element("span", "bar " + bar.kind + (width > 45 ? " wide" : ""));
   made.style.left = (begin - from) * scale + "px";
   made.style.width = width + "px";
   if (width > 45) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " × " : "") +
