@@ -164,7 +164,8 @@ def plan(options: argparse.Namespace) -> Plan:
     _check_robot(theatre.stage(ways[0]).settings.interface, options)
     kinds = options.kinds or KINDS
     is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and options.limit >= LIMIT \
-        and options.faults in (None, SINGLE, PAIRS) and not (options.runs or options.planned or options.silent)
+        and options.faults in (None, SINGLE, PAIRS) \
+        and not (options.runs or options.planned or options.silent or options.kinds)
     chosen = [options.mission] + [word for word in options.settings if not word.startswith(ASR + ":=")]
     return Plan(made, theatre, list(_scenes(options, theatre, calm, kinds)), is_complete, chosen)
 
