@@ -230,7 +230,7 @@ def _header(run: Run, earlier: List[RunStarted]) -> str:
     began = datetime.datetime.fromtimestamp(run.began)
     ends = ", ".join("{} {}".format(count, outcome) for outcome, count in sorted(run.story.outcomes.items()))
     told = ["{:%Y-%m-%d} {} to {}, {}".format(began, clock(run.began), clock(run.ended), _seconds(run.ended - run.began)),
-            "{} visits: {}".format(sum(run.story.outcomes.values()), ends) if ends else "no visit was ended",
+            "visits: {}".format(ends) if ends else "no visit was ended",
             "ended: " + run.outcome if run.outcome else
             "the record ends before the run: the node was killed, or the record full"]
     lacks = []

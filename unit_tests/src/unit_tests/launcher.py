@@ -15,6 +15,7 @@ def main(given: List[str]) -> int:
     """Return 0 if the test passed, 1 if it failed, 2 if it could not be run."""
     try:
         if {"-h", "--help"} & set(given):
+            signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # ``| head`` ends it without a traceback; nothing runs yet
             print(arguments.usage({"arrivalRate": _of_arrival_rate()}))
             return 0
         values = arguments.read(given)
