@@ -2,8 +2,7 @@
 
 These are tables of the documents, the keys of both configurations, the arguments and nodes of the launch files, the
 executables of the simulated nodes, and docs/faults.md. A derived part of a file is below a line with ``derived: NAME`` and
-ends before ``derived: end``.
-A value that a configuration file gives stays as it is.
+ends before ``derived: end``. A value that a configuration file gives stays as it is.
 """
 import os
 import re

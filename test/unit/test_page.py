@@ -463,8 +463,8 @@ def test_a_tree_of_many_levels_is_shown(show, browser):
 SEEN = """
 window.seen = {};
 new MutationObserver(() => requestAnimationFrame(() => {
-  const shown = document.querySelector("#transcript li span");
-  if (shown && !(shown.innerText in seen)) seen[shown.innerText] = performance.timeOrigin + performance.now();
+  for (const shown of document.querySelectorAll("#transcript li span"))
+    if (!(shown.textContent in seen)) seen[shown.textContent] = performance.timeOrigin + performance.now();
 })).observe(byId("transcript"), {childList: true, subtree: true});"""
 
 
@@ -478,8 +478,7 @@ def latency(shown, browser, name, count=40):
         shown.rig.mission.events.emit(Noticed("info", "{} {}".format(name, number)))
     wait_until(lambda: "{} {}".format(name, count - 1) in browser.execute_script("return seen"))
     seen = browser.execute_script("return seen")
-    delays = sorted(seen[text] / 1000 - at for text, at in told.items() if text in seen)
-    assert len(delays) > 0.9 * count
+    delays = sorted(seen[text] / 1000 - at for text, at in told.items())
     return delays[int(0.95 * len(delays))]
 
 
