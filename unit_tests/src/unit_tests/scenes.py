@@ -28,6 +28,10 @@ NO_VISITOR = "waiting for a visitor"
 """The outcome of a pass in which no visitor is seen."""
 
 
+BROKEN = "exception"
+"""The outcome of a pass that an exception beside the tree ended."""
+
+
 class Scene(NamedTuple):
     """One play: a visitor, how the visitor answers, and what goes wrong: as planned, or drawn with ``rate`` and ``seed``.
 
@@ -49,7 +53,7 @@ class Scene(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, or empty if the pass did not end."""
+    """What came of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, BROKEN, or empty if the pass did not end."""
 
     scene: Scene
     outcome: str
@@ -98,7 +102,8 @@ class Theatre:
         look = self.play(scene)
         kinds = {type(request) for request in look.stage.settings.interface.safe_state}
         switched = frozenset(request for _, request in look.played.asked if type(request) in kinds)
-        outcome = look.outcome or (NO_VISITOR if findings.waits_for_a_visitor(look) else "")
+        outcome = look.outcome or (
+            BROKEN if look.played.error else NO_VISITOR if findings.waits_for_a_visitor(look) else "")
         return Outcome(scene, outcome, look.played.seconds, findings.visited(look),
                        tuple(findings.look_at(look)), look.played.reached, switched)
 

@@ -255,7 +255,7 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
     def accept(self, answer):
         raise RuntimeError("the answer was " + answer.response)
 """))
-    interface.write_text(interface.read_text().replace("import Request\n", "import Answer, Request\n").replace(
+    interface.write_text("from behavior_controller.interface.records import Answer\n" + interface.read_text().replace(
         "as they are\")", "as they are\",\n            rehearsed=lambda request: Answer(response=request.colour))"))
     code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
     assert code == exits.FOUND and "exception: " in text and "the answer was blue" in text
