@@ -178,6 +178,21 @@ def test_a_question_that_failed_ends_the_time_of_older_answers():
     assert rig.tick() is FAILURE
 
 
+def test_a_retry_of_the_question_that_failed_does_so_too():
+    rig = one_leaf("<Sequence><Fallback><QueryTourSpeech/><HandleFallBack/></Fallback><IsYesNoUttered/></Sequence>",
+                   lambda request: None)
+    rig.tick()
+    for text in ("yes", "no"):
+        rig.clock.advance(1.0)
+        rig.topics.publish(SPEECH, text)  # while the robot may be speaking
+        rig.clock.advance(1.0)
+        rig.gateway.calls[-1].finish(refusal(rig.gateway.requests[-1]))
+        status = rig.tick()
+        rig.clock.advance(1.0)
+        status = rig.tick() if status is RUNNING else status
+    assert len(rig.gateway.requests) == 2 and status is FAILURE
+
+
 def test_one_utterance_answers_one_question():
     rig = one_leaf("<IsYesNoUttered/>")
     rig.topics.publish(SPEECH, "yes")

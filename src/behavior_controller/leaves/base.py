@@ -242,7 +242,7 @@ class Attempt:
         if result is None:
             return None
         if isinstance(result, Failure):
-            return Ended(result)
+            return Ended(self._leaf.attempt_failed(result))
         self._leaf.told = self._leaf.done(self._words) if self._words is not None else None
         try:
             failure = self._leaf.accept(result)
@@ -291,6 +291,10 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
             return self.mission.settings.deadline(self.mission.interface.service(type(request)))
         except LookupError:
             return 0.0
+
+    def attempt_failed(self, failure: Failure) -> Failure:
+        """Return the failure of a request that was made, the leaf's own or a retry."""
+        return failure
 
     def try_once(self) -> Attempt:
         """Begin an attempt; a recovery does so to retry the step."""

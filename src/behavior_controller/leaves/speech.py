@@ -1,7 +1,7 @@
 """Leaves that speak (/textToSpeech/say_text)."""
 from typing import Iterable, Optional, Tuple, Union
 
-from behavior_controller.bt.engine.node import ConfigureError, Result
+from behavior_controller.bt.engine.node import ConfigureError
 from behavior_controller.bt.language.ports import PortError, reference
 from behavior_controller.bt.language.values import TEXT
 from behavior_controller.bt.registry import Port
@@ -31,8 +31,8 @@ class FixedSpeech(ServiceLeaf):
 class Question(FixedSpeech):
     """``<QueryTourSpeech/>``: a speech that asks the visitor, and notes when it has been spoken.
 
-    Not earlier: the robot must not take its own voice for an answer. A question that failed ends the time of older
-    answers all the same.
+    Not earlier: the robot must not take its own voice for an answer. A question that failed, at the first attempt or
+    at a retry, ends the time of older answers all the same.
     """
 
     PORTS = (QUESTION_ASKED_AT.written(),)
@@ -53,14 +53,13 @@ class Question(FixedSpeech):
         self.set_output("questionAskedAt", self.mission.clock.now())
         return None
 
-    def failed(self, failure: Failure) -> Result:
+    def attempt_failed(self, failure: Failure) -> Failure:
         """Note when the attempt was over."""
         try:
             self.set_output("questionAskedAt", self.mission.clock.now())
         except PortError as error:
-            if str(error) != failure.message:
-                failure = failure._replace(message="{}; {}".format(failure.message, error))
-        return super().failed(failure)
+            return failure._replace(message="{}; {}".format(failure.message, error))
+        return failure
 
 
 class DescribeExhibitSpeech(ServiceLeaf):

@@ -107,7 +107,8 @@ class Case:
                 yield "{} failed ({})".format(event["node"], event["failure"]["cause"])
         for wait in reversed(self.watch.waits):
             if _is_within(wait.ended, a_pass) and not wait.held and wait.sign is None and self._is_given(wait, a_pass):
-                yield "{} saw nothing in {:.1f} s".format(wait.node, wait.ended - wait.began)
+                seconds = wait.ended - wait.began
+                yield "{} saw nothing{}".format(wait.node, " in {:.1f} s".format(seconds) if seconds >= 0.05 else "")
         yield from map(_told, lost)
 
     def is_lost(self, each: Round) -> bool:
