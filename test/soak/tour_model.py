@@ -4,7 +4,7 @@ A second, plain telling of the mission, so that the engine's run can be held aga
 """
 import os
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.realpath(__file__))))  # the workspace links here
 ANIMATION, GESTURE, KNOWLEDGE, ATTENTION, DRIVE, TABLET, SAY = SERVICES = (
     "/animateBehaviour/set_activation", "/gestureExecution/perform_gesture", "/knowledgeBase/query",
     "/overtAttention/set_mode", "/robotNavigation/set_goal", "/tabletEvent/prompt_and_get_response",

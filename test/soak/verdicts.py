@@ -18,7 +18,7 @@ import os
 import random
 import sys
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.realpath(__file__))))  # the workspace links here
 sys.path[:0] = [os.path.dirname(os.path.abspath(__file__)), os.path.join(ROOT, "src"),
                 os.path.join(ROOT, "unit_tests", "src"), os.path.join(ROOT, "unit_tests", "test", "rostest")]
 

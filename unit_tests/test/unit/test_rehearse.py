@@ -220,7 +220,7 @@ def test_a_terminal_shows_the_progress_and_ctrl_c_tells_what_was_found_so_far():
     os.killpg(process.pid, signal.SIGINT)
     text, _ = process.communicate(timeout=60)
     assert process.returncode == exits.UNAVAILABLE
-    assert re.search(rb"\d+ plays in .* stopped before the other \d+", text)
+    assert re.search(rb"\d+ plays? in .* stopped before the other \d+", text)
     assert b"Traceback" not in shown + os.read(terminal, 10000) + text
     os.close(terminal)
 
