@@ -10,6 +10,7 @@ from behavior_controller.events import (BEGUN, OMITTED, Event, HealthChanged, Le
                                         PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
                                         StepStarted, TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
+from behavior_controller.recovery import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.text import clean
 
 KEPT = 50
@@ -19,9 +20,6 @@ UNDER_WAY, SHOWN, LEFT_OUT, BROKEN_OFF = "under way", "shown", "left out", "brok
 """How it stands with an exhibit."""
 
 LEFT = "the visitor left"
-
-SKIPPED, GIVEN_UP, SUBSTITUTED = "skipped", "given up", "substituted"
-"""Outcomes of ``Recovered``; any other is that a retry did it."""
 
 
 class Sentence(NamedTuple):
