@@ -24,6 +24,7 @@ STATES = {"EnableAnimateBehavior": "enabled", "DisableAnimateBehavior": "disable
           "LocationOvertAttentionMode": "location"}
 QUESTIONS = ("QueryTourSpeech", "SayYesNoSpeech")
 INDISPENSABLE = ("Navigate", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome")
+TIE = 0.0005  # s: what happens so near to each other may be in either order
 AWAY, NOTICED, RETURN_LIMIT = 2.0, 0.1, 15.0  # s: how long a node is away after a crash; when it is noticed; patience
 GAZE_WAIT, ANSWER_WAIT, MAX_AGE = 15.0, 10.0, 2.0
 NEARLY = 0.3  # s by which a call may come at another time than predicted
@@ -60,6 +61,11 @@ class Journal:
             if [line.content["goal_x"], line.content["goal_y"]] != goal["location"][:2]:
                 raise NotAsTold("{} drove to {}".format(node, line.content))
         return line
+
+    def has(self, service, at):
+        """Return whether the next call of a service is at that time."""
+        left = self.calls.get(service)
+        return bool(left) and abs(left[0].time - at) < TIE
 
     def newest(self, topic, at):
         """Return the newest message of a topic and the ones after it."""
@@ -105,7 +111,7 @@ class TimedTour(Telling):
         """Make one call and return the policy's word for what went wrong, or ""."""
         m = self.m
         sent, arrives = m.now, m.now + 0.001
-        if m.crashed.get(service, -1e9) <= arrives < m.crashed.get(service, -1e9) + AWAY - 1e-4:
+        if self.is_away(service, arrives):
             m.now = arrives
             return "not-reachable"
         line = m.journal.take(service, node, arrives, place)
@@ -119,6 +125,13 @@ class TimedTour(Telling):
         if node in QUESTIONS:
             self.asked_at = m.now
         return WORDS.get(line.fault, "")
+
+    def is_away(self, service, at):
+        """Return whether a node that has crashed is not back; at the very moment of its return the journal tells."""
+        crashed = self.m.crashed.get(service, -1e9)
+        if abs(at - crashed - AWAY) < TIE:
+            return not self.m.journal.has(service, at)
+        return crashed <= at < crashed + AWAY
 
     def visit(self, number):
         self.exhibit = number
