@@ -26,6 +26,9 @@ LONGEST_LINE = 2 * LONGEST
 MOST_WAITING = 1000
 """Items that may wait for a sink that takes none."""
 
+AT_ONCE = 10
+"""Items that a sink with a rest writes before it rests again."""
+
 INDENT = "    "
 """What the second line and further ones begin with, where a line is broken to fit the terminal."""
 
@@ -39,13 +42,15 @@ class Sink:
                  most: int = MOST_WAITING, rest: float = 0.0):
         """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread.
 
-        With a ``rest`` in seconds, items that come after an idle time are written so much later: what put them has
-        done by then what others wait for.
+        With a ``rest`` in seconds ``put`` wakes no thread: the sink looks for itself each time that long has passed, and
+        then writes at most ``AT_ONCE`` items, so that it competes with nothing that the robot waits for.
         """
         self._write = write
         self._left_out = left_out
         self._most = most
         self._rest = rest
+        self._since_rest = 0  # items written
+        self._is_drained = False  # somebody waits for the end of what is written
         self._waiting: Deque[Any] = collections.deque()
         self._lost = 0
         self._is_busy = False
@@ -59,12 +64,16 @@ class Sink:
                 self._lost += 1
             else:
                 self._waiting.append(item)
-                self._news.notify_all()
+                if not self._rest:
+                    self._news.notify_all()
 
     def drain(self, seconds: float) -> None:
-        """Return when everything is written, after ``seconds`` at the latest."""
+        """Return when everything is written, after ``seconds`` at the latest; nothing rests meanwhile."""
         with self._news:
+            self._is_drained = True
+            self._news.notify_all()
             self._news.wait_for(lambda: not (self._waiting or self._is_busy), seconds)
+            self._is_drained = False
 
     def _work(self) -> None:
         while True:
@@ -75,17 +84,23 @@ class Sink:
         with self._news:
             self._is_busy = False
             self._news.notify_all()
-            is_idle = not self._waiting
-            self._news.wait_for(lambda: self._waiting)
+            if self._rest:
+                self._wait_for_look()
+            else:
+                self._news.wait_for(lambda: self._waiting)
             self._is_busy = True
-        if is_idle and self._rest:
-            time.sleep(self._rest)
-        with self._news:
             item = self._waiting.popleft()
             if self._lost and len(self._waiting) <= self._most // 2:
                 self._waiting.append(self._left_out(self._lost))
                 self._lost = 0
             return item
+
+    def _wait_for_look(self) -> None:
+        """Return when there is something, and it is time to write it."""
+        while not self._waiting or self._since_rest >= AT_ONCE:
+            self._news.wait_for(lambda: self._is_drained and self._waiting, self._rest)
+            self._since_rest = 0
+        self._since_rest += 1
 
 
 def drain(sinks: Iterable[Sink], seconds: float) -> None:

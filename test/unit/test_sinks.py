@@ -12,7 +12,7 @@ import unicodedata
 
 import pytest
 
-from behavior_controller.sinks import Detached, LineStream, Sink, drain, take_over_streams
+from behavior_controller.sinks import AT_ONCE, Detached, LineStream, Sink, drain, take_over_streams
 
 CTRL_S, CTRL_Q = b"\x13", b"\x11"
 F_SETPIPE_SZ = 1031  # fcntl has the name from Python 3.10 on
@@ -117,6 +117,26 @@ def test_a_blocked_sink_takes_no_time_from_the_others():
     other[1].put(1)
     drain([blocked, other[1]], 0.3)
     assert other[0].written == [0, 1]
+
+
+def test_a_sink_with_a_rest_writes_a_few_items_and_rests():
+    times = []
+    sink = Sink("test", lambda item: times.append(time.monotonic()), str, rest=0.2)
+    for number in range(2 * AT_ONCE + 1):
+        sink.put(number)
+    ends = time.monotonic() + 10
+    while len(times) < 2 * AT_ONCE + 1 and time.monotonic() < ends:
+        time.sleep(0.01)
+    assert times[AT_ONCE] - times[AT_ONCE - 1] >= 0.15 and times[2 * AT_ONCE] - times[2 * AT_ONCE - 1] >= 0.15
+
+
+def test_draining_a_sink_that_rests_writes_all_at_once():
+    written = []
+    sink = Sink("test", written.append, str, rest=60.0)
+    for number in range(5 * AT_ONCE):
+        sink.put(number)
+    sink.drain(10)
+    assert written == list(range(5 * AT_ONCE))
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 import traceback
-from typing import Any, Tuple
+from typing import Any, Tuple, Union
 
 from rosgraph.roslogging import RosStreamHandler
 
@@ -26,8 +26,11 @@ FORMAT = "ROSCONSOLE_FORMAT"
 FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
 """Its value on a terminal, if it has none: the time of day, where rospy's own has seconds since 1970."""
 
-REST = 0.03
-"""Seconds by which a line comes later than what it tells, so that telling it competes with nothing that the robot does."""
+REST = 0.05
+"""Seconds between two times that lines are made of what has happened, so that nothing the robot does waits for them."""
+
+MOST_WAITING = 10_000
+"""Events and lines that may wait to be told."""
 
 HEARTBEAT = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
@@ -54,7 +57,8 @@ class Console:
         self.is_verbose = False  # until the configuration is known
         if sys.stdout.isatty():
             os.environ.setdefault(FORMAT, FOR_PEOPLE)
-        self._lines = Sink("console", self._write, lambda count: ("warning", LEFT_OUT % (count, "the console")), rest=REST)
+        self._lines = Sink("console", self._write, lambda count: ("warning", LEFT_OUT % (count, "the console")),
+                           MOST_WAITING, REST)
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
         self._logger = logging.getLogger(ROSOUT)
@@ -99,24 +103,33 @@ class Console:
         drain(self._sinks, seconds)
 
     def __call__(self, event: Event) -> None:
-        """Write what the story tells of ``event``."""
-        for sentence in self._story.take(time.time(), event):
-            self.tell(sentence.severity, sentence.text)
-        if self.is_verbose and isinstance(event, LeafFinished):
-            parts = [event.status, event.resource, "{:.3f} s".format(event.seconds), reason(event.failure),
-                     event.told.text if event.told is not None else ""]
-            self.tell("info", "{} ({}): {}".format(event.node, event.path, ", ".join(filter(None, parts))))
-        elif self.is_verbose and isinstance(event, Retried):
-            self.tell("info", "{} ({}): retry {} failed, {}, {}".format(
-                event.node, event.path, event.attempt, event.failure.resource, reason(event.failure)))
+        """Have written what the story tells of ``event``."""
+        self._lines.put((time.time(), event, self.is_verbose))
 
     def tell(self, severity: str, text: str) -> None:
         """Write ``text`` as one line, whatever it quotes, at ``info``, ``warning`` or ``error``; from any thread."""
         self._lines.put((severity, text))
 
-    def _write(self, line: Tuple[str, str]) -> None:
-        """Have rospy's logging write a line, which takes longer than all that the tick thread does with an event."""
-        getattr(self._logger, line[0])("behaviorController: %s", clean(line[1]))
+    def _write(self, told: Union[Tuple[str, str], Tuple[float, Event, bool]]) -> None:
+        """Write a line, or those of an event; rospy's logging takes longer than all that the tick thread does with one."""
+        if isinstance(told[0], str):
+            self._log(*told)
+        else:
+            self._log_event(*told)
+
+    def _log_event(self, at: float, event: Event, is_verbose: bool) -> None:
+        for sentence in self._story.take(at, event):
+            self._log(sentence.severity, sentence.text)
+        if is_verbose and isinstance(event, LeafFinished):
+            parts = [event.status, event.resource, "{:.3f} s".format(event.seconds), reason(event.failure),
+                     event.told.text if event.told is not None else ""]
+            self._log("info", "{} ({}): {}".format(event.node, event.path, ", ".join(filter(None, parts))))
+        elif is_verbose and isinstance(event, Retried):
+            self._log("info", "{} ({}): retry {} failed, {}, {}".format(
+                event.node, event.path, event.attempt, event.failure.resource, reason(event.failure)))
+
+    def _log(self, severity: str, text: str) -> None:
+        getattr(self._logger, severity)("behaviorController: %s", clean(text))
 
     def tell_shortage(self, error: BaseException) -> None:
         """Tell in one line that memory, threads or files are used up, unless that was said a moment ago."""

@@ -1,5 +1,6 @@
 """What there is to see of a running mission, as plain data: the page and ``missionStatus`` show it."""
 import collections
+import itertools
 import os
 import time
 from typing import Any, Deque, Dict, List, NamedTuple, Optional, Tuple
@@ -12,6 +13,7 @@ from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import IDLE, RUNNING
 from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, PassFinished, PassStarted,
                                         RunFinished, RunStarted)
+from behavior_controller.gateway import Failure
 from behavior_controller.health import Health
 from behavior_controller.interface import Interface
 from behavior_controller.interface.robots import DEFAULT
@@ -51,18 +53,19 @@ class Result(NamedTuple):
     at: float
     letter: str
     seconds: float
-    why: str
+    failure: Optional[Failure]
     times: int
 
 
 class Board:
-    """Collects what happens on the tick thread, and wakes no other; ``part`` and ``node`` may be called from any thread.
+    """Collects what happens, on the tick thread, and wakes no other; all else is done by the one thread that shows it.
 
-    ``versions`` counts the changes of each part.
+    That thread calls ``look``, ``part`` and ``node``; ``versions`` has another number when a part has changed.
     """
 
     def __init__(self, events: Events, health: Health, registry: Registry, interface: Interface = DEFAULT):
         self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
+        self._numbers = itertools.count(1)  # of all parts together: two threads may change one at the same time
         self.tree: Optional[Tree] = None
         self.mission = ""
         self._registry = registry
@@ -70,9 +73,11 @@ class Board:
         self._statuses: List[str] = []
         self._began: Dict[int, float] = {}  # when each node that is RUNNING became so
         self._results: Dict[int, Deque[Result]] = {}
-        self._why: Dict[int, str] = {}  # the cause of a failure, until its node ends with it
+        self._failures: Dict[int, Failure] = {}  # of a leaf, until its node ends with it
+        self._news: Deque[Tuple[float, Event]] = collections.deque()  # what ``look`` has not taken yet
         self._writes = 0
         self._ended = ""
+        self._is_closed = False
         self._beaten = 0.0
         self._story = Story()
         self._now, self._step, self._visit = "", self._story.step, self._story.visit
@@ -87,7 +92,7 @@ class Board:
             for offer in offers:
                 self._health[offer.name] = {"kind": kind, "name": offer.name, "well": True, "status": "",
                                             "consequence": "", "told": ""}
-        events.subscribe(self._take)
+        events.subscribe(self._note)
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on. On the tick thread, which gives a sign of life through the tree's clock."""
@@ -101,23 +106,22 @@ class Board:
         self._touch("mission", "statuses", "passes", "blackboard")
 
     def close(self) -> None:
-        """Note that the controller ends, if it has not told how."""
-        self._ended = self._ended or "the controller has stopped"
+        """Note that the controller ends. Any thread may call it."""
+        self._is_closed = True
         self._touch("passes")
 
     def _beat(self, clock: Clock) -> None:
         self._beaten = time.monotonic()
-        self._tell_now(time.time())
         clock.call_after(PULSE, lambda: self._beat(clock))
 
     def _touch(self, *parts: str) -> None:
         for part in parts:
-            self.versions[part] += 1
+            self.versions[part] = next(self._numbers)
 
     def _observe(self, node: Any, old: Any, new: Any) -> None:
         uid = node.uid
         self._statuses[uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
-        self.versions["statuses"] += 1
+        self._touch("statuses")
         if new is RUNNING:
             self._began[uid] = time.monotonic()
         elif new is not IDLE or old is RUNNING:
@@ -125,29 +129,62 @@ class Board:
 
     def _note_result(self, uid: int, letter: str) -> None:
         now = time.monotonic()
-        seconds, why, times = now - self._began.pop(uid, now), self._why.pop(uid, ""), 1
+        seconds, failure, times = now - self._began.pop(uid, now), self._failures.pop(uid, None), 1
         results = self._results.get(uid)
         if results is None:
             results = self._results[uid] = collections.deque(maxlen=RESULTS)
-        elif seconds < INSTANT and results[-1].letter == letter and results[-1].why == why:
+        elif seconds < INSTANT and results[-1].letter == letter and results[-1].failure == failure:
             times += results.pop().times
-        results.append(Result(now, letter, seconds, why, times))
+        results.append(Result(now, letter, seconds, failure, times))
 
-    def _take(self, event: Event) -> None:
+    def _note(self, event: Event) -> None:
+        """Keep an event for ``look``, and what the statuses of the nodes need of it. On the tick thread."""
+        if isinstance(event, LeafFinished):
+            if event.failure is not None:
+                self._failures[event.uid] = event.failure
+        elif isinstance(event, PassStarted):
+            self._statuses[1:] = "-" * (len(self._statuses) - 1)
+            self._touch("statuses")
+        self._news.append((time.time(), event))
+
+    # ----------------------------------------------------------------------------------------------- what has happened
+
+    def look(self) -> None:
+        """Take what has happened: events, entries that were written, calls that ended, topics that grow older."""
+        self._catch_up()
+        writes = self.tree.blackboard.writes if self.tree is not None else 0
+        if writes != self._writes:
+            self._writes = writes
+            self._touch("blackboard")
+        called = sum(count.calls for count in self._state.calls.values())
+        if called != self._called:
+            self._called = called
+            self._touch("health")
+        now = time.monotonic()
+        if now - self._pulsed >= PULSE:
+            self._pulsed = now
+            self._touch("alive", "health")
+
+    def _catch_up(self) -> None:
+        while self._news:
+            self._take(*self._news.popleft())
+        now = self._story.now(time.time())
+        if now != self._now:
+            self._now = now
+            self._touch("passes")
+
+    def _take(self, at: float, event: Event) -> None:
         """Keep what is worth being seen of an event."""
         if isinstance(event, RunStarted):
             self.mission = event.mission
             self._touch("mission")
         elif isinstance(event, PassStarted):
-            self._statuses[1:] = "-" * (len(self._statuses) - 1)
             self._steps.clear()
-            self._touch("statuses", "passes", "timeline")
-        elif isinstance(event, LeafFinished) and event.failure is not None:
-            self._why[event.uid] = cause(event.failure)
+            self._touch("passes", "timeline")
         elif isinstance(event, RunFinished):
             self._ended = event.outcome
             self._touch("passes")
-        told = self._tell(time.time(), event)
+        told = self._tell(at, event)
         if isinstance(event, HealthChanged):
             entry = self._health.setdefault(event.name, {"kind": event.kind, "name": event.name})
             entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence,
@@ -158,7 +195,7 @@ class Board:
             self._touch("passes", "visits")
 
     def _tell(self, at: float, event: Event) -> Tuple[Sentence, ...]:
-        """Have the story told on, and keep what it says: others read it on their threads."""
+        """Have the story told on, and keep what it says."""
         told = self._story.take(at, event)
         for sentence in told:
             self._told.append((self._told[-1][0] + 1 if self._told else 1, sentence))
@@ -169,41 +206,19 @@ class Board:
         if self._story.visit is not self._visit:
             self._visit = self._story.visit
             self._touch("story")
-            self._tell_now(at)
         if self._story.step is not self._step:
             if self._step is not None:
                 self._steps.append((self._step, at))
             self._step = self._story.step
             self._touch("story", "timeline")
-            self._tell_now(at)
         return told
-
-    def _tell_now(self, at: float) -> None:
-        now = self._story.now(at)
-        if now != self._now:
-            self._now = now
-            self._touch("passes")
 
     # ------------------------------------------------------------------------------------------------- to be shown
 
     def part(self, name: str) -> Any:
         """Return one part as data that JSON can carry."""
+        self._catch_up()
         return getattr(self, "_part_" + name)()
-
-    def look(self) -> None:
-        """Notice changes without an event: entries that were written, calls that ended, topics that grow older."""
-        writes = self.tree.blackboard.writes if self.tree is not None else 0
-        if writes != self._writes:
-            self._writes = writes
-            self.versions["blackboard"] += 1
-        called = sum(count.calls for count in self._state.calls.values())
-        if called != self._called:
-            self._called = called
-            self.versions["health"] += 1
-        now = time.monotonic()
-        if now - self._pulsed >= PULSE:
-            self._pulsed = now
-            self._touch("alive", "health")
 
     def _part_mission(self) -> Dict[str, Any]:
         """Return the nodes in document order, each with its parent's uid: a list, since a tree may be very deep."""
@@ -228,7 +243,10 @@ class Board:
 
     def _part_passes(self) -> Dict[str, Any]:
         """Return in the story's words what the robot does, how many visits began, and how the mission ended."""
-        return {"count": self._story.visit_count, "ended": self._ended, "text": self._now}
+        return {"count": self._story.visit_count, "ended": self._how_ended(), "text": self._now}
+
+    def _how_ended(self) -> str:
+        return self._ended or ("the controller has stopped" if self._is_closed else "")
 
     def _part_story(self) -> Dict[str, Any]:
         """Return the step under way, with its age in seconds, the visit that it belongs to, and the sentences."""
@@ -249,7 +267,7 @@ class Board:
 
     def _part_alive(self) -> Dict[str, Any]:
         """Return how long ago, in seconds, the tick thread gave its last sign of life, and whether that is too long."""
-        if self.tree is None or self._ended:
+        if self.tree is None or self._how_ended():
             return {"age": None, "hangs": False}
         age = round(time.monotonic() - self._beaten, 1)
         return {"age": age, "hangs": age >= HANGS}
@@ -284,8 +302,7 @@ class Board:
         return {"uid": uid, "path": node.full_path, "type": node.registration_id,
                 "description": spec.summary if spec is not None else "", "place": node.place_in_file().rstrip(": "),
                 "ports": [dict(zip(("name", "text", "value"), row)) for row in _ports(node)],
-                "results": [dict(result._asdict(), time=clock(time.time() - time.monotonic() + result.at))
-                            for result in reversed(list(self._results.get(uid, ())))]}
+                "results": [_result(result) for result in reversed(list(self._results.get(uid, ())))]}
 
 
 def title(mission: str) -> str:
@@ -322,6 +339,11 @@ def clock(at: float) -> str:
 
 def _sentence(sentence: Sentence) -> Dict[str, Any]:
     return dict(sentence._asdict(), time=clock(sentence.at), text=clean(sentence.text))
+
+
+def _result(result: Result) -> Dict[str, Any]:
+    return {"time": clock(time.time() - time.monotonic() + result.at), "letter": result.letter, "times": result.times,
+            "seconds": result.seconds, "why": cause(result.failure) if result.failure is not None else ""}
 
 
 def _step(step: Step) -> Dict[str, Any]:

@@ -23,7 +23,7 @@ from tornado.web import Application, RequestHandler, StaticFileHandler
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.text import clean
-from behavior_controller.watch.board import PARTS, Board, title
+from behavior_controller.watch.board import PARTS, PULSE, Board, title
 from behavior_controller.watch.drawing import NotDrawn, svg
 from behavior_controller.watch.server import Connections, LoopThread
 
@@ -101,6 +101,13 @@ class Page:
                                idle_connection_timeout=LONGEST_IDLE, body_timeout=LONGEST_IDLE)
         self._server.connections = self.connections
         self._server.add_sockets(self._sockets)
+        asyncio.ensure_future(self._look_on())
+
+    async def _look_on(self) -> None:
+        """Have the board take what has happened also while no browser is connected."""
+        while True:
+            self.board.look()
+            await asyncio.sleep(PULSE)
 
     def _end(self) -> None:
         for sock in self._sockets:
