@@ -1,7 +1,8 @@
 """Measure the running node against stubs that answer at once, beside the least that rospy can do, in one run.
 
 Reaction: from a message that leaves its publisher to the request that follows arriving at the server. Step: from an
-answer to the next request. Ticks while every server hangs, hung calls, floods and idling are measured too. Prints JSON.
+answer to the next request, where all answers come at once, and where each takes 20 ms. Ticks while every server hangs,
+hung calls, floods and idling are measured too. Prints JSON.
 """
 import json
 import os
@@ -30,6 +31,7 @@ VISITOR = (UNTIL.format("<IsVisitorDiscovered/>") + "<WelcomeSpeech/>"
 GAZE = "<SeekOvertAttentionMode/>" + UNTIL.format("<IsMutualGazeDiscovered/>") + "<WelcomeSpeech/>"
 YES = "<QueryTourSpeech/>" + UNTIL.format("<IsYesNoUttered/>") + "<MaybeAnotherTimeSpeech/>"
 STEPS = "<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/>"
+STEP_SERVICES = (SAY, "/gestureExecution/perform_gesture", "/animateBehaviour/set_activation", MODE)
 ROUNDS = 200
 SETTLE = 0.02  # s between an answer and the message that follows: a visitor is not faster
 
@@ -43,14 +45,24 @@ class Bench:
         self.package = Package(os.path.join(folder, "package"))
         self.robot = None
         self.node = None
+        self.clients = None
 
-    def start(self, mission, **keys):
-        """Start a stub robot and the node with this mission."""
-        self.robot = Robot()
+    def start(self, mission, modes=None, is_watched=False):
+        """Start a stub robot whose services behave by ``modes``, and the node with this mission.
+
+        If it is watched, Groot2 and a browser monitor the run, and it is recorded.
+        """
+        self.robot = Robot(modes)
         self.package.write("data/m.xml", MISSION.format(mission))
-        self.package.configure(scenarioSpecification="m", **keys)
+        keys = {"groot2Port": "21667", "monitorPort": "28080", "recordDirectory": os.path.join(self.folder, "record")}
+        self.package.configure(scenarioSpecification="m", **keys if is_watched else {})
         self.node = Controller(self.package)
         self.node.lines.wait_for(lambda line: " starts, " in line, 20)
+        if is_watched:
+            self.clients = subprocess.Popen([sys.executable, os.path.join(HERE, "monitoring_clients.py"), "21667", "28080"],
+                                            stdout=subprocess.PIPE)
+            self.clients.stdout.readline()
+        time.sleep(0.5)
 
     def floor(self, what):
         """Start a stub robot and the bare rospy node."""
@@ -60,7 +72,11 @@ class Bench:
         self.robot.wait_for_request(SAY, 20)
 
     def stop(self):
-        """End node and robot."""
+        """End node and robot, and who monitors them."""
+        if self.clients is not None:
+            self.clients.kill()
+            self.clients.communicate()
+            self.clients = None
         if isinstance(self.node, Controller):
             self.node.stop()
             self.node.close()
@@ -82,25 +98,10 @@ class Bench:
 
     # -------------------------------------------------------------------------------------------------- measurements
 
-    def reaction(self, mission, *messages, **keys):
+    def reaction(self, mission, *messages, is_watched=False):
         """Return the reaction times to the messages, each ``(topic, values…)``, in turn."""
-        self.start(mission, **keys)
-        time.sleep(0.5)
+        self.start(mission, is_watched=is_watched)
         taken = [self.next_request(SAY, *messages[turn % len(messages)]) for turn in range(ROUNDS)]
-        self.stop()
-        return taken
-
-    def watched_reaction(self):
-        """Return the reaction times to a visitor while Groot2 and a browser monitor the run and it is recorded."""
-        self.start(VISITOR, groot2Port="21667", monitorPort="28080", recordDirectory=os.path.join(self.folder, "record"))
-        clients = subprocess.Popen([sys.executable, os.path.join(HERE, "monitoring_clients.py"), "21667", "28080"],
-                                   stdout=subprocess.PIPE)
-        clients.stdout.readline()
-        time.sleep(0.5)
-        taken = [self.next_request(SAY, FACES, *(NO_FACE if turn % 2 else A_FACE)) for turn in range(ROUNDS)]
-        clients.kill()
-        clients.wait()
-        clients.stdout.close()
         self.stop()
         return taken
 
@@ -120,6 +121,24 @@ class Bench:
         self.stop()
         return [after["time"] - before["time"] for before, after in zip(events, events[1:])
                 if "answered" in before and "service" in after][50:]
+
+    def paced_steps(self, is_watched=False):
+        """Return the seconds from each answer to the next request where each service takes ``SETTLE`` to answer."""
+        self.start(STEPS, dict.fromkeys(STEP_SERVICES, "hang"), is_watched)
+        taken, seen, answered = [], 0, 0.0
+        for turn in range(ROUNDS):
+            service = STEP_SERVICES[turn % len(STEP_SERVICES)]
+            request = self.robot.wait_for_request(service, 5, seen)
+            if turn > len(STEP_SERVICES):  # the first round opens the connections
+                taken.append(request["time"] - answered)
+            seen = len(self.robot.lines.all)
+            time.sleep(SETTLE)
+            self.robot.set_mode(service, "done")
+            _, line = self.robot.lines.wait_for(lambda line: '"answered": "{}"'.format(service) in line, 5, seen)
+            answered = json.loads(line)["time"]
+            self.robot.set_mode(service, "hang")
+        self.stop()
+        return taken
 
     def load(self, seconds, *floods):
         """Return the share of a core that the node takes that waits for a gaze, while ``floods`` are sent.
@@ -233,16 +252,16 @@ def main():
     bench = Bench(folder)
     try:
         floor = bench.reaction_floor()
-        visitor, watched = [], []
-        for _ in range(3):  # in turn: what is compared should have had the same machine
-            visitor += bench.reaction(VISITOR, (FACES,) + A_FACE, (FACES,) + NO_FACE)
-            watched += bench.watched_reaction()
+        visitor, paced = {False: [], True: []}, {False: [], True: []}
+        for is_watched in 5 * (False, True):  # in turn: what is compared should have had the same machine
+            visitor[is_watched] += bench.reaction(VISITOR, (FACES,) + A_FACE, (FACES,) + NO_FACE, is_watched=is_watched)
+            paced[is_watched] += bench.paced_steps(is_watched)
         reactions = {
-            "visitor": visitor,
+            "visitor": visitor[False],
             "gaze": bench.reaction(GAZE, (ATTENTION, "seeking", 1)),
             "yes": bench.reaction(YES, (SPEECH, "yes")),
             "yes, in a flood": bench.reaction_in_flood(),
-            "visitor, watched and recorded": watched,
+            "visitor, watched and recorded": visitor[True],
         }
         step_floor = bench.steps(lambda: bench.floor("step"))
         step = bench.steps(lambda: bench.start(STEPS))
@@ -256,9 +275,12 @@ def main():
     print(json.dumps({
         "python": platform.python_version(),
         "reaction, ms": dict({name: in_ms(times) for name, times in reactions.items()}, **{"rospy alone": in_ms(floor)}),
-        "reaction to rospy alone, p50": round(statistics.median(reactions["visitor"]) / statistics.median(floor), 2),
-        "watched and recorded to not, p50": round(statistics.median(watched) / statistics.median(visitor), 3),
-        "step, ms": {"mission": in_ms(step), "rospy alone": in_ms(step_floor)},
+        "reaction to rospy alone, p50": round(statistics.median(visitor[False]) / statistics.median(floor), 2),
+        "step, ms": {"mission": in_ms(step), "rospy alone": in_ms(step_floor), "a robot of 20 ms": in_ms(paced[False]),
+                     "a robot of 20 ms, watched and recorded": in_ms(paced[True])},
+        "watched and recorded to not, p50": {
+            "reaction": round(statistics.median(visitor[True]) / statistics.median(visitor[False]), 3),
+            "step": round(statistics.median(paced[True]) / statistics.median(paced[False]), 3)},
         "share of a core": {"idle": round(idle, 4), "flood of 2,130 messages per second": round(flood, 4)},
         "tick while seven servers hang, ms": in_ms(ticks),
         "hung calls": calls,

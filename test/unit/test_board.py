@@ -306,3 +306,10 @@ def test_what_the_robot_says_stays_on_its_line():
     assert "\\x1b[2J\\n\\u202e\\ud800" in "".join(status.lines(state, True))
 
 
+def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_newest_statuses(monkeypatch):
+    monkeypatch.setattr(board_module, "MOST_WAITING", 3)
+    rig = one_leaf("<Sequence><WelcomeSpeech/><FollowMeSpeech/><SayGoodByeSpeech/></Sequence>",
+                   lambda request: None if "ollow" in request.text else Answer())
+    board = board_of(rig)
+    rig.tick()
+    assert letters(board) == "RSR-"

@@ -3,7 +3,8 @@ import collections
 import itertools
 import os
 import time
-from typing import Any, Deque, Dict, List, NamedTuple, Optional, Tuple
+from functools import partial
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
@@ -43,6 +44,9 @@ PULSE = 1.0
 HANGS = 3.0
 """Seconds without a sign of the tick thread after which it hangs."""
 
+MOST_WAITING = 50_000
+"""News that may wait for ``look``; of a node that changes more often only the newest status is shown."""
+
 PARTS = ("mission", "statuses", "passes", "story", "visits", "timeline", "blackboard", "trouble", "health", "alive")
 """The parts of the board; each is sent again when it has changed, the last one with every ``PULSE``."""
 
@@ -58,7 +62,7 @@ class Result(NamedTuple):
 
 
 class Board:
-    """Collects what happens, on the tick thread, and wakes no other; all else is done by the one thread that shows it.
+    """Notes what happens, on the tick thread, and wakes no other; all else is done by the one thread that shows it.
 
     That thread calls ``look``, ``part`` and ``node``; ``versions`` has another number when a part has changed.
     """
@@ -74,7 +78,8 @@ class Board:
         self._began: Dict[int, float] = {}  # when each node that is RUNNING became so
         self._results: Dict[int, Deque[Result]] = {}
         self._failures: Dict[int, Failure] = {}  # of a leaf, until its node ends with it
-        self._news: Deque[Tuple[float, Event]] = collections.deque()  # what ``look`` has not taken yet
+        self._news: Deque[Callable[[], None]] = collections.deque()  # what ``look`` has to do
+        self._has_missed = False  # a change of status
         self._writes = 0
         self._ended = ""
         self._is_closed = False
@@ -92,18 +97,14 @@ class Board:
             for offer in offers:
                 self._health[offer.name] = {"kind": kind, "name": offer.name, "well": True, "status": "",
                                             "consequence": "", "told": ""}
-        events.subscribe(self._note)
+        events.subscribe(lambda event: self._news.append(partial(self._take, time.time(), event)))
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on. On the tick thread, which gives a sign of life through the tree's clock."""
-        if self.tree is None:
+        if not self._beaten:
             self._beat(tree.clock)
-        self._results.clear()
-        self._began.clear()
-        self._statuses = ["-"] * (len(tree.nodes) + 1)
-        self.tree = tree
         tree.subscribe(self._observe)
-        self._touch("mission", "statuses", "passes", "blackboard")
+        self._news.append(partial(self._begin, tree))
 
     def close(self) -> None:
         """Note that the controller ends. Any thread may call it."""
@@ -114,38 +115,11 @@ class Board:
         self._beaten = time.monotonic()
         clock.call_after(PULSE, lambda: self._beat(clock))
 
-    def _touch(self, *parts: str) -> None:
-        for part in parts:
-            self.versions[part] = next(self._numbers)
-
     def _observe(self, node: Any, old: Any, new: Any) -> None:
-        uid = node.uid
-        self._statuses[uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
-        self._touch("statuses")
-        if new is RUNNING:
-            self._began[uid] = time.monotonic()
-        elif new is not IDLE or old is RUNNING:
-            self._note_result(uid, LETTERS[new])
-
-    def _note_result(self, uid: int, letter: str) -> None:
-        now = time.monotonic()
-        seconds, failure, times = now - self._began.pop(uid, now), self._failures.pop(uid, None), 1
-        results = self._results.get(uid)
-        if results is None:
-            results = self._results[uid] = collections.deque(maxlen=RESULTS)
-        elif seconds < INSTANT and results[-1].letter == letter and results[-1].failure == failure:
-            times += results.pop().times
-        results.append(Result(now, letter, seconds, failure, times))
-
-    def _note(self, event: Event) -> None:
-        """Keep an event for ``look``, and what the statuses of the nodes need of it. On the tick thread."""
-        if isinstance(event, LeafFinished):
-            if event.failure is not None:
-                self._failures[event.uid] = event.failure
-        elif isinstance(event, PassStarted):
-            self._statuses[1:] = "-" * (len(self._statuses) - 1)
-            self._touch("statuses")
-        self._news.append((time.time(), event))
+        if len(self._news) < MOST_WAITING:
+            self._news.append(partial(self._change, time.monotonic(), node.uid, old, new))
+        else:
+            self._has_missed = True
 
     # ----------------------------------------------------------------------------------------------- what has happened
 
@@ -167,11 +141,44 @@ class Board:
 
     def _catch_up(self) -> None:
         while self._news:
-            self._take(*self._news.popleft())
+            self._news.popleft()()
+        if self._has_missed and self.tree is not None:
+            self._has_missed = False
+            self._statuses[1:] = [LETTERS[node.status] for node in self.tree.nodes]
         now = self._story.now(time.time())
         if now != self._now:
             self._now = now
             self._touch("passes")
+
+    def _touch(self, *parts: str) -> None:
+        for part in parts:
+            self.versions[part] = next(self._numbers)
+
+    def _begin(self, tree: Tree) -> None:
+        """Forget the tree before."""
+        self._results.clear()
+        self._began.clear()
+        self._statuses = ["-"] * (len(tree.nodes) + 1)
+        self.tree = tree
+        self._touch("mission", "statuses", "passes", "blackboard")
+
+    def _change(self, at: float, uid: int, old: Any, new: Any) -> None:
+        """Keep a node's status, and how it ended, ``at`` that time (monotonic)."""
+        self._statuses[uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
+        self._touch("statuses")
+        if new is RUNNING:
+            self._began[uid] = at
+        elif new is not IDLE or old is RUNNING:
+            self._end(uid, LETTERS[new], at)
+
+    def _end(self, uid: int, letter: str, at: float) -> None:
+        seconds, failure, times = at - self._began.pop(uid, at), self._failures.pop(uid, None), 1
+        results = self._results.get(uid)
+        if results is None:
+            results = self._results[uid] = collections.deque(maxlen=RESULTS)
+        elif seconds < INSTANT and results[-1].letter == letter and results[-1].failure == failure:
+            times += results.pop().times
+        results.append(Result(at, letter, seconds, failure, times))
 
     def _take(self, at: float, event: Event) -> None:
         """Keep what is worth being seen of an event."""
@@ -179,8 +186,11 @@ class Board:
             self.mission = event.mission
             self._touch("mission")
         elif isinstance(event, PassStarted):
+            self._statuses[1:] = "-" * (len(self._statuses) - 1)
             self._steps.clear()
-            self._touch("passes", "timeline")
+            self._touch("statuses", "passes", "timeline")
+        elif isinstance(event, LeafFinished) and event.failure is not None:
+            self._failures[event.uid] = event.failure
         elif isinstance(event, RunFinished):
             self._ended = event.outcome
             self._touch("passes")
@@ -294,6 +304,7 @@ class Board:
 
     def node(self, uid: int) -> Optional[Dict[str, Any]]:
         """Return what there is to know of one node: its place, ports with values, last results; None if there is none."""
+        self._catch_up()
         nodes = self.tree.nodes if self.tree is not None else []
         if not 1 <= uid <= len(nodes):
             return None

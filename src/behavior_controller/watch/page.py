@@ -23,7 +23,7 @@ from tornado.web import Application, RequestHandler, StaticFileHandler
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.text import clean
-from behavior_controller.watch.board import PARTS, PULSE, Board, title
+from behavior_controller.watch.board import PARTS, Board, title
 from behavior_controller.watch.drawing import NotDrawn, svg
 from behavior_controller.watch.server import Connections, LoopThread
 
@@ -71,6 +71,7 @@ class Page:
 
     async def draw(self) -> Union[bytes, NotDrawn, None]:
         """Return the drawing of the tree, made once, or why there is none; None before there is a tree."""
+        self.board.look()
         tree = self.board.tree
         if tree is None:
             return None
@@ -107,7 +108,7 @@ class Page:
         """Have the board take what has happened also while no browser is connected."""
         while True:
             self.board.look()
-            await asyncio.sleep(PULSE)
+            await asyncio.sleep(PUSH_INTERVAL)
 
     def _end(self) -> None:
         for sock in self._sockets:
