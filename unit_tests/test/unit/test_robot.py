@@ -74,10 +74,10 @@ def test_success_is_what_the_contract_says(kind, request_fields, answer):
 
 
 def test_what_tells_an_outcome_may_be_neither_yes_nor_no():
-    found = {service.name: nonsense(service.success) for service in INTERFACE.services}
-    assert found == {"/animateBehaviour/set_activation": "perhaps", "/gestureExecution/perform_gesture": 7,
-                     "/knowledgeBase/query": None, "/overtAttention/set_mode": 7, "/robotNavigation/set_goal": 7,
-                     "/tabletEvent/prompt_and_get_response": None, "/textToSpeech/say_text": None}
+    found = {kind: nonsense(INTERFACE.service(kind).success) for kind in (
+        SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say)}
+    assert found == {SetAnimation: "perhaps", PerformGesture: 7, QueryKnowledge: None, SetAttention: 7, GoTo: 7,
+                     Prompt: None, Say: None}
 
 
 @pytest.mark.parametrize("what, names", (
