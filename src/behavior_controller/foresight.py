@@ -30,7 +30,7 @@ _MODE_MISSING = rules.warning(
     "▸<IsMutualGazeDiscovered/>",
     "<Sequence>\n  <SocialOvertAttentionMode/>\n  ▸<IsMutualGazeDiscovered/>\n</Sequence>")
 _FAREWELL = rules.warning(
-    "farewell-to-nobody", "The mission bids farewell to a visitor who has left.",
+    "farewell-to-nobody", "The mission says goodbye to a visitor who has left.",
     "<Fallback>\n  <IsVisitorDiscovered/>\n  ▸<SayGoodByeSpeech/>\n</Fallback>")
 _NO_TOUR = rules.warning(
     "no-tour", "Without speech recognition no tour is ever given.",
@@ -91,10 +91,10 @@ def _of_one(node: Any, states: Set[State], settings: Settings) -> Iterator[Fault
                 .format(node.registration_id, node.sense.value, mode),
                 "no node before it sets that mode, as {} does".format(
                     next(name for name, state, _, _ in MODES if state == mode)))
-    if isinstance(node, MissionLeaf) and node.spec.bids_farewell(node.name):
+    if isinstance(node, MissionLeaf) and node.spec.says_goodbye(node.name):
         for missed_by in sorted({state.missed_by for state in states} - {""})[:1]:
             yield node.element.fault(
-                _FAREWELL, "{} bids farewell to a visitor who has left: the mission goes on to it after {} failed"
+                _FAREWELL, "{} says goodbye to a visitor who has left: the mission goes on to it after {} failed"
                 .format(node.registration_id, missed_by), "end the mission, or the branch, with FAILURE before it")
 
 

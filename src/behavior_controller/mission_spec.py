@@ -22,7 +22,7 @@ class MissionSpec(NodeSpec):
     is_farewell: bool = False  # it makes no sense after the visitor has left
     farewells: Tuple[str, ...] = ()  # names of an instance that make it a farewell
 
-    def bids_farewell(self, name: str) -> bool:
+    def says_goodbye(self, name: str) -> bool:
         """Return whether an instance of that name is a farewell."""
         return self.is_farewell or argument(name) in self.farewells
 

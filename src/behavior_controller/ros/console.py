@@ -132,7 +132,7 @@ class Console:
         getattr(self._logger, severity)("behaviorController: %s", clean(text))
 
     def tell_shortage(self, error: BaseException) -> None:
-        """Report in one line that memory, threads or files are used up, at most once in ``SHORTAGE_PAUSE`` seconds."""
+        """Report in one line that memory, threads or files are used up, at most once in ``SHORTAGE_SPAN`` seconds."""
         now = time.monotonic()
         if now - self._shortage_told >= SHORTAGE_SPAN:
             self._shortage_told = now

@@ -182,7 +182,7 @@ class _Node:
         console, wake, clock = self._console, self._wake, Clock()
         master = "the ROS master at {}".format(rosgraph.get_master_uri())
         files = "configuration and mission (their files, or the parameters of the ROS master)"
-        silent_master = NodesMissing("{} does not answer any more: start it again".format(master))
+        silent_master = NodesMissing("{} no longer answers: start it again".format(master))
         rospy.core.add_preshutdown_hook(self._ros_ends)
         self._apart(lambda: _join_ros(self._argv), master, silent_master)
         console.attach()

@@ -143,7 +143,7 @@ def _examine_publisher(topic: str, kind: Any, node: str) -> Optional[str]:
     try:
         uri = ask_master("lookupNode", node, seconds=STEP_LIMIT)
         if not uri:
-            return "node {} does not publish it any more".format(node)
+            return "node {} no longer publishes it".format(node)
         # under another name: a publisher drops the older of two connections from the same node, our subscription
         answer = open_publisher(connection, uri, topic, {
             "type": "*", "callerid": rospy.get_name() + "_start_up_check"})

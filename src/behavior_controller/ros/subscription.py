@@ -36,7 +36,7 @@ def open_publisher(connection: Connection, uri: str, topic: str, header: Dict[st
         _, host, port = offer
         host, port = str(host), int(port)
     except (TypeError, ValueError):
-        raise Trouble(Cause.NOT_ADVERTISED, "{} does not publish it any more".format(uri))
+        raise Trouble(Cause.NOT_ADVERTISED, "{} no longer publishes it".format(uri))
     return connection.open(host, port, dict(header, topic=topic, md5sum="*"), STEP_LIMIT)
 
 
