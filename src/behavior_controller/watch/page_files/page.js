@@ -13,7 +13,7 @@ let drawn = [];      // the graph's nodes by uid - 1
 let letters = "";    // the status of each node, as shown
 let tip = 0;         // uid of the running leaf
 let follow = true;
-let isAll = false;   // also the rows that only say how the mission is put together
+let isAll = false;   // also the nodes that only say how the mission is put together
 let opened = new Set();  // rows that only the running leaf has unfolded
 
 const LATE = 2;      // seconds without a message after which what is shown may be old; the node sends one every second
@@ -196,11 +196,15 @@ const MOST_STICKY = 5;
 
 const labelOf = node => node.kind ? node.name + " " + node.kind : node.name;
 
-// the row of a node, or of the nearest one above it that is shown
-function rowOf(uid) {
-  for (let node = nodes[uid - 1]; node; node = nodes[node.parent - 1]) if (items[node.uid - 1]) return items[node.uid - 1];
-  return null;
+// a node, or the nearest one above it, that is among those shown (rows or the graph's nodes)
+function nearest(uid, shown) {
+  let node = nodes[uid - 1];
+  while (node && !shown[node.uid - 1]) node = nodes[node.parent - 1];
+  return node ? node.uid : 0;
 }
+
+const rowOf = uid => items[nearest(uid, items) - 1] || null;
+const drawnOf = uid => drawn[nearest(uid, drawn) - 1] || null;
 
 function item(node) {
   const parent = rowOf(node.parent);
@@ -248,7 +252,6 @@ function showMission(mission) {
   document.title = byId("mission").textContent;
   nodes = mission.nodes;
   closeNode();
-  forgetGraph();
   showTree();
 }
 
@@ -260,6 +263,7 @@ function showTree() {
   for (const node of nodes) if (isAll || !node.bare) item(node);
   byId("tree").replaceChildren(...items.slice(0, 1));
   if (items.length) items[0].tabIndex = 0;
+  forgetGraph();
   showLetters(known);
 }
 
@@ -299,7 +303,7 @@ function showLetters(told) {
   const current = rowOf(tip);
   if (current) current.classList.add("tip");
   if (current && current !== items[tip - 1] && follow && !isOpen(current)) { fold(current, false); opened.add(current); }
-  if (drawn[tip - 1]) drawn[tip - 1].classList.add("tip");
+  if (drawnOf(tip)) drawnOf(tip).classList.add("tip");
 }
 
 function mark(one, letter, node) {
@@ -467,16 +471,19 @@ function forgetGraph() {
 
 async function loadGraph() {
   if (full || !nodes.length) return;
-  byId("graph").replaceChildren(element("p", "quiet", "graphviz draws…"));
-  let answer;
+  const waiting = element("p", "quiet", "graphviz draws…");
+  byId("graph").replaceChildren(waiting);
+  let drawing;
   try {
-    answer = await fetch("graph.svg");
-    const text = await answer.text();
+    const answer = await fetch(isAll ? "graph.svg" : "graph-operator.svg"), text = await answer.text();
     if (!answer.ok) throw new Error(text);
-    showGraph(new DOMParser().parseFromString(text, "image/svg+xml").documentElement);
+    drawing = new DOMParser().parseFromString(text, "image/svg+xml").documentElement;
   } catch (error) {
-    byId("graph").replaceChildren(element("p", "quiet", "No graph: " + error.message));
+    drawing = element("p", "quiet", "No graph: " + error.message);
   }
+  if (!waiting.isConnected) return;  // another one has been asked for
+  if (drawing.tagName === "svg") showGraph(drawing);
+  else byId("graph").replaceChildren(drawing);
 }
 
 function showGraph(svg) {
@@ -524,7 +531,7 @@ function zoom(factor, across = 0.5, down = 0.5) {
 const READABLE = 1.35;  // pixels for a unit of the drawing, whose letters are 9 units high
 
 function centre(uid) {
-  const group = drawn[uid - 1];
+  const group = drawnOf(uid);
   if (!group || !full) return;
   const panel = byId("graph"), box = group.getBBox(), matrix = group.parentNode.transform.baseVal.consolidate().matrix;
   const width = Math.min(view.width, panel.clientWidth / READABLE), height = width * panel.clientHeight / panel.clientWidth;
@@ -534,9 +541,10 @@ function centre(uid) {
 function graphKey(event) {
   if (!full || event.ctrlKey || event.altKey || event.metaKey) return;
   const uid = Number((event.target.closest(".node") || {dataset: {uid: 1}}).dataset.uid);
-  const node = nodes[uid - 1], siblings = nodes.filter(other => other.parent === node.parent).map(other => other.uid);
-  const child = nodes.find(other => other.parent === uid);
-  const moves = {ArrowUp: node.parent, ArrowDown: child && child.uid, ArrowLeft: siblings[siblings.indexOf(uid) - 1],
+  const above = nearest(nodes[uid - 1].parent, drawn);
+  const below = of => nodes.filter(node => drawn[node.uid - 1] && nearest(node.parent, drawn) === of).map(node => node.uid);
+  const siblings = below(above);
+  const moves = {ArrowUp: above, ArrowDown: below(uid)[0], ArrowLeft: siblings[siblings.indexOf(uid) - 1],
                  ArrowRight: siblings[siblings.indexOf(uid) + 1], Home: 1};
   if (event.key in moves) {
     setFollow(false);
