@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 import urllib.error
 import urllib.request
 
@@ -23,6 +24,7 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, GoTo, PerformGesture, QueryKnowledge, Say
 from behavior_controller.leaves import registry
+from behavior_controller.watch import board as board_module
 from behavior_controller.watch import drawing, server
 from behavior_controller.watch import page as page_module
 from behavior_controller.watch.board import PARTS, Board
@@ -279,12 +281,95 @@ def test_the_timeline_has_an_axis_waits_and_recoveries(show, browser):
     shown.run_until(is_second_text)
     wait_until(lambda: browser.execute_script("return document.querySelectorAll('#timeline .wait').length"))
     count = "return document.querySelectorAll('#timeline {}').length"
-    assert browser.execute_script(count.format(".tick")) >= 2
+    assert len(labels(browser)) >= 2
     sentences = shown.page.board.part("story")["sentences"]
     for kind in ("failure", "recovery"):
         told = [sentence for sentence in sentences if sentence["kind"] == kind and sentence["visit"] == 1]
         assert told and browser.execute_script(count.format("." + kind)) == len(told)
     assert "recoveries" in browser.execute_script("return byId('timeline').textContent")
+
+
+def labels(browser):
+    """Return the labels of the timeline's axis, which stand within it and apart, as seconds since the visit began."""
+    found = browser.execute_script("""
+        const outer = byId("timeline").getBoundingClientRect();
+        return [outer.left, outer.right, [...document.querySelectorAll("#timeline .tick")].map(
+            one => [one.textContent, one.getBoundingClientRect().left, one.getBoundingClientRect().right])]""")
+    edges = [found[0]] + [edge for _, left, right in found[2] for edge in (left, right)] + [found[1]]
+    assert edges == sorted(edges), found
+    return [60 * int(label.split(":")[0]) + float(label.split(":")[1]) for label, _, _ in found[2]]
+
+
+@pytest.fixture
+def at(monkeypatch):
+    """Return a clock that the board tells the time of day by, to be set."""
+    now = types.SimpleNamespace(seconds=0.0)
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
+        time=lambda: now.seconds, monotonic=time.monotonic, strftime=time.strftime, localtime=time.localtime))
+    return now
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+def test_the_timeline_is_zoomed_and_moved_by_buttons_keys_wheel_and_pointer(show, browser, screen, at, width):
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+    from selenium.webdriver.common.keys import Keys
+    shown = show(Rig())
+    for at.seconds, event in ((1e9, PassStarted(1, 0.0)), (1e9 + 30, StepStarted(101, "Navigate", "", "driving", "", 0.0, False)),
+                              (1e9 + 80, PassFinished(1, "SUCCESS", 80.0))):
+        shown.rig.mission.events.emit(event)
+        shown.page.board.look()
+    screen(width, 800)
+    open_page(browser, shown)
+    timeline = browser.find_element("id", "timeline")
+
+    def stretch():
+        return [seconds / 1000 for seconds in browser.execute_script("return [stretch.from, stretch.to]")]
+
+    assert stretch() == [0, 80] and labels(browser) == {400: [0, 30, 60], 1280: [0, 10, 20, 30, 40, 50, 60, 70]}[width]
+    timeline.send_keys("+", "+")
+    assert stretch() == [30, 50] and labels(browser) == {400: [30, 40], 1280: list(range(30, 50, 2))}[width]
+    timeline.send_keys(Keys.ARROW_LEFT)
+    assert stretch() == [25, 45]
+    browser.find_element("id", "later").click()
+    assert stretch() == [35, 55] and text(browser, "#stretch") == "0:35 to 0:55"
+    browser.find_element("id", "out").click()
+    assert stretch() == [25, 65]
+    ActionChains(browser).drag_and_drop_by_offset(timeline, 50, 0).perform()
+    moved = 50 * 40 / browser.execute_script("return stretch.track().width")
+    assert stretch() == [pytest.approx(25 - moved), pytest.approx(65 - moved)]
+    timeline.send_keys(Keys.HOME)
+    wheel = ActionChains(browser).move_to_element_with_offset(timeline, 0, 0)
+    wheel.scroll_from_origin(ScrollOrigin.from_element(timeline), 0, -10).perform()
+    assert stretch() == [0, 80]  # the page scrolls
+    wheel.key_down(Keys.CONTROL).scroll_from_origin(ScrollOrigin.from_element(timeline), 0, -10).key_up(Keys.CONTROL).perform()
+    assert stretch()[1] - stretch()[0] == pytest.approx(64)
+    browser.find_element("id", "whole-visit").click()
+    assert stretch() == [0, 80]
+
+
+def test_a_stretch_that_is_seen_up_to_now_goes_on_and_another_stays(show, browser, at):
+    shown = show(Rig())
+    steps = "return [stretch.length, stretch.from, stretch.to].map(each => each / 1000)"
+
+    def seen_at(seconds, *events):
+        at.seconds = seconds
+        for event in events:
+            shown.rig.mission.events.emit(event)
+        message = {name: shown.page.board.part(name) for name in ("timeline", "story")}
+        browser.execute_script("SHOW.timeline(arguments[0].timeline); SHOW.story(arguments[0].story)", message)
+        return [round(each) for each in browser.execute_script(steps)]
+
+    open_page(browser, shown)
+    browser.execute_script("source.close()")
+    driving = StepStarted(101, "Navigate", "", "driving", "", 0.0, False)
+    assert seen_at(100.0, PassStarted(1, 0.0), driving) == [1, 0, 1]
+    assert seen_at(140.0) == [40, 0, 40]
+    browser.execute_script("stretch.show(stretch.length - 20000, stretch.length)")
+    assert seen_at(150.0) == [50, 30, 50]
+    browser.execute_script("stretch.show(0, 20000)")
+    assert seen_at(160.0) == [60, 0, 20]
+    assert seen_at(190.0, PassFinished(1, "SUCCESS", 90.0), PassStarted(2, 90.0), driving) == [1, 0, 1]
 
 
 # ------------------------------------------------------------------------------------------------------------- the graph
@@ -640,7 +725,7 @@ def test_health_is_told_when_it_changes(show, browser):
 
 def test_it_needs_nothing_from_elsewhere_and_takes_no_orders(show):
     shown = show(Rig())
-    for path in ("", "page.js", "page.css", "colours.css", "icon.svg"):
+    for path in ("", "common.js", "page.js", "page.css", "colours.css", "icon.svg"):
         status, body, headers = shown.fetch(path)
         assert status == 200 and "http://" not in body.replace("http://www.w3.org/2000/svg", "") and "https://" not in body
         assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'"

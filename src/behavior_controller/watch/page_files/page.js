@@ -6,7 +6,6 @@ const WORDS = {R: "running", S: "success", F: "failure", s: "success earlier in 
                f: "failure earlier in this visit", r: "halted", "-": "not yet ticked"};
 const EXHIBIT_SIGNS = {"under way": "▶", shown: "✔", "left out": "✘", "broken off": "✘"};
 const OUTCOME_SIGNS = {SUCCESS: "✔", FAILURE: "✘"};
-const byId = id => document.getElementById(id);
 let nodes = [];      // as the board tells them, by uid - 1
 let items = [];      // the tree's rows by uid - 1; none for nodes that are not shown
 let drawn = [];      // the graph's nodes by uid - 1
@@ -28,19 +27,8 @@ let ages = [];            // elements that show the age of a topic's last messag
 
 function seconds() { return performance.now() / 1000; }
 
-function element(tag, className, text) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text !== undefined) made.textContent = text;
-  return made;
-}
-
 // text only where it has changed: what is read aloud is read once
 function put(where, text) { if (where.textContent !== text) where.textContent = text; }
-
-function duration(of) {
-  return of < 10 ? of.toFixed(1) + " s" : of < 120 ? of.toFixed(0) + " s" : Math.floor(of / 60) + " min " + Math.floor(of % 60) + " s";
-}
 
 // a text that leads to its node, if it has one
 function leading(text, uid) {
@@ -132,10 +120,13 @@ function showVisits(visits) {
 
 // --------------------------------------------------------------------------------------------------------- timeline
 
-const TICKS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600, 7200, 21600, 86400];
-const LANE = 30, AXIS = 46;
+const LANE = 30, AXIS = 46, EDGE = 4;
 const MOST_LANES = 24;
-let drawnAt = 0;
+let drawnAt = 0, drawnVisit = 0;
+const stretch = new Stretch(byId("timeline"), 0, () => {
+  const box = byId("timeline").getBoundingClientRect();
+  return {left: box.left + EDGE, width: Math.max(200, box.width) - 2 * EDGE};
+}, showTimeline);
 
 function shape(tag, attributes, text) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -146,34 +137,64 @@ function shape(tag, attributes, text) {
 
 function showTimeline() {
   drawnAt = seconds();
-  const all = step ? steps.concat(Object.assign({seconds: seconds() - step.since, isOn: !ended}, step)) : steps;
+  const all = step ? steps.concat(Object.assign({seconds: seconds() - step.since}, step)) : steps;
   if (!visit || !all.length) {
     byId("timeline").replaceChildren(element("p", "quiet", "nothing yet"));
     return;
   }
-  const began = visit.began, width = Math.max(200, byId("timeline").clientWidth);
-  const whole = Math.max(1, ...all.map(each => each.began - began + each.seconds));
-  const lanes = [...new Set(all.map(laneOf))].slice(-MOST_LANES);
-  const x = at => (Math.max(0, Math.min(whole, at)) / whole * (width - 20) + 4).toFixed(1);
+  const bars = all.map(each => ({lane: laneOf(each), words: each.words, isWait: each.is_wait, begin: 1000 * (each.began - visit.began),
+                                 end: 1000 * (each.began - visit.began + each.seconds)}));
+  seeUntil(Math.max(1000, ...bars.map(each => each.end)));
+  const lanes = [...new Set(bars.map(each => each.lane))].slice(-MOST_LANES);
   const made = shape("svg", {role: "img", height: AXIS + lanes.length * LANE, "aria-label": "Timeline of visitor "
-                     + visit.number + ": " + all.length + " steps in " + duration(whole)});
-  const tick = TICKS.find(each => whole / each <= width / 70) || 604800;
-  for (let at = 0; at <= whole; at += tick)
-    made.append(shape("line", {x1: x(at), x2: x(at), y1: 14, y2: AXIS + lanes.length * LANE}),
-                shape("text", {x: x(at), y: 11, class: "tick"}, at % 60 || !at ? at + " s" : at / 60 + " min"));
-  for (const told of sentences)
-    if (told.visit === visit.number && (told.kind === "failure" || told.kind === "recovery")) {
-      const mark = shape("text", {x: x(told.at - began), y: told.kind === "failure" ? 28 : 41, class: told.kind}, told.kind === "failure" ? "✘" : "↻");
-      mark.append(shape("title", {}, told.time + " " + told.text));
-      made.append(mark);
-    }
+                     + visit.number + ": " + bars.length + " steps in " + duration(stretch.length)});
+  const {scale, tick} = stretch;
+  made.append(...axis(scale, tick, AXIS + lanes.length * LANE), ...marks(scale));
   lanes.forEach((lane, number) => {
     const y = AXIS + number * LANE;
-    made.append(shape("text", {x: 4, y: y + 12}, lane));
-    for (const each of all)
-      if (laneOf(each) === lane) made.append(bar(each, x(each.began - began), x(each.began - began + each.seconds), y + 16));
+    made.append(shape("text", {x: EDGE, y: y + 12}, lane));
+    for (const each of bars) if (each.lane === lane && each.end >= stretch.from && each.begin <= stretch.to) made.append(bar(each, scale, y + 16));
   });
   byId("timeline").replaceChildren(made);
+  put(byId("stretch"), sinceBegin(stretch.from, tick) + " to " + sinceBegin(stretch.to, tick));
+}
+
+// what was seen up to now goes on to be
+function seeUntil(length) {
+  if (stretch.isWhole || visit.number !== drawnVisit) [stretch.from, stretch.to] = [0, length];
+  else if (stretch.to > stretch.length - 1) [stretch.from, stretch.to] = [stretch.from + length - stretch.length, length];
+  stretch.length = length;
+  drawnVisit = visit.number;
+}
+
+const x = (at, scale) => EDGE + (Math.min(Math.max(at, stretch.from), stretch.to) - stretch.from) * scale;  // pixels
+
+function axis(scale, tick, height) {
+  const made = [];
+  for (let at = Math.ceil(stretch.from / tick) * tick; at <= stretch.to; at += tick) {
+    made.push(shape("line", {x1: x(at, scale), x2: x(at, scale), y1: 14, y2: height}));
+    if ((stretch.to - at) * scale > 50) made.push(shape("text", {x: x(at, scale), y: 11, class: "tick"}, sinceBegin(at, tick)));
+  }
+  return made;
+}
+
+// hours, minutes and seconds, as fine as the ticks
+function sinceBegin(at, tick) {
+  const digits = tick < 100 ? 2 : tick < 1000 ? 1 : 0, whole = Math.round(at / 1000 * 10 ** digits) / 10 ** digits;
+  const hours = Math.floor(whole / 3600), minutes = Math.floor(whole / 60) % 60;
+  return (hours ? hours + ":" + String(minutes).padStart(2, "0") : minutes) + ":" + (whole % 60).toFixed(digits).padStart(digits ? 3 + digits : 2, "0");
+}
+
+function marks(scale) {
+  const made = [];
+  for (const told of sentences) {
+    const at = 1000 * (told.at - visit.began);
+    if (told.visit !== visit.number || told.kind !== "failure" && told.kind !== "recovery" || at < stretch.from || at > stretch.to) continue;
+    const mark = shape("text", {x: x(at, scale), y: told.kind === "failure" ? 28 : 41, class: told.kind}, told.kind === "failure" ? "✘" : "↻");
+    mark.append(shape("title", {}, told.time + " " + told.text));
+    made.push(mark);
+  }
+  return made;
 }
 
 // nodes that do the same have one lane; what only says how the mission is put together is there for a recovery
@@ -182,10 +203,10 @@ function laneOf(each) {
   return !node ? each.words : node.bare ? "recoveries" : labelOf(node).replace(/ ?#[0-9]+$/, "");
 }
 
-function bar(each, left, right, y) {
-  const made = shape("rect", {x: left, y: y, width: Math.max(2, right - left).toFixed(1), height: 9, rx: 2,
-                              class: each.is_wait ? "wait" : "R"});
-  made.append(shape("title", {}, each.words + ", " + duration(each.seconds)));
+function bar(each, scale, y) {
+  const left = x(each.begin, scale), width = Math.max(2, x(each.end, scale) - left);
+  const made = shape("rect", {x: left, y, width, height: 9, rx: 2, class: each.isWait ? "wait" : "R"});
+  made.append(shape("title", {}, each.words + ", " + duration(each.end - each.begin)));
   return made;
 }
 
@@ -430,7 +451,7 @@ function showNode(found) {
   fillTable("ports", found.ports.map(port => [port.name, port.text, port.value]));
   byId("results").replaceChildren(...found.results.map(each => element("li", "", [
     each.time, SIGNS[each.letter === "-" ? "r" : each.letter], WORDS[each.letter === "-" ? "r" : each.letter],
-    each.seconds < 0.05 ? "at once" : "after " + duration(each.seconds),
+    each.seconds < 0.05 ? "at once" : "after " + duration(1000 * each.seconds),
     each.times > 1 ? each.times + " times in a row" : "",
     each.why].filter(Boolean).join(" "))));
   if (!found.results.length) byId("results").append(element("li", "quiet", "none yet"));
@@ -717,6 +738,7 @@ on("show-graph", "click", () => setGraph(true));
 on("nearer", "click", () => { setFollow(false); zoom(0.7); });
 on("farther", "click", () => { setFollow(false); zoom(1.4); });
 on("whole", "click", () => { setFollow(false); seeWhole(); });
+on("whole-visit", "click", () => stretch.showAll());
 on("close", "click", closeNode);
 document.addEventListener("keydown", event => { if (event.key === "Escape" && opensUid) closeNode(); });
 addEventListener("hashchange", openByHash);
