@@ -24,13 +24,15 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, GoTo, PerformGesture, QueryKnowledge, Say
 from behavior_controller.leaves import registry
+from behavior_controller.story import LEFT_OUT
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import drawing, server
 from behavior_controller.watch import page as page_module
-from behavior_controller.watch.board import PARTS, Board
+from behavior_controller.watch.board import PARTS, TOLD, Board
 from behavior_controller.watch.page import Page
 from browser import axe, findings, open_browser, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, visitor_who
+from test_story import RUNS, Teller
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 
@@ -151,8 +153,7 @@ def test_a_tour_is_followed_without_a_reload(show, browser, width, height):
     drawn = browser.execute_script("return items.map(one => one && ([...one.classList].find(name => name.length == 1) || '-'))")
     letters = board.part("statuses")["letters"]
     assert [(uid, letter) for uid, letter in enumerate(drawn) if letter and letter != letters[uid]] == []
-    told = browser.execute_script("return [...document.querySelectorAll('#transcript li span')].map(one => one.innerText)")
-    assert told == [sentence["text"] for sentence in reversed(board.part("story")["sentences"])]
+    assert browser.execute_script(TRANSCRIPT) == [sentence["text"] for sentence in reversed(board.part("story")["sentences"])]
     assert "exhibit 1" in text(browser, "#blackboard")
     assert browser.execute_script(NO_SIDEWAYS)
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
@@ -168,25 +169,41 @@ def test_the_page_counts_the_time_of_a_step_by_itself(show, browser):
     assert browser.execute_script("return byId('limit').value") == pytest.approx(2.0, abs=1.0)
 
 
-def test_visits_are_told_with_what_was_left_out_and_why(show, browser):
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, GoTo) and request.goal.x == 2.0 else NotImplemented)
-    shown = show(rig)
-    open_page(browser, shown)
-    rig.run(visitor_who(says="yes"), runs=2)
-    visits = shown.page.board.part("visits")
-    wait_until(lambda: len(browser.find_elements("css selector", "#visits-list > li")) == len(visits["newest"]) == 2)
-    for visit in visits["newest"]:
-        assert visit["why"] in visit["told"] and visit["told"] in text(browser, "#visits-list")
-    assert text(browser, "#outcomes") == ", ".join("{} {}".format(count, word) for word, count in visits["outcomes"].items())
+@pytest.fixture
+def rig_s_time(monkeypatch):
+    """Return what has the board tell the time of day by the clock of a rig."""
+    def use(rig):
+        monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
+            time=rig.clock.now, monotonic=time.monotonic, strftime=time.strftime, localtime=time.localtime))
+    return use
 
 
-def test_a_visit_that_was_given_up_is_an_alarm(show, browser):
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, QueryKnowledge) else NotImplemented)
-    shown = show(rig)
+TRANSCRIPT = "return [...document.querySelectorAll('#transcript li span')].map(one => one.innerText)"
+VISITS_LIST = """
+return [...document.querySelectorAll("#visits-list > li")].map(one => [one.children[1].lastChild.textContent.trim(),
+  [...one.querySelectorAll(".why")].map(why => why.innerText)])"""
+ALARMS = "return [...document.querySelectorAll('#alarms li')].map(one => one.innerText)"
+
+
+@pytest.mark.parametrize("kind", RUNS)
+def test_the_page_tells_each_kind_of_visit_in_the_sentences_of_the_story(show, browser, rig_s_time, kind):
+    visitor, answer, by_voice, runs, _ = RUNS[kind]
+    rig = Rig(answer=answer or (lambda request: NotImplemented), asrEnabled=by_voice)
+    rig_s_time(rig)
+    shown, teller = show(rig), Teller(rig)
     open_page(browser, shown)
-    rig.run(visitor_who(says="yes"))
-    given_up = [line["text"] for line in shown.page.board.part("trouble") if line["severity"] == "error"]
-    wait_until(lambda: given_up and given_up[0] in text(browser, "#alarms"))
+    teller.run(visitor, runs)
+    told = teller.sentences[::-1]
+    wait_until(lambda: browser.execute_script(TRANSCRIPT) == [each.text for each in told[:TOLD]])
+    ends = [each.text for each in told if each.text.startswith("pass ")]
+    left_out = [["{}: left out, {}".format(each.name, each.why) for each in visit.exhibits if each.state == LEFT_OUT]
+                for visit in reversed(teller.story.visits)]
+    wait_until(lambda: browser.execute_script(VISITS_LIST) == [list(each) for each in zip(ends, left_out)])
+    outcomes = ["{} {}".format(count, outcome) for outcome, count in teller.story.outcomes.items()]
+    assert len(ends) == runs and text(browser, "#outcomes") == ", ".join(outcomes)
+    wrong = [each.text for each in told if each.kind == "health"] + [
+        each.text for each in told if each.severity == "error" and each.kind != "health" and each.visit == runs]
+    assert browser.execute_script(ALARMS)[:3] == ["✘ " + each for each in wrong[:3]]
 
 
 def test_every_status_has_a_sign_and_a_word_of_its_own(show, browser):
@@ -300,25 +317,18 @@ def labels(browser):
     return [60 * int(label.split(":")[0]) + float(label.split(":")[1]) for label, _, _ in found[2]]
 
 
-@pytest.fixture
-def at(monkeypatch):
-    """Return a clock that the board tells the time of day by, to be set."""
-    now = types.SimpleNamespace(seconds=0.0)
-    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
-        time=lambda: now.seconds, monotonic=time.monotonic, strftime=time.strftime, localtime=time.localtime))
-    return now
-
-
 @pytest.mark.parametrize("width", [400, 1280])
-def test_the_timeline_is_zoomed_and_moved_by_buttons_keys_wheel_and_pointer(show, browser, screen, at, width):
+def test_the_timeline_is_zoomed_and_moved_by_buttons_keys_wheel_and_pointer(show, browser, screen, rig_s_time, width):
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
     from selenium.webdriver.common.keys import Keys
-    shown = show(Rig())
-    for at.seconds, event in ((1e9, PassStarted(1, 0.0)), (1e9 + 30, StepStarted(101, "Navigate", "", "driving", "", 0.0, False)),
-                              (1e9 + 80, PassFinished(1, "SUCCESS", 80.0))):
-        shown.rig.mission.events.emit(event)
-        shown.page.board.look()
+    rig = Rig()
+    rig_s_time(rig)
+    shown = show(rig)
+    for seconds, event in ((0, PassStarted(1, 0.0)), (30, StepStarted(101, "Navigate", "", "driving", "", 0.0, False)),
+                           (50, PassFinished(1, "SUCCESS", 80.0))):
+        rig.clock.advance(seconds)
+        rig.mission.events.emit(event)
     screen(width, 800)
     open_page(browser, shown)
     timeline = browser.find_element("id", "timeline")
@@ -348,14 +358,16 @@ def test_the_timeline_is_zoomed_and_moved_by_buttons_keys_wheel_and_pointer(show
     assert stretch() == [0, 80]
 
 
-def test_a_stretch_that_is_seen_up_to_now_goes_on_and_another_stays(show, browser, at):
-    shown = show(Rig())
+def test_a_stretch_that_is_seen_up_to_now_goes_on_and_another_stays(show, browser, rig_s_time):
+    rig = Rig()
+    rig_s_time(rig)
+    shown = show(rig)
     steps = "return [stretch.length, stretch.from, stretch.to].map(each => each / 1000)"
 
-    def seen_at(seconds, *events):
-        at.seconds = seconds
+    def seen_after(seconds, *events):
+        rig.clock.advance(seconds)
         for event in events:
-            shown.rig.mission.events.emit(event)
+            rig.mission.events.emit(event)
         message = {name: shown.page.board.part(name) for name in ("timeline", "story")}
         browser.execute_script("SHOW.timeline(arguments[0].timeline); SHOW.story(arguments[0].story)", message)
         return [round(each) for each in browser.execute_script(steps)]
@@ -363,13 +375,13 @@ def test_a_stretch_that_is_seen_up_to_now_goes_on_and_another_stays(show, browse
     open_page(browser, shown)
     browser.execute_script("source.close()")
     driving = StepStarted(101, "Navigate", "", "driving", "", 0.0, False)
-    assert seen_at(100.0, PassStarted(1, 0.0), driving) == [1, 0, 1]
-    assert seen_at(140.0) == [40, 0, 40]
+    assert seen_after(0, PassStarted(1, 0.0), driving) == [1, 0, 1]
+    assert seen_after(40) == [40, 0, 40]
     browser.execute_script("stretch.show(stretch.length - 20000, stretch.length)")
-    assert seen_at(150.0) == [50, 30, 50]
+    assert seen_after(10) == [50, 30, 50]
     browser.execute_script("stretch.show(0, 20000)")
-    assert seen_at(160.0) == [60, 0, 20]
-    assert seen_at(190.0, PassFinished(1, "SUCCESS", 90.0), PassStarted(2, 90.0), driving) == [1, 0, 1]
+    assert seen_after(10) == [60, 0, 20]
+    assert seen_after(30, PassFinished(1, "SUCCESS", 90.0), PassStarted(2, 90.0), driving) == [1, 0, 1]
 
 
 # ------------------------------------------------------------------------------------------------------------- the graph

@@ -145,7 +145,8 @@ function showTimeline() {
   const bars = all.map(each => ({lane: laneOf(each), words: each.words, isWait: each.is_wait, begin: 1000 * (each.began - visit.began),
                                  end: 1000 * (each.began - visit.began + each.seconds)}));
   seeUntil(Math.max(1000, ...bars.map(each => each.end)));
-  const lanes = [...new Set(bars.map(each => each.lane))].slice(-MOST_LANES);
+  const shown = bars.filter(each => each.end >= stretch.from && each.begin <= stretch.to);
+  const lanes = [...new Set(bars.map(each => each.lane))].filter(lane => shown.some(each => each.lane === lane)).slice(-MOST_LANES);
   const made = shape("svg", {role: "img", height: AXIS + lanes.length * LANE, "aria-label": "Timeline of visitor "
                      + visit.number + ": " + bars.length + " steps in " + duration(stretch.length)});
   const {scale, tick} = stretch;
@@ -153,7 +154,7 @@ function showTimeline() {
   lanes.forEach((lane, number) => {
     const y = AXIS + number * LANE;
     made.append(shape("text", {x: EDGE, y: y + 12}, lane));
-    for (const each of bars) if (each.lane === lane && each.end >= stretch.from && each.begin <= stretch.to) made.append(bar(each, scale, y + 16));
+    made.append(...shown.filter(each => each.lane === lane).map(each => bar(each, scale, y + 16)));
   });
   byId("timeline").replaceChildren(made);
   put(byId("stretch"), sinceBegin(stretch.from, tick) + " to " + sinceBegin(stretch.to, tick));
@@ -556,7 +557,9 @@ function centre(uid) {
   if (!group || !full) return;
   const panel = byId("graph"), box = group.getBBox(), matrix = group.parentNode.transform.baseVal.consolidate().matrix;
   const width = Math.min(view.width, panel.clientWidth / READABLE), height = width * panel.clientHeight / panel.clientWidth;
-  see({x: box.x + box.width / 2 + matrix.e - width / 2, y: box.y + box.height / 2 + matrix.f - height / 2, width, height});
+  const within = (middle, size, from, whole) => size > whole ? from + (whole - size) / 2 : Math.min(Math.max(middle - size / 2, from), from + whole - size);
+  see({x: within(box.x + box.width / 2 + matrix.e, width, full.x, full.width),
+       y: within(box.y + box.height / 2 + matrix.f, height, full.y, full.height), width, height});
 }
 
 function graphKey(event) {
