@@ -244,7 +244,11 @@ class Board:
         name, kind = label(node)
         return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
                 "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE,
-                "bare": node.parent is not None and is_bare(spec, node.name)}
+                "bare": self.is_bare(node)}
+
+    def is_bare(self, node: Node) -> bool:
+        """Whether the operator's view leaves ``node`` out."""
+        return node.parent is not None and is_bare(self._registry.find(node.registration_id), node.name)
 
     def _part_statuses(self) -> Dict[str, Any]:
         letters = "".join(self._statuses[1:])
