@@ -206,6 +206,13 @@ def test_a_wait_lasts_until_its_condition_holds(day, told):
     assert [bar[4] for bar in told.bars(0)].count("waiting for a visitor") == len(KINDS)
 
 
+def test_no_step_covers_another():
+    steps = [{"event": "StepStarted", "time": when, "uid": 1, "node": "A", "path": "A::1", "words": words, "what": "",
+              "limit": 0.0, "is_wait": True} for when, words in ((101.0, "a wait"), (101.5, "a word"), (102.0, "a wait"))]
+    page = Page(page_of(lines_of(*steps, gone(103.0))))
+    assert page.bars(0) == [(1000, 500, "d", 1, "a wait"), (1500, 500, "d", 1, "a word"), (2000, 1000, "d", 1, "a wait")]
+
+
 def test_a_retry_that_failed_is_marked():
     retried = {"event": "Retried", "time": 103.0, "node": "A", "path": "A::1", "attempt": 1, "failure": FAILED}
     assert Page(page_of(lines_of(retried))).bars(1) == [(3000, 0, "r", 1, WHY)]

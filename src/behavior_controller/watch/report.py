@@ -71,7 +71,8 @@ class Run:
         self.lost = 0  # lines that the record lacks
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # statuses of each node
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]  # kinds of results of each mission leaf
-        self.lanes = Lanes()  # of the steps and of what mission leaves tell
+        self.steps: List[Bar] = []
+        self.lanes = Lanes()  # of what mission leaves tell
         self.changes = Lanes()  # of what the changes of status tell of all nodes
         self._running: Dict[int, float] = {}  # since when a node is
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
@@ -118,8 +119,8 @@ class Run:
     def _end_step(self, time: float) -> None:
         if self._step is not None:
             end = self._since(time)
-            self.lanes.add(0, Bar(self._since(self._step.began), end, DONE, self._step.words))
-            self.lanes.prolong(self._step.uid, NO, end)  # a condition tells that it does not hold once
+            self.steps.append(Bar(self._since(self._step.began), end, DONE, self._step.words))
+            self.lanes.end_wait(self._step.uid, NO, end)  # a condition tells that it does not hold once
 
     def _draw(self, time: float, event: Any) -> None:
         end = self._since(time)
@@ -322,7 +323,7 @@ def _sentences(told: List[Told]) -> str:
 
 def _timeline(run: Run) -> str:
     """Return the frame that the script draws the bars in, and what is joined in them."""
-    joined = "{} results in {} bars: those of a step that are alike and less than {:g} s apart are one.".format(
+    joined = "{} results in {} bars: those of a node that are alike and less than {:g} s apart are one.".format(
         run.lanes.results, run.lanes.bars, run.lanes.grain)
     return ('<section id="timeline"><h2>Timeline</h2><noscript><p>The timeline needs JavaScript.</p></noscript>'
             '<div class="tools"><label>Show <select id="range"></select></label>'
@@ -350,7 +351,7 @@ def _numbers(lanes: Iterable[Tuple[int, List[Bar]]], notes: Dict[str, int]) -> L
 def _data(run: Run, written: Dict[str, Written]) -> str:
     """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of the run."""
     notes: Dict[str, int] = {}
-    lanes = _numbers(run.lanes, notes)
+    lanes = _numbers(itertools.chain([(0, run.steps)], run.lanes), notes)
     types = {node.type for node in run.nodes}
     told = {key for key, *_ in lanes}  # of a mission leaf its events tell more than its changes of status
     visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (

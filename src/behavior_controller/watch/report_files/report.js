@@ -89,7 +89,7 @@ function addLane(name, link, bars) {
   if (!bars.length) return;
   const row = element("div", "lane"), track = element("div", "track"), head = element(link ? "a" : "span", "", name);
   if (link) head.href = "#" + link;
-  const longest = Math.max(...bars.map(bar => bar.end - bar.begin));
+  const longest = bars.reduce((most, bar) => Math.max(most, bar.end - bar.begin), 0);
   const counts = {};
   for (const bar of bars) counts[data.words[bar.kind]] = (counts[data.words[bar.kind]] || 0) + bar.count;
   track.setAttribute("role", "img");
@@ -142,7 +142,7 @@ function barElement(lane, bar, scale) {
   const made = element("span", "bar " + bar.kind + (width > 45 ? " wide" : ""));
   made.style.left = (begin - from) * scale + "px";
   made.style.width = width + "px";
-  if (width > 45) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " × " : "") +
+  if (width > 45) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " in " : "") +
     duration(bar.end - bar.begin);
   made.title = telling(lane, bar);
   made.addEventListener("click", () => {
