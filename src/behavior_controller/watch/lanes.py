@@ -59,6 +59,9 @@ class Lanes:
         self.bars = sum(len(lane.bars) for lane in self._lanes.values())
         self._most = max(MOST, self.bars * 5 // 4)  # kinds and notes without number cannot be joined
 
+    def __contains__(self, key: int) -> bool:
+        return key in self._lanes
+
     def __iter__(self) -> Iterator[Tuple[int, List[Bar]]]:
         return iter((key, self._lanes[key].bars) for key in sorted(self._lanes))
 

@@ -73,7 +73,7 @@ class Run:
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]  # kinds of results of each mission leaf
         self.steps: List[Bar] = []
         self.lanes = Lanes()  # of what mission leaves tell
-        self.changes = Lanes()  # of what the changes of status tell of all nodes
+        self.changes = Lanes()  # of what the changes of status tell of the others
         self._running: Dict[int, float] = {}  # since when a node is
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
         self._step: Optional[Step] = None
@@ -90,12 +90,15 @@ class Run:
             self._draw(time, entry)
 
     def _change(self, at: float, changes: List[Tuple[int, Letter]]) -> None:
+        running, told = self._running, self.lanes
         for uid, letter in changes:
             self.counts[uid - 1][letter] += 1
+            if uid in told:
+                continue
             if letter == "R":
-                self._running[uid] = at
-            elif letter != "-" or uid in self._running:  # else it had ended before
-                self.changes.add(uid, Bar(self._running.pop(uid, at), at, letter))
+                running[uid] = at
+            elif letter != "-" or uid in running:  # else it had ended before
+                self.changes.add(uid, Bar(running.pop(uid, at), at, letter))
 
     def _tell(self, time: float, event: Any) -> None:
         failure: Optional[Failure] = getattr(event, "failure", None)
@@ -353,14 +356,13 @@ def _data(run: Run, written: Dict[str, Written]) -> str:
     notes: Dict[str, int] = {}
     lanes = _numbers(itertools.chain([(0, run.steps)], run.lanes), notes)
     types = {node.type for node in run.nodes}
-    told = {key for key, *_ in lanes}  # of a mission leaf its events tell more than its changes of status
     visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (
         visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))] for visit in run.visits.values()]
     outcomes = [LETTER_OF.get(visit.outcome, "R") for visit in run.visits.values()]
     offset = datetime.datetime.fromtimestamp(run.began).astimezone().utcoffset()
     data = {"began": round(1000 * run.began), "offset": round(1000 * offset.total_seconds()) if offset else 0,
             "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
-            "lanes": lanes, "changes": _numbers((each for each in run.changes if each[0] not in told), notes),
+            "lanes": lanes, "changes": _numbers((each for each in run.changes if each[0] not in run.lanes), notes),
             "notes": list(notes), "nodes": [[node.type, written[node.path].ports if node.path in written else []]
                                             for node in run.nodes],
             "types": {spec.id: spec.summary for spec in leaves.registry().all() if spec.id in types},
