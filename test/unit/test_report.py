@@ -8,13 +8,13 @@ import time
 import pytest
 
 from behavior_controller.errors import MissionError
-from behavior_controller.events import LeafFinished, Retried, RunStarted
+from behavior_controller.events import EVENTS, LeafFinished, Retried, RunStarted
 from behavior_controller.leaves import registry
 from behavior_controller.story import Story
 from behavior_controller.watch import lanes
 from behavior_controller.watch.codec import FORMAT, VERSION, decode
 from behavior_controller.watch.replay import main, read_record
-from behavior_controller.watch.report import DEEPEST, EVENTS, to_html
+from behavior_controller.watch.report import DEEPEST, to_html
 from browser import axe, findings, open_browser, reset_screen, set_screen
 from recorded_tours import KINDS, recorded_day
 

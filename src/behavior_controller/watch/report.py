@@ -8,14 +8,15 @@ import json
 import os
 import re
 from types import SimpleNamespace
-from typing import (Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
+from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import leaves
 from behavior_controller.bt.engine.node import label
 from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.events import Event, LeafFinished, PassFinished, PassStarted, Retried, RunFinished, RunStarted
+from behavior_controller.events import (EVENTS, LeafFinished, PassFinished, PassStarted, Retried, RunFinished,
+                                        RunStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.mission import build_tree
 from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit, cause
@@ -32,7 +33,6 @@ NO, RETRY, DONE = "n", "r", "d"
 
 LEGEND = {"S": "success", "F": "failure", "h": "halted", NO: "does not hold yet", RETRY: "a retry failed",
           "w": "waiting for a visitor", "warning": "warning", "error": "error"}
-EVENTS = get_args(Event)
 
 DEEPEST = 100
 """Levels of nested lists; browsers take no more than about 170, so what is deeper stands beside its parent."""
