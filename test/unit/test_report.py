@@ -516,9 +516,15 @@ def test_a_node_opens_with_what_stands_in_the_file_and_all_its_results(report, d
     assert not panel.is_displayed()
 
 
-def test_paper_has_all_visits(report):
-    report.execute_script("dispatchEvent(new Event('beforeprint'))")
+def test_paper_is_white_and_has_all_visits_and_all_of_the_timeline(report):
+    report.execute_cdp_cmd("Emulation.setEmulatedMedia", {
+        "media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]})
+    report.execute_script("dispatchEvent(new Event('beforeprint')); byId('lanes').style.width = '450px'")
     assert run(report, "visits.every(visit => visit.open)")
+    assert run(report, "getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    ends = run(report, "[lanes[0].track.lastChild, byId('lanes')].map(each => each.getBoundingClientRect().right)")
+    assert abs(ends[0] - ends[1]) < 1.0  # the last visit ends where the run does
+    report.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     report.execute_script("dispatchEvent(new Event('afterprint'))")
     assert run(report, "visits.filter(visit => visit.open).length") == 0
 

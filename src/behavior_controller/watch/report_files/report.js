@@ -89,6 +89,7 @@ function addLane(name, link, bars) {
   if (!bars.length) return;
   const row = element("div", "lane"), track = element("div", "track"), head = element(link ? "a" : "span", "", name);
   if (link) head.href = "#" + link;
+  head.title = name;
   const longest = bars.reduce((most, bar) => Math.max(most, bar.end - bar.begin), 0);
   const counts = {};
   for (const bar of bars) counts[data.words[bar.kind]] = (counts[data.words[bar.kind]] || 0) + bar.count;
@@ -137,11 +138,14 @@ function telling(lane, bar) {
           "at " + clock(bar.begin, to - from), length ? "for " + duration(length) : ""].filter(part => part).join(" ");
 }
 
+// of the width: paper has another one than the screen
+function share(time) { return 100 * time / (to - from) + "%"; }
+
 function barElement(lane, bar, scale) {
   const begin = Math.max(bar.begin, from), width = (Math.min(bar.end, to) - begin) * scale;
   const made = element("span", "bar " + bar.kind + (width > 45 ? " wide" : ""));
-  made.style.left = (begin - from) * scale + "px";
-  made.style.width = width + "px";
+  made.style.left = share(begin - from);
+  made.style.width = share(Math.min(bar.end, to) - begin);
   if (width > 45) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " in " : "") +
     duration(bar.end - bar.begin);
   made.title = telling(lane, bar);
@@ -164,7 +168,7 @@ function drawAxis(width, scale) {
   const origin = (data.began + data.offset) % step;
   for (let time = Math.ceil((from + origin) / step) * step - origin; time <= to; time += step) {
     const mark = element("span", "", clock(time, step));
-    mark.style.left = (time - from) * scale + "px";
+    mark.style.left = share(time - from);
     if ((to - time) * scale > 70 || width < 100) axis.append(mark);
   }
 }
