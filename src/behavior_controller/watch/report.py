@@ -46,9 +46,9 @@ class Told(NamedTuple):
 
 
 class Written(NamedTuple):
-    """How a node stands in the file: the number of a document of the record, the line in it, and its ports.
+    """How the file writes a node: the number of a document of the record, the line in it, and the ports.
 
-    Of each port: its name, its text, and whether that stands in the file; else it is a default.
+    A port is its name, its text, and whether that text stands in the file; otherwise it is the default.
     """
 
     document: int
@@ -72,9 +72,9 @@ class Run:
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # statuses of each node
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]  # kinds of results of each mission leaf
         self.steps: List[Bar] = []
-        self.lanes = Lanes()  # of what mission leaves tell
-        self.changes = Lanes()  # of what the changes of status tell of the others
-        self._running: Dict[int, float] = {}  # since when a node is
+        self.lanes = Lanes()  # results of mission leaves, from their events
+        self.changes = Lanes()  # results of other nodes, from their changes of status
+        self._running: Dict[int, float] = {}  # when each running node began, by uid
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
         self._step: Optional[Step] = None
 
@@ -97,7 +97,7 @@ class Run:
                 continue
             if letter == "R":
                 running[uid] = at
-            elif letter != "-" or uid in running:  # else it had ended before
+            elif letter != "-" or uid in running:  # otherwise it ended earlier and is reset now
                 self.changes.add(uid, Bar(running.pop(uid, at), at, letter))
 
     def _tell(self, time: float, event: Any) -> None:
@@ -109,7 +109,7 @@ class Run:
             self.visits[visit.number] = visit
             self.told.setdefault(visit.number, [])
         if isinstance(event, PassStarted):
-            self._running.clear()  # what is halted between two traversals is not in the record
+            self._running.clear()  # the record does not have halts between two traversals
         elif isinstance(event, PassFinished):
             self.ends[event.number] = time
         elif isinstance(event, RunFinished):
@@ -193,7 +193,7 @@ def _last(lines: Iterable[Line]) -> Tuple[List[RunStarted], Run]:
 
 
 def _written(run: Run) -> Tuple[Dict[str, Written], str]:
-    """Return how the nodes stand in the file, by path, and why that is not known, if it is not."""
+    """Return how the file writes the nodes, by path, and why that is not known, if it is not."""
     sources = run.started.sources.documents
     try:
         tree = build_tree([parse(text, file) for file, text in sources])
@@ -341,7 +341,7 @@ def _timeline(run: Run) -> str:
 
 
 def _numbers(lanes: Iterable[Tuple[int, List[Bar]]], notes: Dict[str, int]) -> List[List[Union[int, str]]]:
-    """Return of each lane its key, then of each bar begin and length in milliseconds, kind, count, number of its note."""
+    """Return for each lane its key, and for each bar its begin and length (ms), kind, count and number of its note."""
     found: List[List[Union[int, str]]] = []
     for key, bars in lanes:
         found.append([key])
