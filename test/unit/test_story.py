@@ -263,6 +263,80 @@ def test_the_limit_of_a_wait_may_be_that_of_a_timeout_above_it():
     assert [event.limit for event in rig.of(StepStarted)] == [3.0]
 
 
+SEEN, SECOND = "<IsVisitorDiscovered/>", "<Sleep msec='1000'/>"
+UNSEEN, TWO_SECONDS = "<Inverter>" + SEEN + "</Inverter>", "<Delay delay_msec='2000'><AlwaysFailure/></Delay>"
+
+
+def within(*elements):
+    """Return elements, each within the one before it; the last is text."""
+    inner = elements[-1]
+    for element in reversed(elements[:-1]):
+        inner = "<{}>{}</{}>".format(element, inner, element.split()[0])
+    return inner
+
+
+def retried(attempts, *elements):
+    return within("RetryUntilSuccessful num_attempts='{}'".format(attempts), *elements)
+
+
+POLLED = {  # a mission that asks again and again, and attempts × pause
+    "a Delay before each question": (retried(30, "Delay delay_msec='500'", SEEN), 15.0),
+    "a Sleep before each question": (retried(4, "Sequence", SECOND + SEEN), 4.0),
+    "a Sleep after each no": (retried(5, "Fallback", SEEN + within("ForceFailure", SECOND)), 5.0),
+    "two pauses a round": (retried(5, "Fallback", SEEN + within("ForceFailure", SECOND) + TWO_SECONDS), 15.0),
+    "two conditions": (retried(5, "Delay delay_msec='1000'", "Sequence", "<IsASREnabled/>" + SEEN), 5.0),
+    "what is done at a yes": (retried(5, "Delay delay_msec='1000'", "Sequence", SEEN + "<WelcomeSpeech/>"), 5.0),
+    "a wait in each attempt": (retried(5, "ReactiveFallback", SEEN + within("ForceFailure", SECOND)), 5.0),
+    "rounds within rounds": (retried(3, "RetryUntilSuccessful num_attempts='2'", "Delay delay_msec='1000'", SEEN), 6.0),
+    "without end": (retried(-1, "Delay delay_msec='1000'", SEEN), 0.0),
+    "without end, with a Timeout": (within("Timeout msec='9000'", retried(-1, "Delay delay_msec='1000'", SEEN)), 9.0),
+    "attempts in an entry": (retried("{@n}", "Delay delay_msec='1000'", SEEN), 0.0),
+    "a pause in an entry": (retried(3, "Delay delay_msec='{@ms}'", SEEN), 0.0),
+    "rounds while it is false": (within("Repeat num_cycles='7'", "Sequence", UNSEEN + SECOND), 7.0),
+    "until it is true": (within("KeepRunningUntilFailure", "Sequence", UNSEEN + SECOND), 0.0),
+    "until it is true, by messages alone": (within("KeepRunningUntilFailure", UNSEEN), 0.0),
+    "an endless mission that begins with a visitor": (
+        within("KeepRunningUntilFailure", "Fallback", within("Sequence", SEEN + "<WelcomeSpeech/>") + SECOND), 0.0)}
+
+
+@pytest.mark.parametrize("kind", POLLED)
+def test_a_condition_that_is_asked_again_after_a_pause_is_waited_for_attempts_times_pause(kind):
+    mission, limit = POLLED[kind]
+    teller = Teller(one_leaf(mission))
+    for entry, value in (("n", 9), ("ms", 2000)):
+        teller.rig.tree.blackboard.set(entry, value)
+    times = []
+
+    def nobody(rig):
+        rig.clock.advance(0.5)
+        times.append(rig.clock.now() - 1000.0)
+
+    teller.run(nobody, is_stopped=lambda: teller.rig.clock.now() >= 1100.0)
+    assert [(event.words, event.limit, event.is_wait) for event in teller.rig.of(StepStarted)] == [
+        ("waiting for a visitor", limit, True)]
+    assert times[-1] == (limit or times[-1])
+    assert "waiting for a visitor, 2 s" + (" of at most {:g} s".format(limit) if limit else "") in teller.now
+
+
+@pytest.mark.parametrize("mission", [
+    retried(3, SEEN),  # all at once
+    retried(3, "Sequence", SEEN + SECOND),  # no pause where it is false
+    retried(3, "Fallback", SEEN + SECOND),  # one round
+    retried(3, "Delay delay_msec='1000'", UNSEEN),  # for a visitor to be gone
+    within("Repeat num_cycles='3'", "Sequence", SEEN + SECOND),  # as long as there is a visitor
+    retried(3, "Sequence", "<WelcomeSpeech/>" + SECOND + SEEN)])  # each time after something else
+def test_a_question_that_a_loop_does_not_repeat_for_its_answer_is_no_wait(mission):
+    rig = one_leaf(mission)
+    rig.run(lambda rig: rig.clock.advance(0.5), is_stopped=lambda: rig.clock.now() >= 1010.0)
+    assert [event.words for event in rig.of(StepStarted) if event.is_wait] == []
+
+
+def test_a_condition_that_waits_by_itself_in_each_round_tells_its_own_wait():
+    rig = one_leaf(retried(3, "Delay delay_msec='1000'", SEEN), conditionWait=7.0)
+    rig.run(lambda rig: rig.clock.advance(0.5), is_stopped=lambda: rig.clock.now() >= 1100.0)
+    assert [event.limit for event in rig.of(StepStarted)] == [7.0, 7.0, 7.0]
+
+
 def test_a_condition_that_waits_by_itself_waits_as_long_as_it_does():
     rig = one_leaf("<Sequence><IsVisitorDiscovered/></Sequence>", conditionWait=7.0)
     rig.tick()

@@ -8,9 +8,6 @@ from functools import partial
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
 
 from behavior_controller.bt.engine.clock import Clock, Timer
-from behavior_controller.bt.engine.builtins import Sleep
-from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.decorators import Inverter, KeepRunningUntilFailure, Repeat, Timeout
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, Result
 from behavior_controller.bt.engine.tree import Tree
@@ -26,6 +23,7 @@ from behavior_controller.interface import Evidence, Sense, Service, Topic
 from behavior_controller.interface.records import Answer, Request, Words
 from behavior_controller.knowledge_files import Knowledge
 from behavior_controller.leaves import data
+from behavior_controller.leaves.waits import is_asked_again, wait_for
 from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.phrases import Phrases
 from behavior_controller.policy import Policy
@@ -339,41 +337,6 @@ class OptionalServiceLeaf(ServiceLeaf):
         raise NotImplementedError
 
 
-def is_asked_again(node: Any) -> bool:
-    """Return whether a control asks this node again while a later one runs, which it would halt if it were RUNNING."""
-    while node.parent is not None:
-        parent, is_last = node.parent, node is node.parent.children[-1]
-        if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and not is_last:
-            return True
-        if isinstance(parent, WhileDoElse) and node is parent.children[0]:
-            return True
-        node = parent
-    return False
-
-
-def _limit(node: Any) -> float:
-    """Return the seconds of a Sleep or Timeout; 0: the file does not say them as a number."""
-    msec = node.attributes.get("msec", "")
-    return int(msec) / 1000.0 if msec.isdecimal() else 0.0
-
-
-def wait_beside(node: Any) -> Optional[float]:
-    """Return for how many seconds a node is asked again while a ReactiveFallback waits; 0: for ever, None: it is not.
-
-    The limit is that of a Timeout above the two, or of the Sleeps in their place, where the file says it as a number.
-    """
-    while node.parent is not None and not isinstance(node.parent, Inverter):  # that waits for the opposite
-        parent, later = node.parent, node.parent.children[node.parent.children.index(node) + 1:]
-        if isinstance(parent, ReactiveFallback) and later:
-            below = [each for beside in later for each in beside.iterate()]
-            sleeps = [_limit(each) for each in below if isinstance(each, Sleep)]
-            is_endless = any(isinstance(each, (KeepRunningUntilFailure, Repeat)) for each in below) or not all(sleeps)
-            limits = (0.0 if is_endless else sum(sleeps), _limit(parent.parent) if isinstance(parent.parent, Timeout) else 0.0)
-            return min(filter(None, limits), default=0.0)
-        node = parent
-    return None
-
-
 class TopicCondition(MissionLeaf, ConditionLeaf):
     """A question to the newest message of the topic that tells of ``sense``.
 
@@ -386,16 +349,18 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     otherwise: str  # the message of its failure
     own_evidence: Optional[Evidence] = None  # of a topic that another package declares, in place of a sense
     awaiting = ""  # what the robot does that waits for it, in people's words, in place of those of the sense
-    _beside: Optional[float] = None  # see ``wait_beside``
+    _is_asked_again = False
+    _mission_waits: Optional[float] = None  # see ``wait_for``
     _expiry: Optional[Timer] = None
     _patience: Optional[Timer] = None
     _is_over = False
     _told: Tuple[str, float] = ("", 0.0)  # the failure reported last, and what a message had to be newer than then
 
     def setup(self, **kwargs: Any) -> None:
-        """Find what the mission does while it asks."""
+        """Find out whether the mission waits for it."""
         super().setup(**kwargs)
-        self._beside = wait_beside(self)
+        self._is_asked_again = is_asked_again(self)
+        self._mission_waits = wait_for(self)
 
     @property
     def resource(self) -> str:
@@ -505,11 +470,11 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             # asked again at every tick of a wait: recorded each time, reported once
             self.mission.failures.add(self, failure)
             return FAILURE
-        begins = self._beside is not None and telling[1:] != self._told[1:]
+        is_new = telling[1:] != self._told[1:]
         self._told = telling
         result = self.failed(failure)
-        if begins and self._beside is not None:
-            self._begin_to_wait(self._beside)
+        if is_new and self._mission_waits is not None and not self._may_wait():
+            self._begin_to_wait(self._mission_waits)
         return result
 
     @property
@@ -518,8 +483,11 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         wait = self.evidence.wait
         return self.mission.settings.condition_wait if wait is None else wait
 
+    def _may_wait(self) -> bool:
+        return self.wait > 0.0 and not self._is_asked_again
+
     def _waits(self) -> bool:
-        if self.wait <= 0.0 or self._is_over or is_asked_again(self):
+        if self._is_over or not self._may_wait():
             return False
         if self._patience is None and self.wait < math.inf:
             self._patience = self.mission.clock.call_after(self.wait, self._give_up)
