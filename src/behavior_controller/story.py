@@ -98,7 +98,7 @@ def cause(failure: Failure) -> str:
 def why_failed(node: str, failure: Failure, tries: int = 1) -> str:
     """Return in a sentence what failed, how often if that was tried again, and why; a condition is told by its answer."""
     if failure.cause is Cause.CONDITION_FALSE:
-        return cause(failure)
+        return cause(failure) or "{} failed".format(clean(node))
     return "{} failed{}: {}".format(node, " {} times".format(tries) if tries > 1 else "", cause(failure))
 
 
@@ -128,6 +128,7 @@ class Story:
         self._gave_up = ""  # why
         self._handler = 0  # the HandleFallBack that ended last
         self._failed = 0, ""  # which leaf failed last in this visit, and why
+        self._stuck = ""  # why what failed last was not gone on from: no step has begun or succeeded since
         self._omitted = 0  # number of the exhibit that is not gone on with, until a Recovered says why
         self._takers: Dict[type, Callable[[Any], None]] = {
             RunStarted: self._run_started, PassStarted: self._pass_started, StepStarted: self._step_started,
@@ -190,7 +191,7 @@ class Story:
     def _run_finished(self, event: RunFinished) -> None:
         visit = self.visit
         if visit is not None and not visit.outcome:
-            self._end_exhibit(BROKEN_OFF, "the robot was stopped")
+            self._end_exhibit("the robot was stopped")
             self._change(why="the robot was stopped")
         self._steps.clear()
         self._tell("notice", "info", "ends: {} (exit code {})".format(event.outcome, event.exit_code))
@@ -209,7 +210,7 @@ class Story:
         if visit is None:  # the record of this run has lost its beginning
             return
         is_success = event.outcome == "SUCCESS"
-        self._end_exhibit(SHOWN if is_success and not self._has_left else BROKEN_OFF, self._why_failed())
+        self._end_exhibit(self._why_broken_off() if is_success else self._why_failed())
         why = self._why_done() if is_success else self._why_failed()
         waited = max(0.0, self._met_at - self._clock)
         self._change(outcome=event.outcome, why=why, seconds=event.seconds - waited, waited=waited)
@@ -250,6 +251,7 @@ class Story:
 
     def _begin(self, step: Step) -> None:
         """Have a step under way; a wait that another step follows is over."""
+        self._stuck = self._stuck if step.is_wait else ""
         self._steps = {uid: other for uid, other in self._steps.items() if uid != step.uid and not other.is_wait}
         self._steps[step.uid] = step
 
@@ -263,11 +265,14 @@ class Story:
         if event.told is not None:
             self._note(event)
         if event.failure is not None and event.uid != self._handler:
-            self._failed = event.uid, why_failed(event.node, event.failure)
+            self._stuck = why_failed(event.node, event.failure)
+            self._failed = event.uid, self._stuck
             if not is_false:
-                self._tell("failure", "warning", self._failed[1], event.uid, event.path)
-        elif event.status == "SUCCESS" and event.uid == self._failed[0]:
-            self._failed = 0, ""
+                self._tell("failure", "warning", self._stuck, event.uid, event.path)
+        elif event.status == "SUCCESS" and (event.uid == self._failed[0] or step is not None and not step.is_wait):
+            self._stuck = ""
+            if event.uid == self._failed[0]:
+                self._failed = 0, ""
 
     def _note(self, event: LeafFinished) -> None:
         """Note what a leaf tells when it ends, and what that means for the visit."""
@@ -304,24 +309,28 @@ class Story:
         exhibit = self.exhibit
         if event.state == OMITTED:
             self._omitted = event.number
-        elif exhibit is not None and self._has_left:
-            self._end_exhibit(BROKEN_OFF, LEFT)
-            self._tell("exhibit", "warning", "{}, is broken off: {}".format(exhibit, LEFT), event.uid, event.path)
         elif exhibit is not None:
-            self._end_exhibit(SHOWN)
-            self._tell("exhibit", "info", "{}, was shown".format(exhibit), event.uid, event.path)
+            why = self._why_broken_off()
+            self._end_exhibit(why)
+            self._tell("exhibit", "warning" if why else "info",
+                       "{}, {}".format(exhibit, "is broken off: " + why if why else "was shown"), event.uid, event.path)
         if event.state == BEGUN:
+            self._stuck = ""
             begun = ShownExhibit(event.number, event.of, clean(event.name), UNDER_WAY, "", 0.0)
             others = self.visits[-1].exhibits if self.visits else ()
             self._change(exhibits=tuple(each for each in others if each.number != event.number) + (begun,))
             self._exhibit_began = self._at
             self._tell("exhibit", "info", str(begun), event.uid, event.path)
 
-    def _end_exhibit(self, state: str, why: str = "") -> None:
-        """Note how it stands with the exhibit under way."""
+    def _why_broken_off(self) -> str:
+        """Return why the exhibit was not shown to its end; empty if it was: a step that failed was followed by another."""
+        return LEFT if self._has_left else self._stuck
+
+    def _end_exhibit(self, why: str, state: str = BROKEN_OFF) -> None:
+        """Note that the exhibit under way ended so, or that it was shown if there is no ``why``."""
         exhibit = self.exhibit
         if exhibit is not None and self.visits:
-            ended = exhibit._replace(state=state, why="" if state == SHOWN else why, seconds=self._at - self._exhibit_began)
+            ended = exhibit._replace(state=state if why else SHOWN, why=why, seconds=self._at - self._exhibit_began)
             self._change(exhibits=self.visits[-1].exhibits[:-1] + (ended,))
 
     # ------------------------------------------------------------------------------------------------------- recovery
@@ -342,7 +351,9 @@ class Story:
         omitted, self._omitted = self._omitted, 0
         self._handler = event.uid
         self._steps.pop(self._uids.get(event.path, 0), None)
+        self._failed = 0, ""
         why = (event.reason + "; " if event.reason else "") + why_failed(event.node, event.failure, event.attempts + 1)
+        self._stuck = why if event.outcome == GIVEN_UP else ""
         if omitted and self._is_omitted(event, omitted, why):
             return
         if event.outcome == GIVEN_UP:
@@ -356,7 +367,6 @@ class Story:
         else:
             self._tell("recovery", "info", "{} is done at the {} try".format(
                 event.node, ordinal(event.attempts + 1)), 0, event.path)
-        self._failed = 0, ""
 
     def _is_omitted(self, event: Recovered, number: int, why: str) -> bool:
         """Return whether an exhibit is not gone on with for it, and tell so."""
@@ -369,7 +379,7 @@ class Story:
         if self._has_left:
             why = LEFT
         self._change(exhibits=exhibits[:-1] + (exhibits[-1]._replace(state=UNDER_WAY),))
-        self._end_exhibit(LEFT_OUT if is_left_out else BROKEN_OFF, why)
+        self._end_exhibit(why, LEFT_OUT if is_left_out else BROKEN_OFF)
         if is_left_out:
             self._given_up = None
             self._tell("exhibit", "warning", "{}, is left out: {}".format(exhibits[-1], why), 0, event.path)

@@ -413,6 +413,41 @@ def test_an_exhibit_that_the_visitor_left_was_not_shown_whatever_the_mission_mak
     assert story.visit.why == "the visitor left at exhibit 1 of 2, Arm"
 
 
+def toured(*steps):
+    """Return a mission that goes on to the next exhibit whatever becomes of these steps."""
+    return within("Sequence", "<RetrieveListOfExhibits/>" + within("Inverter", "KeepRunningUntilFailure", "Sequence", (
+        "<IsListWithExhibit/>" + within("ForceSuccess", "Sequence", "<SelectExhibit/>" + "".join(steps)))))
+
+
+DRIVES, TELLS = "<Navigate/>", "<DescribeExhibitSpeech name='1'/>"
+RECOVERED = within("Fallback", DRIVES + "<HandleFallBack/>")
+TWO_WAYS = within("Fallback", DRIVES + TELLS)
+LOST = "Navigate failed: refused, the server refused (/robotNavigation/set_goal)"
+LOST_AGAIN = "Navigate failed 3 times: refused, the server refused (/robotNavigation/set_goal)"
+
+
+@pytest.mark.parametrize("mission, state, why", [
+    (toured(DRIVES, TELLS), BROKEN_OFF, LOST),
+    (toured(TELLS, DRIVES), BROKEN_OFF, LOST),
+    (toured(within("ForceSuccess", DRIVES), TELLS), SHOWN, ""),
+    (toured(TWO_WAYS), SHOWN, ""),
+    (toured(retried(9, DRIVES)), SHOWN, ""),
+    (toured(RECOVERED, TELLS), BROKEN_OFF, LOST_AGAIN),
+    (toured("<IsVisitorDiscovered/>", TELLS), BROKEN_OFF, "no face in view"),
+    (toured(within("Parallel success_count='1' failure_count='2'", DRIVES + TELLS)), SHOWN, ""),
+    (within("Sequence", "<RetrieveListOfExhibits/><SelectExhibit/>" + within("ForceSuccess", "Sequence", DRIVES + TELLS)),
+     BROKEN_OFF, LOST)])
+def test_an_exhibit_is_broken_off_where_a_step_failed_and_none_came_after_it(mission, state, why):
+    refused = iter([True] * 3)
+    rig = one_leaf(mission, lambda request: refusal(request) if (
+        isinstance(request, GoTo) and next(refused, False)) else NotImplemented)
+    teller = Teller(rig).run(lambda rig: rig.clock.advance(0.5))
+    assert teller.story.visit.outcome == "SUCCESS"
+    assert teller.story.visit.exhibits[0][3:5] == (state, why)
+    if len(teller.story.visit.exhibits) > 1:
+        assert "exhibit 1 of 2, exhibit 1, " + ("is broken off: " + why if why else "was shown") in teller.lines
+
+
 def test_an_exhibit_under_way_is_under_way():
     story = Story()
     story.take(1.0, PassStarted(1, 0.0))
