@@ -1,7 +1,8 @@
 """Turns the events of a run into visits, the step under way and sentences; terminal, page, report and verdict show them.
 
 A story is made from events alone, so a record of a run tells the same as the run did. It holds a bounded number of
-visits and never looks at a clock: each event comes with its time (unix seconds).
+visits and never looks at a clock: each event comes with its time (unix seconds). All texts of its records are safe to
+show, whatever they quote: see ``text.clean``.
 """
 import collections
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
@@ -87,7 +88,7 @@ class Step(NamedTuple):
 
 
 def cause(failure: Failure) -> str:
-    """Return why something failed, on one line."""
+    """Return why something failed, in words that are safe to show."""
     message = clean(" ".join(failure.message.split()))
     if failure.cause is Cause.CONDITION_FALSE:
         return message.partition(";")[0]  # what follows tells of messages of the topic
@@ -98,7 +99,7 @@ def cause(failure: Failure) -> str:
 def why_failed(node: str, failure: Failure, tries: int = 1) -> str:
     """Return in a sentence what failed, how often if that was tried again, and why; a condition is told by its answer."""
     if failure.cause is Cause.CONDITION_FALSE:
-        return cause(failure) or "{} failed".format(clean(node))
+        return cause(failure) or "{} failed".format(node)
     return "{} failed{}: {}".format(node, " {} times".format(tries) if tries > 1 else "", cause(failure))
 
 
@@ -174,11 +175,13 @@ class Story:
     def _tell(self, kind: str, severity: str, text: str, uid: int = 0, path: str = "") -> None:
         number = self.visits[-1].number if self.visits else 0
         kind, severity = kind if kind in KINDS else "notice", severity if severity in SEVERITIES else "warning"
-        self._told.append(Sentence(self._at, number, kind, severity, clean(text), uid or self._uids.get(path, 0), path))
+        self._told.append(Sentence(self._at, number, kind, severity, clean(text), uid or self._uids.get(path, 0),
+                                   clean(path)))
 
     def _change(self, **changes: Any) -> None:
         """Change what is known of the visit."""
         if self.visits:
+            changes.update((name, clean(value)) for name, value in changes.items() if isinstance(value, str))
             self.visits[-1] = self.visits[-1]._replace(**changes)
 
     # ------------------------------------------------------------------------------------------------- run and visits
@@ -214,7 +217,8 @@ class Story:
         why = self._why_done() if is_success else self._why_failed()
         waited = max(0.0, self._met_at - self._clock)
         self._change(outcome=event.outcome, why=why, seconds=event.seconds - waited, waited=waited)
-        self.outcomes[event.outcome] = self.outcomes.get(event.outcome, 0) + 1
+        outcome = self.visits[-1].outcome
+        self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
         self._steps.clear()
         self._tell("visit", "info" if is_success else "warning", "pass {}: {} after {:.1f} s: {}".format(
             event.number, event.outcome, event.seconds - waited, why))
@@ -247,10 +251,11 @@ class Story:
         retry = " (retry {} of {})".format(recovery.attempt, recovery.of) if recovery is not None else ""
         words = " ".join(filter(None, (event.words, "" if is_there else event.what)))
         self._uids[event.path] = event.uid
-        self._begin(Step(clean(words) + retry, self._at, event.limit, event.uid, event.path, event.is_wait))
+        self._begin(Step(words + retry, self._at, event.limit, event.uid, event.path, event.is_wait))
 
     def _begin(self, step: Step) -> None:
         """Have a step under way; a wait that another step follows is over."""
+        step = step._replace(words=clean(step.words), path=clean(step.path))
         self._stuck = self._stuck if step.is_wait else ""
         self._steps = {uid: other for uid, other in self._steps.items() if uid != step.uid and not other.is_wait}
         self._steps[step.uid] = step
@@ -330,7 +335,7 @@ class Story:
         """Note that the exhibit under way ended so, or that it was shown if there is no ``why``."""
         exhibit = self.exhibit
         if exhibit is not None and self.visits:
-            ended = exhibit._replace(state=state if why else SHOWN, why=why, seconds=self._at - self._exhibit_began)
+            ended = exhibit._replace(state=state if why else SHOWN, why=clean(why), seconds=self._at - self._exhibit_began)
             self._change(exhibits=self.visits[-1].exhibits[:-1] + (ended,))
 
     # ------------------------------------------------------------------------------------------------------- recovery
@@ -339,7 +344,7 @@ class Story:
         words = "doing {} in place of {}".format(event.substitute, event.node) if event.substitute else (
             "retrying {}, {} of {}".format(event.node, event.attempt, event.of))
         self._recoveries[event.path] = event
-        self._begin(Step(clean(words), self._at, 0.0, event.uid, event.path))
+        self._begin(Step(words, self._at, 0.0, event.uid, event.path))
         why = ": " + cause(event.failure) if event.attempt > 1 else ""  # the first failure has been told
         self._tell("recovery", "info", words + why, 0, event.path)
 

@@ -7,7 +7,7 @@ from typing import get_args
 import pytest
 
 from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
-                                        StepStarted, Told, TourAdvanced)
+                                        Recovering, StepStarted, Told, TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Prompt, Say
@@ -398,6 +398,33 @@ def test_whatever_comes_in_whatever_order_is_one_line_each(event):
     for known in (story.take(1.0, event), story.take(2.0, event)):
         assert all(sentence.text.isprintable() and sentence.kind in KINDS for sentence in known)
     assert story.now(3.0).isprintable()
+
+
+ODD = "\x1b[2J\u202e\ud800"
+ODD_FAILURE = Failure(Cause.REFUSED, ODD, ODD)
+
+
+def texts(value):
+    """Return all texts in a record and the records in it."""
+    return [value] if isinstance(value, str) else sum(map(texts, value), []) if isinstance(value, tuple) else []
+
+
+@pytest.mark.parametrize("ends", [
+    [LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0, ODD_FAILURE), TourAdvanced(1, ODD, ODD, 1, 2, ODD, "over")],
+    [Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, False, "given up", ODD), PassFinished(1, "FAILURE", 1.0)],
+    [TourAdvanced(1, ODD, ODD, 1, 2, ODD, "omitted"), Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, True, "skipped", ODD)],
+    [Noticed("error", ODD), PassFinished(1, ODD, 1.0)],
+    [LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0, ODD_FAILURE._replace(cause=Cause.CONDITION_FALSE)),
+     PassFinished(1, "FAILURE", 1.0)]])
+def test_no_text_of_a_story_s_records_does_anything_to_what_shows_it(ends):
+    story = Story()
+    records = [story.take(1.0, event) for event in [
+        PassStarted(1, 0.0), TourAdvanced(1, ODD, ODD, 1, 2, ODD, "begun"),
+        LeafFinished(2, ODD, ODD, "SUCCESS", ODD, 1.0, None, Told(ODD, ODD, ODD, 1.0))] + ends + [
+        StepStarted(3, ODD, ODD, ODD, ODD, 1.0, False), Recovering(4, ODD, ODD, ODD_FAILURE, 0, 1, ODD)]]
+    records += [story.visit, story.step, tuple(story.outcomes)]
+    assert any("\\x1b" in text for text in texts(tuple(records)))
+    assert [text for text in texts(tuple(records)) if not text.isprintable()] == []
 
 
 @pytest.mark.parametrize("outcome", ["SUCCESS", "FAILURE"])
