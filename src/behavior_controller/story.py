@@ -5,7 +5,7 @@ visits and never looks at a clock: each event comes with its time (unix seconds)
 show, whatever they quote: see ``text.clean``.
 """
 import collections
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
+from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.events import (BEGUN, OMITTED, Event, HealthChanged, LeafFinished, Noticed, PassFinished,
                                         PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
@@ -131,7 +131,7 @@ class Story:
         self._failed = 0, ""  # which leaf failed last in this visit, and why
         self._stuck = ""  # why what failed last was not gone on from: no step has begun or succeeded since
         self._omitted = 0  # number of the exhibit that is not gone on with, until a Recovered says why
-        self._takers: Dict[type, Callable[[Any], None]] = {
+        self._takers: Dict[type, Callable[..., None]] = {  # type: ignore[explicit-any]
             RunStarted: self._run_started, PassStarted: self._pass_started, StepStarted: self._step_started,
             LeafFinished: self._leaf_finished, TourAdvanced: self._tour_advanced, Recovering: self._recovering,
             Retried: self._retried, Recovered: self._recovered, HealthChanged: self._health_changed,
@@ -178,11 +178,11 @@ class Story:
         self._told.append(Sentence(self._at, number, kind, severity, clean(text), uid or self._uids.get(path, 0),
                                    clean(path)))
 
-    def _change(self, **changes: Any) -> None:
+    def _change(self, **changes: object) -> None:
         """Change what is known of the visit."""
         if self.visits:
             changes.update((name, clean(value)) for name, value in changes.items() if isinstance(value, str))
-            self.visits[-1] = self.visits[-1]._replace(**changes)
+            self.visits[-1] = self.visits[-1]._replace(**changes)  # type: ignore[arg-type]
 
     # ------------------------------------------------------------------------------------------------- run and visits
 
