@@ -11,7 +11,7 @@ from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Events
 from behavior_controller.gateway import FakeGateway, FakeTopics
 from behavior_controller.interface.records import Answer, Say, SetAttention
-from behavior_controller.leaves.base import TopicCondition
+from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.waits import is_asked_again, wait_for
 
 from unit_tests.facts import count
