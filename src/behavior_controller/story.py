@@ -129,7 +129,7 @@ class Story:
         self._gave_up = ""  # why
         self._handler = 0  # the HandleFallBack that ended last
         self._failed = 0, ""  # which leaf failed last in this visit, and why
-        self._stuck = ""  # why what failed last was not gone on from: no step has begun or succeeded since
+        self._stuck = ""  # why it or a recovery failed, until a step begins or succeeds after that
         self._omitted = 0  # number of the exhibit that is not gone on with, until a Recovered says why
         self._takers: Dict[type, Callable[..., None]] = {  # type: ignore[explicit-any]
             RunStarted: self._run_started, PassStarted: self._pass_started, StepStarted: self._step_started,
@@ -204,8 +204,8 @@ class Story:
         self.visits.append(Visit(event.number, self._at))
         self._steps.clear()
         self._recoveries.clear()
-        self._has_left, self._given_up, self._failed, self._handler = False, None, (0, ""), 0
-        self._is_unclear = False
+        self._has_left = self._is_unclear = False
+        self._given_up, self._failed, self._stuck, self._handler = None, (0, ""), "", 0
         self._clock = self._met_at = event.at
 
     def _pass_finished(self, event: PassFinished) -> None:
@@ -274,10 +274,11 @@ class Story:
             self._failed = event.uid, self._stuck
             if not is_false:
                 self._tell("failure", "warning", self._stuck, event.uid, event.path)
-        elif event.status == "SUCCESS" and (event.uid == self._failed[0] or step is not None and not step.is_wait):
-            self._stuck = ""
+        elif event.status == "SUCCESS":
             if event.uid == self._failed[0]:
-                self._failed = 0, ""
+                self._failed, self._stuck = (0, ""), ""
+            if step is not None and not step.is_wait:
+                self._stuck = ""
 
     def _note(self, event: LeafFinished) -> None:
         """Note what a leaf tells when it ends, and what that means for the visit."""
@@ -328,13 +329,13 @@ class Story:
             self._tell("exhibit", "info", str(begun), event.uid, event.path)
 
     def _why_broken_off(self) -> str:
-        """Return why the exhibit was not shown to its end; empty if it was: a step that failed was followed by another."""
+        """Return why the exhibit was not shown to its end; empty if it was, or if a step came after the one that failed."""
         return LEFT if self._has_left else self._stuck
 
     def _end_exhibit(self, why: str, state: str = BROKEN_OFF) -> None:
         """Note that the exhibit under way ended so, or that it was shown if there is no ``why``."""
         exhibit = self.exhibit
-        if exhibit is not None and self.visits:
+        if exhibit is not None:
             ended = exhibit._replace(state=state if why else SHOWN, why=clean(why), seconds=self._at - self._exhibit_began)
             self._change(exhibits=self.visits[-1].exhibits[:-1] + (ended,))
 
