@@ -1,4 +1,4 @@
-"""Measure the running node against stubs that answer at once, beside the least that rospy can do, in one run.
+"""Measure the running node against stubs that answer at once, and compare it with the minimum of rospy, in one run.
 
 Reaction: from a message that leaves its publisher to the request that follows arriving at the server. Step: from an
 answer to the next request, where all answers come at once, and where each takes 20 ms. Ticks while every server hangs,
@@ -72,7 +72,7 @@ class Bench:
         self.robot.wait_for_request(SAY, 20)
 
     def stop(self):
-        """End node and robot, and who monitors them."""
+        """End node, robot and monitoring clients."""
         if self.clients is not None:
             self.clients.kill()
             self.clients.communicate()
@@ -253,7 +253,7 @@ def main():
     try:
         floor = bench.reaction_floor()
         visitor, paced = {False: [], True: []}, {False: [], True: []}
-        for is_watched in 5 * (False, True):  # in turn: what is compared should have had the same machine
+        for is_watched in 5 * (False, True):  # in turn, so that compared values come from the same conditions
             visitor[is_watched] += bench.reaction(VISITOR, (FACES,) + A_FACE, (FACES,) + NO_FACE, is_watched=is_watched)
             paced[is_watched] += bench.paced_steps(is_watched)
         reactions = {

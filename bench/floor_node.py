@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The least that a rospy node can do: a topic's callback calls a service over a persistent connection, and back to back."""
+"""A minimal rospy node: a topic's callback calls a service over a persistent connection, and back to back."""
 import sys
 
 import rospy

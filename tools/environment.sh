@@ -11,7 +11,7 @@ use_ros() {
   fi
 }
 
-# The built workspace, with a master of its own: nothing that runs elsewhere on the machine is met or disturbed.
+# The built workspace, with its own master: it does not meet or disturb anything else that runs on the machine.
 use_workspace() {
   use_ros
   . "$BUILD/devel/setup.bash"

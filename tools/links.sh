@@ -1,6 +1,6 @@
 # How the package cssr_system gets into a workspace. Sourced by the other scripts.
 # catkin does not look for a package inside a package, so each gets its own place in the workspace. One link to the
-# whole repository would lead to a workspace below it again, and rosrun and roslib follow links: hence a link for each entry.
+# whole repository would lead to a workspace below it again, and rosrun and roslib follow links: so each entry gets a link.
 
 # link_package FOLDER: make or renew the links in FOLDER
 link_package() {

@@ -1,7 +1,7 @@
 """Run the test suites, two side by side: a line for each as it ends, what failed, and the sum as the last line.
 
 ``python3 tools/test.py [WORD…]`` in the environment that tools/test.sh makes. Words choose suites by their name.
-The output of each suite and its results as JUnit XML are in a folder of its own under build/log/tests.
+The output of each suite and its results as JUnit XML are in a separate folder under build/log/tests.
 A rostest file that says ``measures time`` in a comment runs alone, one that says ``every Python`` runs on each supported
 Python. A virtual machine may lose its processors to others: a suite that fails while that happens, or that
 measures time, is run again when all others are over, and a line says so; it has failed if it fails each time.
@@ -111,7 +111,7 @@ def other_python(name: str, folders: List[str], version: str) -> Suite:
 
 
 def rostest_suite(test: str) -> Suite:
-    """Return the suite of one rostest file; it gets a master and a ROS_HOME of its own."""
+    """Return the suite of one rostest file; it gets its own master and ROS_HOME."""
     package = "unit_tests" if test.startswith("unit_tests") else "cssr_system"
     name = os.path.splitext(os.path.basename(test))[0]
     results = os.path.join(LOGS, "rostest-{}-{}".format(package, name))

@@ -40,7 +40,7 @@ class Mutation(NamedTuple):
 
     @property
     def key(self) -> Tuple[str, str, str, str]:
-        """What tells the mutation from others, wherever its line has gone."""
+        """What identifies the mutation, even if its line has moved."""
         return self.file, self.scope, self.old, self.new
 
     def difference(self) -> str:
@@ -50,7 +50,7 @@ class Mutation(NamedTuple):
 
 
 class Stale(Exception):
-    """A rule's code stands nowhere in its scope, or in several places."""
+    """A rule's code is not in its scope, or is there several times."""
 
 
 # ---------------------------------------------------------------------------------------------------------- named rules
@@ -115,7 +115,7 @@ _ARITHMETIC = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: a
 
 
 def sample(sources: Sequence[Tuple[str, str]], count: int, seed: int) -> List[Mutation]:
-    """Return ``count`` mutations of ``sources`` (file, source), drawn with ``seed`` from all that are possible."""
+    """Return ``count`` mutations of ``sources`` (file, source), a random sample by ``seed`` of all that are possible."""
     places = [(file, source, number) for file, source in sources for number in range(len(_sites(ast.parse(source))))]
     drawn = random.Random(seed).sample(places, min(count, len(places)))
     return [_mutation(file, source, number) for file, source, number in sorted(drawn)]
@@ -176,7 +176,7 @@ def _can_break(node: ast.AST) -> bool:
     if isinstance(node, ast.Expr):
         return isinstance(node.value, ast.Call)
     if isinstance(node, (ast.If, ast.IfExp)):
-        return not _is_not(node.test)  # that is a place of its own
+        return not _is_not(node.test)  # that is a separate place
     return isinstance(node, ast.BoolOp) or _is_not(node)
 
 

@@ -43,7 +43,7 @@ class Reached:
     def __init__(self, place: str):
         self._place = place
         self._tests: Dict[Tuple[str, int], Set[str]] = {}  # by file and line
-        self._at_import: Set[Tuple[str, int]] = set()  # what runs before the first test, also in functions
+        self._at_import: Set[Tuple[str, int]] = set()  # lines that run before the first test, also in functions
         self._reach: Dict[str, int] = {}  # how many lines a test runs
         for path in glob.glob(os.path.join(place, "notes", "coverage.*")):
             measured = coverage.CoverageData(path)

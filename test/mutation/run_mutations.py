@@ -93,7 +93,7 @@ def _traces_notice(root: str) -> str:
         if done.returncode != 0:
             lines = done.stdout.decode(errors="replace").splitlines() or ["no output"]
             return "{} ({})".format(lines[0][:90], lines[-1])
-    # the traces of real time only tell the results; what happens when is tested under a clock of the test's own
+    # traces of real time only show the results; the order of events is tested under a test clock
     timing = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull,
                              "-k", "time", os.path.join(ROOT, "test", "unit", "test_tree.py")], env=environment,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120, check=False)
@@ -129,7 +129,7 @@ def break_samples(count: int, seeds: List[int]) -> int:
 
 
 def tell_stale(excused: Set[Tuple[str, ...]], sources: List[Tuple[str, str]]) -> int:
-    """Tell which of the mutations that change nothing break code that is not there any more. Return the exit code."""
+    """Report the listed mutations without effect whose code no longer exists. Return the exit code."""
     files = {key[0] for key in excused}
     there = {(file,) + place for file, source in sources if file in files for place in statements(source)}
     stale = sorted(key for key in excused if key[:3] not in there)
@@ -192,7 +192,7 @@ def _sum(judged: List[Judged], excused: Dict[Tuple[str, ...], str]) -> int:
 
 
 def pure_modules() -> List[str]:
-    """Return the modules of both packages that are neither the engine, which has rules, nor at ROS, which rostest tests."""
+    """Return the modules of both packages except the engine, which has rules, and the ROS edge, which rostest tests."""
     found = []
     for start in ("src", os.path.join("unit_tests", "src")):
         for place, _, names in os.walk(os.path.join(ROOT, start)):

@@ -1,4 +1,4 @@
-"""Help for the tests: the stub robot and the node itself, each in a process of its own, to order about and wait for."""
+"""Help for the tests: the stub robot and the node itself, each in its own process, to command and wait for."""
 import json
 import os
 import shutil
@@ -16,7 +16,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 
 
 class Lines:
-    """The lines of a stream, as they come; ``wait_for`` waits for one that is wanted."""
+    """The lines of a stream, as they come; ``wait_for`` waits for a certain line."""
 
     def __init__(self, stream):
         self.all = []
@@ -73,7 +73,7 @@ class Robot:
         self.lines.wait_for(lambda line: "ready" in line, 20)
 
     def set_mode(self, name, mode):
-        """Have the service ``name`` behave otherwise."""
+        """Change the behaviour of the service ``name``."""
         self._order(name=name, mode=mode)
 
     def publish(self, topic, *values, **more):
@@ -102,7 +102,7 @@ class Robot:
         return json.loads(self.lines.wait_for(is_wanted, seconds, start)[1])
 
     def stop(self):
-        """End it in good order: the master forgets it."""
+        """End it cleanly: it unregisters from the master."""
         if self.process.poll() is None:
             self.process.stdin.close()
             try:

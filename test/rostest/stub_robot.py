@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A robot for the tests: one node that offers the services and topics of D5.4.3, and behaves as it is told.
+"""A robot for the tests: one node that offers the services and topics of D5.4.3, and behaves as commanded.
 
 Arguments are ``name=mode``: how the service or topic behaves from the start. Modes of a service: ``done`` (default),
 ``refuse``, ``odd`` (a success value that means nothing), ``raise``, ``hang`` (until the mode changes), ``exit`` (the
@@ -98,7 +98,7 @@ class StubService:
             rospy.Service(name, self.type, self.answer)
 
     def set_mode(self, mode):
-        """Behave otherwise from now on; calls that hang go on."""
+        """Change the behaviour; calls that hang go on."""
         with self._changed:
             self.mode = mode
             self._changed.notify_all()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does the mission go on, and does the node stop, while a terminal, a pipe, a disk or the master takes nothing?"""
+"""Does the mission go on, and does the node stop, while a terminal, a pipe, a disk or the master is blocked?"""
 import fcntl
 import os
 import pty
@@ -39,7 +39,7 @@ ONLY_TALKING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree 
 
 
 class TestBlocked(unittest.TestCase):
-    """Each case has a copy of the package; some have a master of their own, which they may freeze."""
+    """Each case has a copy of the package; some have their own master, which they may freeze."""
 
     def setUp(self):
         self.master = None
@@ -56,7 +56,7 @@ class TestBlocked(unittest.TestCase):
         return self.master
 
     def tearDown(self):
-        """Nothing else that is cleaned up may wait for a frozen master."""
+        """Clean up first: no other clean-up may wait for a frozen master."""
         if self.master is None:
             forget_dead_entries()
         else:
@@ -109,7 +109,7 @@ class TestBlocked(unittest.TestCase):
     # ----------------------------------------------------------------------------------------------- what takes no line
 
     def small_pipe(self):
-        """Return both ends of a pipe that takes no more than a page."""
+        """Return both ends of a pipe with room for one page."""
         ends = os.pipe()
         for end in ends:
             self.addCleanup(os.close, end)
@@ -292,7 +292,7 @@ class TestBlocked(unittest.TestCase):
     # ------------------------------------------------------------------------------------- a machine that gives no more
 
     def allow_threads(self, count):
-        """Become a user without processes, who may have so many threads besides the first. In the new process."""
+        """Become a user without processes, with that many threads in addition to the first. In the new process."""
         user = 100000 + os.getppid()
         resource.setrlimit(resource.RLIMIT_NPROC, (1 + count, 1 + count))
         os.setgid(user)
@@ -347,7 +347,7 @@ class Relay:
         assert self._news.wait(seconds), "no second connection came"
 
     def close(self):
-        """Let go of everything."""
+        """Release all connections."""
         for sock in [self._server] + self._held:
             sock.close()
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does the gateway tell every cause of failure apart, end each call in time, and give back what a hung call held?"""
+"""Does the gateway distinguish every cause of failure, end each call in time, and free the resources of a hung call?"""
 import dataclasses
 import os
 import socket
@@ -33,7 +33,7 @@ ONE_OF_EACH = (SetAnimation("enabled"), PerformGesture("deictic", 2, 1500, Point
 
 
 class Peer:
-    """A service server that speaks no ROS but what ``talk(socket)`` says; the master lists it under ``name``."""
+    """A service server that only does what ``talk(socket)`` does; the master lists it under ``name``."""
 
     def __init__(self, name, talk, backlog=16):
         self.listener = socket.socket()
@@ -56,7 +56,7 @@ class Peer:
             threading.Thread(target=self._talk, args=(connection,), daemon=True).start()
 
     def close(self):
-        """Take no more connections; the master's entry stays."""
+        """Accept no more connections; the master's entry stays."""
         self.listener.close()
 
 
@@ -82,7 +82,7 @@ def read_until_end(connection):
 
 
 class TestGateway(unittest.TestCase):
-    """Each case has a gateway of its own, whose deadline is ``self.deadline`` for every service."""
+    """Each case has its own gateway, whose deadline is ``self.deadline`` for every service."""
 
     def setUp(self):
         self.deadline = 20.0
@@ -102,7 +102,7 @@ class TestGateway(unittest.TestCase):
         return robot
 
     def finish(self, call, seconds=30.0):
-        """Do as the runner does until ``call`` has a result; return it and how long it took."""
+        """Act as the runner does until ``call`` has a result; return it and how long it took."""
         started = time.monotonic()
         while call.result is None and time.monotonic() - started < seconds:
             due = self.clock.next_due()
@@ -287,7 +287,7 @@ class TestGateway(unittest.TestCase):
         self.assertLess(abs(seconds - 0.5), 0.2)
         self.assert_at_rest(0, 0.3)
         self.deadline = 20.0
-        result, seconds = self.finish(self.gateway.start(Say("hello")))  # the connection has a limit of its own
+        result, seconds = self.finish(self.gateway.start(Say("hello")))  # the connection has its own limit
         self.assertEqual(result.cause, Cause.NOT_REACHABLE)
         self.assertLess(seconds, 6.0)
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does the node run a mission against the robot's services and topics, and tell the operator what he needs to know?"""
+"""Does the node run a mission against the robot's services and topics, and inform the operator?"""
 import json
 import os
 import re
@@ -30,7 +30,7 @@ A_FACE, NO_FACE = (["1"], [[0.0, 0.0, 1.0]], [True]), ([], [], [])
 
 
 class TestMission(unittest.TestCase):
-    """Each case runs a mission of its own."""
+    """Each case runs its own mission."""
 
     def setUp(self):
         self.folder = tempfile.mkdtemp()

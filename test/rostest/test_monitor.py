@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What happens to the robot while the mission runs is seen within two seconds, told once, and survived."""
+"""Is each fault of the robot noticed within two seconds, reported once, and survived while the mission runs?"""
 import os
 import shutil
 import signal
@@ -28,7 +28,7 @@ TALKING = "<WelcomeSpeech/><Sleep msec=\"300\"/>"
 
 
 class TestMonitor(unittest.TestCase):
-    """Each case runs a mission of its own."""
+    """Each case runs its own mission."""
 
     def setUp(self):
         self.folder = tempfile.mkdtemp()
@@ -157,7 +157,7 @@ class TestMonitor(unittest.TestCase):
         self.robot()
         controller = self.start(WAITING)
         self.addCleanup(master.send_signal, signal.SIGCONT)
-        time.sleep(0.7)  # the master is looked at
+        time.sleep(0.7)  # the master is checked
         master.send_signal(signal.SIGSTOP)
         time.sleep(2.6)  # the first question is given up after 1.5 to 2 s, the second after 3.5 s at the earliest
         master.send_signal(signal.SIGCONT)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does the ROS edge speak to a robot of release 1.0: its types, its action, what it may lack, what the start says?"""
+"""Does the ROS edge work with a robot of release 1.0: its types, its action, missing services, the start's messages?"""
 import os
 import re
 import shutil
@@ -121,13 +121,13 @@ class TestHearing(unittest.TestCase):
         self.wait_until(lambda: not self.latch.is_connected)
 
     def start(self, **modes):
-        """Start a robot with these modes, and return it when the client has met its action."""
+        """Start a robot with these modes, and return it when the client is connected to its action."""
         self.robot = Robot(dict(BY_ACTION, **modes))
         self.wait_until(lambda: self.latch.is_connected)
         return self.robot
 
     def wait_until(self, is_so, seconds=15.0):
-        """rospy does not tell when it has connected: look until it has."""
+        """rospy does not report its connections: poll until it is connected."""
         ends = time.monotonic() + seconds
         while not is_so():
             self.assertLess(time.monotonic(), ends)
@@ -231,7 +231,7 @@ class TestHearing(unittest.TestCase):
 
 
 class TestStart(unittest.TestCase):
-    """What the start says of the robot, and a mission on it."""
+    """The messages of the start about the robot, and a mission on it."""
 
     def setUp(self):
         self.folder = tempfile.mkdtemp()
@@ -283,7 +283,7 @@ class TestStart(unittest.TestCase):
         self.assertEqual(code, 0, text)
         for name in ("/robotLocalization/set_pose", "/speechEvent/set_enabled", "/tabletEvent/prompt_and_get_response"):
             self.assertEqual(text.count("WARN behaviorController: service {} ".format(name)), 1, text)
-            self.assertEqual(text.count(name), 1, text)  # nor does the monitoring miss it
+            self.assertEqual(text.count(name), 1, text)  # the monitoring does not report it missing either
         self.assertNotIn("set_language", text)
 
     def test_without_speech_recognition_the_tablet_is_needed(self):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does the node find everything that is wrong before anything moves, say so in full, and exit with the right code?"""
+"""Does the node find every fault before anything moves, report all of them, and exit with the right code?"""
 import datetime
 import os
 import re
@@ -189,7 +189,7 @@ class TestStartUp(unittest.TestCase):
     # ------------------------------------------------------------------------------------- configuration and mission
 
     def assert_refused(self, *lines):
-        """Run the node with a complete robot: exit code 2, each of ``lines`` (words) told, and nothing called."""
+        """Run the node with a complete robot: exit code 2, each of ``lines`` (words) printed, and nothing called."""
         robot = self.robot()
         code, text = self.run_node()
         self.assertEqual(code, 2, text)
@@ -239,7 +239,7 @@ class TestStartUp(unittest.TestCase):
             code, text = self.run_node()
             self.assertEqual(code, 2)
             self.assert_line(text, "ERROR", "parameter ~language: language cannot be of type " + kind)
-            self.assertEqual(text.count("ERROR"), 2)  # the fault, and the sum
+            self.assertEqual(text.count("ERROR"), 2)  # the fault, and the summary
 
     def test_an_argument_of_an_odd_value_is_one_line(self):
         code, text = self.run_node("_topicMaxAge:=2026-01-01", "_conditionWait:=null", "_missionRuns:=99999999999")

@@ -25,7 +25,7 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
 
 
 class TestStop(unittest.TestCase):
-    """Each case runs a mission of its own up to the moment in question."""
+    """Each case runs its own mission up to a certain moment."""
 
     def setUp(self):
         self.folder = tempfile.mkdtemp()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Do the topics give the newest message, ring their alarms at once, and cost next to nothing in a flood?"""
+"""Do the topics return the newest message, trigger their alarms at once, and cost very little in a flood?"""
 import os
 import resource
 import signal
@@ -60,7 +60,7 @@ class TestTopics(unittest.TestCase):
         time.sleep(0.1)  # what is under way arrives
 
     def wait_until(self, is_so, seconds=10.0):
-        """rospy does not tell when it has connected: look until it has."""
+        """rospy does not report its connections: poll until it is connected."""
         ends = time.monotonic() + seconds
         while not is_so():
             self.assertLess(time.monotonic(), ends)
@@ -101,7 +101,7 @@ class TestTopics(unittest.TestCase):
         self.assertEqual(self.publish(SPEECH, "heard")[0].value, "heard")
 
     def watch(self):
-        """Run a monitor, and return the changes of health that it has told so far as a list that grows."""
+        """Run a monitor, and return the changes of health that it has reported so far as a list that grows."""
         health, events, told = Health(), Events(), []
         events.subscribe(told.append)
         monitor = Monitor(INTERFACE, self.topics, health, lambda: True)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Can one look at the running node with Groot2, a browser and the terminal, and replay what it did?"""
+"""Can the running node be monitored with Groot2, a browser and the terminal, and its record be replayed?"""
 import json
 import os
 import resource
@@ -30,7 +30,7 @@ CALLS = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
 
 
 class TestWatch(unittest.TestCase):
-    """One mission that hangs in its last leaf while it is looked at."""
+    """One mission that hangs in its last leaf while it is monitored."""
 
     def setUp(self):
         self.folder = tempfile.mkdtemp()
@@ -100,7 +100,7 @@ class TestWatch(unittest.TestCase):
         self.assertIn("the same path: 1 passes", printed)
 
     def connect_idly(self, number):
-        """Open ``number`` connections to each port of the node, and to no avail."""
+        """Try to exhaust the node with ``number`` connections to each of its ports."""
         for _ in range(number):
             for port in (self.page, self.groot2, self.groot2 + 1):
                 self.idle.append(socket.create_connection(("127.0.0.1", port), timeout=10))

@@ -1,4 +1,4 @@
-"""Trials of an adversary that take long: what becomes of the mission when its surroundings do their worst."""
+"""Long trials of an adversary: how the mission survives the worst faults around it."""
 import os
 import random
 import re
@@ -17,7 +17,7 @@ from trial import GONE, longest_gap, sleep_until, when
 DRIVE_DEADLINE = 10.0  # s
 A_TOUR = 40.0  # s, in which one ends on a loaded computer; alone it takes a few
 HEARTBEAT = 10.0  # s
-FEW_DESCRIPTORS = 1024  # what a system gives to a process by default
+FEW_DESCRIPTORS = 1024  # the default limit of a process
 WAITING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>
 <ReactiveFallback><AlwaysFailure/><Sleep msec="600000"/></ReactiveFallback></Sequence></BehaviorTree></root>"""
 
@@ -45,14 +45,14 @@ def frozen_master(trial, seconds):
 
 
 def new_master(trial):
-    """A new roscore knows none of the nodes that run: tours go on, and the operator reads that it is new."""
+    """A new roscore knows none of the nodes that run: tours go on, and a line reports the new master."""
     master, robot = surroundings(trial)
     trial.package.configure(verboseMode="true", robotNavigationDeadline=DRIVE_DEADLINE)
     tours = trial.node()
     see_tours(trial, tours, 1)
     end(master)
     see_tours(trial, tours, 1)
-    time.sleep(TOLD_LIMIT)  # what is said of the old one is said
+    time.sleep(TOLD_LIMIT)  # the messages about the old one are over
     trial.process("rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rpartition(":")[2])
     started = time.monotonic()
     trial.within("a new master is said after", when(tours, r"master .*\bnew\b", started, PATIENCE), TOLD_LIMIT)
@@ -62,7 +62,7 @@ def new_master(trial):
 
 
 def flood(trial, count):
-    """Idle connections to the ports for Groot2 and browsers take nothing from the robot, and the page comes back."""
+    """Idle connections to the ports for Groot2 and browsers cost the robot nothing, and the page works again after them."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 4 * count)), hard))
     groot2_port, page_port = free_ports()
@@ -87,7 +87,7 @@ def flood(trial, count):
 
 
 def nodes_killed(trial, rounds):
-    """The robot's nodes are killed in mid-tour and started again, and so is ours: the next visitor has a tour."""
+    """The robot's nodes and the controller are killed during a tour and started again: the next visitor gets a tour."""
     draw = random.Random(1)
     robot = surroundings(trial)[1]
     trial.package.configure()

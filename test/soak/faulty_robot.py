@@ -1,4 +1,4 @@
-"""A robot whose services fail exactly as a script says, each in a process of its own, and a visitor who plays along.
+"""A robot whose services fail exactly as a script says, each in its own process, and a visitor who plays along.
 
 One thread takes what happens (requests, the controller's lines) in order and decides; so each fault meets the call that
 it is meant for. What a call meets is decided before it is made: a server that is to be out of reach goes away together
@@ -113,7 +113,7 @@ class FaultyRobot:
             process.service, "rosrpc://127.0.0.1:{}".format(process.port), rospy.get_node_uri())
 
     def _replace(self, service):
-        """Let a fresh process take over; the one before may still hold a connection that is to hang."""
+        """Start a new process; the old one may still hold a connection that must hang."""
         if service in self.current:
             self.retired.append(self.current[service])
         self.current[service] = self.standby[service]
@@ -143,7 +143,7 @@ class FaultyRobot:
         self.position = dict.fromkeys(SERVICES, 0)
         self.unmet = [n for n, attempt in enumerate(attempts) if attempt.fault in BEFORE_SENDING]
         self.held, self.extra, self.stop_at, self.on_stop = [], [], stop_at, on_stop
-        for service in SERVICES:  # whatever the run before has left
+        for service in SERVICES:  # what the previous run has left
             self._replace(service)
             self._clear_away(service)
         while not self.events.empty():
@@ -200,7 +200,7 @@ class FaultyRobot:
             self._met(service, "dead")
 
     def _met(self, service, how):
-        """Take note that a request did not get through, as it should not: by the log, or by a handshake that failed."""
+        """Note that a request failed to arrive, as planned: by the log, or by a failed handshake."""
         self.unmet.remove(self.index[id(self._next(service))])
         self.position[service] += 1
         self._prepare(service, how)
@@ -230,12 +230,12 @@ class FaultyRobot:
             self._answer(process, number, request, attempt)
 
     def _is_early(self, attempt):
-        """Whether a fault that comes before ``attempt``, and not beside it, has not shown in the log yet."""
+        """Whether a fault that comes before ``attempt``, and not in parallel, is not in the log yet."""
         return any(number < self.index[id(attempt)] and not (
             attempt.abreast and self.attempts[number].abreast == attempt.abreast) for number in self.unmet)
 
     def _release(self):
-        """Answer what waited for an earlier fault to be met."""
+        """Answer requests that waited until an earlier fault had happened."""
         ready = [held for held in self.held if not self._is_early(held[3])]
         self.held = [held for held in self.held if held not in ready]
         for held in ready:
@@ -257,7 +257,7 @@ class FaultyRobot:
                 self._clear_away(service)
 
     def _prepare(self, service, how):
-        """See to it that the next attempt meets its fault; return what the process does with its answer.
+        """Prepare the fault of the next attempt; return what the process does with its answer.
 
         ``how`` tells of the process that is registered: it is about to ``answer``, it is ``hung``, ``dead``, ``fresh``, or
         it is the impostor ("").
@@ -298,7 +298,7 @@ class FaultyRobot:
     # ------------------------------------------------------------------------------------------------------- the verdict
 
     def _left_over(self):
-        """Return what was expected and did not come."""
+        """Return the expected requests that did not come."""
         problems = ["{} call(s) to {} did not come".format(len(script) - self.position[service], service)
                     for service, script in self.script.items() if self.position[service] < len(script)]
         return problems + ["not told: {}".format(what) for what in self.untold.elements()]

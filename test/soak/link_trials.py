@@ -13,9 +13,9 @@ SAY = "/textToSpeech/say_text"
 DEADLINE = 3.0  # s, of a speech
 PAUSE = 0.3  # s, between two speeches, and between two looks at a topic
 SLACK = 0.7  # s, for a loaded computer
-TOLD_LIMIT = 5.0  # s, until what is gone is said, and until it is heard again
-DEATH_LIMIT = 2.0  # s, until the death of a node is told
-PATIENCE = 15.0  # s, until a trial waits no longer for what is late
+TOLD_LIMIT = 5.0  # s, until a loss is reported, and until messages arrive again
+DEATH_LIMIT = 2.0  # s, until the death of a node is reported
+PATIENCE = 15.0  # s, the longest wait of a trial
 HEARS = {"IsVisitorDiscovered": FACES, "IsMutualGazeDiscovered": GAZE, "IsYesNoUttered": SPEECH}
 SPEAKS = r"WelcomeSpeech \(.*(SUCCESS|FAILURE)"
 FOR_EVER = """<Repeat num_cycles="-1"><Sequence><ForceSuccess><{}/></ForceSuccess><Sleep msec="{:.0f}"/></Sequence>
@@ -118,7 +118,7 @@ def cut_during_a_call(link, robot):
 
 
 def look_at_the_cut(trial, node, began, ended, beyond):
-    """Were deadlines kept, and was all told to be gone that is ``beyond`` the cut?"""
+    """Were deadlines kept, and was all that is ``beyond`` the cut reported as gone?"""
     trial.within("between two speeches", longest_gap(node, SPEAKS, began, ended), DEADLINE + PAUSE + SLACK)
     told = {}
     for came, line in node.lines.all:
@@ -133,7 +133,7 @@ def look_at_the_cut(trial, node, began, ended, beyond):
 
 
 def look_at_the_time_after(trial, node, ended, beyond):
-    """Are all topics heard, is a speech said again, and is all told to be back that was ``beyond`` the cut?"""
+    """Are all topics heard, is a speech said again, and is all that was ``beyond`` the cut reported as back?"""
     for leaf in ("WelcomeSpeech", *HEARS):
         trial.within("{} again".format(leaf), when(node, leaf + r" \(.*SUCCESS", ended, PATIENCE), TOLD_LIMIT)
     back = max(when(node, name + r".*: (?:available|answers) again", ended, PATIENCE) for name in beyond)

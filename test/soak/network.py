@@ -1,4 +1,4 @@
-"""Two machines on one computer: network namespaces with a wire between them that can be slow, lossy or cut."""
+"""Two machines on one computer: network namespaces with a link between them that can be slow, lossy or cut."""
 import contextlib
 import json
 import os
@@ -60,7 +60,7 @@ class Network:
 
     @contextlib.contextmanager
     def inside(self, machine):
-        """Let what this thread opens and starts be on ``machine``."""
+        """Have this thread open and start everything on ``machine``."""
         with open("/run/netns/" + self._name(machine)) as file:
             enter(file.fileno())
         try:

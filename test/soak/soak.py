@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Run the lab tour on the real node against a robot that fails as planned, and hold every run against a plain model.
+"""Run the lab tour on the real node against a robot that fails as planned, and compare every run with an independent model.
 
 ``soak.py sweep|pairs|rates|stops|adversary|verdicts [--short] [--seed N] [--only WORD]``. sweep: each call of the tour meets
 each kind of fault. pairs: 200 tours with two random faults. rates: 20 tours for each failure rate, by voice and by
@@ -138,12 +138,12 @@ def pairs(soak, short, seed):
 
 
 def rates(soak, short, seed):
-    """Tours in which each call fails with a probability; the kind of its fault is drawn too."""
+    """Tours in which each call fails with a probability; the kind of its fault is random too."""
     draw = random.Random(seed)
     for by_voice in (True, False):
         for rate in RATES[1::2] if short else RATES:
             class Draws(dict):
-                """A fault for every call that is asked about."""
+                """A fault for every call that is looked up."""
 
                 def get(self, key, default=None):
                     return draw.choice(sorted(FAULTS)) if draw.random() < rate else default
@@ -188,7 +188,7 @@ def run(names, short, seed):
 
 
 def run_tours(names, short, seed):
-    """Run the plans below a master of their own, and return the problems."""
+    """Run the plans under their own master, and return the problems."""
     master = start_master()
     try:
         rospy.init_node("faulty_robot", disable_signals=True)
@@ -210,7 +210,7 @@ def main():
     if chosen.only and "adversary" not in names:
         parser.error("--only chooses among the trials of the plan adversary")
     problems = []
-    if "adversary" in names:  # before rospy has a master of its own
+    if "adversary" in names:  # before rospy has its own master
         problems += trial.run(adversary.SHORT if chosen.short else adversary.TRIALS, chosen.only)
     if "verdicts" in names:
         problems += verdicts.run(200 if chosen.short else 10000, chosen.seed)

@@ -1,4 +1,4 @@
-"""The lab tour told once more with its times: what each call in a test's journal must be followed by, and when.
+"""A second model of the lab tour with its times: what must follow each call in a test's journal, and when.
 
 Written from lab_tour.xml and the policy's text, beside the engine, the recovery and the verdict. The journal says what
 was made to go wrong and which messages came; the rest follows.

@@ -1,6 +1,6 @@
 """What the lab tour asks of the robot when calls fail: written from lab_tour.xml and the policy's text, beside the engine.
 
-A second, plain telling of the mission, so that the engine's run can be held against something that is not the engine.
+A second, independent model of the mission, with which the engine's run is compared.
 """
 import os
 
@@ -22,7 +22,7 @@ FAULTS = {  # a kind of fault: the policy's word for its cause, and what an oper
     "malformed": ("unusable-answer", "unusable answer"),
 }
 BEFORE_SENDING = ("refused connection", "zombie", "wrong md5")
-"""Faults that keep the request from arriving at all; only the log tells of the first two."""
+"""Faults that keep the request from arriving at all; only the log shows the first two."""
 
 
 class GivenUp(Exception):
@@ -93,7 +93,7 @@ class Telling:
         return False
 
     def by_tablet(self):
-        """The tablet is tried three times; the dialogue has no recovery of its own."""
+        """The tablet is tried three times; the dialogue has no recovery."""
         for _ in range(3):
             try:
                 yield from self.step("PressYesNoSpeech", SAY)

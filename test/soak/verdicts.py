@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Judge many tours in virtual time, each with settings of its own, and hold every verdict against a plain model.
+"""Judge many tours in virtual time, each with its own settings, and compare every verdict with an independent model.
 
 ``verdicts.py [--settings N] [--seed N]``. A setting is drawn: failureRate 0 to 1, arrivalRate 1 to inf, the visitor,
 voice or tablet, the kinds of faults, the number of visitors. A verdict is right if it is PASSED where ``timed_tour``

@@ -1,4 +1,4 @@
-"""One small bad file for each rule: where its fault is, in which words; and what must load in spite of its looks."""
+"""One small bad file for each rule, with the place and words of its fault, and unusual files that must load."""
 import time
 
 import pytest
@@ -29,7 +29,7 @@ def tree(body, name="Main"):
 
 
 def model(inside, tree_id="S"):
-    """Return a model; what is inside begins a line of its own."""
+    """Return a model; its content begins a new line."""
     return '<TreeNodesModel><SubTree ID="{}">\n{}</SubTree></TreeNodesModel>'.format(tree_id, inside)
 
 

@@ -1,4 +1,4 @@
-"""Whatever is done to a mission: it loads, or it has faults with a place, within a second; and never anything else.
+"""However a mission is mutated, it loads, or it has faults with a place, within a second.
 
 ``MISSION_MUTANTS`` sets how many mutants are tried, ``MISSION_SEED`` which.
 """

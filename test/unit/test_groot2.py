@@ -1,4 +1,4 @@
-"""Groot2's protocol over real sockets: equal to what the library's publisher was seen to send, and nobody can disturb it."""
+"""Groot2's protocol over real sockets: as captured from the library's publisher, and robust against any client."""
 import json
 import os
 import random
@@ -534,7 +534,7 @@ def test_clients_that_come_and_go_leave_nothing_behind(served):
     assert served.client().statuses() == {1: 0}
     ends = time.monotonic() + 5.0
     while len(os.listdir("/proc/self/fd")) > before + 20 and time.monotonic() < ends:
-        time.sleep(0.05)  # the library closes its ends on a thread of its own
+        time.sleep(0.05)  # the library closes its ends on another thread
     assert len(os.listdir("/proc/self/fd")) <= before + 20
 
 

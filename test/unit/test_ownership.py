@@ -16,7 +16,7 @@ CHANGE = HealthChanged("service", "/say", "", False, "gone", "")
 
 
 def elsewhere(function):
-    """Call ``function`` on a thread of its own and return what it raised."""
+    """Call ``function`` on another thread and return what it raised."""
     raised = []
 
     def work():

@@ -139,7 +139,7 @@ def test_a_replay_forgets_each_visitor_when_the_run_did(tmp_path, mission):
     lines = read_record(recorded(tmp_path, says_yes_in_the_first_pass, mission=mission, runs=2))
     assert [entry.outcome for _, entry in lines if isinstance(entry, PassFinished)] == ["SUCCESS", "FAILURE"]
     assert replay(lines).divergence == ""
-    # the second visitor would be taken for one who has said yes
+    # the second visitor would count as having said yes
     assert "in pass 2" in replay([line for line in lines if not isinstance(line.entry, PassStarted)]).divergence
 
 

@@ -309,7 +309,7 @@ def test_nesting_is_limited_long_before_the_stack_ends(shape):
 
 
 def test_ninety_nine_parentheses_are_fine_and_no_more():
-    """Each takes two of the 200 levels, and so does what is inside."""
+    """Each takes two of the 200 levels, like its content."""
     assert run("(" * 99 + "1" + ")" * 99)[0] == 1
     with pytest.raises(ScriptSyntaxError, match="Nested too deeply at position 100: at most 200 levels are allowed"):
         compile_script("(" * 100 + "1" + ")" * 100)

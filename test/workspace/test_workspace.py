@@ -38,7 +38,7 @@ ROBOTS_MANIFEST = """<package format="2"><name>cssr_system</name><version>1.0.0<
 
 
 class Shell:
-    """A shell as a user has it, who has sourced no more than what is given."""
+    """A user's shell that has sourced only what is given."""
 
     def __init__(self, home, *sourced):
         self.environment = {"HOME": str(home), "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
@@ -63,7 +63,7 @@ class Shell:
         return text
 
     def start(self, command):
-        """Start a command in a group of its own and return its process."""
+        """Start a command in its own process group and return its process."""
         return subprocess.Popen(["bash", "-c", self._sourced + command], env=self.environment, start_new_session=True,
                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
 

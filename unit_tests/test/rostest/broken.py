@@ -1,4 +1,4 @@
-"""Controllers that do one thing wrong, each as the code that spoils it."""
+"""Controllers with one mistake each, as the code that causes it."""
 
 IGNORES_REFUSALS = """
 from behavior_controller.leaves.base import Attempt, Ended

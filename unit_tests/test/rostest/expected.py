@@ -1,4 +1,4 @@
-"""What the lab tour asks of the robot, in order: derived by hand from data/lab_tour.xml.
+"""The requests of the lab tour to the robot, in order: derived by hand from data/lab_tour.xml.
 
 A request is (simulated node, what is asked). A frozenset holds what a Parallel asks at once, in any order.
 """

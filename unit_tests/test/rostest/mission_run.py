@@ -1,4 +1,4 @@
-"""A test case that waits for the mission of its launch file and compares what the simulated nodes were asked."""
+"""A test case that waits for the mission of its launch file and compares the requests to the simulated nodes."""
 import unittest
 
 from behavior_controller.interface.robots import DEFAULT

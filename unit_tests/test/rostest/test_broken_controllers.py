@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Is a controller that does the wrong thing found out, with the right words?"""
+"""Is a controller with a mistake detected, with the right objections?"""
 import os
 import shutil
 import sys
@@ -46,7 +46,7 @@ class TestBrokenControllers(unittest.TestCase):
                                       "prescribes 1"])
 
     def test_an_exhibit_that_is_skipped(self):
-        objections = self.run_spoilt(SKIPS_EXHIBITS)  # but for the last, after which there is none
+        objections = self.run_spoilt(SKIPS_EXHIBITS)  # except after the last, which has no next
         self.assertEqual(objections, ["pass 1: the robot did not get to exhibit " + name for name in EXHIBITS[:-1:2]])
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Do the simulated nodes share the seed that is drawn where none is given?"""
+"""Do the simulated nodes share the random seed if none is given?"""
 import sys
 import unittest
 from xmlrpc.client import ServerProxy
@@ -43,7 +43,7 @@ class TestDrawnSeed(unittest.TestCase):
 
 
 def node_pid(name):
-    """Return the process of a node, as it says itself."""
+    """Return the process id that a node reports."""
     return ServerProxy(rosgraph.Master("/test").lookupNode(name)).getPid("/test")[2]
 
 

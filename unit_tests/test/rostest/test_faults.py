@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does the controller survive calls that go wrong, and does the record hold exactly those?"""
+"""Does the controller survive calls that go wrong, and does the record contain exactly those?"""
 import sys
 
 import rospy

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does a launch leave nothing behind on a master that lives on, and does nothing count that was left before?"""
+"""Does a launch leave nothing behind on a running master, and ignore what was left there before?"""
 import os
 import re
 import signal
@@ -30,7 +30,7 @@ class TestLivingMaster(unittest.TestCase):
         self.before = set(self.master.getParamNames())
 
     def start(self, *command):
-        """Start a command, and return it with the file that takes what it prints."""
+        """Start a command, and return it with the file of its output."""
         output = open(os.path.join(self.home.name, "output.log"), "w+")
         self.addCleanup(output.close)
         process = subprocess.Popen(command, env=self.environment, stdout=output, stderr=subprocess.STDOUT,
@@ -123,7 +123,7 @@ class TestLivingMaster(unittest.TestCase):
                 printed += file.read()
 
     def started(self, output):
-        """Return the processes that a roslaunch has told of."""
+        """Return the processes that a roslaunch has reported."""
         with open(output.name) as file:
             return [int(pid) for pid in re.findall(r"started with pid \[(\d+)\]", file.read())]
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Is a mission in the words of release 1.0 carried out on a robot of that release, in the right order?
+"""Is a mission with the nodes of release 1.0 carried out on a robot of that release, in the right order?
 
 The requests are derived by hand from data/release_1_0_tour.xml.
 """

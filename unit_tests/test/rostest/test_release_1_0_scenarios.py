@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does every kind of visitor get what he should from a robot of release 1.0, and do all kinds of faults do no harm?
+"""Does every kind of visitor get the right visit from a robot of release 1.0, with and without faults?
 
 The whole tests run two at a time: most of them wait for a visitor who does not come or answer.
 """
@@ -14,7 +14,7 @@ from whole_test import run_test
 
 RELEASE = ("robotInterface:=release-1.0", "scenarioSpecification:=release_1_0_tour", "failureRate:=0")
 ACTION = "recogniseBy:=action"
-RUNS = {  # name -> what is given beside RELEASE, and how the pass ends
+RUNS = {  # name -> arguments in addition to RELEASE, and the end of the pass
     "silent": ((ACTION, "visitorBehaviour:=silent"), "SUCCESS"),
     "leaves": (("visitorBehaviour:=leaves",), "FAILURE"),
     "presses yes": (("asrEnabled:=false", "tabletSuccessIs:=yes"), "SUCCESS"),

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does every kind of visitor get what he should, by voice and on the tablet, and do all kinds of faults do no harm?"""
+"""Does every kind of visitor get the right visit, by voice and on the tablet, with and without faults?"""
 import sys
 import unittest
 
@@ -54,7 +54,7 @@ class TestScenarios(unittest.TestCase):
 def story(record):
     """Return what happened to each leaf in turn: branches that run side by side may do so in any order.
 
-    Times differ, and so does how often a waiting condition is told to be false.
+    Times differ, and so does the number of reports that a waiting condition is false.
     """
     found = {}
     for event in record:

@@ -1,4 +1,4 @@
-"""Runs the whole test as a user does, each time with a master of its own."""
+"""Runs the whole test as a user does, each time with its own master."""
 import glob
 import json
 import os
@@ -13,7 +13,7 @@ PASSED, FAILED, NOT_RUN = 0, 1, 2
 
 
 class Result(NamedTuple):
-    """What a user gets: exit code, what was printed, the lines of the report, the JUnit file, and the record."""
+    """The results for a user: exit code, output, the lines of the report, the JUnit file, and the record."""
 
     code: int
     printed: str

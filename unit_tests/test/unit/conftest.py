@@ -1,4 +1,4 @@
-"""What tests of whole processes need: arguments, and programs to start."""
+"""Fixtures for tests of whole processes: arguments, and programs to start."""
 import os
 import stat
 import sys
@@ -16,7 +16,7 @@ open(os.path.join(folder, "mission.jsonl"), "w").write("a record\\n")
 
 @pytest.fixture
 def given(monkeypatch, tmp_path):
-    """Give this process arguments of a test; it writes below ``tmp_path``."""
+    """Give this process the arguments of a test; it writes below ``tmp_path``."""
     monkeypatch.setenv("ROS_HOME", str(tmp_path / "ros"))
 
     def give(*words):
@@ -27,7 +27,7 @@ def given(monkeypatch, tmp_path):
 
 @pytest.fixture
 def program(tmp_path, monkeypatch):
-    """Make an executable of a name that is found first; ``end`` is its last line of Python."""
+    """Make an executable of that name, first on PATH; ``end`` is its last line of Python."""
     def make(name, end):
         path = tmp_path / name
         path.write_text(SCRIPT.format(sys.executable, end))

@@ -1,4 +1,4 @@
-"""Tests of the arguments of a test: each key of both configurations, and no word that is not understood."""
+"""Tests of the arguments of a test: each key of both configurations, and unknown words."""
 import functools
 
 import pytest
@@ -41,7 +41,7 @@ def test_what_is_not_for_users_is_refused():
 
 LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", "silent", "crash", "action",
          "textToSpeech:1:crash", "/speechEvent/set_enabled")
-"""Words of which each key takes one at least that is not its default."""
+"""Words: each key accepts at least one of them that is not its default."""
 
 
 @pytest.mark.parametrize("key", {each.name: each for each in settings.KEYS + configuration.KEYS + arguments.OWN}.values(),
@@ -55,7 +55,7 @@ def test_every_key_can_be_given_and_arrives(key):
         assert keys.values_of(arguments.load_test(given))[key.name] == value
     elif key.name in arguments.CONTROLLER:
         assert arguments.load_controller(given).values[key.name] == value
-    if key.name in arguments.CONTROLLER:  # what the controller's own process makes of it
+    if key.name in arguments.CONTROLLER:  # as the controller's own process reads it
         words = command_line(["behaviorController"] + ["_{}:={}".format(*pair) for pair in given.items()],
                              arguments.load_test(given), "/folder")
         arrived = settings.load(folders.config(settings.FILE_NAME), {}, settings.split_arguments(words)[1])
@@ -63,7 +63,7 @@ def test_every_key_can_be_given_and_arrives(key):
 
 
 def read_by(key, text):
-    """Return a text and what a key makes of it; None if it does not take it, or it is the default."""
+    """Return a text and its value for a key; None if the key refuses it, or it is the default."""
     try:
         value = key.read(text)
     except ValueError:

@@ -15,7 +15,7 @@ def decisions(faults, number=CALLS):
 
 
 def binomial_interval(rate, level):
-    """Return the least and the greatest number of faults that ``level`` of all series of CALLS calls keep to."""
+    """Return the bounds of the number of faults between which ``level`` of all series of CALLS calls lie."""
     def share_of(count):
         ways = math.lgamma(CALLS + 1) - math.lgamma(count + 1) - math.lgamma(CALLS - count + 1)
         return math.exp(ways + count * math.log(rate) + (CALLS - count) * math.log(1 - rate))

@@ -35,7 +35,7 @@ def load(path, *given):
 
 
 def given_to(path, *given):
-    """Return for each node what it is given by its arguments."""
+    """Return the arguments of each node."""
     return {node.name: split_arguments(shlex.split(node.args))[1] for node in load(path, *given).nodes}
 
 

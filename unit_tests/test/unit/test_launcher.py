@@ -1,4 +1,4 @@
-"""What runTest refuses, what it starts, and what it makes of the end."""
+"""Tests of runTest: what it refuses, what it starts, and its exit code."""
 import pytest
 
 pytest.importorskip("rosgraph", reason="needs ROS, which this interpreter does not have")

@@ -1,4 +1,4 @@
-"""What the processes of a test are given, and how the controller is started for it."""
+"""Tests of the arguments of a test's processes, and of the controller's start."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The mission without ROS: what it should reach, for each kind of visitor, read off lab_tour.xml by hand."""
+"""The mission without ROS: what it should reach for each kind of visitor, derived by hand from lab_tour.xml."""
 import os
 
 import pytest

@@ -194,7 +194,7 @@ def test_what_cannot_be_played_is_told(capsys, words, told):
 
 
 def start(*words, complaints):
-    """Start the command as a process of its own, in a process group of its own."""
+    """Start the command as a process in its own process group."""
     command = os.path.join(HERE, "..", "..", "nodes", "rehearseMission")
     return subprocess.Popen([sys.executable, command] + list(words), stdout=subprocess.PIPE, stderr=complaints,
                             env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)), start_new_session=True)

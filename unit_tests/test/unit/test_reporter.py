@@ -1,4 +1,4 @@
-"""Where the report of a test is written, and who shows it."""
+"""Where the report of a test is written, and which process shows it."""
 import pytest
 
 pytest.importorskip("rosgraph", reason="needs ROS, which this interpreter does not have")

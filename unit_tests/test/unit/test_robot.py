@@ -1,4 +1,4 @@
-"""Tests of what the simulated nodes answer and publish."""
+"""Tests of the answers and messages of the simulated nodes."""
 import os
 
 import pytest

@@ -1,4 +1,4 @@
-"""Verdicts on many tours in virtual time, held against a plain telling of the tour; a larger number is a soak's work."""
+"""Verdicts on many tours in virtual time, compared with an independent model of the tour; the soak runs more of them."""
 import dataclasses
 import os
 import random
@@ -19,7 +19,7 @@ from unit_tests.stage import CALM, Stage  # noqa: E402
 from unit_tests.verdict import judge  # noqa: E402
 
 SETTINGS = 250 if sys.version_info >= (3, 9) else 50
-"""Fewer on the oldest Python: what a verdict goes by does not change with it."""
+"""Fewer on the oldest Python: verdicts do not depend on the version."""
 
 
 def test_no_verdict_speaks_against_a_controller_that_does_what_the_policy_says():

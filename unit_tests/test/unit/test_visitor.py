@@ -1,4 +1,4 @@
-"""Tests of the visitor: what can be seen and heard of one, after what the robot has done."""
+"""Tests of the visitor: what sensors see and hear, after the robot's requests."""
 import pytest
 
 from behavior_controller import phrases

@@ -34,8 +34,8 @@ def test_the_chance_of_one_message():
     assert SPEECH.chance(6) == pytest.approx(0.63212, abs=1e-5)
 
 
-def test_what_is_asked_only_after_another_was_in_vain_matters_as_rarely():
-    # 60 a minute: 2 are expected in 2 s, so that e^-2 = 13.5 % are missed; but who looks back is not asked for
+def test_a_condition_after_another_is_weighted_with_the_failures_of_that_one():
+    # 60 a minute: 2 are expected in 2 s, so that e^-2 = 13.5 % are missed; but FACE is asked only if the gaze is missed
     assert 1 - FACE.chance(60) == pytest.approx(0.1353, abs=1e-4)
     assert FACE.missed(60) == pytest.approx(0.1353 * 16 * math.exp(-15), rel=1e-3)
     assert FACE._replace(after=()).missed(60) == pytest.approx(0.1353, abs=1e-4)
@@ -91,7 +91,7 @@ def test_how_long_a_mission_waits(given, tmp_path, monkeypatch, mission, seconds
     "</ReactiveFallback>",
     "<Sequence><Script code='ms := 500'/><ReactiveFallback><IsVisitorDiscovered/><Sleep msec='{ms}'/></ReactiveFallback>"
     "</Sequence>",
-    "<Sequence><IsYesNoUttered/></Sequence>",  # what was said before the question is old, and after it nothing waits
+    "<Sequence><IsYesNoUttered/></Sequence>",  # words before the question are old, and nothing waits for words after it
 ))
 def test_a_wait_without_a_known_bound_is_left_out(given, tmp_path, monkeypatch, mission):
     given("scenarioSpecification:=small")
