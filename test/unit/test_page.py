@@ -22,7 +22,7 @@ from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, Pa
                                         StepStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
-from behavior_controller.interface.records import Answer, GoTo, PerformGesture, QueryKnowledge, Say
+from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
 from behavior_controller.story import LEFT_OUT
 from behavior_controller.watch import board as board_module
