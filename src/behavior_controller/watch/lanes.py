@@ -1,16 +1,16 @@
-"""The results of a run as bars on a timeline, a bounded number of them: what is alike and near each other is one bar."""
+"""The results of a run as a bounded number of bars on a timeline: results that are alike and near form one bar."""
 import math
 from typing import Dict, Iterator, List, Optional, Tuple
 
 MOST = 20_000
-"""Bars of a run; one of more results has coarser bars."""
+"""The most bars of a run; with more results, bars are coarser."""
 
 GRAIN = 1.0
-"""Seconds between two alike results of a lane from which on they are two bars, at the finest."""
+"""The shortest gap, in seconds, that separates two alike results of a lane into two bars."""
 
 
 class Bar:
-    """``count`` results of a kind, from ``begin`` to ``end``; ``note`` is what else is told of each of them."""
+    """``count`` results of a kind, from ``begin`` to ``end``; ``note`` is a further text that they share."""
 
     __slots__ = ("begin", "end", "kind", "note", "count")
 
@@ -33,7 +33,7 @@ class Lanes:
         self._last: Optional[int] = None  # the lane of the last result
 
     def add(self, key: int, bar: Bar, is_asked_again: bool = False) -> None:
-        """Add a result to a lane. ``is_asked_again``: alike ones in a row are one bar, however long the pause."""
+        """Add a result to a lane. ``is_asked_again``: alike results in a row are one bar, with any pause between them."""
         is_in_a_row = is_asked_again and self._last == key
         self._last = key
         self.results += 1
@@ -42,8 +42,9 @@ class Lanes:
         if self.bars > self._most:
             self._coarsen()
 
-    def prolong(self, key: int, kind: str, end: float) -> None:
-        """Have the last bar of a lane, if it is of that kind, last until ``end``."""
+    def end_wait(self, key: int, kind: str, end: float) -> None:
+        """Have the last bar of a lane, if it is of that kind, last until ``end``; what is asked next is asked anew."""
+        self._last = None
         bars = self._lanes[key].bars if key in self._lanes else []
         if bars and bars[-1].kind == kind:
             bars[-1].end = max(bars[-1].end, end)
@@ -58,19 +59,22 @@ class Lanes:
         self.bars = sum(len(lane.bars) for lane in self._lanes.values())
         self._most = max(MOST, self.bars * 5 // 4)  # kinds and notes without number cannot be joined
 
+    def __contains__(self, key: int) -> bool:
+        return key in self._lanes
+
     def __iter__(self) -> Iterator[Tuple[int, List[Bar]]]:
         return iter((key, self._lanes[key].bars) for key in sorted(self._lanes))
 
 
 class _Lane:
-    """Bars in order of their begin, but for those that others were joined to."""
+    """Bars in order of their beginning, except those that others were joined to."""
 
     def __init__(self) -> None:
         self.bars: List[Bar] = []
         self._newest: Dict[Tuple[str, str], Bar] = {}  # of each kind and note
 
     def add(self, bar: Bar, grain: float) -> int:
-        """Add a bar, or join it to the newest one of its kind; return how many bars there are more."""
+        """Add a bar, or join it to the newest one of its kind; return the number of bars added."""
         newest = self._newest.get((bar.kind, bar.note))
         if newest is not None and bar.begin - newest.end < grain:
             newest.end = max(newest.end, bar.end)
