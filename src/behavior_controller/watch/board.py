@@ -244,7 +244,11 @@ class Board:
         name, kind = label(node)
         return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
                 "path": node.full_path, "subtree": spec is not None and spec.kind is Kind.SUBTREE,
-                "bare": node.parent is not None and is_bare(spec, node.name)}
+                "bare": self.is_bare(node)}
+
+    def is_bare(self, node: Node) -> bool:
+        """Whether the operator's view leaves ``node`` out."""
+        return node.parent is not None and is_bare(self._registry.find(node.registration_id), node.name)
 
     def _part_statuses(self) -> Dict[str, Any]:
         letters = "".join(self._statuses[1:])
@@ -321,12 +325,17 @@ def title(mission: str) -> str:
     return os.path.splitext(os.path.basename(mission))[0]
 
 
-def _ports(node: Node) -> List[Tuple[str, str, str]]:
-    """Return for each port of a node its name, what the file or the default says, and the value of the entry that this means."""
+def port_texts(node: Node) -> Dict[str, str]:
+    """Return for each port of a node what the file or the default says."""
     texts = {port.name: port.default for port in node.spec.ports if port.default is not None}
     texts.update(node.attributes)
+    return texts
+
+
+def _ports(node: Node) -> List[Tuple[str, str, str]]:
+    """Return for each port of a node its name, its text, and the value of the entry that this means."""
     found = []
-    for name, text in texts.items():
+    for name, text in port_texts(node).items():
         value = ""
         if reference(text, name) is not None:
             try:
