@@ -327,14 +327,15 @@ class Story:
             self._tell("exhibit", "info", str(begun), event.uid, event.path)
 
     def _why_broken_off(self) -> str:
-        """Return why the exhibit was not shown to its end; empty if it was, or if a step came after the one that failed."""
+        """Return why the exhibit was not shown to its end; empty if it was: a step came after each that failed."""
         return LEFT if self._has_left else self._stuck
 
     def _end_exhibit(self, why: str, state: str = BROKEN_OFF) -> None:
         """Note that the exhibit under way ended so, or that it was shown if there is no ``why``."""
         exhibit = self.exhibit
         if exhibit is not None:
-            ended = exhibit._replace(state=state if why else SHOWN, why=clean(why), seconds=self._at - self._exhibit_began)
+            ended = exhibit._replace(state=state if why else SHOWN, why=clean(why),
+                                     seconds=self._at - self._exhibit_began)
             self._change(exhibits=self.visits[-1].exhibits[:-1] + (ended,))
 
     # ------------------------------------------------------------------------------------------------------- recovery

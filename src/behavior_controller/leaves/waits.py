@@ -30,9 +30,9 @@ def is_asked_again(node: Any) -> bool:
 def wait_for(condition: Any) -> Optional[float]:
     """Return for how many seconds the mission asks ``condition`` again and again while that is false.
 
-    inf: without a limit, or the file does not say it as numbers; None: the mission does not wait for it. A ReactiveFallback
-    waits as long as the nodes after the condition take, a loop for the pauses of all its rounds. What the robot does
-    besides in a round ends the search.
+    inf: without a limit, or the file does not say it as numbers; None: the mission does not wait for it. A
+    ReactiveFallback waits as long as the nodes after the condition take, a loop for the pauses of all its rounds. A loop
+    in whose rounds the robot does something else is not a wait.
     """
     node, end = condition, FAILS
     round_takes, wait, does_more = 0.0, None, False
