@@ -20,7 +20,6 @@ from behavior_controller.events import (EVENTS, LeafFinished, PassFinished, Pass
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.mission import build_tree
 from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit, cause
-from behavior_controller.text import clean
 from behavior_controller.watch.board import clock, is_bare, port_texts, title
 from behavior_controller.watch.codec import LETTERS, Entry, Letter, Line, Lost, Tick, TreeNode, TreeShown
 from behavior_controller.watch.lanes import Bar, Lanes
@@ -438,4 +437,4 @@ def story_lines(lines: Iterable[Line]) -> Iterator[str]:
     for time, entry in lines:
         if isinstance(entry, EVENTS):
             for sentence in story.take(time, entry):
-                yield "{} {}".format(clock(sentence.at), clean(sentence.text))
+                yield "{} {}".format(clock(sentence.at), sentence.text)
