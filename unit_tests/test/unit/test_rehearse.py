@@ -9,12 +9,13 @@ import shutil
 import signal
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import pytest
 
 from behavior_controller import exits, folders
 
-from unit_tests import findings, rehearse, scenes
+from unit_tests import findings, rehearse, rehearse_page, scenes
 from unit_tests.faults import KINDS, PlannedFault
 from unit_tests.scenes import Outcome, Scene, Theatre
 from unit_tests.survey import Share, Survey
@@ -162,6 +163,21 @@ def test_the_page_stands_alone_and_has_the_plot(capsys, tmp_path):
     assert "http" not in page and "<script" not in page and "src=" not in page
 
 
+def test_a_share_of_the_plot_stands_where_the_axes_say():
+    plot = ElementTree.fromstring(rehearse_page.plot([Share(0.4, 10, 8, 1.0)]))
+    wide, high = (float(plot.get(name)) for name in ("width", "height"))
+    assert plot.get("viewBox") == "0 0 {:g} {:g}".format(wide, high)
+    labels = {label.text: label for label in plot.findall("text")}
+    assert list(labels) == [text for tenth in (0, 2, 4, 6, 8, 10) for text in (
+        "{} %".format(tenth * 10), "{:g}".format(tenth / 10))] + ["failure rate"]
+    assert all(0 < float(label.get("x")) < wide and 0 < float(label.get("y")) < high for label in labels.values())
+    point = plot.find("circle")
+    assert point.get("cx") == labels["0.4"].get("x")
+    lines = [line.get("d").replace("H", " ").split()[1] for line in plot.findall("path")]  # M<left> <y>H<right>
+    assert point.get("cy") == lines[4]  # of 0, 20, 40, 60 and 80 %
+    assert float(labels["80 %"].get("y")) - float(lines[4]) == float(labels["0 %"].get("y")) - float(lines[0])
+
+
 @pytest.mark.parametrize("words, told", [
     (["lab_tour", "--falts", "none"], "did you mean --faults?"),
     (["lab_tour", "--faults", "singel"], "did you mean single?"),
@@ -184,9 +200,12 @@ def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
     (["lab_tuor"], "did you mean lab_tour?"),
     (["no/such/file.xml"], "no/such/file.xml"),
     (["lab_tour", "asrEnabeld:=true"], "did you mean asrEnabled?"),
+    (["lab_tour", "asrEnabeld:=true"], "argument asrEnabeld:=true: this is not a key of the controller's configuration"),
     (["lab_tour", "asrEnabled:=perhaps"], "asrEnabled cannot be"),
     (["lab_tour", "--planned", "textToSpeach:1"], "did you mean textToSpeech?"),
+    (["lab_tour", "--planned", "x:1"], "argument --planned: the robot D5.4.3 has no node x (there are: "),
     (["lab_tour", "--silent", "/faces"], "/faceDetection/data"),
+    (["lab_tour", "--silent", "/x"], "argument --silent: the robot D5.4.3 has no topic /x (there are: "),
 ])
 def test_what_cannot_be_played_is_told(capsys, words, told):
     code, text = run(capsys, *words)
