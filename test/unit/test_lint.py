@@ -223,7 +223,12 @@ def test_a_remapping_that_the_tree_has_no_use_for():
 def test_an_entry_is_misspelt_if_it_is_named_once_only(calls, is_told):
     found = warnings("<Sequence><Script code=\"place := 'lab'\"/>{}</Sequence>".format(
         "<SubTree ID='Go' target='{plce}'/>" * calls), tree("Go", "<ScriptCondition code=\"target == 'lab'\"/>"))
-    assert any("the entry plce is named nowhere else" in text for _, _, text in found) is is_told
+    assert len(found) == 1 and ("the entry plce is named nowhere else" in found[0][2]) is is_told
+
+
+@pytest.mark.parametrize("body", ["<In in='{ given}'/>", "<In in='{given }'/>", "<ScriptCondition code='and == 1'/>"])
+def test_an_entry_that_is_told_in_other_words_is_not_told_again_as_unwritten(body):
+    assert len(warnings(body)) == 1
 
 
 def test_a_mission_with_faults_is_not_linted():
