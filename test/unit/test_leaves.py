@@ -16,7 +16,7 @@ from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Locati
 from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.leaves import registry
 from behavior_controller.leaves.base import FailureLog, MissionLeaf, ServiceLeaf, leaf_spec
-from behavior_controller.leaves.speech import FixedSpeech
+from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
 from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
 TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
@@ -417,8 +417,9 @@ def test_each_leaf_has_its_row():
     assert {kind.__qualname__ for kind in ours - made} == set(), "no leaf_spec in the SPECS of their modules"
 
 
-def test_a_leaf_that_is_declared_without_its_facts_is_refused_at_load():
+@pytest.mark.parametrize("leaf", [partial(FixedSpeech, phrase="WelcomeSpeech"), DescribeExhibitSpeech])
+def test_a_leaf_that_is_declared_without_its_facts_is_refused_at_load(leaf):
     types = registry()
-    types.extend([NodeSpec("Bare", Kind.ACTION, partial(FixedSpeech, phrase="WelcomeSpeech"))])
+    types.extend([NodeSpec("Bare", Kind.ACTION, leaf)])
     with pytest.raises(FaultsFound, match="Bare is a mission leaf.*declare it with leaf_spec"):
         load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Bare/></BehaviorTree></root>", types)

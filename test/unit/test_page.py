@@ -334,7 +334,8 @@ def test_a_drawing_is_made_once_for_a_tree(show, monkeypatch):
     made = []
     monkeypatch.setattr(page_module, "svg", lambda tree, name: made.append(name) or b"<svg/>")
     shown = show(Rig())
-    assert [shown.fetch("graph.svg")[:2] for _ in range(3)] == [(200, "<svg/>")] * 3 and len(made) == 1
+    assert [shown.fetch("graph.svg")[:2] for _ in range(3)] == [(200, "<svg/>")] * 3
+    assert made == [shown.rig.tree.root.name]  # no file has been told yet
     shown.page.show(one_leaf("<WelcomeSpeech/>").tree)
     assert shown.fetch("graph.svg")[0] == 200 and len(made) == 2
 
@@ -742,6 +743,13 @@ def test_changes_are_pushed_together(show):
             rig.clock.advance(0.001)
         parts = json.loads(stream.readline()[6:])
         assert "statuses" in parts and "mission" not in parts
+
+
+def test_what_happens_is_taken_also_while_no_browser_looks(show):
+    shown = show(one_leaf("<WelcomeSpeech/>"))
+    before = shown.page.board.versions["statuses"]
+    shown.rig.tick()
+    wait_until(lambda: shown.page.board.versions["statuses"] != before)
 
 
 def test_there_is_a_message_every_second_though_nothing_happens(show):
