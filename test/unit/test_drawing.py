@@ -4,12 +4,15 @@ import re
 import shutil
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import py_trees
 import pytest
 
 from behavior_controller.cli import create_tree
 from behavior_controller.leaves import data
+from behavior_controller.watch.drawing import svg
+from mission_rig import one_leaf
 
 SOURCES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "src")
 
@@ -25,6 +28,17 @@ def test_every_node_of_the_lab_tour_is_drawn_once_with_a_label_of_its_own():
     assert {"lab_tour", "Navigate #101", "UntilMutualGaze (ReactiveFallback) #35", "GiveTour #73"} <= set(labels)
     # in the dot language what follows a colon is not part of the name: the edges would miss their nodes
     assert not any(":" in label for label in labels)
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not installed")
+def test_what_is_below_a_node_that_is_left_out_hangs_below_the_nearest_one_above_in_the_same_order():
+    rig = one_leaf("<Sequence><Sleep name='a' msec='1'/><Fallback><Inverter><Sleep name='b' msec='1'/></Inverter>"
+                   "<Sleep name='c' msec='1'/></Fallback><Sleep name='d' msec='1'/></Sequence>")
+    drawn = ElementTree.fromstring(svg(rig.tree, "root", {3, 4}))
+    edges = [title.text.split("->") for title in drawn.iter("{http://www.w3.org/2000/svg}title") if "->" in title.text]
+    assert [node.name for node in rig.tree.nodes[2:4]] == ["Fallback", "Inverter"]
+    assert [(one, other.split()[0]) for one, other in edges] == [("root", name) for name in "abcd"]
+    assert [node.parent.uid for node in rig.tree.nodes[1:]] == [1, 1, 3, 4, 3, 1]  # the tree that runs is as it was
 
 
 def test_the_subtrees_fold():

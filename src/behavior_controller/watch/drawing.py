@@ -2,7 +2,7 @@
 import copy
 import shutil
 import subprocess
-from typing import Any, Dict
+from typing import Any, Collection, Dict
 
 from py_trees.common import VisibilityLevel
 from py_trees.display import dot_tree
@@ -29,30 +29,38 @@ def name_for_drawing(node: Any) -> None:
     setattr(node, "memory", False)
 
 
-def _drawable(root: Node, title: str) -> Node:
+def _drawable(root: Node, title: str, left_out: Collection[int]) -> Node:
     """Return a copy of the running tree, with names for a drawing; ``title`` is the root's name."""
     copies: Dict[int, Node] = {}
     waiting = [root]
     while waiting:
         node = waiting.pop()
+        waiting += reversed(node.children)
+        above = copies[node.parent.uid] if node.parent is not None else None
+        if above is not None and node.uid in left_out:
+            copies[node.uid] = above  # what is below it hangs there
+            continue
         drawn = copies[node.uid] = copy.copy(node)
         name_for_drawing(drawn)
         drawn.children = []
-        if node.parent is not None:
-            copies[node.parent.uid].children.append(drawn)
-        waiting += reversed(node.children)
+        if above is not None:
+            above.children.append(drawn)
     copies[root.uid].name = title
     return copies[root.uid]
 
 
-def svg(tree: Tree, title: str) -> bytes:
-    """Return the drawing of a whole tree as SVG. It may take seconds: not for a thread that must not wait. Raises NotDrawn."""
+def svg(tree: Tree, title: str, left_out: Collection[int] = ()) -> bytes:
+    """Return the drawing of a tree without the nodes below its root whose uids are ``left_out``. Raises NotDrawn.
+
+    It may take seconds: not for a thread that must not wait.
+    """
+    count = len(tree.nodes) - len(left_out)
     if shutil.which("dot") is None:
         raise NotDrawn("graphviz is not installed: apt-get install graphviz")
-    if len(tree.nodes) > MOST_NODES:
-        raise NotDrawn("the tree has {} nodes; trees of at most {} are drawn".format(len(tree.nodes), MOST_NODES))
+    if count > MOST_NODES:
+        raise NotDrawn("the tree has {} nodes; trees of at most {} are drawn".format(count, MOST_NODES))
     try:
-        text = dot_tree(_drawable(tree.root, title), visibility_level=VisibilityLevel.ALL).to_string()
+        text = dot_tree(_drawable(tree.root, title, left_out), visibility_level=VisibilityLevel.ALL).to_string()
         done = subprocess.run(["nice", "dot", "-Tsvg"], input=text.encode("utf-8", "backslashreplace"),
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=LIMIT, check=True)
     except RecursionError:

@@ -51,7 +51,7 @@ class Page:
         self.connections = Connections(MOST_CONNECTIONS)
         self._thread: Optional[LoopThread] = None
         self.is_closing = False
-        self._drawing: Optional[_Drawing] = None
+        self._drawings: Dict[bool, _Drawing] = {}  # the operator's, and that of all nodes
         try:
             self._sockets = bind_sockets(port, address)
         except OSError as error:
@@ -69,16 +69,22 @@ class Page:
         """Show ``tree`` from now on, also to browsers already connected."""
         self.board.show(tree)
 
-    async def draw(self) -> Union[bytes, NotDrawn, None]:
-        """Return the drawing of the tree, made once, or why there is none; None before there is a tree."""
+    async def draw(self, is_operators: bool) -> Union[bytes, NotDrawn, None]:
+        """Return the drawing of the tree, made once, or why there is none; None before there is a tree.
+
+        The operator's view has no node that only says how the mission is put together.
+        """
         self.board.look()
         tree = self.board.tree
         if tree is None:
             return None
-        if self._drawing is None or self._drawing.tree is not tree:
-            self._drawing = _Drawing(tree, title(self.board.mission) or tree.root.name)
-        await self._drawing.is_done.wait()
-        return self._drawing.result
+        drawing = self._drawings.get(is_operators)
+        if drawing is None or drawing.tree is not tree:
+            left_out = {node.uid for node in tree.nodes if is_operators and self.board.is_bare(node)}
+            drawing = _Drawing(tree, title(self.board.mission) or tree.root.name, left_out)
+            self._drawings[is_operators] = drawing
+        await drawing.is_done.wait()
+        return drawing.result
 
     def close(self) -> None:
         """Tell every browser how the mission ended, and stop serving."""
@@ -96,7 +102,8 @@ class Page:
 
     def _begin(self) -> None:
         application = Application([
-            (r"/events", _Stream), (r"/state", _State), (r"/node/([0-9]{1,6})", _Node), (r"/graph.svg", _Graph), (r"/(.*)", _File, {
+            (r"/events", _Stream), (r"/state", _State), (r"/node/([0-9]{1,6})", _Node), (r"/graph(-operator)?\.svg", _Graph),
+            (r"/(.*)", _File, {
                 "path": FILES, "default_filename": "index.html"})], log_function=lambda handler: None, page=self)
         self._server = _Server(application, max_body_size=1024, max_buffer_size=64 * 1024, max_header_size=16 * 1024,
                                idle_connection_timeout=LONGEST_IDLE, body_timeout=LONGEST_IDLE)
@@ -118,18 +125,18 @@ class Page:
 class _Drawing:
     """The drawing of a tree, made on a thread of its own; ``result`` is there when ``is_done`` is set."""
 
-    def __init__(self, tree: Tree, name: str):
+    def __init__(self, tree: Tree, name: str, left_out: Set[int]):
         self.tree = tree
         self.result: Union[bytes, NotDrawn, None] = None
         self.is_done = asyncio.Event()
-        self._name = name
+        self._name, self._left_out = name, left_out
         self._loop = asyncio.get_event_loop()
         # a daemon: a thread of an executor would hold the process at its end until graphviz has ended
         threading.Thread(target=self._draw, name="drawing", daemon=True).start()
 
     def _draw(self) -> None:
         try:
-            self.result = svg(self.tree, self._name)
+            self.result = svg(self.tree, self._name, self._left_out)
         except NotDrawn as reason:
             self.result = reason
         with contextlib.suppress(RuntimeError):  # the page has been closed
@@ -249,11 +256,11 @@ class _Node(_Quiet):
 
 
 class _Graph(_Quiet):
-    """``/graph.svg``: the tree as graphviz draws it."""
+    """``/graph.svg``: the tree as graphviz draws it; ``/graph-operator.svg``: without its bare nodes."""
 
-    async def get(self) -> None:
+    async def get(self, view: Optional[str]) -> None:
         """Answer with the drawing, or in one line why there is none."""
-        drawn = await self.page.draw()
+        drawn = await self.page.draw(view is not None)
         if isinstance(drawn, bytes):
             self.set_header("Content-Type", "image/svg+xml; charset=utf-8")
             self.write(drawn)

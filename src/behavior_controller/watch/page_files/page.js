@@ -6,14 +6,13 @@ const WORDS = {R: "running", S: "success", F: "failure", s: "success earlier in 
                f: "failure earlier in this visit", r: "halted", "-": "not yet ticked"};
 const EXHIBIT_SIGNS = {"under way": "▶", shown: "✔", "left out": "✘", "broken off": "✘"};
 const OUTCOME_SIGNS = {SUCCESS: "✔", FAILURE: "✘"};
-const byId = id => document.getElementById(id);
 let nodes = [];      // as the board tells them, by uid - 1
 let items = [];      // the tree's rows by uid - 1; none for nodes that are not shown
 let drawn = [];      // the graph's nodes by uid - 1
 let letters = "";    // the status of each node, as shown
 let tip = 0;         // uid of the running leaf
 let follow = true;
-let isAll = false;   // also the rows that only say how the mission is put together
+let isAll = false;   // also the nodes that only say how the mission is put together
 let opened = new Set();  // rows that only the running leaf has unfolded
 
 const LATE = 2;      // seconds without a message after which what is shown may be old; the node sends one every second
@@ -28,19 +27,8 @@ let ages = [];            // elements that show the age of a topic's last messag
 
 function seconds() { return performance.now() / 1000; }
 
-function element(tag, className, text) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text !== undefined) made.textContent = text;
-  return made;
-}
-
 // text only where it has changed: what is read aloud is read once
 function put(where, text) { if (where.textContent !== text) where.textContent = text; }
-
-function duration(of) {
-  return of < 10 ? of.toFixed(1) + " s" : of < 120 ? of.toFixed(0) + " s" : Math.floor(of / 60) + " min " + Math.floor(of % 60) + " s";
-}
 
 // a text that leads to its node, if it has one
 function leading(text, uid) {
@@ -132,10 +120,13 @@ function showVisits(visits) {
 
 // --------------------------------------------------------------------------------------------------------- timeline
 
-const TICKS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600, 7200, 21600, 86400];
-const LANE = 30, AXIS = 46;
+const LANE = 30, AXIS = 46, EDGE = 4;
 const MOST_LANES = 24;
-let drawnAt = 0;
+let drawnAt = 0, drawnVisit = 0;
+const stretch = new Stretch(byId("timeline"), 0, () => {
+  const box = byId("timeline").getBoundingClientRect();
+  return {left: box.left + EDGE, width: Math.max(200, box.width) - 2 * EDGE};
+}, showTimeline);
 
 function shape(tag, attributes, text) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -146,34 +137,65 @@ function shape(tag, attributes, text) {
 
 function showTimeline() {
   drawnAt = seconds();
-  const all = step ? steps.concat(Object.assign({seconds: seconds() - step.since, isOn: !ended}, step)) : steps;
+  const all = step ? steps.concat(Object.assign({seconds: seconds() - step.since}, step)) : steps;
   if (!visit || !all.length) {
     byId("timeline").replaceChildren(element("p", "quiet", "nothing yet"));
     return;
   }
-  const began = visit.began, width = Math.max(200, byId("timeline").clientWidth);
-  const whole = Math.max(1, ...all.map(each => each.began - began + each.seconds));
-  const lanes = [...new Set(all.map(laneOf))].slice(-MOST_LANES);
-  const x = at => (Math.max(0, Math.min(whole, at)) / whole * (width - 20) + 4).toFixed(1);
+  const bars = all.map(each => ({lane: laneOf(each), words: each.words, isWait: each.is_wait, begin: 1000 * (each.began - visit.began),
+                                 end: 1000 * (each.began - visit.began + each.seconds)}));
+  seeUntil(Math.max(1000, ...bars.map(each => each.end)));
+  const shown = bars.filter(each => each.end >= stretch.from && each.begin <= stretch.to);
+  const lanes = [...new Set(bars.map(each => each.lane))].filter(lane => shown.some(each => each.lane === lane)).slice(-MOST_LANES);
   const made = shape("svg", {role: "img", height: AXIS + lanes.length * LANE, "aria-label": "Timeline of visitor "
-                     + visit.number + ": " + all.length + " steps in " + duration(whole)});
-  const tick = TICKS.find(each => whole / each <= width / 70) || 604800;
-  for (let at = 0; at <= whole; at += tick)
-    made.append(shape("line", {x1: x(at), x2: x(at), y1: 14, y2: AXIS + lanes.length * LANE}),
-                shape("text", {x: x(at), y: 11, class: "tick"}, at % 60 || !at ? at + " s" : at / 60 + " min"));
-  for (const told of sentences)
-    if (told.visit === visit.number && (told.kind === "failure" || told.kind === "recovery")) {
-      const mark = shape("text", {x: x(told.at - began), y: told.kind === "failure" ? 28 : 41, class: told.kind}, told.kind === "failure" ? "✘" : "↻");
-      mark.append(shape("title", {}, told.time + " " + told.text));
-      made.append(mark);
-    }
+                     + visit.number + ": " + bars.length + " steps in " + duration(stretch.length)});
+  const {scale, tick} = stretch;
+  made.append(...axis(scale, tick, AXIS + lanes.length * LANE), ...marks(scale));
   lanes.forEach((lane, number) => {
     const y = AXIS + number * LANE;
-    made.append(shape("text", {x: 4, y: y + 12}, lane));
-    for (const each of all)
-      if (laneOf(each) === lane) made.append(bar(each, x(each.began - began), x(each.began - began + each.seconds), y + 16));
+    made.append(shape("text", {x: EDGE, y: y + 12}, lane));
+    made.append(...shown.filter(each => each.lane === lane).map(each => bar(each, scale, y + 16)));
   });
   byId("timeline").replaceChildren(made);
+  put(byId("stretch"), sinceBegin(stretch.from, tick) + " to " + sinceBegin(stretch.to, tick));
+}
+
+// what was seen up to now goes on to be
+function seeUntil(length) {
+  if (stretch.isWhole || visit.number !== drawnVisit) [stretch.from, stretch.to] = [0, length];
+  else if (stretch.to > stretch.length - 1) [stretch.from, stretch.to] = [stretch.from + length - stretch.length, length];
+  stretch.length = length;
+  drawnVisit = visit.number;
+}
+
+const x = (at, scale) => EDGE + (Math.min(Math.max(at, stretch.from), stretch.to) - stretch.from) * scale;  // pixels
+
+function axis(scale, tick, height) {
+  const made = [];
+  for (let at = Math.ceil(stretch.from / tick) * tick; at <= stretch.to; at += tick) {
+    made.push(shape("line", {x1: x(at, scale), x2: x(at, scale), y1: 14, y2: height}));
+    if ((stretch.to - at) * scale > 50) made.push(shape("text", {x: x(at, scale), y: 11, class: "tick"}, sinceBegin(at, tick)));
+  }
+  return made;
+}
+
+// hours, minutes and seconds, as fine as the ticks
+function sinceBegin(at, tick) {
+  const digits = tick < 100 ? 2 : tick < 1000 ? 1 : 0, whole = Math.round(at / 1000 * 10 ** digits) / 10 ** digits;
+  const hours = Math.floor(whole / 3600), minutes = Math.floor(whole / 60) % 60;
+  return (hours ? hours + ":" + String(minutes).padStart(2, "0") : minutes) + ":" + (whole % 60).toFixed(digits).padStart(digits ? 3 + digits : 2, "0");
+}
+
+function marks(scale) {
+  const made = [];
+  for (const told of sentences) {
+    const at = 1000 * (told.at - visit.began);
+    if (told.visit !== visit.number || told.kind !== "failure" && told.kind !== "recovery" || at < stretch.from || at > stretch.to) continue;
+    const mark = shape("text", {x: x(at, scale), y: told.kind === "failure" ? 28 : 41, class: told.kind}, told.kind === "failure" ? "✘" : "↻");
+    mark.append(shape("title", {}, told.time + " " + told.text));
+    made.push(mark);
+  }
+  return made;
 }
 
 // nodes that do the same have one lane; what only says how the mission is put together is there for a recovery
@@ -182,10 +204,10 @@ function laneOf(each) {
   return !node ? each.words : node.bare ? "recoveries" : labelOf(node).replace(/ ?#[0-9]+$/, "");
 }
 
-function bar(each, left, right, y) {
-  const made = shape("rect", {x: left, y: y, width: Math.max(2, right - left).toFixed(1), height: 9, rx: 2,
-                              class: each.is_wait ? "wait" : "R"});
-  made.append(shape("title", {}, each.words + ", " + duration(each.seconds)));
+function bar(each, scale, y) {
+  const left = x(each.begin, scale), width = Math.max(2, x(each.end, scale) - left);
+  const made = shape("rect", {x: left, y, width, height: 9, rx: 2, class: each.isWait ? "wait" : "R"});
+  made.append(shape("title", {}, each.words + ", " + duration(each.end - each.begin)));
   return made;
 }
 
@@ -196,11 +218,15 @@ const MOST_STICKY = 5;
 
 const labelOf = node => node.kind ? node.name + " " + node.kind : node.name;
 
-// the row of a node, or of the nearest one above it that is shown
-function rowOf(uid) {
-  for (let node = nodes[uid - 1]; node; node = nodes[node.parent - 1]) if (items[node.uid - 1]) return items[node.uid - 1];
-  return null;
+// a node, or the nearest one above it, that is among those shown (rows or the graph's nodes)
+function nearest(uid, shown) {
+  let node = nodes[uid - 1];
+  while (node && !shown[node.uid - 1]) node = nodes[node.parent - 1];
+  return node ? node.uid : 0;
 }
+
+const rowOf = uid => items[nearest(uid, items) - 1] || null;
+const drawnOf = uid => drawn[nearest(uid, drawn) - 1] || null;
 
 function item(node) {
   const parent = rowOf(node.parent);
@@ -248,7 +274,6 @@ function showMission(mission) {
   document.title = byId("mission").textContent;
   nodes = mission.nodes;
   closeNode();
-  forgetGraph();
   showTree();
 }
 
@@ -260,6 +285,7 @@ function showTree() {
   for (const node of nodes) if (isAll || !node.bare) item(node);
   byId("tree").replaceChildren(...items.slice(0, 1));
   if (items.length) items[0].tabIndex = 0;
+  forgetGraph();
   showLetters(known);
 }
 
@@ -299,7 +325,7 @@ function showLetters(told) {
   const current = rowOf(tip);
   if (current) current.classList.add("tip");
   if (current && current !== items[tip - 1] && follow && !isOpen(current)) { fold(current, false); opened.add(current); }
-  if (drawn[tip - 1]) drawn[tip - 1].classList.add("tip");
+  if (drawnOf(tip)) drawnOf(tip).classList.add("tip");
 }
 
 function mark(one, letter, node) {
@@ -426,7 +452,7 @@ function showNode(found) {
   fillTable("ports", found.ports.map(port => [port.name, port.text, port.value]));
   byId("results").replaceChildren(...found.results.map(each => element("li", "", [
     each.time, SIGNS[each.letter === "-" ? "r" : each.letter], WORDS[each.letter === "-" ? "r" : each.letter],
-    each.seconds < 0.05 ? "at once" : "after " + duration(each.seconds),
+    each.seconds < 0.05 ? "at once" : "after " + duration(1000 * each.seconds),
     each.times > 1 ? each.times + " times in a row" : "",
     each.why].filter(Boolean).join(" "))));
   if (!found.results.length) byId("results").append(element("li", "quiet", "none yet"));
@@ -467,16 +493,19 @@ function forgetGraph() {
 
 async function loadGraph() {
   if (full || !nodes.length) return;
-  byId("graph").replaceChildren(element("p", "quiet", "graphviz draws…"));
-  let answer;
+  const waiting = element("p", "quiet", "graphviz draws…");
+  byId("graph").replaceChildren(waiting);
+  let drawing;
   try {
-    answer = await fetch("graph.svg");
-    const text = await answer.text();
+    const answer = await fetch(isAll ? "graph.svg" : "graph-operator.svg"), text = await answer.text();
     if (!answer.ok) throw new Error(text);
-    showGraph(new DOMParser().parseFromString(text, "image/svg+xml").documentElement);
+    drawing = new DOMParser().parseFromString(text, "image/svg+xml").documentElement;
   } catch (error) {
-    byId("graph").replaceChildren(element("p", "quiet", "No graph: " + error.message));
+    drawing = element("p", "quiet", "No graph: " + error.message);
   }
+  if (!waiting.isConnected) return;  // another one has been asked for
+  if (drawing.tagName === "svg") showGraph(drawing);
+  else byId("graph").replaceChildren(drawing);
 }
 
 function showGraph(svg) {
@@ -524,19 +553,22 @@ function zoom(factor, across = 0.5, down = 0.5) {
 const READABLE = 1.35;  // pixels for a unit of the drawing, whose letters are 9 units high
 
 function centre(uid) {
-  const group = drawn[uid - 1];
+  const group = drawnOf(uid);
   if (!group || !full) return;
   const panel = byId("graph"), box = group.getBBox(), matrix = group.parentNode.transform.baseVal.consolidate().matrix;
   const width = Math.min(view.width, panel.clientWidth / READABLE), height = width * panel.clientHeight / panel.clientWidth;
-  see({x: box.x + box.width / 2 + matrix.e - width / 2, y: box.y + box.height / 2 + matrix.f - height / 2, width, height});
+  const within = (middle, size, from, whole) => size > whole ? from + (whole - size) / 2 : Math.min(Math.max(middle - size / 2, from), from + whole - size);
+  see({x: within(box.x + box.width / 2 + matrix.e, width, full.x, full.width),
+       y: within(box.y + box.height / 2 + matrix.f, height, full.y, full.height), width, height});
 }
 
 function graphKey(event) {
   if (!full || event.ctrlKey || event.altKey || event.metaKey) return;
   const uid = Number((event.target.closest(".node") || {dataset: {uid: 1}}).dataset.uid);
-  const node = nodes[uid - 1], siblings = nodes.filter(other => other.parent === node.parent).map(other => other.uid);
-  const child = nodes.find(other => other.parent === uid);
-  const moves = {ArrowUp: node.parent, ArrowDown: child && child.uid, ArrowLeft: siblings[siblings.indexOf(uid) - 1],
+  const above = nearest(nodes[uid - 1].parent, drawn);
+  const below = of => nodes.filter(node => drawn[node.uid - 1] && nearest(node.parent, drawn) === of).map(node => node.uid);
+  const siblings = below(above);
+  const moves = {ArrowUp: above, ArrowDown: below(uid)[0], ArrowLeft: siblings[siblings.indexOf(uid) - 1],
                  ArrowRight: siblings[siblings.indexOf(uid) + 1], Home: 1};
   if (event.key in moves) {
     setFollow(false);
@@ -709,6 +741,7 @@ on("show-graph", "click", () => setGraph(true));
 on("nearer", "click", () => { setFollow(false); zoom(0.7); });
 on("farther", "click", () => { setFollow(false); zoom(1.4); });
 on("whole", "click", () => { setFollow(false); seeWhole(); });
+on("whole-visit", "click", () => stretch.showAll());
 on("close", "click", closeNode);
 document.addEventListener("keydown", event => { if (event.key === "Escape" && opensUid) closeNode(); });
 addEventListener("hashchange", openByHash);
