@@ -443,6 +443,7 @@ def test_a_drawing_is_made_once_for_a_tree(show, monkeypatch):
     shown = show(Rig())
     for count, path in enumerate(["graph.svg", "graph-operator.svg"], 1):
         assert [shown.fetch(path)[:2] for _ in range(3)] == [(200, "<svg/>")] * 3 and len(made) == count
+    assert made == 2 * [shown.rig.tree.root.name]  # no file has been told yet
     shown.page.show(one_leaf("<WelcomeSpeech/>").tree)
     assert shown.fetch("graph.svg")[0] == 200 and len(made) == 3
 
@@ -850,6 +851,13 @@ def test_changes_are_pushed_together(show):
             rig.clock.advance(0.001)
         parts = json.loads(stream.readline()[6:])
         assert "statuses" in parts and "mission" not in parts
+
+
+def test_what_happens_is_taken_also_while_no_browser_looks(show):
+    shown = show(one_leaf("<WelcomeSpeech/>"))
+    before = shown.page.board.versions["statuses"]
+    shown.rig.tick()
+    wait_until(lambda: shown.page.board.versions["statuses"] != before)
 
 
 def test_there_is_a_message_every_second_though_nothing_happens(show):

@@ -8,13 +8,14 @@ import time
 import pytest
 
 from behavior_controller.errors import MissionError
-from behavior_controller.events import EVENTS, LeafFinished, Retried, RunStarted
+from behavior_controller.events import EVENTS, LeafFinished, Retried, RunStarted, Sources
 from behavior_controller.leaves import registry
 from behavior_controller.story import Story
+from behavior_controller.text import Source
 from behavior_controller.watch import lanes
-from behavior_controller.watch.codec import FORMAT, VERSION, decode
+from behavior_controller.watch.codec import FORMAT, VERSION, TreeNode, decode
 from behavior_controller.watch.replay import main, read_record
-from behavior_controller.watch.report import DEEPEST, to_html
+from behavior_controller.watch.report import DEEPEST, Run, to_html
 from browser import axe, findings, open_browser, reset_screen, set_screen
 from recorded_tours import KINDS, recorded_day
 
@@ -535,3 +536,11 @@ def until(is_so):
     while not is_so():
         assert time.monotonic() < ends
         time.sleep(0.02)
+
+
+@pytest.mark.parametrize("uid, finished", [(1, [{"S": 1}]), (0, [{}]), (2, [{}])])
+def test_a_mission_may_be_one_leaf_and_results_of_nodes_that_are_not_there_are_left_out(uid, finished):
+    sources = Sources((), Source("", ""), Source("", ""), "")
+    run = Run(1.0, RunStarted("m.xml", [], {}, sources), [TreeNode("Say", "Say", "Say", 0)])
+    run.take(2.0, LeafFinished(uid, "Say", "Say", "SUCCESS", "", 1.0, None))
+    assert run.finished == finished

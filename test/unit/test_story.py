@@ -486,3 +486,12 @@ def test_an_exhibit_under_way_is_under_way():
     story.take(1.0, PassStarted(1, 0.0))
     story.take(1.0, TourAdvanced(1, "x", "x", 1, 2, "Arm", "begun"))
     assert story.exhibit.state == UNDER_WAY and story.now(1.0) == "exhibit 1 of 2, Arm"
+
+
+@pytest.mark.parametrize("why, severity", [(Cause.CONDITION_FALSE, "warning"), (Cause.REFUSED, "error"),
+                                           (Cause.NO_ANSWER, "error")])
+def test_to_give_up_is_an_error_unless_a_visitor_brought_it_about_and_belongs_to_what_failed(why, severity):
+    story, failure = Story(), Failure(why, "it is so", "/x")
+    story.take(1.0, LeafFinished(7, "Navigate", "tour/Navigate", "FAILURE", "", 1.0, failure))
+    told, = story.take(2.0, Recovered("Navigate", "tour/Navigate", failure, "-", 2, False, "given up", "", 5))
+    assert (told.severity, told.uid, told.path) == (severity, 7, "tour/Navigate")

@@ -62,7 +62,6 @@ class MarkupFault(Exception):
     """What is wrong with the markup, and the offset of the character where it is."""
 
     def __init__(self, rule: Rule, text: str, offset: int, hint: str = ""):
-        super().__init__(text)
         self.rule = rule
         self.text = text
         self.offset = offset
