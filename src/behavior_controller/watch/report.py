@@ -361,7 +361,7 @@ def _data(run: Run, written: Dict[str, Written]) -> str:
     offset = datetime.datetime.fromtimestamp(run.began).astimezone().utcoffset()
     data = {"began": round(1000 * run.began), "offset": round(1000 * offset.total_seconds()) if offset else 0,
             "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
-            "lanes": lanes, "changes": _numbers((each for each in run.changes if each[0] not in run.lanes), notes),
+            "lanes": lanes, "changes": _numbers(run.changes, notes),
             "notes": list(notes), "nodes": [[node.type, written[node.path].ports if node.path in written else []]
                                             for node in run.nodes],
             "types": {spec.id: spec.summary for spec in leaves.registry().all() if spec.id in types},
