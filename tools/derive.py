@@ -97,9 +97,9 @@ def _uses(ports: Iterable[Port]) -> str:
 
 
 def _shown(port: Port) -> str:
-    """Return the entry of a port, and the port's name if it is another."""
-    entry = (port.default or "").strip("{@}")
-    return "`{}`".format(port.name) + (" (`{}`)".format(whole_mission(entry)) if entry not in ("", port.name) else "")
+    """Return a port with its default, if that is not the entry of the same name."""
+    is_own = (port.default or "") in ("", whole_mission(port.name))
+    return "`{}`".format(port.name) + ("" if is_own else " (`{}`)".format(port.default))
 
 
 # -------------------------------------------------------------------------------------- configurations and launch files

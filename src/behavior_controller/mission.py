@@ -147,7 +147,7 @@ def _misfit(rule: Rule, element: Element, spec: MissionSpec, robot: Interface) -
     others = " or ".join(name for name, other in INTERFACES.items() if not list(_lacking(spec, other)))
     return element.fault(rule, "{} {} with the robot {}: it has no {}".format(
         spec.id, "does nothing" if spec.does_without else "cannot work", robot.name, lacking),
-        "set robotInterface {}".format(others))
+        "set robotInterface {}".format(others) if others else "no robot has one; declare it in the robot's interface")
 
 
 def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:

@@ -4,7 +4,7 @@ A story is made from events alone, so a record of a run tells the same as the ru
 visits and never looks at a clock: each event comes with its time (unix seconds).
 """
 import collections
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
+from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.events import (BEGUN, OMITTED, Event, HealthChanged, LeafFinished, Noticed, PassFinished,
                                         PassStarted, Recovered, Recovering, Retried, RunFinished, RunStarted,
@@ -129,7 +129,7 @@ class Story:
         self._handler = 0  # the HandleFallBack that ended last
         self._failed = 0, ""  # which leaf failed last in this visit, and why
         self._omitted = 0  # number of the exhibit that is not gone on with, until a Recovered says why
-        self._takers: Dict[type, Callable[[Any], None]] = {
+        self._takers: Dict[type, Callable[..., None]] = {  # type: ignore[explicit-any]
             RunStarted: self._run_started, PassStarted: self._pass_started, StepStarted: self._step_started,
             LeafFinished: self._leaf_finished, TourAdvanced: self._tour_advanced, Recovering: self._recovering,
             Retried: self._retried, Recovered: self._recovered, HealthChanged: self._health_changed,
@@ -175,10 +175,10 @@ class Story:
         kind, severity = kind if kind in KINDS else "notice", severity if severity in SEVERITIES else "warning"
         self._told.append(Sentence(self._at, number, kind, severity, clean(text), uid or self._uids.get(path, 0), path))
 
-    def _change(self, **changes: Any) -> None:
+    def _change(self, **changes: object) -> None:
         """Change what is known of the visit."""
         if self.visits:
-            self.visits[-1] = self.visits[-1]._replace(**changes)
+            self.visits[-1] = self.visits[-1]._replace(**changes)  # type: ignore[arg-type]
 
     # ------------------------------------------------------------------------------------------------- run and visits
 

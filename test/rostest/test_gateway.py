@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Does the gateway tell every cause of failure apart, end each call in time, and give back what a hung call held?"""
+import dataclasses
 import os
 import socket
 import struct
@@ -18,9 +19,11 @@ from robot import Robot, forget_dead_entries  # noqa: E402
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
 from behavior_controller.gateway import Cause  # noqa: E402
+from behavior_controller.interface import Success  # noqa: E402
 from behavior_controller.interface.document import INTERFACE  # noqa: E402
 from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point,  # noqa: E402
                                                    Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.ros import types  # noqa: E402
 from behavior_controller.ros.services import RosGateway  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
@@ -379,6 +382,17 @@ class TestGateway(unittest.TestCase):
         self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock, self.wake.emit)
         failure = self.ask(Say("hello"))
         self.assertEqual((failure.cause, failure.resource), (Cause.NOT_ADVERTISED, "/elsewhere/say"))
+
+    def test_a_declaration_without_its_type_or_its_outcome_is_told_by_name(self):
+        declared = INTERFACE.service(Say)
+        for changed, told in (
+                ({"type": "cssr_system/songService"}, "the type cssr_system/songService of /textToSpeech/say_text is not "
+                 "built: the package cssr_system needs srv/songService.srv"),
+                ({"success": Success("done", True, False)}, "the response of cssr_system/textService has no field done, "
+                 "which is to tell the outcome of /textToSpeech/say_text; it has: success, response")):
+            with self.assertRaises(ImportError) as raised:
+                types.found(dataclasses.replace(declared, **changed))
+            self.assertEqual(str(raised.exception), told)
 
 
 def remap(*arguments):

@@ -52,9 +52,8 @@ class TestWatch(unittest.TestCase):
     def test_where_to_find_page_and_record_is_told(self):
         self.start()
         record = os.path.join(self.folder, "record", "mission.jsonl")
-        lines = [line for _, line in self.node.lines.all]
-        self.assertTrue(any(line.endswith("page: http://127.0.0.1:{}/".format(self.page)) for line in lines), lines)
-        self.assertTrue(any(line.endswith(" record: " + record) for line in lines), lines)
+        self.node.lines.wait_for(lambda line: line.endswith("page: http://127.0.0.1:{}/".format(self.page)), 10)
+        self.node.lines.wait_for(lambda line: line.endswith(" record: " + record), 10)
         self.node.stop()
         self.assertTrue(self.node.lines.text().endswith("record of this run: " + record), self.node.lines.text())
         with open(record) as file:
@@ -147,9 +146,9 @@ class TestWatch(unittest.TestCase):
                 listener.bind(("127.0.0.1", port))
                 listener.listen(1)
             self.start()
+        self.assertEqual(self.node.stop()[0], 0)
         for word in ("groot2Port", "monitorPort"):
             self.assertEqual(sum(word in line for _, line in self.node.lines.all), 1, self.node.lines.text())
-        self.assertEqual(self.node.stop()[0], 0)
 
 
 if __name__ == "__main__":

@@ -131,27 +131,60 @@ def test_only_the_document_imports_lxml():
     assert [name for name in MODULES if "lxml" in map(outer, imports(name))] == [PRODUCT + ".bt.language.document"]
 
 
-def strings(path):
-    """Return each string constant of a file that is not a docstring, with its line."""
-    tree = parse(path)
+def strings(tree):
+    """Return each string constant of a module that is not a docstring, with its line."""
     docstrings = {id(node.body[0].value) for node in ast.walk(tree) if isinstance(node, DOCUMENTED) and node.body
                   and isinstance(node.body[0], ast.Expr)}
     return [(node.lineno, node.value) for node in ast.walk(tree) if isinstance(node, ast.Constant)
             and isinstance(node.value, str) and id(node) not in docstrings]
 
 
-def test_a_mission_leaf_is_named_in_its_own_module_alone():
+def own_modules():
+    """Return the module of each mission leaf."""
     names = [found.name for found in pkgutil.iter_modules(leaves.__path__, leaves.__name__ + ".")]
     modules = [module for module in map(importlib.import_module, names)
                if getattr(module, "SPECS", leaves.SPECS) is not leaves.SPECS]
     own = {spec.id: module.__name__ for module in modules for spec in module.SPECS}
     own.update((speech.node, PRODUCT + ".phrases") for speech in phrases.SPEECHES)
+    return own
+
+
+def named_leaves(tree, own):
+    """Return where strings of a module name leaves and nothing else: XML is an example, prose is for people."""
+    found = [(line, re.findall(r"\w+", text)) for line, text in strings(tree) if "<" not in text]
+    return [(line, leaf) for line, words in found if set(words) <= set(own) for leaf in words]
+
+
+def test_each_mission_leaf_is_listed():
+    own = own_modules()
     assert {spec.id for spec in leaves.SPECS} - set(own) == set()
     assert set(own) - {spec.id for spec in leaves.registry().all()} == set(), "not listed in leaves/__init__.py"
-    named = [(name, line, text) for name in OURS for line, text in strings(MODULES[name])
-             if text in own and own[text] != name]
+
+
+def test_a_mission_leaf_is_named_in_its_own_module_alone():
+    own = own_modules()
+    named = [(name, line, leaf) for name in MODULES for line, leaf in named_leaves(parse(MODULES[name]), own)
+             if own[leaf] != name]
     also = PRODUCT + ".leaves.speech"  # the other name of a fixed speech stands beside the speeches
     assert [found for found in named if found[0] != also] == []
+
+
+@pytest.mark.parametrize("source", [
+    "node == 'Navigate'", "f'{path}/Navigate'", "path.endswith('/Navigate::')", "{'Navigate': 1}",
+    "'Navigate SelectExhibit'.split()"])
+def test_a_name_is_found_wherever_it_stands(source):
+    assert (1, "Navigate") in named_leaves(ast.parse(source), own_modules())
+
+
+def test_no_file_of_page_or_report_names_a_mission_leaf():
+    words = re.compile(r"\b(?:{})\b".format("|".join(own_modules())))
+    found = []
+    for folder in ("page_files", "report_files"):
+        place = os.path.join(ROOT, "src", PRODUCT, "watch", folder)
+        for name in os.listdir(place):
+            with open(os.path.join(place, name), encoding="utf-8") as file:
+                found += [(name, word) for word in words.findall(file.read())]
+    assert found == []
 
 
 def test_nothing_that_runs_on_the_robot_imports_the_test_package():

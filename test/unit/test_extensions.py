@@ -11,8 +11,8 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 EXAMPLES = os.path.join(ROOT, "examples")
 MANIFEST = """<package format="2"><name>{0}</name><version>1.0.0</version><description>d</description>
 <maintainer email="a@example.org">a</maintainer><license>BSD</license><export><cssr_system {1}/></export></package>"""
-LEAF = """from behavior_controller.bt.registry import Kind, NodeSpec
-from behavior_controller.interface.records import Request
+LEAF = """from behavior_controller.bt.registry import Kind, NodeSpec, Port
+from behavior_controller.interface.records import Request, Say
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 """
 
@@ -60,6 +60,17 @@ class Waves(ServiceLeaf):
     asks = Wave
 SPECS = (leaf_spec("Waves", Waves, "waves"),)
 """, ["package a", "no service is declared for the request Wave of Waves"]),
+    ('leaves="a.leaves"', LEAF + """
+class Lamp(ServiceLeaf):
+    asks = Say
+    PORTS = (Port("colour", "std::string"),)
+SPECS = (leaf_spec("Lamp", Lamp, "lamp"),)
+""", ["package a", "the port colour of Lamp has the unknown type std::string", "did you mean string?"]),
+    ('leaves="a.leaves"', LEAF + """
+class Lamp(ServiceLeaf):
+    pass
+SPECS = (leaf_spec("Lamp", Lamp, "lamp"),)
+""", ["package a", "cannot be imported", "'Lamp' has no attribute 'asks'"]),
     ('interface="a.leaves"', "SERVICES = (7,)", ["package a", "a.leaves", "SERVICES and TOPICS cannot be used"]),
 ])
 @pytest.mark.parametrize("tool", ["validateMission", "exportNodeModel"])

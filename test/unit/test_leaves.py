@@ -15,7 +15,7 @@ from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Locati
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.leaves import registry
-from behavior_controller.leaves.base import FailureLog, MissionLeaf, ServiceLeaf
+from behavior_controller.leaves.base import FailureLog, MissionLeaf, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.speech import FixedSpeech
 from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
@@ -397,14 +397,18 @@ def test_requests_and_topics_of_a_node_type_are_those_of_its_leaf():
 
 
 def test_each_request_of_a_leaf_has_its_service():
-    lacking = [(spec.id, request.__name__) for spec in leaves.SPECS for request in spec.calls
+    lacking = [(spec.id, request.__name__) for spec in leaves.mission_specs() for request in spec.calls
                if not any(robot.serves(request) for robot in INTERFACES.values())]
     assert lacking == [], "no service is declared for the request in behavior_controller.interface"
 
 
-def test_each_leaf_that_calls_a_service_says_what_it_asks_for():
-    calling = {spec.id: type(spec.factory((spec.names or ("name",))[0])) for spec in leaves.SPECS if spec.calls}
-    assert [node for node, leaf in calling.items() if leaf.request is ServiceLeaf.request] == []
+def test_a_leaf_that_does_not_say_what_it_asks_for_is_refused_at_load():
+    class Silent(ServiceLeaf):
+        asks = GoTo
+    types = registry()
+    types.extend([leaf_spec("Silent", Silent, "A leaf without a method request.")])
+    with pytest.raises(FaultsFound, match="Silent cannot be made: .*request"):
+        load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Silent/></BehaviorTree></root>", types)
 
 
 def test_each_leaf_has_its_row():

@@ -10,7 +10,7 @@ from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.events import Events
 from behavior_controller.gateway import FakeGateway, FakeTopics
-from behavior_controller.interface import Interface, Sense, document, robots
+from behavior_controller.interface import Evidence, Interface, Sense, Topic, document, robots
 from behavior_controller.interface.records import Answer, GoTo, Location, Prompt, Say, SetPose
 from behavior_controller.interface.release_1_0 import SPEECH
 from behavior_controller.leaves import base
@@ -185,6 +185,9 @@ class TellPose(base.ServiceLeaf):
 
     asks = SetPose
 
+    def request(self):
+        return SetPose(Location(0.0, 0.0, 0.0))
+
 
 class IsPresent(base.TopicCondition):
     """A condition of release 1.0."""
@@ -207,6 +210,19 @@ def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch,
     assert [str(fault) for fault in raised.value.faults] == [
         "m.xml:2:1: Other cannot work with the robot D5.4.3: it has no {} (set robotInterface release-1.0)".format(lacking)]
     assert loaded("\n<Other/>").tree is not None
+
+
+def test_what_no_robot_offers_has_to_be_declared(monkeypatch, files):
+    class IsLit(base.TopicCondition):
+        own_evidence = Evidence(Topic("/lamp/text", "lamp", "std_msgs/String", str, str, "", is_continuous=False))
+    registry = leaves.registry()
+    registry.extend([base.leaf_spec("IsLit", IsLit, "A condition on a topic that is not declared.")])
+    monkeypatch.setattr(leaves, "registry", lambda: registry)
+    with pytest.raises(FaultsFound) as raised:
+        loaded("\n<IsLit/>", robotInterface="D5.4.3")
+    assert [str(fault) for fault in raised.value.faults] == [
+        "m.xml:2:1: IsLit cannot work with the robot D5.4.3: it has no topic /lamp/text "
+        "(no robot has one; declare it in the robot's interface)"]
 
 
 # ------------------------------------------------------------------------------------------------------------ record, replay

@@ -21,17 +21,17 @@ SPECS = (lifecycle.SPECS + attention.SPECS + speech.SPECS + gesture.SPECS + navi
 def specs() -> Tuple[NodeSpec, ...]:
     """Return the node types of this package and of all others. Raises BrokenExtension."""
     owners: Dict[str, str] = {spec.id: "BehaviorTree.CPP" for spec in builtin_specs()}
+    found = Registry(builtin_specs() + list(SPECS))
+    builtins = len(owners)
     owners.update((spec.id, extensions.TARGET) for spec in SPECS)
-    found: List[NodeSpec] = list(SPECS)
     for extension in extensions.found("phrases"):
         _add(extension, speech.specs(extension.declared("SPEECHES")), owners, found)
     for extension in extensions.found("leaves"):
         _add(extension, extension.declared("SPECS"), owners, found)
-    return tuple(found)
+    return tuple(found.all()[builtins:])
 
 
-def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: Dict[str, str],
-         found: List[NodeSpec]) -> None:
+def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: Dict[str, str], found: Registry) -> None:
     for spec in added:
         if not isinstance(spec, NodeSpec):
             raise extension.broken("{!r} in SPECS is not a NodeSpec; declare a leaf with leaf_spec".format(spec))
@@ -44,7 +44,10 @@ def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: D
             raise extension.broken("no service is declared for the request {} of {}; declare it in the module that the "
                                    "package exports as interface".format(unserved[0], spec.id))
         owners[spec.id] = extension.package
-        found.append(spec)
+        try:
+            found.extend([spec])
+        except ValueError as error:
+            raise extension.broken(str(error)) from error
 
 
 def mission_specs() -> Tuple[MissionSpec, ...]:

@@ -4,6 +4,7 @@ A service leaf fills a request and reads an answer; deadline, waiting and the ma
 """
 import itertools
 import math
+from abc import abstractmethod
 from functools import partial
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
 
@@ -177,9 +178,9 @@ class MissionLeaf(Node):
 class InstantAction(MissionLeaf, SyncActionLeaf):
     """An action without a service: done within its tick."""
 
+    @abstractmethod
     def act(self) -> Optional[Failure]:
         """Do it; return what went wrong, if anything."""
-        raise NotImplementedError
 
     def update(self) -> Result:
         """Act and report."""
@@ -196,9 +197,9 @@ class InstantCondition(MissionLeaf, ConditionLeaf):
 
     otherwise: str  # the message of its failure
 
+    @abstractmethod
     def holds(self) -> bool:
         """Return the answer."""
-        raise NotImplementedError
 
     def update(self) -> Result:
         """Answer and report."""
@@ -269,9 +270,9 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         """The service's canonical name, or the files."""
         return self.mission.interface.resource(self.asks)
 
+    @abstractmethod
     def request(self) -> Union[Request, Failure, None]:
         """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
-        raise NotImplementedError
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Take what a positive answer brought; return what is wrong with it, if anything."""
@@ -334,9 +335,9 @@ class OptionalServiceLeaf(ServiceLeaf):
         """Ask for what is wanted, if the robot has a service for it."""
         return self.wanted() if self.mission.interface.serves(self.asks) else None
 
+    @abstractmethod
     def wanted(self) -> Union[Request, Failure, None]:
         """As ``request`` of a ServiceLeaf."""
-        raise NotImplementedError
 
 
 def is_asked_again(node: Any) -> bool:

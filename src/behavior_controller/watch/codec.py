@@ -1,7 +1,7 @@
 """The lines of a record: what each holds, and how it is written, read and checked.
 
-The first line is a ``Header``. Each other one is an event of the run or an entry that is declared here: an object with
-the kind as ``event``, Unix seconds as ``time``, and the fields. A change of what stands in a line is a new ``VERSION``.
+The first line is a ``Header``. Each other line is an event of the run or an entry that is declared here: an object with
+the kind as ``event``, Unix seconds as ``time``, and the fields. Every change of this content needs a new ``VERSION``.
 """
 import io
 import json
@@ -19,20 +19,20 @@ from behavior_controller.watch.plain import Count, Wrong, form, inside
 FORMAT = "behaviorController record"
 VERSION = 3
 READ = (2, VERSION)
-"""Versions that are read; a record of version 2 has no steps, so that its story tells less."""
+"""Versions that are read; a record of version 2 has no steps, so its story has fewer sentences."""
 
 LATEST = 1e11
-"""Unix seconds that no record reaches: a date in the year 5138."""
+"""The latest time, in Unix seconds, that a record may have: a date in the year 5138."""
 
 LONGEST_NUMBER = 18
-"""Digits of a whole number: Python takes quadratic time for long ones."""
+"""The most digits of a whole number: Python takes quadratic time for long numbers."""
 
 Letter = Literal["-", "R", "S", "F"]
 LETTERS: Dict[Any, Letter] = {IDLE: "-", RUNNING: "R", SUCCESS: "S", FAILURE: "F"}
 
 
 class Header(NamedTuple):
-    """What the file is, and which process writes it."""
+    """The first line: the file's format and version, and the process that writes it."""
 
     format: str
     version: int
@@ -56,7 +56,7 @@ class TreeShown(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """A traversal of the tree, at a time of its clock: the first of a tick or not, and number and status of nodes."""
+    """A traversal of the tree: clock time, whether it is the first of its tick, and number and new status of nodes."""
 
     at: float
     first: bool
@@ -64,7 +64,7 @@ class Tick(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """A request, in the traversal that follows; ``call`` is its number."""
+    """A request that the next traversal sends; ``call`` is its number."""
 
     call: Count
     service: str
@@ -72,14 +72,14 @@ class Asked(NamedTuple):
 
 
 class Answered(NamedTuple):
-    """What came of a call, before the traversal that saw it."""
+    """The result of a call, recorded before the traversal that uses it."""
 
     call: Count
     result: Union[Answer, Failure]
 
 
 class Message(NamedTuple):
-    """What a topic had for the ``read``-th look in the traversal that follows; ``value`` None: nothing yet."""
+    """The message that the ``read``-th read of a topic in the next traversal returns; ``value`` None: no message yet."""
 
     topic: str
     read: Count
@@ -88,7 +88,7 @@ class Message(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """So many lines are missing here: they did not fit into the queue."""
+    """The number of lines that are missing here because they did not fit into the queue."""
 
     lines: int
 
@@ -115,7 +115,7 @@ def encode(time: float, entry: Union[Header, Entry]) -> bytes:
 def decode(data: bytes, file: str) -> Iterator[Line]:
     """Yield the lines of a record after its header, without a torn end.
 
-    Raises MissionError: with the version if it is another one, else with the first line that the node cannot have written.
+    Raises MissionError if the version is not supported, or for the first line that the node cannot have written.
     """
     order = _Order()
     for number, text in enumerate(io.BytesIO(data), 1):
@@ -192,7 +192,7 @@ def _value(message: Message, interface: Interface) -> Any:
 
 
 class _Order:
-    """Checks what the lines before it decide about a line."""
+    """Checks a line against the lines before it."""
 
     def __init__(self) -> None:
         self.has_mission = False
@@ -211,7 +211,7 @@ class _Order:
             if not entry.sources.documents:
                 raise Wrong("is empty", "sources.documents")
             self.has_mission, self._running = True, self._shown
-            self.interface = INTERFACES.get(entry.sources.interface, DEFAULT)  # a replay refuses one that is unknown
+            self.interface = INTERFACES.get(entry.sources.interface, DEFAULT)  # a replay refuses an unknown interface
         elif isinstance(entry, Tick) and self.has_mission:
             if not all(0 < uid <= self._running for uid, _ in entry.changes):
                 raise ValueError("the tree has only {} nodes".format(self._running))

@@ -19,18 +19,18 @@ MOST_NODES = 2000
 
 
 class NotDrawn(BehaviorControllerError):
-    """There is no drawing; the text says why."""
+    """The tree was not drawn; the text says why."""
 
 
 def name_for_drawing(node: Any) -> None:
-    """Call ``node`` by its name, type and uid, so that py_trees draws those of one type apart."""
+    """Rename ``node`` to its name, type and uid: py_trees draws nodes of the same name as one."""
     node.name = " ".join(label(node)).replace(":", "∶")  # in the dot language what follows a colon is a port
-    # else py_trees puts a sign before the name that few fonts have; the label tells the type
+    # else py_trees puts a symbol before the name that few fonts have; the label has the type
     setattr(node, "memory", False)
 
 
 def _drawable(root: Node, title: str, left_out: Collection[int]) -> Node:
-    """Return a copy of the tree, which runs, with names for a drawing; ``title`` is that of the root."""
+    """Return a copy of the running tree, with names for a drawing; ``title`` is the root's name."""
     copies: Dict[int, Node] = {}
     waiting = [root]
     while waiting:
@@ -50,9 +50,9 @@ def _drawable(root: Node, title: str, left_out: Collection[int]) -> Node:
 
 
 def svg(tree: Tree, title: str, left_out: Collection[int] = ()) -> bytes:
-    """Return the drawing of a tree without the nodes below its root whose uids are ``left_out``. Raises NotDrawn.
+    """Return the drawing of a tree as SVG, without the nodes below the root whose uids are ``left_out``. Raises NotDrawn.
 
-    It takes its time: not on a thread that must not wait.
+    It may take seconds: not for a thread that must not wait.
     """
     count = len(tree.nodes) - len(left_out)
     if shutil.which("dot") is None:

@@ -19,25 +19,25 @@ from behavior_controller.watch.server import Connections
 MOST_CONNECTIONS = 16
 
 FIRST_BYTE = 5.0
-"""Seconds until a client must have sent something, and until it must have introduced itself to ZeroMQ."""
+"""Seconds within which a client must send its first bytes, and complete ZeroMQ's handshake."""
 
 HEARTBEAT = 20.0
 """Seconds between two pings of ZeroMQ: it disconnects a client that does not answer them."""
 
 LONGEST_IDLE = 60.0
-"""Seconds after which a client is disconnected that is sent nothing, or does not take it; ZeroMQ connects again."""
+"""Seconds without data to a client, or without the client reading it, until it is disconnected; ZeroMQ reconnects."""
 
 PARTING = 1.0
-"""Seconds for which a client that is gone keeps its connection with ZeroMQ, at the most, so that ZeroMQ notices."""
+"""The longest time, in seconds, that the connection with ZeroMQ outlives its client, so that ZeroMQ notices the end."""
 
 FORGETTING = 5.0
-"""Seconds until ZeroMQ is told that a connection is over: told while it shakes hands there, it aborts the process."""
+"""Seconds before ZeroMQ is told that a connection is over: during a handshake, this makes it abort the process."""
 
 CHUNK = 16 * 1024
 """Bytes that are copied at a time."""
 
 PACE = 0.001
-"""Seconds between two chunks from clients, whichever they are: clients that flood must not slow the mission."""
+"""Seconds between two chunks from all clients together: clients that flood must not slow the mission."""
 
 
 class Front(TCPServer):
@@ -46,8 +46,8 @@ class Front(TCPServer):
     def __init__(self, zmq_socket: zmq.Socket, most_unanswered: int):
         """Set up ``zmq_socket``, which is new.
 
-        A client may send ``most_unanswered`` bytes more than it is sent, unless they end in a request: ZeroMQ sends no
-        more than it gets for what it collects, which is parts of an unfinished message, and subscriptions.
+        A client may send ``most_unanswered`` bytes more than it receives; a complete request resets this count. It limits
+        what ZeroMQ collects without sending as much: parts of an unfinished message, and subscriptions.
         """
         super().__init__(max_buffer_size=2 * CHUNK)
         for option, value in ((zmq.LINGER, 0), (zmq.RECONNECT_IVL, -1), (zmq.MAXMSGSIZE, most_unanswered),
@@ -61,12 +61,12 @@ class Front(TCPServer):
         self._clients: Dict[bytes, _Client] = {}
 
     def note_request(self, name: bytes) -> None:
-        """Note that a whole request has come from the client that a ROUTER socket knows by ``name``."""
+        """Note a complete request from the client that a ROUTER socket calls ``name``."""
         if name in self._clients:
             self._clients[name].unanswered = 0
 
     def connect(self, name: bytes, client: "_Client") -> None:
-        """Have the ZeroMQ socket connect to the listener ``name``, which is in no file system."""
+        """Connect the ZeroMQ socket to the listener ``name``, an abstract Unix socket without a file."""
         self._clients[name] = client
         if self._zmq_socket.type == zmq.ROUTER:
             self._zmq_socket.setsockopt(zmq.CONNECT_RID, name)
@@ -75,11 +75,11 @@ class Front(TCPServer):
     def disconnect(self, name: bytes) -> None:
         """End what ``connect`` has begun."""
         self._clients.pop(name, None)
-        with contextlib.suppress(zmq.ZMQError):  # it has noticed by itself that the connection is lost
+        with contextlib.suppress(zmq.ZMQError):  # ZeroMQ has noticed the lost connection
             self._zmq_socket.disconnect("ipc://@" + name.decode())
 
     def handle_stream(self, stream: IOStream, address: Any) -> Optional[Awaitable[None]]:
-        """Serve a connection if there is a place for it; this is decided before the next one is accepted."""
+        """Serve a connection if there is a free place; this is decided before the next connection is accepted."""
         return _Client(self, stream).serve() if self.connections.admit(stream) else None
 
 
@@ -92,9 +92,9 @@ class _Client:
         self.unanswered = 0
 
     async def serve(self) -> None:
-        """Copy both ways until either side ends, for whatever reason."""
+        """Copy in both directions until either side ends, for any reason."""
         try:
-            # what says nothing costs ZeroMQ nothing
+            # a silent client costs ZeroMQ nothing
             first = await asyncio.wait_for(self._stream.read_bytes(CHUNK, partial=True), FIRST_BYTE)
             async with self._front.turn:
                 await asyncio.sleep(PACE)
@@ -107,7 +107,7 @@ class _Client:
 
     @contextlib.asynccontextmanager
     async def _link(self) -> AsyncIterator[IOStream]:
-        """Give a connection with the ZeroMQ socket."""
+        """Yield a connection with the ZeroMQ socket."""
         name = "behaviorController-{}".format(uuid.uuid4()).encode()
         with contextlib.ExitStack() as stack:
             with socket.socket(socket.AF_UNIX) as listener:
@@ -120,7 +120,7 @@ class _Client:
             yield link
 
     async def _copy(self, first: bytes, link: IOStream) -> None:
-        """Copy both ways, until ZeroMQ has noticed that either side ended."""
+        """Copy in both directions, until ZeroMQ has noticed that either side ended."""
         out = asyncio.ensure_future(self._copy_out(link))
         try:
             await self._copy_in(first, link)
@@ -132,7 +132,7 @@ class _Client:
             out.cancel()
 
     async def _copy_in(self, chunk: bytes, link: IOStream) -> None:
-        """Copy what the client sends, not too fast and not more than it may."""
+        """Copy the client's bytes, with limits on rate and amount."""
         while True:
             self.unanswered += len(chunk)
             if self.unanswered > self._front.most_unanswered:
@@ -143,7 +143,7 @@ class _Client:
             chunk = await self._stream.read_bytes(CHUNK, partial=True)
 
     async def _copy_out(self, link: IOStream) -> None:
-        """Copy what ZeroMQ sends, until it ends; while the client does not take it, no more is read."""
+        """Copy ZeroMQ's bytes until it ends; while the client does not read them, no more are read."""
         with contextlib.suppress(asyncio.TimeoutError, StreamClosedError):
             while True:
                 await asyncio.wait_for(self._copy_chunk_out(link), LONGEST_IDLE)

@@ -1,7 +1,7 @@
 """Groot2's publisher: lets Groot2 see the running tree, its blackboards and transitions, and stop at breakpoints.
 
-Speaks the protocol of BehaviorTree.CPP's ``Groot2Publisher`` (the project's notes: groot2_protocol) on a thread of its
-own. The tick thread only notes each change of a status, at next to no cost.
+Speaks the protocol of BehaviorTree.CPP's ``Groot2Publisher`` (the project's notes: groot2_protocol) on its own
+thread. The tick thread only notes each change of a status, at next to no cost.
 """
 import asyncio
 import collections
@@ -34,32 +34,32 @@ from behavior_controller.watch.server import LoopThread
 PROTOCOL = 2
 CODES = {IDLE: 0, RUNNING: 1, SUCCESS: 2, FAILURE: 3}
 WAS = 10
-"""Added to the code of what a node was before it went back to IDLE, for a monitor that comes too late to see it."""
+"""Added to the code of the status that a node had before IDLE, for a monitor that polls too late to see it."""
 
 MOST_TRANSITIONS = 1000
 HEARTBEAT = 5.0
 """Seconds without a request after which the client counts as gone: its breakpoints must not hold the robot."""
 
 LOOK_INTERVAL = 0.25
-"""Seconds between two looks for a client that is gone."""
+"""Seconds between two checks for a client that is gone."""
 
 PACE = 0.002
-"""Seconds between requests that follow each other at once: a client that floods must not slow the mission."""
+"""The shortest time between two requests, in seconds: a client that floods must not slow the mission."""
 
 MOST_REQUEST = 32 * 1024
-"""Bytes of a request."""
+"""The most bytes of a request."""
 
 MOST_SUBSCRIPTIONS = 4 * 1024
-"""Bytes of all that a client sends to the port of the breakpoints reached, which ZeroMQ keeps in a hundred times as many."""
+"""The most bytes from a client on the port of breakpoints reached: ZeroMQ keeps them in a hundred times the memory."""
 
 MOST_QUEUED = 2
 """Requests and replies that ZeroMQ keeps for each client."""
 
 ZERO_COPY_RECV = 10
-"""libzmq's number of an option that pyzmq does not name: off, a small part does not keep 8 KB of its connection's input."""
+"""An option of libzmq without a name in pyzmq; if it is off, a small part does not keep 8 KB of its connection's input."""
 
 MOST_LINES = 20
-"""Lines about hooks that the operator is told in a second."""
+"""The most lines about hooks that the operator gets in a second."""
 
 
 class Refused(Exception):
@@ -71,9 +71,9 @@ class Groot2Publisher:
 
     def __init__(self, address: str, port: int, specs: Sequence[NodeSpec], warn: Callable[[str], None],
                  heartbeat: float = HEARTBEAT):
-        """Open the sockets; a port that is taken is told to ``warn`` in one line, and nothing is served.
+        """Open the sockets; if a port is taken, ``warn`` gets one line and nothing is served.
 
-        ``specs`` are all registered node types. What hooks do is told to ``warn`` on the publisher's thread.
+        ``specs`` are all registered node types. ``warn`` also gets lines about hooks, on the publisher's thread.
         """
         self._specs = specs
         self._lines = _Lines(warn)
@@ -107,12 +107,12 @@ class Groot2Publisher:
             self._thread.close()
 
     def _announce(self, uid: int) -> None:
-        """Have a breakpoint announced that was reached. Any thread may call it."""
+        """Announce to the client that a breakpoint was reached. Any thread may call this."""
         if self._thread is not None:
             self._thread.call(self._publish, uid)
 
     def _tell(self, text: str) -> None:
-        """Have the operator told. Any thread may call it."""
+        """Send the operator a line. Any thread may call this."""
         if self._thread is not None:
             self._thread.call(self._lines.tell, text)
 
@@ -127,7 +127,7 @@ class Groot2Publisher:
         self._front = Front(self._requests, MOST_REQUEST)
         self._front.add_sockets(self._sockets[0])
         Front(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
-        # nothing may hold the robot once nothing looks for a client that is gone
+        # without the check for a client that is gone, no breakpoint may hold the robot
         loop = asyncio.get_event_loop()
         self._tasks = [asyncio.ensure_future(endless) for endless in (self._serve(), self._look_for_client())]
         for task in self._tasks:
@@ -159,7 +159,7 @@ class Groot2Publisher:
         self._news.send_multipart([header, str(uid).encode()])
 
     async def _serve(self) -> None:
-        """Answer requests one by one, and not too fast; what stands before the empty part goes back to the sender."""
+        """Answer requests one by one, at a limited rate; the parts before the empty one are the sender's address."""
         while True:
             parts = await self._requests.recv_multipart()
             self._last_request = time.monotonic()
@@ -170,7 +170,7 @@ class Groot2Publisher:
             await asyncio.sleep(PACE)
 
     def _answer(self, frames: List[bytes]) -> List[bytes]:
-        """Return the reply to one request, whatever it is."""
+        """Return the reply to one request, valid or not."""
         try:
             return self._reply(frames, self._shown)
         except Refused as refused:
@@ -193,14 +193,14 @@ class Groot2Publisher:
 
 
 class _Lines:
-    """Tells the operator so many lines a second at most: a client may change hooks a thousand times as often."""
+    """Limits the lines about hooks: a client may change hooks a thousand times a second."""
 
     def __init__(self, warn: Callable[[str], None]):
         self.warn = warn
         self._began, self._told, self._left_out = 0.0, 0, 0
 
     def tell(self, text: str) -> None:
-        """Tell a line, or count it."""
+        """Send a line to the operator, or count it as left out."""
         self.flush()
         if self._told < MOST_LINES:
             self._told += 1
@@ -209,7 +209,7 @@ class _Lines:
             self._left_out += 1
 
     def flush(self) -> None:
-        """Begin another second if one has passed, with what was left out in the last."""
+        """Start the next second if one has passed, with a line about those left out."""
         now = time.monotonic()
         if now - self._began >= 1.0:
             left_out, self._began, self._told, self._left_out = self._left_out, now, 0, 0
@@ -254,7 +254,7 @@ class _Shown:
         return b"".join(struct.pack("<HB", uid, statuses[uid]) for uid in self._order)
 
     def blackboard(self, frames: List[bytes]) -> bytes:
-        """``B``: the entries of the named subtree instances; with the root's if another is asked for."""
+        """``B``: the entries of the named subtree instances, and the root's if another one is named."""
         boards = dict(self.tree.blackboards)
         boards[self.tree.id] = boards.pop("")
         wanted = {name: boards[name] for name in _second(frames).decode().split(";") if name in boards}
@@ -263,7 +263,7 @@ class _Shown:
         return pack({name: _entries(board) or None for name, board in wanted.items()} or None)
 
     def insert_hooks(self, frames: List[bytes]) -> None:
-        """``I``: one hook or an array of them; if one is wrong, none is taken."""
+        """``I``: one hook or an array of them; if one is wrong, none is set."""
         given = _json(frames)
         self.hooks.insert([Hook(*_fields(each, "uid", "position", "mode", "once", "enabled", "desired_status"))
                            for each in (given if isinstance(given, list) else [given])])
@@ -283,11 +283,11 @@ class _Shown:
         return json.dumps([hook.as_dict() for hook in self.hooks.all()], separators=(",", ":")).encode()
 
     def remove_hooks(self, frames: List[bytes]) -> None:
-        """``A``: no hook any more."""
+        """``A``: remove all hooks."""
         self.hooks.remove_all()
 
     def disable_hooks(self, frames: List[bytes]) -> None:
-        """``X``: every hook stays, but does nothing."""
+        """``X``: disable all hooks; they stay in the list."""
         self.hooks.disable_all()
 
     def record(self, frames: List[bytes]) -> Optional[bytes]:

@@ -1,11 +1,11 @@
-"""Groot2's hooks: what is done in place of a node's tick, or with its result; a breakpoint keeps its node RUNNING.
+"""Groot2's hooks: they replace a node's tick or its result; a breakpoint keeps its node RUNNING.
 
 The rules are BehaviorTree.CPP's (``Monitor::Hook`` of its Groot2 publisher), with one difference: a breakpoint of the
-library stops the ticking thread, ours stops the node, and everything else (stop, deadlines, topics) goes on. An operator
-is told of every hook that is set, acts, or goes: a robot that stands still for a hook must not look like a broken one.
+library stops the ticking thread, ours stops the node, and everything else (stop, deadlines, topics) goes on. Every hook
+that is set, acts, or is removed is reported to the operator: a robot that stops at a hook must not look broken.
 
 ``Hooks`` is the list that clients change, on the publisher's thread. Each change is posted to the tick thread, which
-alone sets hooks on nodes (``_NodeHooks``) and posts back which ones have gone by themselves.
+alone sets hooks on nodes (``_NodeHooks``) and posts back those that have removed themselves.
 """
 import collections
 import json
@@ -67,9 +67,9 @@ class Hooks:
     """All hooks of one tree as its clients know them. Any thread may change them; the nodes follow at the next tick."""
 
     def __init__(self, tree: Tree, reached: Callable[[int], None], tell: Callable[[str], None]):
-        """``reached`` is told the uid of a node that comes to a breakpoint, ``tell`` a line for the operator.
+        """``reached`` gets the uid of a node that reaches a breakpoint, ``tell`` a line for the operator.
 
-        Both are called on the tick thread, and must not keep it.
+        Both are called on the tick thread, and must not block it.
         """
         self._clock, self._wake = tree.clock, tree.wake
         self._nodes: Dict[int, _NodeHooks] = {}
@@ -99,14 +99,14 @@ class Hooks:
 
     def insert(self, hooks: Iterable[Hook]) -> None:
         """Add each hook, or change the one at its place; a hook of an unknown node is passed over, as the library does."""
-        # of many for one place the last one counts: a client that floods shall not keep the tick thread
+        # the last hook for a place counts: a client that floods must not occupy the tick thread
         newest = {(hook.position, hook.uid): hook for hook in hooks if hook.uid in self._nodes}
         self._listed.update(newest)
         for hook in newest.values():
             self._post(self._nodes[hook.uid].insert, hook)
 
     def remove(self, position: int, uid: int, reason: str = "") -> bool:
-        """Remove a hook and let its node go on; return whether there was one. The operator is told the ``reason``."""
+        """Remove a hook and let its node go on; return whether it existed. The operator gets the ``reason``."""
         self._take_gone_off()
         hook = self._listed.pop((position, uid), None)
         if hook is not None:
@@ -124,7 +124,7 @@ class Hooks:
         return True
 
     def disable_all(self) -> None:
-        """Keep every hook, but have none do anything; every breakpoint lets its node go on."""
+        """Disable every hook without removing it; every breakpoint lets its node go on."""
         for hook in self.all():
             disabled = self._listed[hook.position, hook.uid] = hook._replace(enabled=False)
             self._post(self._nodes[hook.uid].release, disabled, "is disabled")
@@ -134,7 +134,7 @@ class Hooks:
             self.remove(hook.position, hook.uid, reason)
 
     def _post(self, change: Callable[..., None], *arguments: Any) -> None:
-        """Have the tick thread make a change, and soon."""
+        """Post a change to the tick thread and wake it."""
         self._clock.post(lambda: change(*arguments))
         self._wake.emit()
 
@@ -143,13 +143,13 @@ class Hooks:
 
 
 class _SetHook:
-    """A hook that is set on a node, and how far it has come."""
+    """A hook that is set on a node, and its state."""
 
     def __init__(self, hook: Hook):
         self.hook = hook
         self.is_waiting = False  # a breakpoint that was reached
         self.is_unlocked = False
-        self.is_told = False  # the operator knows that it decides results
+        self.is_told = False  # the operator was told that it decides results
 
     def release(self) -> None:
         """Let a breakpoint go on."""
@@ -168,11 +168,11 @@ class _Held(NamedTuple):
 
 
 class _NodeHooks(NodeHook):
-    """The hooks of one node, which knows them for as long as there is any."""
+    """The hooks of one node, attached to it while there are any."""
 
     def __init__(self, node: Node, reached: Callable[[int], None], tell: Callable[[str], None],
                  gone: Callable[[Hook], None]):
-        """``gone`` is told of each hook that has gone by itself."""
+        """``gone`` is called with each hook that has removed itself."""
         self._node = node
         self._reached = reached
         self._tell_line = tell
@@ -197,23 +197,23 @@ class _NodeHooks(NodeHook):
                                              "" if hook.enabled else ", but disabled"))
 
     def release(self, hook: Hook, text: str) -> None:
-        """Change the one at its place to ``hook`` and let a breakpoint go on; the operator is told ``text``."""
+        """Replace the hook at the same place by ``hook`` and let a breakpoint go on; the operator gets ``text``."""
         found = self._set.get(hook.position)
         if found is None:
-            self._gone(hook)  # its turn to go by itself came first
+            self._gone(hook)  # it has removed itself already
             return
         found.hook = hook
         found.release()
         self._tell(hook, text)
 
     def remove(self, hook: Hook, reason: str) -> None:
-        """Remove the hook at this one's place, and let the node go on."""
+        """Remove the hook at the same place, and let the node go on."""
         if self._set.pop(hook.position, None) is not None:
             self._tell(hook, "is removed" + reason)
             self._leave()
 
     def _leave(self) -> None:
-        """Leave the node alone if nothing is left to do."""
+        """Detach from the node if no hook is left."""
         if not self._set and self._held is None:
             self._node.hook = None
 
@@ -223,7 +223,7 @@ class _NodeHooks(NodeHook):
             self._node.full_path, text))
 
     def before(self, node: Node) -> Optional[Result]:
-        """Return what is decided in place of the node's rule, if anything; its own result if it waits with that."""
+        """Return the result that replaces the node's tick, if any; its own result if it waits after its tick."""
         held, self._held = self._held, None
         if held is not None and node.status is RUNNING:
             waiting = self._set.get(BEFORE if held.result is None else AFTER)
@@ -236,7 +236,7 @@ class _NodeHooks(NodeHook):
         return self._ask(node, BEFORE, None)
 
     def after(self, node: Node, result: Result) -> Result:
-        """Return the result, or what is decided instead."""
+        """Return the node's result, or the one that a hook decides instead."""
         if result is SUCCESS or result is FAILURE:
             decided = self._ask(node, AFTER, result)
             result = result if decided is None else decided
@@ -244,7 +244,7 @@ class _NodeHooks(NodeHook):
         return result
 
     def _ask(self, node: Node, position: int, result: Optional[Result]) -> Optional[Result]:
-        """Return what a hook decides, if anything; RUNNING for a breakpoint that waits."""
+        """Return the result that a hook decides, if any; RUNNING for a breakpoint that waits."""
         found = self._set.get(position)
         if found is None or not (found.hook.enabled or found.is_unlocked):
             return None
@@ -259,11 +259,11 @@ class _NodeHooks(NodeHook):
         return self._decide(found, result)
 
     def _decide(self, found: _SetHook, result: Optional[Result]) -> Optional[Result]:
-        """Return the result that the hook wants, if any; one that acts once goes with it."""
+        """Return the hook's result, if any; a hook that acts once is then removed."""
         hook = found.hook
         decided = _RESULTS.get(hook.desired_status) if hook.enabled else None
         if decided is not None and not found.is_told:
-            found.is_told = hook.mode == REPLACE  # told once: it may decide at every tick
+            found.is_told = hook.mode == REPLACE  # reported once: it may decide at every tick
             self._tell(hook, "decides {} {}".format(hook.desired_status, "and the node is not run" if result is None else
                                                     "instead of the node's {}".format(NAMES[result])))
         if hook.once:

@@ -1,16 +1,16 @@
-"""The results of a run as bars on a timeline, a bounded number of them: what is alike and near each other is one bar."""
+"""The results of a run as a bounded number of bars on a timeline: results that are alike and near form one bar."""
 import math
 from typing import Dict, Iterator, List, Optional, Tuple
 
 MOST = 20_000
-"""Bars of a run; one of more results has coarser bars."""
+"""The most bars of a run; with more results, bars are coarser."""
 
 GRAIN = 1.0
-"""Seconds between two alike results of a lane from which on they are two bars, at the finest."""
+"""The shortest gap, in seconds, that separates two alike results of a lane into two bars."""
 
 
 class Bar:
-    """``count`` results of a kind, from ``begin`` to ``end``; ``note`` is what else is told of each of them."""
+    """``count`` results of a kind, from ``begin`` to ``end``; ``note`` is a further text that they share."""
 
     __slots__ = ("begin", "end", "kind", "note", "count")
 
@@ -33,7 +33,7 @@ class Lanes:
         self._last: Optional[int] = None  # the lane of the last result
 
     def add(self, key: int, bar: Bar, is_asked_again: bool = False) -> None:
-        """Add a result to a lane. ``is_asked_again``: alike ones in a row are one bar, however long the pause."""
+        """Add a result to a lane. ``is_asked_again``: alike results in a row are one bar, with any pause between them."""
         is_in_a_row = is_asked_again and self._last == key
         self._last = key
         self.results += 1
@@ -63,14 +63,14 @@ class Lanes:
 
 
 class _Lane:
-    """Bars in order of their begin, but for those that others were joined to."""
+    """Bars in order of their beginning, except those that others were joined to."""
 
     def __init__(self) -> None:
         self.bars: List[Bar] = []
         self._newest: Dict[Tuple[str, str], Bar] = {}  # of each kind and note
 
     def add(self, bar: Bar, grain: float) -> int:
-        """Add a bar, or join it to the newest one of its kind; return how many bars there are more."""
+        """Add a bar, or join it to the newest one of its kind; return the number of bars added."""
         newest = self._newest.get((bar.kind, bar.note))
         if newest is not None and bar.begin - newest.end < grain:
             newest.end = max(newest.end, bar.end)

@@ -1,7 +1,8 @@
-"""Values as plain data that JSON carries, and back: the types of a record's fields say how.
+"""Converts values to plain data for JSON and back, by the types of a record's fields.
 
 A record (a NamedTuple or a dataclass) is an object of its fields, a tuple a list, a member of an enumeration its value.
-Where several kinds of records may stand (a Union, or a base class), it is ``[kind, record]``. What is read is checked against the same types.
+Where several kinds of records are allowed (a Union, or a base class), it is ``[kind, record]``. Data is checked against
+these types when it is read.
 """
 import dataclasses
 import enum
@@ -15,7 +16,7 @@ Count = NewType("Count", int)
 
 
 class Wrong(ValueError):
-    """Data from outside is not what it should be; the text says where, and what is wrong there."""
+    """Data from outside is invalid; the text says where and why."""
 
     def __init__(self, text: str, place: str = ""):
         super().__init__("{} {}".format(place.lstrip(".") or "it", text))
@@ -24,14 +25,14 @@ class Wrong(ValueError):
 
 
 class Form(NamedTuple):
-    """How values of one type are written as plain data and read from it. ``read`` raises Wrong."""
+    """Writes values of one type as plain data and reads them. ``read`` raises Wrong."""
 
     write: Callable[[Any], Any]
     read: Callable[[Any], Any]
 
 
 def inside(place: str, read: Callable[[Any], Any], value: Any) -> Any:
-    """Return what ``read`` makes of a part. Raises Wrong, which names its ``place`` in the whole: ``.name`` or ``[2]``."""
+    """Return the part as ``read`` returns it. Raises Wrong with its ``place`` in the whole: ``.name`` or ``[2]``."""
     try:
         return read(value)
     except Wrong as wrong:
@@ -39,7 +40,7 @@ def inside(place: str, read: Callable[[Any], Any], value: Any) -> Any:
 
 
 def form(kind: Any) -> Form:
-    """Return how values of a type are written and read."""
+    """Return the form of a type; each is made once."""
     found = _FORMS.get(kind)
     if found is None:
         found = _FORMS[kind] = _made(kind)
@@ -90,11 +91,11 @@ _SIMPLE: Dict[Any, Form] = {
     Any: Form(lambda value: form(cast(Any, type(value))).write(value), _as_it_is),
     type(None): _simple(lambda value: value is None, "null"),
 }
-_FORMS = dict(_SIMPLE)  # those that were made stay
+_FORMS = dict(_SIMPLE)  # the forms that were made
 
 
 def _any_of(kinds: Sequence[Any]) -> Form:
-    """Return the form of one of several kinds: records, simple values, or one of either and None."""
+    """Return the form of a union: of records, of simple values, or of one of these and None."""
     records = {kind.__name__: form(kind) for kind in kinds if kind not in _SIMPLE}
     *choices, last = [form(kind) for kind in sorted(kinds, key=lambda kind: kind is not type(None)) if kind in _SIMPLE] + (
         [_tagged(records)] if len(records) > 1 else list(records.values()))
@@ -134,7 +135,7 @@ def _word(members: Dict[Any, Any]) -> Form:
 
 
 def _read_each(reads: Iterable[Callable[[Any], Any]], values: List[Any]) -> List[Any]:
-    """Return what each value is read as; its place is put into words only if it is wrong."""
+    """Read each value; its place is formatted only if it is wrong."""
     found: List[Any] = []
     try:
         for read, value in zip(reads, values):

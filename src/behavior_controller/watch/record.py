@@ -1,8 +1,8 @@
-"""The record of a run: all that the mission was told and did, one JSON object a line, complete enough to replay.
+"""The record of a run: all inputs and actions of the mission, one JSON object a line, complete enough to replay.
 
 A line for each event, each traversal of the tree with the statuses that it changed, each request, each answer in the
-traversal that saw it, and each message in the traversal that looked at it. The tick thread only notes what happened; a
-thread of its own makes lines of it, a little later, so that it competes with nothing that the robot waits for.
+traversal that saw it, and each message in the traversal that looked at it. The tick thread only queues what happened; a
+separate thread formats the lines a little later, so that this delays nothing that the robot waits for.
 """
 import collections
 import os
@@ -25,20 +25,20 @@ from behavior_controller.watch.plain import Count
 FILE_NAME = "mission.jsonl"
 
 MOST_BYTES = 50_000_000
-"""No record is larger; a longer run is recorded up to there."""
+"""The most bytes of a record; the rest of a longer run is not recorded."""
 
 MOST_RUNS = 20
-"""So many runs are kept in the default folder."""
+"""Number of runs that are kept in the default folder."""
 
 MOST_WAITING = 100_000
-"""Lines that may wait for a slow disk."""
+"""The most lines that wait for a slow disk."""
 
 REST = 0.05
-"""Seconds between two times that lines are made of what has happened."""
+"""Seconds between two rounds of formatting lines."""
 
 
 def new_folder(logs: str) -> str:
-    """Return the folder of a new run below ``logs``, and remove all but the newest ``MOST_RUNS - 1`` that are there."""
+    """Return the folder of a new run below ``logs``, and remove all others but the newest ``MOST_RUNS - 1``."""
     place = os.path.join(logs, folders.RECORDS)
     runs = sorted(os.listdir(place)) if os.path.isdir(place) else []
     for name in runs[:max(0, len(runs) - MOST_RUNS + 1)]:
@@ -47,7 +47,7 @@ def new_folder(logs: str) -> str:
 
 
 class Traversals:
-    """Tells ``note`` what a tree is and what each traversal changed in it."""
+    """Passes to ``note`` the nodes of a tree and the statuses that each traversal changed."""
 
     def __init__(self, clock: Clock, note: Callable[[Entry], None]):
         self._clock = clock
@@ -56,7 +56,7 @@ class Traversals:
         self._is_first = self._is_traversing = False
 
     def show(self, tree: Tree) -> None:
-        """Tell of ``tree`` from now on."""
+        """Observe ``tree`` from now on."""
         tree.subscribe(self._observe)
         tree.traversals = self
         self._note(TreeShown(tree.id, [
@@ -79,9 +79,9 @@ class Traversals:
 
 
 class Record(Traversals):
-    """Writes ``<directory>/mission.jsonl``. A sink of events. What cannot be written is told once; the run goes on.
+    """Writes ``<directory>/mission.jsonl``. A sink of events. A failure to write is reported once; the run goes on.
 
-    The file is opened, written and closed on a thread of its own: a disk may take its time, or for ever.
+    The file is opened, written and closed on a separate thread: a disk may be slow, or hang.
     """
 
     def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None],
@@ -101,14 +101,14 @@ class Record(Traversals):
 
     @property
     def is_kept(self) -> bool:
-        """Whether nothing has kept the record from being written so far."""
+        """Whether the record has been written without a failure so far."""
         return self._thread is not None
 
     def _tell(self, reason: Any) -> None:
         self._complain("no record is written to {}: {}; the mission goes on".format(self.path, reason))
 
     def close(self) -> None:
-        """Write what waits, for a second at the most."""
+        """Write the waiting lines, for a second at most."""
         thread = self._thread
         if thread is not None:
             self._note_loss()
@@ -118,7 +118,7 @@ class Record(Traversals):
     # --------------------------------------------------------------------------------------------------------- writing
 
     def __call__(self, entry: Entry) -> None:
-        """Note what happened without waking a thread: the line is made later."""
+        """Queue what happened without waking a thread: the line is formatted later."""
         if self._thread is None:
             return
         if len(self._notes) >= MOST_WAITING:
@@ -128,16 +128,16 @@ class Record(Traversals):
         self._notes.append((time.time(), entry))
 
     def _note_loss(self) -> None:
-        """Put a line where lines are missing."""
+        """Put a ``Lost`` line where lines are missing."""
         if self._lost:
             self._notes.append((time.time(), Lost(self._lost)))
             self._lost = 0
 
     def _write(self) -> None:
-        """Make lines until the end; on a thread of its own, as a disk may take its time."""
+        """Format and write lines until the end, on a separate thread, as a disk may be slow."""
         try:
             os.makedirs(os.path.dirname(self.path), exist_ok=True)
-            # O_NONBLOCK: else a FIFO of that name would be waited for
+            # O_NONBLOCK: else open() would wait on a FIFO of that name
             flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK
             with open(os.open(self.path, flags, 0o666), "wb") as file:
                 self._fill(file)
@@ -179,7 +179,7 @@ class Record(Traversals):
         return _Gateway(inner, self)
 
     def topics(self, inner: Topics) -> Topics:
-        """Return topics that record the messages that were looked at."""
+        """Return topics that record the messages that are read."""
         return _Topics(inner, self)
 
     def asked(self, request: Request) -> int:
@@ -189,11 +189,11 @@ class Record(Traversals):
         return self._calls
 
     def answered(self, call: int, result: Union[Answer, Failure]) -> None:
-        """Record that the mission saw the answer of a call."""
+        """Record that the mission read the answer of a call."""
         self(Answered(Count(call), result))
 
     def looked_at(self, topic: Topic, sample: Optional[Sample]) -> None:
-        """Record that the mission looked at the newest message of a topic, if that was another one than last time."""
+        """Record that the mission read the newest message of a topic, if it differs from the last one read."""
         self._reads[topic] = self._reads.get(topic, 0) + 1
         if sample is not self._seen.get(topic):
             self._seen[topic] = sample
@@ -202,7 +202,7 @@ class Record(Traversals):
 
 
 class _Gateway(Gateway):
-    """Passes on, and records."""
+    """Forwards to the robot's, and records."""
 
     def __init__(self, inner: Gateway, record: Record):
         self._inner = inner
@@ -214,7 +214,7 @@ class _Gateway(Gateway):
 
 
 class _Call(Call):
-    """A call whose answer is recorded when it is seen."""
+    """A call whose answer is recorded when it is read."""
 
     def __init__(self, inner: Call, number: int, record: Record):
         self._inner = inner
@@ -225,7 +225,7 @@ class _Call(Call):
 
     @property
     def result(self) -> Optional[Union[Answer, Failure]]:  # type: ignore[override]
-        """The result, once there is one."""
+        """The result, or None while there is none."""
         result = self._inner.result
         if result is not None and not self._is_told:
             self._is_told = True
@@ -233,12 +233,12 @@ class _Call(Call):
         return result
 
     def drop(self) -> None:
-        """Pass on that the result is no longer awaited."""
+        """Drop the call."""
         self._inner.drop()
 
 
 class _Topics(Topics):
-    """Passes on, and records."""
+    """Forwards to the robot's, and records."""
 
     def __init__(self, inner: Topics, record: Record):
         self._inner = inner

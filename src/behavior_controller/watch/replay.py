@@ -28,11 +28,11 @@ from behavior_controller.watch.report import story_lines, to_html
 Part = TypeVar("Part")
 
 LATEST = "latest"
-"""What is given for the newest record of the default folder."""
+"""The argument that means the newest record of the default folder."""
 
 
 class Outcome(NamedTuple):
-    """What a replay found. ``divergence`` says where the runs diverge; empty: nowhere."""
+    """The result of a replay. ``divergence`` says where the runs diverge; empty: nowhere."""
 
     passes: int
     changes: int
@@ -50,7 +50,7 @@ class Diverged(Exception):
 
 
 def find_record(name: str) -> str:
-    """Return the path of a record: ``latest`` is the newest of the default folder, a folder is that of one run."""
+    """Return the path of a record, given that, the folder of one run, or ``latest``: the newest of the default folder."""
     if name == LATEST and not os.path.exists(name):
         paths = _records_below(folders.records())
         if not paths:
@@ -72,12 +72,12 @@ def _records_below(folder: str) -> List[str]:
 
 
 def read_record(path: str) -> List[Line]:
-    """Return the lines of a record. Raises MissionError, which says why it cannot be read, or what is wrong with it."""
+    """Return the lines of a record. Raises MissionError if it cannot be read or is invalid."""
     return list(stream_record(path))
 
 
 def stream_record(path: str) -> Iterator[Line]:
-    """Yield what ``read_record`` returns, line by line: a fault is raised where it stands."""
+    """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
     try:
         data = read_bytes(path, MOST_BYTES)
     except Unreadable as error:
@@ -88,7 +88,7 @@ def stream_record(path: str) -> Iterator[Line]:
 def replay(lines: List[Line], mission: Optional[str] = None) -> Outcome:
     """Run the record again, with the file ``mission`` in place of each mission in it if one is given.
 
-    Raises BehaviorControllerError if that, or what the record holds, cannot be run.
+    Raises BehaviorControllerError if that file, or the content of the record, cannot be run.
     """
     replaying: Optional[_Replay] = None
     passes, changes = 0, 0
@@ -108,7 +108,7 @@ def replay(lines: List[Line], mission: Optional[str] = None) -> Outcome:
 
 
 def _restored(what: str, read: Callable[[], Part]) -> Part:
-    """Return what a record holds. Raises MissionError, in one line, if this release cannot use it."""
+    """Return the result of ``read``, a part of a record. Raises MissionError, in one line, if this release cannot use it."""
     try:
         return read()
     except FaultsFound as found:
@@ -122,7 +122,7 @@ def _unusable(text: str) -> MissionError:
 
 
 class _Replay:
-    """One mission of a record, and the world as it was told."""
+    """One mission of a record, and the recorded answers and messages."""
 
     def __init__(self, started: RunStarted, nodes: List[TreeNode], mission: Optional[str]):
         sources = started.sources
@@ -147,7 +147,7 @@ class _Replay:
         self.tree.setup(mission=self._mission)
 
     def take(self, entry: Entry) -> int:
-        """Take in one entry; a traversal is made again and compared. Return how many statuses it changed."""
+        """Process one entry; a traversal is repeated and compared. Return how many statuses it changed."""
         if isinstance(entry, (Asked, Answered, Message)):
             self._world.take(entry)
         elif isinstance(entry, Lost):
@@ -205,7 +205,7 @@ def _words(change: Optional[Tuple[str, str]]) -> str:
 
 
 class _Recorded(Call):
-    """A call that has its recorded result from the traversal on that saw it."""
+    """A call that has its recorded result from the traversal on that read it."""
 
     def __init__(self, request: Request):
         self.request = request
@@ -216,12 +216,12 @@ class _Recorded(Call):
 
 
 class _World(Gateway, Topics):
-    """Answers and messages as the record has them: those that a traversal saw stand before it."""
+    """The recorded answers and messages: those that a traversal read precede it in the record."""
 
     def __init__(self, interface: Interface) -> None:
         self._interface = interface
         self._calls: List[_Recorded] = []
-        self._wanted: List[Request] = []  # requests that the traversal is to make
+        self._wanted: List[Request] = []  # requests that the traversal must make
         self._results: Dict[int, Union[Answer, Failure]] = {}
         self._messages: List[Tuple[Topic, int, Optional[Sample]]] = []
         self._newest: Dict[Topic, Optional[Sample]] = {}
@@ -229,7 +229,7 @@ class _World(Gateway, Topics):
         self._difference = ""  # between the requests that are made and the recorded ones
 
     def take(self, entry: Union[Asked, Answered, Message]) -> None:
-        """Take in a request, an answer or a message of the traversal that follows."""
+        """Store a request, an answer or a message of the next traversal."""
         if isinstance(entry, Asked):
             self._wanted.append(entry.request)
         elif isinstance(entry, Answered):
@@ -264,7 +264,7 @@ class _World(Gateway, Topics):
         return self._difference
 
     def newest(self, topic: Topic) -> Optional[Sample]:
-        """Return what the record has for this look at a topic."""
+        """Return the recorded message for this read of a topic."""
         self._reads[topic] = self._reads.get(topic, 0) + 1
         for entry in list(self._messages):
             if entry[0] is topic and entry[1] <= self._reads[topic]:
@@ -273,14 +273,14 @@ class _World(Gateway, Topics):
         return self._newest.get(topic)
 
     def wake_when(self, key: Any, topic: Topic, wanted: Any) -> None:
-        """Do nothing: the record says when the tree was traversed."""
+        """Do nothing: the record decides when the tree is traversed."""
 
 
 # ------------------------------------------------------------------------------------------------------- the command
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """Return the exit code of ``replayMission``: 0 the same path, 3 another one, 2 the record cannot be replayed."""
+    """Return the exit code of ``replayMission``: 0 the same path, 3 another path, 2 the record cannot be replayed."""
     parser = argparse.ArgumentParser(
         prog="replayMission", description="Runs a recorded mission again and says whether it takes the same path.")
     parser.add_argument("record", help="mission.jsonl of a run, its folder, or {}: the newest in {}".format(

@@ -1,6 +1,6 @@
-"""What the page's and Groot2's servers share: a thread with an event loop, and a cap on the number of connections.
+"""Shared by the servers of the page and of Groot2: a thread with an event loop, and a limit on connections.
 
-Descriptors belong to the robot: a server holds so many of them at most, whatever connects to its port.
+The robot needs the process's file descriptors: a server holds a limited number of them, whatever connects to its port.
 """
 import asyncio
 import socket
@@ -11,7 +11,7 @@ from typing import Any, Callable, Coroutine, Dict, Optional
 from tornado.iostream import IOStream
 
 SHORTEST_IDLE = 2.0
-"""Seconds for which a connection keeps its place though it does nothing."""
+"""Seconds for which an idle connection keeps its place."""
 
 
 class Connections:
@@ -35,13 +35,13 @@ class Connections:
                 return False
             del self._last_used[idle]
             idle.close()
-        # a computer that vanished gives its place back
+        # so that a computer that vanished frees its place
         stream.socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self.use(stream)
         return True
 
     def use(self, stream: IOStream) -> None:
-        """Note that ``stream`` is not idle now."""
+        """Note that ``stream`` is active now."""
         self._last_used.pop(stream, None)
         self._last_used[stream] = time.monotonic()
 
@@ -50,7 +50,7 @@ class LoopThread:
     """A thread on which an event loop runs until ``close``."""
 
     def __init__(self, name: str, begin: Callable[[], None], end: Callable[[], None]):
-        """``begin`` is called in the running loop, ``end`` when the loop is over, for whatever reason."""
+        """``begin`` is called in the running loop, ``end`` when the loop ends, for any reason."""
         self._loop = asyncio.new_event_loop()
         self._loop.call_soon(begin)
         self._end = end
@@ -58,14 +58,14 @@ class LoopThread:
         self._thread.start()
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> None:
-        """Have the loop call ``function`` soon, unless it has ended. Any thread may; it does not wait."""
+        """Have the loop call ``function`` soon, unless the loop has ended. Any thread may call this; it does not wait."""
         try:
             self._loop.call_soon_threadsafe(function, *arguments)
         except RuntimeError:
             pass  # the loop has ended
 
     def close(self, farewell: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
-        """End the loop, after ``farewell``, and wait for a second at the most until it has ended."""
+        """End the loop after ``farewell``, and wait for its end for a second at most."""
         self.call(self._loop.stop if farewell is None else lambda: self._loop.create_task(self._end_after(farewell)))
         self._thread.join(1.0)
 

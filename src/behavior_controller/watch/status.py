@@ -18,10 +18,10 @@ SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■",
 WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure", "r": "was halted",
          "-": ""}
 TOP, END_OF_LINE, BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
-"""What moves a terminal to its first line, and what clears the rest of a line and of the window."""
+"""Control sequences: move to the first line, clear the rest of a line, clear the rest of the window."""
 
 LATE = 2.0
-"""Seconds without a message after which what is shown may be old; the node sends one every second."""
+"""Seconds without a message after which the display may be outdated; the node sends one every second."""
 
 LIMIT = 5.0
 """Seconds within which the first answer must be complete."""
@@ -33,7 +33,7 @@ MOST_BYTES = 10_000_000
 """Bytes of a message; 2,000 nodes are about 300,000."""
 
 MOST_WAITING = 100
-"""Messages that may wait for a terminal that does not take them."""
+"""The most messages that wait for a blocked terminal."""
 
 _Node = NamedTuple("_Node", [("parent", int), ("name", str), ("kind", str)])
 _Offer = NamedTuple("_Offer", [("kind", str), ("name", str), ("well", bool), ("status", str), ("consequence", str)])
@@ -45,7 +45,7 @@ PARTS: Dict[str, Any] = {
     "health": List[_Offer],
     "alive": NamedTuple("_Alive", [("age", Optional[float]), ("hangs", bool)]),
 }
-"""The board, as far as it is printed."""
+"""The parts of the board that are printed."""
 
 EXIT_CODES = """exit code: 0: the mission was shown (with --watch: until it ended); 1: no mission answers there, what
 answers is no mission, the connection is lost, or nothing can be printed; 2: wrong arguments"""
@@ -54,7 +54,7 @@ State = Dict[str, Any]
 
 
 class NoMission(Exception):
-    """There is no mission to show, or none any more; the text says why."""
+    """No mission can be shown, or no longer; the text says why."""
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
@@ -102,7 +102,7 @@ def _port(text: str) -> int:
 
 
 def _window() -> Optional[Tuple[int, int]]:
-    """Return columns and lines of the terminal; None if it does not tell, or there is none."""
+    """Return columns and lines of the terminal; None if they are unknown, or the output is not a terminal."""
     try:
         size = os.get_terminal_size(sys.stdout.fileno()) if sys.stdout.isatty() else None
     except (OSError, ValueError):
@@ -111,7 +111,7 @@ def _window() -> Optional[Tuple[int, int]]:
 
 
 def _print(found: List[str], is_window: bool) -> None:
-    """Print, in a window in place of what was printed before."""
+    """Print; in a window, replace the text that was printed before."""
     end = END_OF_LINE + "\n"
     print(TOP + end.join(found) + end + BELOW if is_window else "\n".join(found) + "\n", end="", flush=True)
 
@@ -120,7 +120,7 @@ def _print(found: List[str], is_window: bool) -> None:
 
 
 class _Messages:
-    """What the node sends, read on a thread of its own: a server may hang or drip at any moment."""
+    """The node's messages, read on a separate thread: a server may hang or send slowly at any moment."""
 
     def __init__(self, address: str, port: int, path: str):
         self._found: "queue.Queue[Union[State, NoMission]]" = queue.Queue(MOST_WAITING)
@@ -183,7 +183,7 @@ def _parsed(text: bytes) -> State:
 
 
 def _states(messages: _Messages, is_watching: bool) -> Iterator[State]:
-    """Yield the whole board, after every message and while none comes, with ``silent``: seconds since the last one."""
+    """Yield the whole board after each message and, while none comes, again, with ``silent``: seconds since the last one."""
     state = messages.get(LIMIT)
     if state is None:
         raise NoMission("no complete answer within {:g} s".format(LIMIT))
@@ -208,7 +208,7 @@ def _states(messages: _Messages, is_watching: bool) -> Iterator[State]:
 
 
 def lines(state: State, is_all: bool) -> List[str]:
-    """Return the board as text: the mission, the tree with a sign for each node, what is wrong."""
+    """Return the board as text: the mission, the tree with a symbol for each node, what is wrong."""
     mission = state["mission"]
     found = ["mission {}; {}".format(mission["file"], state["passes"]["text"])] + list(_doubts(state))
     tree = [row.text(row.depth) for row in _tree(mission["nodes"], state["statuses"]["letters"], is_all)]
@@ -216,7 +216,7 @@ def lines(state: State, is_all: bool) -> List[str]:
 
 
 def in_window(state: State, is_all: bool, width: int, height: int) -> List[str]:
-    """Return the same in at most ``height`` - 1 lines of ``width`` characters: of the tree what lies about what runs."""
+    """Return the same in at most ``height`` - 1 lines of ``width`` characters: of the tree, the part around what runs."""
     mission = state["mission"]
     found = ["{}  mission {}".format(time.strftime("%H:%M:%S"), os.path.basename(mission["file"])),
              state["passes"]["text"] or "between two visits"] + list(_doubts(state))
@@ -243,7 +243,7 @@ def _troubles(state: State) -> List[str]:
 
 
 def _doubts(state: State) -> Iterator[str]:
-    """Yield why what is shown may be old."""
+    """Yield the reasons why the display may be outdated."""
     silent = state.get("silent", 0.0)
     if silent >= LATE:
         yield "no message for {:.0f} s: what is shown may be old".format(silent)
@@ -266,7 +266,7 @@ class _Row(NamedTuple):
 
 
 def _about(rows: List[_Row], room: int) -> List[_Row]:
-    """Return at most ``room`` of the rows: the way to what runs, and what lies nearest to it."""
+    """Return at most ``room`` of the rows: the path to the running nodes, and the rows nearest to them."""
     if len(rows) <= room:
         return rows
     here = max((at for at, row in enumerate(rows) if row.letter == "R"), default=0)
@@ -282,7 +282,7 @@ def _about(rows: List[_Row], room: int) -> List[_Row]:
 
 
 def _with_gaps(rows: List[_Row], kept: List[int]) -> List[_Row]:
-    """Return those rows, with a row where others are left out."""
+    """Return those rows, with a row for each gap."""
     found: List[_Row] = []
     for at, before in zip(kept, [-1] + kept):
         if at != before + 1:
@@ -292,7 +292,7 @@ def _with_gaps(rows: List[_Row], kept: List[int]) -> List[_Row]:
 
 
 def _tree(nodes: List[Dict[str, Any]], letters: str, is_all: bool, is_brief: bool = False) -> List[_Row]:
-    """Return the rows of the tree; if ``is_brief`` without nodes that only hold others together and do not run by themselves."""
+    """Return the rows of the tree; if ``is_brief``, without nodes that only group others and do not run by themselves."""
     found: List[_Row] = []
     ways: List[Tuple[int, ...]] = [()]  # the nodes above each node that have a row
     tip = letters.rfind("R") + 1

@@ -1,4 +1,4 @@
-"""The arguments of a test: every key of both configurations, and what concerns the test as a whole."""
+"""The arguments of a test: every key of both configurations, and the options of the test as a whole."""
 import os
 import shutil
 import textwrap
@@ -28,7 +28,7 @@ OWN = (Key("outputFile", Reader("a file", str), "", "where the report is written
 
 FOLDER, DRAWN, REPORT = "folder", "drawn", "report"
 INTERNAL = (FOLDER, DRAWN, REPORT)
-"""Arguments of the launch file that are not for users: the run's folder, the seed if none is given, is there a verdict."""
+"""Internal arguments of the launch file: the run's folder, the seed if none is given, whether there is a verdict."""
 
 CONTROLLER = {key.name for key in settings.KEYS}
 TEST = {key.name for key in configuration.KEYS}
@@ -39,19 +39,19 @@ NO_RECORD = "none"
 """The value of ``recordDirectory`` with which the controller records nothing."""
 
 STARTUP_TIMEOUT = 30.0
-"""Seconds that the controller waits for the simulated nodes, which are started at the same time, if not told otherwise."""
+"""Default of the seconds that the controller waits for the simulated nodes, which start at the same time."""
 
 
 def names() -> List[str]:
-    """Return what a user may give."""
+    """Return the names of all arguments that a user may give."""
     both = [key.name for key in configuration.KEYS + settings.KEYS + OWN]
     return list(dict.fromkeys(both + list(SHORT)))
 
 
 def read(given: Sequence[str], others: Sequence[str] = ()) -> Dict[str, str]:
-    """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with every unknown one.
+    """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with every unknown name.
 
-    ``others`` are names beside those that a user may give.
+    ``others`` are accepted in addition to the names that a user may give.
     """
     values: Dict[str, str] = {}
     faults: List[Fault] = []
@@ -89,13 +89,13 @@ def check(given: Mapping[str, str]) -> None:
 
 
 def load_test(given: Mapping[str, str]) -> configuration.Configuration:
-    """Return the configuration of the test. Raises ConfigurationError, also for an argument that does not exist."""
+    """Return the configuration of the test. Raises ConfigurationError, also for an unknown argument."""
     others = (CONTROLLER - TEST).union(INTERNAL, (key.name for key in OWN))
     return configuration.load({name: value for name, value in given.items() if name not in others})
 
 
 def _load_both(given: Mapping[str, str]) -> None:
-    """Raise ConfigurationError also for keys of the test that say something of another robot than the controller's."""
+    """Raise ConfigurationError for keys of the test that do not apply to the controller's robot."""
     test = load_test(given)
     interface = load_controller(given).interface
     faults = []
@@ -114,7 +114,7 @@ def _not_of(interface: Interface, key: str, why: str) -> Fault:
 
 
 def load_controller(given: Mapping[str, str]) -> settings.Settings:
-    """Return the controller's configuration: it decides how the robot asks and what a gaze status means."""
+    """Return the controller's configuration: it decides by which means the robot asks and what a gaze status means."""
     return settings.load(folders.config(CONTROLLER_FILE), {}, {
         name: value for name, value in given.items() if name in CONTROLLER - TEST})
 
@@ -124,7 +124,7 @@ def _load_phrases(given: Mapping[str, str]) -> None:
 
 
 def _load_own(given: Mapping[str, str]) -> None:
-    """Raise ConfigurationError with every fault of an argument that concerns the test as a whole."""
+    """Raise ConfigurationError with every fault in an argument for the test as a whole."""
     faults = []
     for key in OWN:
         try:
@@ -140,9 +140,9 @@ def _load_own(given: Mapping[str, str]) -> None:
 
 
 def usage(remarks: Mapping[str, str]) -> str:
-    """Return all arguments with what they are if they are not given. Raises ConfigurationError.
+    """Return the help text: all arguments with their current defaults. Raises ConfigurationError.
 
-    ``remarks``: key -> what is to be added to its meaning.
+    ``remarks``: key -> text that is added to its meaning.
     """
     remarks = dict({"recordDirectory": "in a test a folder for a copy, and not none"}, **remarks)
     controller = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
@@ -161,7 +161,7 @@ def usage(remarks: Mapping[str, str]) -> str:
 
 
 def _table(chosen: Sequence[Key], values: Mapping[str, object], remarks: Mapping[str, str]) -> List[str]:
-    """Return two lines for each key: its name and what it is now; its meaning, what it takes, and its default."""
+    """Return two lines for each key: its name and current value; its meaning, allowed values, and default."""
     lines: List[str] = []
     for key in chosen:
         default = key.default_text if key.default is keys.REQUIRED else "default " + key.default_text
@@ -175,7 +175,7 @@ def _table(chosen: Sequence[Key], values: Mapping[str, object], remarks: Mapping
 
 
 def parent_command() -> List[str]:
-    """Return the command line of the process that started this one; empty: it cannot be found out."""
+    """Return the command line of the parent process; empty if it cannot be read."""
     try:
         with open("/proc/{}/cmdline".format(os.getppid()), "rb") as file:
             return file.read().decode(errors="replace").split("\0")[:-1]
@@ -184,17 +184,17 @@ def parent_command() -> List[str]:
 
 
 def given_to_roslaunch(command: Sequence[str]) -> List[str]:
-    """Return what a command line gives our launch file: roslaunch ignores arguments that the file does not have."""
+    """Return the arguments that a command line passes to our launch file: roslaunch ignores those that it does not declare."""
     if LAUNCH_FILE not in map(os.path.basename, command):
         return []
     return [word for word in command if ":=" in word and not word.startswith("__")]
 
 
 def is_by_run_test(command: Sequence[str]) -> bool:
-    """Return whether a command line of roslaunch is runTest's, which says where the run's folder is."""
+    """Return whether a command line of roslaunch comes from runTest, which passes the run's folder."""
     return any(word.startswith(FOLDER + ":=") for word in given_to_roslaunch(command))
 
 
 def is_roslaunch(command: Sequence[str]) -> bool:
-    """Return whether a command line runs roslaunch, itself or by its interpreter."""
+    """Return whether a command line runs roslaunch, directly or through an interpreter."""
     return "roslaunch" in map(os.path.basename, command[:2])

@@ -1,4 +1,4 @@
-"""Poisson arrivals: messages that come independently of each other, at a given average rate."""
+"""Poisson arrivals: messages that arrive independently of each other, at a given average rate."""
 import math
 import random
 from typing import Iterator

@@ -108,7 +108,7 @@ def load(arguments: Mapping[str, str]) -> Configuration:
 
 
 def defaults(**given: object) -> Configuration:
-    """Return a configuration with nothing but the required keys, changed by ``given`` (camelCase)."""
+    """Return a configuration of the required keys alone, changed by ``given`` (camelCase)."""
     values = {each.name: each.default for each in KEYS}
     values.update(arrivalRate=math.inf, verboseMode=False)
     values.update(given)

@@ -1,4 +1,4 @@
-"""Starts the controller under test with what the test needs of it, and notes how it ended."""
+"""Starts the controller under test with the arguments that the test needs, and notes its exit code."""
 import os
 import shutil
 import signal
@@ -21,23 +21,23 @@ def main(command: List[str]) -> int:
     try:
         test = parameters.read_configuration()
     except ConfigurationError:
-        return 0  # the report tells of it and ends the launch
+        return 0  # the report names the fault and ends the launch
     folder = parameters.folder()
     os.makedirs(folder, exist_ok=True)
     process = subprocess.Popen(command_line(command, test, folder))
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)  # the controller gets it too, and we wait for how it takes it
+        signal.signal(number, lambda *_: None)  # the controller gets the signal too: wait for it to stop
     code = process.wait()
     with open(os.path.join(folder, EXIT_CODE), "w") as file:
         file.write("{}\n".format(code))
     _keep_record(folder)
     if code == exits.FAILURE:
-        return 0  # roslaunch would call it a death; whether it is right is the verdict's matter
+        return 0  # roslaunch would report a crash; the verdict judges the exit code
     return code if code >= 0 else 128 - code
 
 
 def command_line(command: List[str], test: configuration.Configuration, folder: str) -> List[str]:
-    """Return the controller's command line with its own keys of what was given, and what the test needs of it."""
+    """Return the controller's command line with its keys among the given arguments, and those that the test needs."""
     others, given = split_arguments(command)
     keys = {"startupTimeout": "{:g}".format(arguments.STARTUP_TIMEOUT)}
     keys.update((name, value) for name, value in given.items() if name in arguments.CONTROLLER)

@@ -21,10 +21,10 @@ class Facts(NamedTuple):
     behaviour: str
     runs: int
     knowledge: Knowledge
-    cut_off: str = ""  # why the end was not awaited
-    rehearsal: Optional[Rehearsal] = None  # the same mission with a robot that never fails
+    cut_off: str = ""  # why the test did not wait for the end
+    rehearsal: Optional[Rehearsal] = None  # the same mission on a robot without faults
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
-    interface: Interface = DEFAULT  # what the simulated robot spoke
+    interface: Interface = DEFAULT  # the interface of the simulated robot
     absent: FrozenSet[str] = frozenset()  # canonical names of the services that it did not offer
 
 
@@ -50,7 +50,7 @@ class Tree:
         return self.types.get(self._parents[uid]) == control
 
     def before(self, uid: int) -> range:
-        """Return all nodes before a node below the nearest one above it that has any: those come one after the other."""
+        """Return the earlier siblings of a node, or of its nearest ancestor that has any, with all nodes below them."""
         while uid:
             first = self._parents[uid] + 1
             if first < uid:
@@ -60,7 +60,7 @@ class Tree:
 
 
 class Pass(NamedTuple):
-    """One pass of the mission: what the controller recorded and what the nodes were asked meanwhile."""
+    """One pass of the mission: the events that the controller recorded and the requests that the nodes received meanwhile."""
 
     number: int
     outcome: str
@@ -69,7 +69,7 @@ class Pass(NamedTuple):
 
 
 def started(facts: Facts) -> Event:
-    """Return the event with which the mission started; an empty one if it did not."""
+    """Return the event with which the mission started; an empty event if it did not start."""
     found = of(facts.events, "RunStarted")
     return found[-1] if found else {}
 

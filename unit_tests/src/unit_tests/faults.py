@@ -6,12 +6,12 @@ REFUSED = "refused"  # the answer says failure
 EXCEPTION = "exception"  # the server's handler raises
 UNANSWERED = "unanswered"  # no answer before any deadline
 CRASH = "crash"  # the node's process dies in the call and is started again
-WRONG = "wrong"  # an answer that means nothing
+WRONG = "wrong"  # an answer without a meaning
 KINDS = (REFUSED, EXCEPTION, UNANSWERED, CRASH, WRONG)
 
 
 class PlannedFault(NamedTuple):
-    """A fault of one certain call: ``textToSpeech:3`` or ``textToSpeech:3:unanswered``; calls count from 1."""
+    """A fault of one particular call: ``textToSpeech:3`` or ``textToSpeech:3:unanswered``; calls count from 1."""
 
     node: str
     call: int
@@ -23,7 +23,7 @@ class PlannedFault(NamedTuple):
 
 
 def parse_planned_fault(text: str, nodes: Sequence[str]) -> PlannedFault:
-    """Return ``node:call[:kind]`` as a record. Raises ValueError that says what is allowed."""
+    """Parse ``node:call[:kind]``. Raises ValueError that says what is allowed."""
     node, _, rest = text.partition(":")
     call, _, kind = rest.partition(":")
     kind = kind or REFUSED

@@ -1,4 +1,4 @@
-"""What a rehearsal can find: one declaration for each kind, with what it means and how it is seen in a play."""
+"""The findings of a rehearsal: one declaration for each kind, with its meaning and how it is detected in a play."""
 from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.engine.node import Node
@@ -16,11 +16,11 @@ from unit_tests.stage import BUSY, START, Played, Stage
 from unit_tests.visitor import ENGAGES
 
 END_SHARE = 0.2
-"""A mission that asks for something in this last share of its time goes round; another one waits."""
+"""A mission that sends requests in this last share of its time repeats itself; any other is waiting."""
 
 
 class Look(NamedTuple):
-    """A play of one visitor's pass, and what it was a play of. ``calm``: its outcome if nothing goes wrong."""
+    """A play of one visitor's pass, and its scene. ``calm``: the outcome of the same pass without faults."""
 
     stage: Stage
     played: Played
@@ -43,20 +43,20 @@ class Look(NamedTuple):
                 yield at, event, spec
 
     def drives(self) -> List[GoTo]:
-        """Return the drives that were asked for."""
+        """Return the requests to drive."""
         return [request for _, request in self.played.asked if isinstance(request, GoTo)]
 
     def is_someone_here(self, at: float) -> bool:
-        """Return whether a visitor was there at that time."""
+        """Return whether a visitor was present at that time."""
         return next((is_here for since, is_here in reversed(self.played.presence) if since <= at), False)
 
 
 Seen = Tuple[str, str]
-"""Where something is wrong, a place of the mission or a name, and what, in words."""
+"""Where something is wrong (a node of the mission, or a name), and what is wrong, in words."""
 
 
 class Kind(NamedTuple):
-    """A kind of finding. ``see`` yields where a play shows it; ``means`` is for the author of the mission."""
+    """A kind of finding. ``see`` yields its places in a play; ``means`` explains it to the author of the mission."""
 
     name: str
     means: str
@@ -91,7 +91,7 @@ def _goes_round(look: Look) -> bool:
 
 
 def waits_for_a_visitor(look: Look) -> bool:
-    """Return whether no visitor has been seen to the end: a robot may wait for one as long as it takes."""
+    """Return whether no visitor has been seen to the end: a robot may wait for a visitor without a limit."""
     if not _is_cut_off(look) or _goes_round(look):
         return False
     nodes = look.stage.mission.tree.nodes
@@ -120,7 +120,7 @@ def _exceptions(look: Look) -> Iterator[Seen]:
 
 def _missing_data(look: Look) -> Iterator[Seen]:
     for _, event, spec in look.of_leaves():
-        # that nothing was pressed is the visitor's answer, and a recovery tells of another node's failure
+        # pressing nothing is the visitor's answer, and a recovery reports another node's failure
         if event.failure is not None and event.failure.cause is Cause.MISSING_DATA \
                 and Prompt not in spec.calls and not (spec.is_recovery and event.failure.resource):
             yield event.path, event.failure.message
@@ -133,7 +133,7 @@ def _senseless(look: Look) -> Iterator[Seen]:
 
 
 def _unrecovered(look: Look) -> Iterator[Seen]:
-    """See one fault that ended the pass, and no HandleFallBack looked at it."""
+    """Find a single fault that ended the pass without a HandleFallBack dealing with it."""
     if look.outcome != "FAILURE" or look.calm != "SUCCESS" or look.faults != 1:
         return
     faulty = {line.resource for line in look.played.journal if line.fault is not None}
@@ -146,7 +146,7 @@ def _unrecovered(look: Look) -> Iterator[Seen]:
 
 
 def _budget(look: Look) -> Iterator[Seen]:
-    """See a budget of recoveries that is spent, most of it on failures that no fault brought about."""
+    """Find a budget of recoveries that is spent, most of it on failures that no fault caused."""
     policy = look.stage.mission.policy
     recovered = [(at, event) for at, event in look.played.events if isinstance(event, Recovered)]
     faulty = {line.resource for line in look.played.journal if line.fault is not None}
@@ -162,7 +162,7 @@ def _budget(look: Look) -> Iterator[Seen]:
 
 
 def _left_on(look: Look) -> Iterator[Seen]:
-    """See what was last switched on after a drive: what the robot refused to switch off was asked for."""
+    """Find what a tour leaves switched on; a request to switch it off counts even if it was refused."""
     if not look.outcome or not look.drives():
         return
     for safe in look.stage.settings.interface.safe_state:
@@ -179,13 +179,13 @@ def _not_home(look: Look) -> Iterator[Seen]:
 
 
 def _is_home_unknown(look: Look) -> bool:
-    """Whether a recovery gave up after the last drive: the operator is told to see the robot home."""
+    """Whether a recovery gave up after the last drive: the operator is then asked to take the robot home."""
     last = max(at for at, request in look.played.asked if isinstance(request, GoTo))
     return any(at > last and isinstance(event, Recovered) and not event.success for at, event in look.played.events)
 
 
 def _abandoned(look: Look) -> Iterator[Seen]:
-    """See a drive that was halted and not followed by another one."""
+    """Find a drive that was halted and not followed by another drive."""
     last: Optional[LeafFinished] = None
     for _, event, spec in look.of_leaves():
         if GoTo in spec.calls:
@@ -206,7 +206,7 @@ def _left(look: Look, at: float) -> float:
 
 
 def _left_out(look: Look) -> Iterator[Seen]:
-    """See an exhibit that a tour did not get to, with nothing on record that says why."""
+    """Find an exhibit that a tour did not reach without a recorded reason."""
     drives = {drive.goal[:2] for drive in look.drives()}
     if look.outcome != "SUCCESS" or look.behaviour != ENGAGES or not _is_tour(look, drives):
         return
@@ -250,7 +250,7 @@ KINDS = (
 UNREACHED = Kind("unreached", "No visitor and no fault brings the mission to this node.", lambda look: iter(()))
 NEVER_OFF = Kind("never-off", "Attention or lifelike movement is switched on, and no pass switches it off.",
                  lambda look: iter(()))
-"""What all plays together show: see ``unreached`` and ``never_off``."""
+"""What only all plays together can show: see ``unreached`` and ``never_off``."""
 
 BY_NAME: Dict[str, Kind] = {kind.name: kind for kind in KINDS + (UNREACHED, NEVER_OFF)}
 
@@ -261,7 +261,7 @@ def look_at(look: Look) -> List[Tuple[str, str, str]]:
 
 
 def unreached(stage: Stage, reached: FrozenSet[int]) -> List[Tuple[str, str, str]]:
-    """Return the nodes that no play has reached; of a branch the topmost."""
+    """Return the nodes that no play has reached; of a whole branch only the topmost."""
     nodes = [node for node in stage.mission.tree.nodes
              if node.uid not in reached and (node.parent is None or node.parent.uid in reached)]
     return [(UNREACHED.name, clean(node.full_path or node.name), "with {} below it".format(_leaves_below(node)))
@@ -274,7 +274,7 @@ def _leaves_below(node: Node) -> str:
 
 
 def never_off(stage: Stage, asked: FrozenSet[object]) -> List[Tuple[str, str, str]]:
-    """Return what no play has switched off; ``asked`` are all requests of the kinds of the safe state."""
+    """Return what no play has switched off; ``asked`` are all requests of the kinds that the safe state sends."""
     found = []
     for safe in stage.settings.interface.safe_state:
         if safe not in asked and any(type(request) is type(safe) for request in asked):

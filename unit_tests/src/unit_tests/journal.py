@@ -1,4 +1,4 @@
-"""What the simulated nodes were asked and what they answered: one file of JSON lines that all of them share.
+"""The requests that the simulated nodes received and their answers: one file of JSON lines that all nodes share.
 
 A file, because its order of lines is the order of events across processes, a line is there before the answer is sent,
 and none is lost while connections come up.
@@ -12,7 +12,7 @@ from typing import Any, Dict, List, NamedTuple, Optional
 FILE_NAME = "journal.jsonl"
 
 REPEAT = 0.1
-"""Seconds in which a message that says the same as the last gets no line of its own: topics may have a thousand a second."""
+"""Seconds in which an unchanged message gets no further line: a topic may publish a thousand messages a second."""
 
 
 class Line(NamedTuple):
@@ -23,17 +23,17 @@ class Line(NamedTuple):
     resource: str  # resolved name of the service or topic
     call: int
     content: Dict[str, Any]  # the fields of the request or message
-    fault: Optional[str] = None  # how the call was made to go wrong: one of faults.KINDS
+    fault: Optional[str] = None  # the injected fault: one of faults.KINDS
     objection: Optional[str] = None  # why the node itself refused the request
 
     @property
     def done(self) -> bool:
-        """Whether the node did what the request said."""
+        """Whether the node carried out the request."""
         return self.fault is None and self.objection is None
 
 
 class Told:
-    """Which messages of a topic get a line: those that say something new, and of others the first in each ``REPEAT``."""
+    """Decides which messages of a topic get a line: each changed message, and an unchanged one every ``REPEAT``."""
 
     def __init__(self) -> None:
         self._content: Dict[str, Any] = {}
@@ -55,7 +55,7 @@ class Tail:
         self._read = 0  # bytes
 
     def skip(self) -> None:
-        """Take what stands there already as read."""
+        """Treat the lines that are already in the file as read."""
         self._read = os.path.getsize(self.path) if os.path.exists(self.path) else 0
 
     def news(self) -> List[Dict[str, Any]]:
@@ -71,7 +71,7 @@ class Tail:
 
 
 class Journal:
-    """The file. Every process that writes or reads has a Journal of its own."""
+    """The file. Every process that writes or reads it has its own Journal."""
 
     def __init__(self, folder: str):
         os.makedirs(folder, exist_ok=True)
@@ -79,12 +79,12 @@ class Journal:
         self._tail = Tail(self.path)
 
     def write(self, line: Line) -> None:
-        """Append a line: in one write to a file opened for appending, so that lines do not mix."""
+        """Append a line, in one write to a file opened for appending, so that lines of several processes do not mix."""
         with open(self.path, "ab", buffering=0) as file:
             file.write(json.dumps(line._asdict()).encode() + b"\n")
 
     def skip(self) -> None:
-        """Take what stands there already as read."""
+        """Treat the lines that are already in the file as read."""
         self._tail.skip()
 
     def news(self) -> List[Line]:

@@ -1,4 +1,4 @@
-"""runTest: checks its arguments, runs the launch file of the test, and ends with the verdict as text and as exit code."""
+"""runTest: checks its arguments, runs the launch file of the test, and returns the verdict as text and exit code."""
 import os
 import signal
 import subprocess
@@ -15,7 +15,7 @@ def main(given: List[str]) -> int:
     """Return 0 if the test passed, 1 if it failed, 2 if it could not be run."""
     try:
         if {"-h", "--help"} & set(given):
-            signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # ``| head`` ends it without a traceback; nothing runs yet
+            signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # so that ``| head`` causes no traceback; nothing runs yet
             print(arguments.usage({"arrivalRate": _of_arrival_rate()}))
             return 0
         values = arguments.read(given)
@@ -29,7 +29,7 @@ def main(given: List[str]) -> int:
 
 
 def _of_arrival_rate() -> str:
-    """Return which rate the configured mission needs."""
+    """Return a line with the arrival rate that the configured mission needs."""
     needed = waits.of_mission(parameters.read_world(parameters.read_configuration()))
     return waits.sufficient(needed) if needed else ""
 
@@ -41,7 +41,7 @@ def _launch(values: Dict[str, str]) -> str:
     folder = tempfile.mkdtemp(prefix="behaviorControllerTest_", dir=logs)
     command = ["roslaunch", "unit_tests", arguments.LAUNCH_FILE, "{}:={}".format(arguments.FOLDER, folder)]
     command += ["{}:={}".format(*pair) for pair in values.items()]
-    # a session of its own: roslaunch gets a Ctrl-C once, from here, and has the time to take its nodes along
+    # its own session: roslaunch gets a Ctrl-C once, from here, and has the time to stop its nodes
     process = subprocess.Popen(command, start_new_session=True)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: process.send_signal(signal.SIGINT))

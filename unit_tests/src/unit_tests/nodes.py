@@ -1,4 +1,4 @@
-"""The simulated nodes as ROS nodes: services, a topic, or both, behind each name."""
+"""The simulated nodes as ROS nodes, each with services, a topic, or both."""
 import os
 import signal
 import sys
@@ -31,13 +31,13 @@ CRASHED = 9
 """Exit code of a node that dies on purpose; the launch file starts it again."""
 
 SHORTEST_GAP = 0.001
-"""Seconds between two messages of a topic at the least: what an infinite arrival rate comes to."""
+"""The shortest time between two messages of a topic, in seconds: an infinite arrival rate means this."""
 
 LONGEST_STEP = 0.1
-"""Seconds until a goal that is given up is noticed."""
+"""Seconds until a cancelled goal is noticed."""
 
 FACE_CENTRE = Point(320.0, 240.0, 1.5)
-"""Where the visitor's face is seen: pixels, and metres from the camera."""
+"""The position of the visitor's face: pixels, and metres from the camera."""
 
 
 def main(name: str) -> None:
@@ -53,11 +53,11 @@ def main(name: str) -> None:
         if not parameters.is_launched():
             print(error)
             sys.exit(exits.WRONG_INPUT)
-        rospy.spin()  # the report tells of it, once for all nodes, and ends the launch
+        rospy.spin()  # the report names the fault once for all nodes, and ends the launch
 
 
 def _end_or_sleep_if_absent(name: str) -> None:
-    """Be no ROS node if the robot has no node of this name: roslaunch starts again what ends."""
+    """Wait without a ROS node if the robot has no node of this name: roslaunch would restart a process that ends."""
     if name in parameters.present_nodes():
         return
     if not arguments.is_roslaunch(arguments.parent_command()):
@@ -75,7 +75,7 @@ def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:
 
 
 def _message(topic: Topic, content: Fields) -> Any:
-    """Return what ``topic`` publishes: the content, and for each face where it is seen."""
+    """Return the message that ``topic`` publishes: the content, and for each face its position."""
     faces = {"centroids": [FACE_CENTRE] * len(content["face_label_id"])} if "face_label_id" in content else {}
     return TYPES[topic](**content, **faces)
 
@@ -93,7 +93,7 @@ class Node:
         self._topic = next((topic for topic in robot.topics(interface) if topic.node == name), None)
         self._journal = Journal(parameters.folder())
         if not parameters.is_launched():
-            self._journal.skip()  # of an earlier day; in a launch it is what was before a crash
+            self._journal.skip()  # of an earlier run; in a launch, of the time before a crash
         self._lock = threading.Lock()  # for the journal and the visitor: each service connection is a thread
         self._stopped = threading.Event()
         planned = [fault for fault in self._test.planned_faults if fault.node == name]
@@ -101,7 +101,7 @@ class Node:
         self._published: Fields = {}
         self._told = Told()
         self._look_around()
-        if not parameters.is_launched():  # else the report says it
+        if not parameters.is_launched():  # else the report shows it
             rospy.loginfo("%s: randomSeed %d", name, self._test.random_seed)
 
     def run(self) -> None:
@@ -119,7 +119,7 @@ class Node:
         return parameters.seed(self._test, self._name, purpose)
 
     def _write(self, line: Line) -> None:
-        """Put a line into the journal and tell the visitor everything that is new there."""
+        """Put a line into the journal and pass all its new lines to the visitor."""
         self._journal.write(line)
         self._look_around()
 
@@ -136,7 +136,7 @@ class Node:
     # ------------------------------------------------------------------------------------------------------- service
 
     def _handle(self, service: Service, request: Any) -> Any:
-        """Answer one request; it stands in the journal before its answer is sent."""
+        """Answer one request; it is in the journal before its answer is sent."""
         fields = {slot: getattr(request, slot) for slot in request.__slots__}
         with self._lock:
             fault = robot.possible(self._faults.next(), service, TYPES[service]._response_class.__slots__)
@@ -166,7 +166,7 @@ class Node:
                 publisher.publish(_message(topic, content))
 
     def _serve_action(self, topic: Topic, action: Action) -> None:
-        """Offer the action that a robot may have in place of a topic."""
+        """Offer the action that a robot may have instead of a topic."""
         kind = roslib.message.get_message_class(action.type + "Action")
         arrivals = Arrivals(self._test.arrival_rate, self._seed("arrivals"))
         server = actionlib.SimpleActionServer(
@@ -175,7 +175,7 @@ class Node:
 
     def _listen(self, topic: Topic, action: Action, server: actionlib.SimpleActionServer, arrivals: Arrivals,
                 seconds: float) -> None:
-        """Carry out a goal: tell the topic's next message, or nothing after so long."""
+        """Carry out a goal: return the topic's next message, or an empty result when the goal's time is over."""
         result = server.get_default_result()
         ends = time.monotonic() + seconds
         for due in arrivals.times(time.monotonic()):
@@ -192,7 +192,7 @@ class Node:
                 return
 
     def _content(self, topic: Topic, name: str) -> Optional[Fields]:
-        """Return what the next message says; the journal gets it under that name."""
+        """Return the content of the next message, and write it to the journal under that name."""
         with self._lock:
             self._look_around()
             value = TOPICS[topic.name].content(self._world)
@@ -209,7 +209,7 @@ class Node:
 
 
 def _response(service: Service, answer: Optional[Answer], outcome: Any = None) -> Any:
-    """Return the response that brings ``answer``, or, without it, that says no."""
+    """Return the response that carries ``answer``; without it, a refusal."""
     response = TYPES[service]._response_class()
     for slot in response.__slots__:
         if slot == service.success.field:

@@ -1,7 +1,7 @@
-"""What the arguments of this process and the configurations say, for the simulated nodes, the controller and the report.
+"""The settings of a test, for the simulated nodes, the controller and the report.
 
-All of it is in arguments, which end with the process. Parameters on a master would outlive the test, and count in the
-next one.
+All of them are arguments, which end with the process. Parameters on a master would outlive the test and change the next
+one.
 """
 import dataclasses
 import os
@@ -20,22 +20,22 @@ from unit_tests.visitor import BEHAVIOURS, RANDOM, Manners, Visitor
 
 
 def given() -> Dict[str, str]:
-    """Return what this process was given."""
+    """Return the arguments of this process."""
     return split_arguments(sys.argv)[1]
 
 
 def for_rospy() -> List[str]:
-    """Return the arguments that concern rospy: names."""
+    """Return the arguments for rospy: remapped names."""
     return split_arguments(sys.argv)[0]
 
 
 def is_launched() -> bool:
-    """Return whether behaviorControllerTest.launch started this process, so that a report runs beside it."""
+    """Return whether behaviorControllerTest.launch started this process, so that a report runs too."""
     return arguments.FOLDER in given()
 
 
 def ros_home() -> str:
-    """Return the folder where ROS lets programs of this user write."""
+    """Return ROS_HOME, the folder where ROS programs of this user may write."""
     return os.environ.get("ROS_HOME") or os.path.join(os.path.expanduser("~"), ".ros")
 
 
@@ -50,7 +50,7 @@ def read_configuration() -> configuration.Configuration:
     arguments.check(given())
     test = arguments.load_test(given())
     if test.random_seed is None:
-        # a node that runs alone shares its seed with no other
+        # a node that runs alone needs no common seed
         drawn = int(given().get(arguments.DRAWN) or random.randrange(configuration.SEEDS))
         test = dataclasses.replace(test, random_seed=drawn)
     if test.visitor_behaviour == RANDOM:
@@ -60,7 +60,7 @@ def read_configuration() -> configuration.Configuration:
 
 
 def seed(test: configuration.Configuration, node: str, purpose: str) -> str:
-    """Return what a node draws from: the same in a test and in virtual time."""
+    """Return the seed of a node's random generator: the same in a test and in virtual time."""
     return "{}/{}/{}".format(test.random_seed, node, purpose)
 
 
@@ -70,7 +70,7 @@ def real_nodes() -> FrozenSet[str]:
 
 
 def present_nodes() -> FrozenSet[str]:
-    """Return the nodes that the robot has; all that there are, if the configuration does not tell which robot it is."""
+    """Return the nodes of the configured robot; the nodes of all robots, if the configuration does not say which."""
     try:
         return frozenset(nodes(arguments.load_controller(given()).interface))
     except ConfigurationError:
@@ -78,7 +78,7 @@ def present_nodes() -> FrozenSet[str]:
 
 
 def read_world(test: configuration.Configuration) -> World:
-    """Return the world before the robot's first move. Raises ConfigurationError."""
+    """Return the world before the robot's first request. Raises ConfigurationError."""
     return world(test.visitor_behaviour, arguments.load_controller(given()))
 
 
@@ -96,7 +96,7 @@ def world(behaviour: str, controller: Settings) -> World:
 
 def _manners(behaviour: str, language: phrases.Phrases, utility: Mapping[int, str],
              knowledge: exhibits.Knowledge) -> Manners:
-    """Return a visitor's manners; ``utility`` are the phrases that the files of release 1.0 have beside the language."""
+    """Return a visitor's manners; ``utility`` are the utility phrases of release 1.0, which add to the language."""
     asking = [speech for speech in phrases.SPEECHES if speech.asks]
     questions = [language.speech(speech.node) for speech in asking]
     questions += [utility[speech.utility] for speech in asking if speech.utility in utility]

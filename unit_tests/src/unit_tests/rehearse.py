@@ -1,4 +1,4 @@
-"""``rehearseMission``: plays a mission in virtual time with each visitor and each fault, and tells what its author should know."""
+"""``rehearseMission``: plays a mission in virtual time with each visitor and each fault, and reports what it finds."""
 import argparse
 import json
 import os
@@ -27,10 +27,10 @@ NONE, SINGLE, PAIRS = "none", "single", "pairs"
 FAULTS = (NONE, SINGLE, PAIRS)
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
-"""Failure rates that are played if none is given."""
+"""The default failure rates."""
 
 LIMIT = 3600.0
-"""Seconds of the mission's time after which a pass that has not ended does not end."""
+"""Seconds of the mission's time after which a pass counts as one that does not end."""
 
 BAR = 30
 """Letters of the progress bar."""
@@ -42,20 +42,20 @@ ASR = "asrEnabled"
 
 
 class Plan(NamedTuple):
-    """What is to be played. ``is_complete``: each visitor and each fault, so that what is not reached is unreachable."""
+    """The plays of a rehearsal. ``is_complete``: each visitor and each fault, so that a node not reached is unreachable."""
 
     arguments: Tuple[Any, ...]  # of a Theatre
     theatre: Theatre
     scenes: List[Scene]
     is_complete: bool
-    chosen: List[str]  # the words of the command that hold for all scenes
+    chosen: List[str]  # the arguments of the command that are the same for all scenes
 
 
 # ----------------------------------------------------------------------------------------------------------- arguments
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that says which option was meant."""
+    """A parser that suggests the nearest option for an unknown one."""
 
     def error(self, message: str) -> NoReturn:
         unknown = message.partition("unrecognized arguments: ")[2].split(" ")[0]
@@ -94,7 +94,7 @@ def _number(least: float, most: float, kind: Callable[[str], Any] = float) -> Ca
 
 
 def _planned(text: str) -> PlannedFault:
-    """Return ``node:call:kind`` as a record; which nodes there are is for the mission's robot to say."""
+    """Parse ``node:call:kind``; whether the robot has the node is checked later."""
     node, _, rest = text.partition(":")
     call, _, kind = rest.partition(":")
     if not node or not call.isdigit() or int(call) < 1:
@@ -139,7 +139,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """End with a line if options are given that contradict each other."""
+    """Exit with one line if options contradict each other."""
     ways = [name for name in ("faults", "planned", "silent", "runs") if getattr(options, name)]
     if len(ways) > 1 and ways != ["planned", "silent"]:
         parser.error("--{} and --{} exclude each other".format(*ways[:2]))
@@ -151,7 +151,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
 
 
 def plan(options: argparse.Namespace) -> Plan:
-    """Return what is to be played. Raises FaultsFound."""
+    """Return the plays that the options ask for. Raises FaultsFound."""
     given = _settings(options.settings)
     path = options.mission if os.path.exists(options.mission) or options.mission.endswith(".xml") \
         else find(options.mission)
@@ -185,7 +185,7 @@ def _scenes(options: argparse.Namespace, theatre: Theatre, calm: List[Scene], ki
 
 
 def _settings(words: Sequence[str]) -> Dict[str, str]:
-    """Return key -> value. Raises ConfigurationError with every word that is no key of the controller's."""
+    """Return key -> value. Raises ConfigurationError with every key that the controller does not have."""
     given, faults = {}, []
     for word in words:
         name, is_assignment, value = word.partition(":=")
@@ -217,7 +217,7 @@ def _check_robot(interface: Any, options: argparse.Namespace) -> None:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Play, print what was found, and return the exit code."""
+    """Play, print the findings, and return the exit code."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = _parser()
     options = parser.parse_intermixed_args(argv)
@@ -245,7 +245,7 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 
 def _play(todo: Plan, jobs: int, survey: Survey) -> None:
-    """Play all scenes, or until Ctrl-C."""
+    """Play all scenes, or those until Ctrl-C."""
     try:
         for outcome in scenes.play_all(todo.theatre, todo.arguments, todo.scenes, jobs):
             survey.take(outcome)
@@ -270,7 +270,7 @@ def _only_story(survey: Survey, todo: Plan) -> Tuple[str, ...]:
 
 
 class Result(NamedTuple):
-    """What there is to tell."""
+    """The result of a rehearsal."""
 
     plan: Plan
     rows: List[Row]
@@ -285,7 +285,7 @@ class Result(NamedTuple):
 
 
 def heading(result: Result) -> str:
-    """Return what was played."""
+    """Return a line with the numbers of plays and their time."""
     total = len(result.plan.scenes)
     robot = result.plan.theatre.stage(result.plan.scenes[0].by_voice).settings.interface.name
     stopped = "" if result.plays == total else ", stopped before the other {}".format(total - result.plays)
@@ -294,7 +294,7 @@ def heading(result: Result) -> str:
 
 
 def as_text(result: Result) -> str:
-    """Return all in lines."""
+    """Return the result as lines of text."""
     lines = [heading(result)]
     if result.rows:
         lines += [""] + _columns(rehearse_page.ROW_HEAD, [rehearse_page.row_cells(row) for row in result.rows])
@@ -312,7 +312,7 @@ def as_text(result: Result) -> str:
 
 
 def _found_lines(found: Found, is_first: bool) -> List[str]:
-    """Return a finding in lines; the first of its kind with what it means and its story."""
+    """Return a finding in lines; the first of its kind with its meaning and its story."""
     lines = [""] + ["{}: {}".format(found.kind.name, line) if number == 0 else "  " + line for number, line in enumerate(
         textwrap.wrap(found.kind.means, WIDTH))] if is_first else []
     lines.append("  {}{}: {}".format(found.where or "the mission", " ({})".format(found.place) if found.place else "",
@@ -330,7 +330,7 @@ def _story_lines(story: Sequence[Any]) -> List[str]:
 
 
 def words(scene: Scene) -> str:
-    """Return what is special about a scene."""
+    """Return how a scene differs from the others, in one line."""
     wrong = [str(fault) for fault in scene.planned] + ["{} silent".format(name) for name in scene.silent]
     wrong += ["failure rate {:g}, seed {}".format(scene.rate, scene.seed)] if scene.seed else []
     return "visitor {}, by {}, {}".format(
@@ -343,7 +343,7 @@ def _columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> List[str]:
 
 
 def as_json(result: Result) -> Dict[str, Any]:
-    """Return all as JSON has it."""
+    """Return the result as data for JSON."""
     return {
         "mission": result.plan.arguments[1], "plays": result.plays, "planned_plays": len(result.plan.scenes),
         "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],

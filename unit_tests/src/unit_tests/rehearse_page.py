@@ -1,4 +1,4 @@
-"""A rehearsal as a web page of its own, and the cells of its tables, which the terminal shows too."""
+"""A rehearsal as one self-contained web page, and the cells of its tables, which the terminal shows too."""
 import html
 from typing import Any, List, Sequence
 
@@ -17,7 +17,7 @@ th { color: #5d6975; } code { background: #f2f5f8; overflow-wrap: anywhere; } su
 """
 
 LEFT, TOP, WIDE, HIGH = 50, 10, 520, 220
-"""Where the plot's area lies, and its size."""
+"""Position and size of the plot's area, in pixels."""
 
 PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{0}</title>
@@ -29,21 +29,21 @@ PAGE = """<!DOCTYPE html>
 
 
 def row_cells(row: Row) -> List[str]:
-    """Return what a table shows of a visitor."""
+    """Return the cells for a visitor."""
     faulty = ", ".join("{} {}".format(number, outcome or "without an end") for outcome, number in row.with_faults)
     return [row.visitor, "voice" if row.by_voice else "tablet", row.outcome or "no end",
             duration(row.seconds), str(row.exhibits), faulty or "-"]
 
 
 def share_cells(share: Share) -> List[str]:
-    """Return what a table shows of the runs at one failure rate."""
+    """Return the cells for the runs at one failure rate."""
     return ["{:g}".format(share.rate), str(share.runs), str(share.successes), "{:.1f} %".format(100 * share.share),
             "{:.1f} to {:.1f} %".format(*(100 * end for end in share.interval)),
             duration(share.seconds) if share.seconds == share.seconds else "-"]
 
 
 def duration(seconds: float) -> str:
-    """Return a time as people say it."""
+    """Return a duration as text, such as ``2 min 5 s``."""
     whole = int(round(seconds))
     return "{} min {} s".format(*divmod(whole, 60)) if whole >= 60 else "{} s".format(whole)
 

@@ -19,18 +19,18 @@ from unit_tests.verdict import Verdict, judge, reached
 
 
 ALWAYS_TOLD = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
-"""Keys of the test that the title shows whatever they are."""
+"""Keys of the test that the title always shows."""
 
 TOLD_IF_SET = ("missionRuns", "faultKinds", "plannedFaults", "recogniseBy", "absentServices")
-"""Keys of the test that it shows if they are not the default. The rest does not change what happens."""
+"""Keys of the test that it shows if they differ from the default. The others do not change the test."""
 
 NOT_TOLD = {"scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port", "groot2Address",
             "monitorPort", "monitorAddress", "recordDirectory"}
-"""Keys of the controller that the title has already, or that do not change what happens. It shows the rest if it is set."""
+"""Keys of the controller that the title has already, or that do not change the test. It shows the others if set."""
 
 
 def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
-    """Return what ran and when: with the package's files as delivered, enough to repeat it (contract, section 10)."""
+    """Return the test and its time: with the package's files as delivered, enough to repeat it (contract, section 10)."""
     started = of(facts.events, "RunStarted")
     mission = os.path.basename(started[-1]["mission"]) if started else "that did not start"
     chosen = values_of(test)
@@ -82,7 +82,7 @@ def decision_lines(facts: Facts) -> List[str]:
 
 
 def coverage_lines(facts: Facts) -> List[str]:
-    """Return how much of the mission ran: leaves, and branches of nodes with several children."""
+    """Return the coverage of the mission: leaves, and branches of nodes with several children."""
     started = of(facts.events, "RunStarted")
     if not started:
         return []
@@ -96,11 +96,11 @@ def coverage_lines(facts: Facts) -> List[str]:
 
 
 class Report(NamedTuple):
-    """What is to be told of a test, in the order in which it is read."""
+    """The content of the report of a test, in reading order."""
 
     title: str
     verdict: Verdict
-    visitors: Sequence[str]  # how each pass ended and why; before them what was warned of
+    visitors: Sequence[str]  # the warnings; then how each pass ended and why
     rows: Sequence[Row]
     began: float  # unix seconds
     failures: Sequence[str]
@@ -108,16 +108,16 @@ class Report(NamedTuple):
     counts: Sequence[str]
 
     def text(self) -> str:
-        """Return all of it, for the file."""
+        """Return the whole report, for the file."""
         lines = self._top(table(self.rows, self.began, WIDEST))
         lines += ["# time\tnode\tpath\ttopic or service\tcause\tmessage"] + list(self.failures)
         lines += [""] + (["# recoveries"] + list(self.decisions) + [""] if self.decisions else [])
         return "\n".join(lines + list(self.counts) + ["", str(self.verdict)]) + "\n"
 
     def shown(self, width: int, files: Sequence[str] = ()) -> str:
-        """Return what a terminal of so many columns shows: the rows stand for the failures and the decisions about them.
+        """Return the report for a terminal of that width: the rows replace the failures and the decisions about them.
 
-        ``files`` are lines about where all of it stands.
+        ``files`` are lines that name the files with the whole report.
         """
         shown = table(self.rows[:MOST_SHOWN], self.began, width)
         if len(self.rows) > MOST_SHOWN:
@@ -142,7 +142,7 @@ MOST_SHOWN, MOST_OBJECTIONS = 40, 10
 
 
 def write(facts: Facts, title: str, warnings: Sequence[str] = ()) -> Report:
-    """Return the report; ``warnings`` were told before the start."""
+    """Return the report; ``warnings`` were printed before the start."""
     began = facts.events[0]["time"] if facts.events else 0.0
     rows = Told(facts).rows()
     visitors = list(warnings) + [clean(line) for line in _visitors(facts, rows)]
@@ -165,7 +165,7 @@ def _visitors(facts: Facts, rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _ends(facts: Facts) -> Iterator[Tuple[int, str]]:
-    """Yield for each pass that ended what is told of that, and which exhibits the visitor was not shown to the end."""
+    """Yield for each pass that ended its sentence, and the exhibits that the visitor did not see to the end."""
     for event, story, added in story_of(facts.events):
         for sentence in added:
             if sentence.kind == "visit" and event["event"] == "PassFinished" and story.visit is not None:

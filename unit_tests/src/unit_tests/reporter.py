@@ -28,28 +28,28 @@ JUNIT = "behaviorControllerTest.xml"
 """File with the verdict as JUnit XML, in the folder where ROS keeps test results."""
 
 VERDICT = "verdict"
-"""File in the folder of the run that holds the exit code of the test, and the text that is shown at its end."""
+"""File in the folder of the run with the exit code of the test and the text that is shown at its end."""
 
 PASSED, FAILED, NOT_RUN = 0, 1, 2
 """Exit codes of a test."""
 
 NOTHING_TESTED = "nothing was tested"
-"""The last line of a test that did not begin."""
+"""The last line of a test that did not start."""
 
 START_LIMIT = 30.0
-"""Seconds after its time to wait for nodes in which a controller must have started its mission."""
+"""Seconds after ``startupTimeout`` within which a controller must have started its mission."""
 
 END_LIMIT = 30.0
-"""Seconds that roslaunch may take to end the report, once it was asked to end."""
+"""Seconds that roslaunch may take to end the report after it was asked to stop."""
 
 PROGRESS_INTERVAL = 5.0
-"""Seconds between two lines about how far the mission is."""
+"""Seconds between two lines of progress."""
 
 WIDTH = 120
-"""Columns where the output is no terminal."""
+"""Columns where the output is not a terminal."""
 
 LOOK_INTERVAL = 0.1
-"""Seconds between two looks at what the controller has recorded."""
+"""Seconds between two reads of the controller's record."""
 
 
 def main() -> int:
@@ -87,7 +87,7 @@ def _test() -> int:
 
 
 def _await_nodes() -> None:
-    """Wait for the simulated nodes: one that is still starting would meet the end of the launch with a traceback."""
+    """Wait for the simulated nodes: a node that is still starting when the launch ends would print a traceback."""
     master = rosgraph.Master(rospy.get_name())
     ends = time.monotonic() + START_LIMIT
     for node in parameters.present_nodes() - parameters.real_nodes():
@@ -103,7 +103,7 @@ def _is_registered(master: rosgraph.Master, node: str) -> bool:
 
 
 class Progress:
-    """Shows a waiting user every few seconds how far the mission is."""
+    """Shows the progress of the mission every few seconds."""
 
     def __init__(self, folder: str):
         self._journal = Journal(folder)
@@ -111,7 +111,7 @@ class Progress:
         self._began = self._told = time.monotonic()
 
     def show(self, events: List[Dict[str, Any]]) -> None:
-        """Print a line, if the last one was a while ago."""
+        """Print a line of progress, unless the last one is recent."""
         if time.monotonic() - self._told < PROGRESS_INTERVAL:
             return
         self._told = time.monotonic()
@@ -126,7 +126,7 @@ class Progress:
 
 
 def _rehearse(events: List[Dict[str, Any]], world: World) -> Optional[Rehearsal]:
-    """Return how the mission goes with a robot that never fails; None if it did not start."""
+    """Return the play of the mission on a robot without faults; None if the mission did not start."""
     started = [event for event in events if event["event"] == "RunStarted"]
     if not started:
         return None
@@ -135,9 +135,9 @@ def _rehearse(events: List[Dict[str, Any]], world: World) -> Optional[Rehearsal]
 
 def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]], None] = lambda events: None
                  ) -> Tuple[List[Dict[str, Any]], Optional[int], str]:
-    """Return the controller's record, its exit code once it has ended, and else why the wait is over.
+    """Return the controller's record, and its exit code or, if it has not ended, why the wait is over.
 
-    ``show`` is given the record again and again meanwhile.
+    ``show`` is called with the record at every read.
     """
     record = Tail(os.path.join(folder, RECORD))
     events: List[Dict[str, Any]] = []
@@ -148,7 +148,7 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
         events += record.news()
         show(events)
         waited = time.monotonic() - began
-        is_started = any(event["event"] == "RunStarted" for event in events)  # near the beginning, if at all
+        is_started = any(event["event"] == "RunStarted" for event in events)  # near the beginning, if anywhere
         if not is_started and waited > start_limit:
             cut_off = "the controller did not start its mission within {:g} s".format(start_limit)
         elif waited > limit:
@@ -161,7 +161,7 @@ def wait_for_end(folder: str, limit: float, show: Callable[[List[Dict[str, Any]]
 
 
 def save(text: str, folder: str) -> str:
-    """Write the report to the folder of the run, and a copy where the newest is; return the path of the copy."""
+    """Write the report to the folder of the run, and a copy as the newest report; return the path of the copy."""
     newest = [os.path.join(configuration.share(), "data", OUTPUT), os.path.join(parameters.ros_home(), OUTPUT)]
     wanted = parameters.given().get("outputFile")
     _write([os.path.join(folder, OUTPUT)], text)
@@ -169,7 +169,7 @@ def save(text: str, folder: str) -> str:
 
 
 def _write(paths: Sequence[str], text: str) -> str:
-    """Write a file where this user may write and return the path."""
+    """Write a file to the first folder where this user may write, and return its path."""
     for path in paths:
         try:
             with open(path, "w", encoding="utf-8") as file:
@@ -192,9 +192,9 @@ def _save_junit(text: str) -> None:
 
 
 def finish(code: int, text: str) -> int:
-    """Leave exit code and text where runTest finds them, which shows the text when roslaunch has ended; else show it.
+    """Write exit code and text for runTest, which shows the text when roslaunch has ended; without runTest, show it.
 
-    roslaunch does not pass on an exit code, and prints a good deal at its end.
+    roslaunch does not pass on an exit code, and prints many lines at its end.
     """
     if parameters.is_launched():
         os.makedirs(parameters.folder(), exist_ok=True)
@@ -216,7 +216,7 @@ def read_verdict(folder: str) -> Optional[Tuple[int, str]]:
 
 
 def _end_launch() -> None:
-    """Have roslaunch end as by Ctrl-C, which ends this process too: it calls the end of a required node a death."""
+    """Stop roslaunch as Ctrl-C does, which ends this process too: it would report the end of a required node as a crash."""
     if arguments.is_roslaunch(arguments.parent_command()) and not rospy.is_shutdown():
         os.kill(os.getppid(), signal.SIGINT)
         ends = time.monotonic() + END_LIMIT

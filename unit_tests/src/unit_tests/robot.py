@@ -1,4 +1,4 @@
-"""What the simulated nodes do with each kind of request and what they have to publish, whichever interface they speak."""
+"""What the simulated nodes do with each kind of request and what they publish, for every interface."""
 import math
 from typing import Any, Callable, Collection, Dict, List, Mapping, NamedTuple, Optional, Union
 
@@ -17,25 +17,25 @@ from unit_tests.visitor import FOUND, GAZE_VALUES, LOOKED_FOR, NOTHING_HEARD, Vi
 Fields = Dict[str, Any]
 
 LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
-"""What robots speak and understand that are told the language."""
+"""The languages of robots that have a service to set it."""
 
 
 class World(NamedTuple):
-    """What a node knows besides the request."""
+    """What a node knows in addition to the request."""
 
     visitor: Visitor
     knowledge: Knowledge
-    settings: Settings  # the controller's: which interface the robot has, and what a gaze status means
+    settings: Settings  # the controller's: the robot's interface, and the meaning of a gaze status
 
 
 # ------------------------------------------------------------------------------------------------------------- services
 
 
 class Service(NamedTuple):
-    """What the robot does with one kind of request, of which it is given the fields of the srv request.
+    """What the robot does with one kind of request, given the fields of the srv request.
 
-    ``object_to`` says what is wrong with a request. ``answer`` is what a positive answer brings; None: the answer is no,
-    because the visitor's is. ``nonsense`` is of the right type and means nothing, where an answer brings something.
+    ``object_to`` says what is wrong with a request. ``answer`` is the content of a positive answer; None: the answer is no,
+    because the visitor's is. ``nonsense`` is content of the right type without a meaning, where an answer has content.
     ``seconds`` is about how long a real robot takes.
     """
 
@@ -81,7 +81,7 @@ def _places(request: Fields, world: World) -> Answer:
 
 
 def _press(request: Fields, world: World) -> Optional[Answer]:
-    """Return what is pressed; a tablet that does not tell says yes to all that is pressed, or to the first option."""
+    """Return what is pressed; a tablet that does not say which reports yes for any press, or for the first option."""
     options = request["message"].split("|")
     pressed = world.visitor.press(options)
     if world.settings.interface.tells_pressed:
@@ -91,10 +91,10 @@ def _press(request: Fields, world: World) -> Optional[Answer]:
 
 
 LETTERS_A_SECOND = 14.0
-"""How fast a robot speaks."""
+"""The speed of a robot's speech, in characters a second."""
 
 NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
-"""A place that cannot be driven to."""
+"""A goal that cannot be reached."""
 
 SERVICES: Mapping[type, Service] = {
     SetAnimation: Service(_allow("state", "enabled", "disabled")),
@@ -112,7 +112,7 @@ SERVICES: Mapping[type, Service] = {
 
 
 def nonsense(success: Success) -> Optional[Plain]:
-    """Return a value of the field that tells the outcome, which tells none; None: each of its values means something."""
+    """Return a value of the outcome field that has no meaning; None if each of its values has one."""
     return None if isinstance(success.done, bool) else 7 if isinstance(success.done, int) else "perhaps"
 
 
@@ -122,7 +122,7 @@ def usual_seconds(service: interfaces.Service, request: Fields) -> float:
 
 
 def possible(fault: Optional[str], service: interfaces.Service, response: Collection[str]) -> Optional[str]:
-    """Return how a call goes wrong whose response has these fields: it is refused where no answer is nonsense."""
+    """Return the fault of a call whose response has these fields: a refusal where no answer can be nonsense."""
     simulated = SERVICES.get(service.request)
     brings = len(response) > 1 and simulated is not None and simulated.nonsense is not None
     return REFUSED if fault == WRONG and not brings and nonsense(service.success) is None else fault
@@ -134,9 +134,9 @@ Value = Union[Faces, AttentionStatus, str]
 
 
 class Topic(NamedTuple):
-    """A topic. ``content`` is what its next message says, None: there is none; ``fields`` are the message's.
+    """A topic. ``content`` is the content of its next message, None without a message; ``fields`` are the message's.
 
-    ``value`` is what messages with such fields say.
+    ``value`` is the content of a message with such fields.
     """
 
     content: Callable[[World], Optional[Value]]
@@ -167,7 +167,7 @@ def _is_seen_by_attention(interface: Interface) -> bool:
 
 
 def _utterance(world: World) -> Optional[str]:
-    """Return what speech recognition writes; one that can be switched off writes only what it hears while it is on."""
+    """Return the text of speech recognition; where it can be switched off, only what it hears while it is on."""
     words = world.visitor.utterance()
     if world.settings.interface.serves(SetRecognition):
         return words if words and world.visitor.is_listened_to else None
@@ -189,7 +189,7 @@ TOPICS: Mapping[str, Topic] = {
 
 
 def services(interface: Interface) -> List[interfaces.Service]:
-    """Return the services that are simulated: not what other packages declare."""
+    """Return the services that are simulated: those of this package, not those that other packages declare."""
     return [service for service in interface.services if service.request in SERVICES]
 
 
@@ -212,7 +212,7 @@ NODES = tuple(nodes(*INTERFACES.values()))
 """All nodes of all robots."""
 
 SERVERS = tuple(servers(*INTERFACES.values()))
-"""Those that have a service."""
+"""The nodes that have a service."""
 
 OPTIONAL = tuple(dict.fromkeys(service.name for robot in INTERFACES.values() for service in services(robot)
                                if service.is_optional))

@@ -1,4 +1,4 @@
-"""The plays of a rehearsal: which visitor, which faults, by voice or tablet; played on all cores, and looked at."""
+"""The plays of a rehearsal: which visitor, which faults, by voice or tablet; run on all cores, and evaluated."""
 import dataclasses
 import itertools
 import multiprocessing
@@ -15,13 +15,13 @@ from unit_tests.findings import Look
 from unit_tests.stage import CALM, Played, Stage
 
 MESSAGES = 1.0
-"""Seconds between two messages of a topic, or half of ``topicMaxAge``: in a rehearsal none is late."""
+"""Seconds between two messages of a topic, or half of ``topicMaxAge`` if less: in a rehearsal no message is late."""
 
 FEW = 60
-"""So many plays are played in this process: others would not have started by then."""
+"""Up to this number of plays run in this process: starting others would take longer."""
 
 CHUNK = 8
-"""Plays that a process is given at once."""
+"""Plays that a process receives at once."""
 
 
 NO_VISITOR = "waiting for a visitor"
@@ -29,13 +29,13 @@ NO_VISITOR = "waiting for a visitor"
 
 
 BROKEN = "exception"
-"""The outcome of a pass that an exception beside the tree ended."""
+"""The outcome of a pass that an exception outside the tree ended."""
 
 
 class Scene(NamedTuple):
-    """One play: a visitor, how the visitor answers, and what goes wrong: as planned, or drawn with ``rate`` and ``seed``.
+    """One play: a visitor, how the visitor answers, and the faults: planned, or random with ``rate`` and ``seed``.
 
-    Seed 0: nothing is drawn.
+    Seed 0: no random faults.
     """
 
     visitor: str
@@ -48,12 +48,12 @@ class Scene(NamedTuple):
 
     @property
     def is_calm(self) -> bool:
-        """Whether nothing is made to go wrong."""
+        """Whether the scene has no faults."""
         return not (self.planned or self.silent or self.seed)
 
 
 class Outcome(NamedTuple):
-    """What came of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, BROKEN, or empty if the pass did not end."""
+    """The result of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, BROKEN, or empty if the pass did not end."""
 
     scene: Scene
     outcome: str
@@ -61,11 +61,11 @@ class Outcome(NamedTuple):
     exhibits: int  # that the robot was sent to
     found: Tuple[Tuple[str, str, str], ...]  # name, place and words of each finding
     reached: FrozenSet[int]
-    switched: FrozenSet[Request]  # the requests of the kinds of the safe state
+    switched: FrozenSet[Request]  # the requests of the kinds that the safe state sends
 
 
 class Theatre:
-    """A mission on its stages, one for visitors who answer by voice and one for the tablet. One in each process."""
+    """A mission on its stages, one for visitors who answer by voice and one for the tablet. Each process has its own."""
 
     def __init__(self, chosen: Mapping[str, Any], mission: str, limit: float):
         """``chosen`` are the values of the controller's keys; ``limit`` is in seconds of the mission's time."""
@@ -98,7 +98,7 @@ class Theatre:
         return self._calm[key]
 
     def look(self, scene: Scene) -> Outcome:
-        """Play a scene and look at it."""
+        """Play a scene and find what is wrong in it."""
         look = self.play(scene)
         kinds = {type(request) for request in look.stage.settings.interface.safe_state}
         switched = frozenset(request for _, request in look.played.asked if type(request) in kinds)
@@ -112,7 +112,7 @@ class Theatre:
 
 
 def calm(visitors: Sequence[str], ways: Sequence[bool]) -> List[Scene]:
-    """Return the scenes in which nothing goes wrong. ``ways``: by voice, by tablet, or both."""
+    """Return the scenes without faults. ``ways``: by voice, by tablet, or both."""
     return [Scene(visitor, by_voice) for by_voice in ways for visitor in visitors]
 
 
@@ -124,7 +124,7 @@ def calls(played: Played) -> List[Tuple[str, int, str]]:
 def single(theatre: Theatre, scenes: Sequence[Scene], kinds: Sequence[str]) -> Iterator[Scene]:
     """Yield each of the calm ``scenes`` with each call going wrong in each way, and with each topic silent.
 
-    Of the scenes by tablet only with the calls that the same visitor does not bring about by voice. A pass that does not
+    Scenes by tablet are played only with the calls that the same visitor does not cause by voice. A pass that does not
     end without a fault is not played with one.
     """
     known: Dict[str, Set[Tuple[str, str]]] = {}
@@ -142,7 +142,7 @@ def single(theatre: Theatre, scenes: Sequence[Scene], kinds: Sequence[str]) -> I
 
 
 def pairs(theatre: Theatre, scenes: Sequence[Scene], kinds: Sequence[str]) -> Iterator[Scene]:
-    """Yield each of the calm ``scenes`` with each two calls going wrong, both in the same way.
+    """Yield each of the calm ``scenes`` with each pair of calls going wrong, both in the same way.
 
     The second may be the one that a recovery makes of the first.
     """
@@ -157,7 +157,7 @@ def pairs(theatre: Theatre, scenes: Sequence[Scene], kinds: Sequence[str]) -> It
 
 
 def random(scenes: Sequence[Scene], runs: int, rates: Sequence[float], seed: int, kinds: Sequence[str]) -> List[Scene]:
-    """Return so many scenes for each failure rate, with one visitor after the other and a seed for each run."""
+    """Return that many scenes for each failure rate, with the visitors in turn and a seed for each run."""
     return [scenes[run % len(scenes)]._replace(rate=rate, seed=seed + run, kinds=tuple(kinds))
             for rate in rates for run in range(runs)]
 
@@ -169,7 +169,7 @@ _theatre: Optional[Theatre] = None
 
 
 def _open(*arguments: Any) -> None:
-    """Make ready a process that plays."""
+    """Prepare a process for its plays."""
     global _theatre
     _theatre = Theatre(*arguments)
 
@@ -180,11 +180,11 @@ def _look(scene: Scene) -> Outcome:
 
 
 def play_all(theatre: Theatre, arguments: Tuple[Any, ...], scenes: Sequence[Scene], jobs: int) -> Iterator[Outcome]:
-    """Yield what comes of each scene, as soon as it is known. ``arguments`` make another Theatre of the same mission."""
+    """Yield the result of each scene as soon as it is known. ``arguments`` make another Theatre of the same mission."""
     if jobs <= 1 or len(scenes) <= FEW:
         yield from map(theatre.look, scenes)
         return
-    # Ctrl-C is for this process; the others inherit what they do with it, and would end with a traceback each
+    # Ctrl-C is for this process; the others inherit that they ignore it, else each would print a traceback
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         pool = multiprocessing.get_context("spawn").Pool(jobs, _open, arguments)

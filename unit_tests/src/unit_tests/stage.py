@@ -51,22 +51,22 @@ NOTICED = 0.1
 """Seconds after which the controller's monitor has noticed a crash or a return."""
 
 SHORTEST_GAP = 0.05
-"""Seconds between two messages of a topic at the least: what an infinite arrival rate comes to."""
+"""The shortest time between two messages of a topic, in seconds: an infinite arrival rate means this."""
 
 LONG_PACE = 0.25
-"""Seconds between the ticks of a mission that changes something at every one, in place of ``runner.PACE``."""
+"""Seconds between the ticks of a mission that changes something at every tick, instead of ``runner.PACE``."""
 
 TIMED_OUT = "the mission did not end within {:g} s"
-"""Why the end is not awaited of a mission that has had its time."""
+"""Why a play stops at the time limit."""
 
 BUSY = "the mission busy-loops"
-"""Why the end of a mission that never waits is not awaited."""
+"""Why a play stops if the mission never waits."""
 
 MOST_BUSY = 10
-"""A mission that busy-loops is ticked so often."""
+"""Ticks without a wait after which a mission counts as busy-looping."""
 
 CALM = configuration.defaults(failureRate=0.0, randomSeed=0)
-"""A test in which nothing goes wrong and every message comes in time."""
+"""A test without faults in which every message comes in time."""
 
 KINDS = get_args(Event)
 """The kinds of events."""
@@ -76,18 +76,18 @@ _ORDER = 1e-6
 
 
 class Played(NamedTuple):
-    """What came of a play. ``exit_code`` is the controller's; None: it had not ended when its time was up."""
+    """The result of a play. ``exit_code`` is the controller's; None: it had not ended when its time was up."""
 
     entries: Sequence[Tuple[float, Entry]]  # as in a record: events, and what each traversal of the tree changed
     journal: Sequence[Line]
     exit_code: Optional[int]
-    cut_off: str  # why the end was not awaited
+    cut_off: str  # why the play was stopped before the end
     error: str  # an exception that ended the mission; empty: none
     reached: FrozenSet[int]  # the uids of the nodes that were ticked
     waiting: Tuple[int, ...]  # the uids of the nodes that were running at the end, without a running child
     seconds: float
-    asked: Sequence[Tuple[float, Request]]  # what was asked, whether or not it reached its node
-    presence: Sequence[Tuple[float, bool]]  # since when a visitor has been there, or has not
+    asked: Sequence[Tuple[float, Request]]  # the requests, whether or not they reached their node
+    presence: Sequence[Tuple[float, bool]]  # times from which on a visitor was present, or was not
 
     @property
     def events(self) -> List[Tuple[float, Event]]:
@@ -95,7 +95,7 @@ class Played(NamedTuple):
         return [(at, entry) for at, entry in self.entries if isinstance(entry, KINDS)]
 
     def record(self) -> List[Dict[str, Any]]:
-        """Return the entries as they are read from a record."""
+        """Return the entries as a reader of a record gets them."""
         return [json.loads(encode(at, entry)) for at, entry in self.entries]
 
 
@@ -104,15 +104,15 @@ Durations = Callable[[Service, Fields], float]
 
 
 def at_once(service: Service, request: Fields) -> float:
-    """Return how long the simulated nodes of a test take."""
+    """Return how long the simulated nodes of a test take, in seconds."""
     return 0.005
 
 
 class Stage:
-    """A mission, read and found right, and the world in which it is played as often as wanted."""
+    """A mission without faults, and the world in which it can be played any number of times."""
 
     def __init__(self, settings: Settings, documents: Optional[Sequence[Document]] = None, world: Optional[World] = None):
-        """``documents`` are what is played instead of the configured mission, the mission last. Raises FaultsFound."""
+        """``documents`` are played instead of the configured mission; the mission is the last of them. Raises FaultsFound."""
         self.settings = settings
         self._documents = documents or with_includes(read(missions.find(settings.scenario_specification)))
         self._mission = missions.load(settings, ManualClock(START), documents=self._documents)
@@ -134,7 +134,7 @@ class Stage:
         return self.world.knowledge
 
     def manners(self, behaviour: str) -> Manners:
-        """Return the manners of a visitor who behaves so."""
+        """Return the manners of a visitor with that behaviour."""
         return self.world.visitor.manners._replace(behaviour=behaviour)
 
     def play(self, test: Configuration, silent: Collection[str] = (), durations: Durations = at_once,
@@ -151,7 +151,7 @@ class _TimeIsUp(Exception):
 
 
 class _Runner(Runner):
-    """A runner that goes to the next event in place of waiting for it."""
+    """A runner that advances the clock to the next event instead of waiting for it."""
 
     ends = math.inf
     _busy = 0
@@ -164,7 +164,7 @@ class _Runner(Runner):
         return result
 
     def wait(self, seconds: Optional[float]) -> None:
-        """Let time pass until the tree is woken, ``seconds`` at the longest."""
+        """Advance time until the tree is woken, by ``seconds`` at most."""
         clock, wake = self.clock, self.tree.wake
         assert isinstance(clock, ManualClock)
         clock.run_posted()
@@ -181,7 +181,7 @@ class _Runner(Runner):
 
 
 class _Play:
-    """One play under way: what the robot's nodes, the monitor and the record are in a test."""
+    """A play in progress: it stands in for the robot's nodes, the monitor and the record of a test."""
 
     def __init__(self, mission: missions.Mission, world: World, test: Configuration, durations: Durations):
         self.mission, self.world, self.test, self.durations = mission, world, test, durations
@@ -221,7 +221,7 @@ class _Play:
         self.entries.append((self.stamp(), entry))
 
     def stamp(self) -> float:
-        """Return the time for what happens now: later than that of all that happened before."""
+        """Return the time of the current event: later than that of every event before."""
         self._newest = max(self.clock.now(), self._newest + _ORDER)
         return self._newest
 
@@ -250,7 +250,7 @@ def _ended(runner: _Runner) -> Tuple[Optional[int], str, str]:
         return runner.run(), "", ""
     except _TimeIsUp as reason:
         return None, str(reason), ""
-    except Exception as error:  # as the node does: a mistake in a leaf is an outcome like others
+    except Exception as error:  # as the node does: an exception in a leaf is an outcome too
         return exits.BROKEN, "", "{}: {}".format(type(error).__name__, " ".join(str(error).split()))
 
 
@@ -258,7 +258,7 @@ def _ended(runner: _Runner) -> Tuple[Optional[int], str, str]:
 
 
 class _Node:
-    """A simulated node: which of its calls go wrong, and whether it is there."""
+    """A simulated node: which of its calls go wrong, and whether it is running."""
 
     def __init__(self, play: _Play, name: str):
         self._play = play
@@ -269,7 +269,7 @@ class _Node:
         self.is_away = False
 
     def crash(self) -> None:
-        """Be away for a while."""
+        """Be unreachable for a while."""
         play = self._play
         self.is_away = True
         play.topics.close(self.name)
@@ -334,7 +334,7 @@ class _UnderWay:
         return Failure(cause, message, self._service.name)
 
     def _arrive(self) -> None:
-        """Reach the node, or find that it is not there."""
+        """Reach the node, or find that it is not running."""
         play, service = self._play, self._service
         node = play.node(service.node)
         if service.name in play.test.absent_services:
@@ -347,12 +347,12 @@ class _UnderWay:
             self._carry_out(node)
 
     def _answer_after(self, seconds: float, result: Union[Answer, Failure]) -> None:
-        # a call that was dropped has no timers any more
+        # a dropped call no longer has timers
         if self._timers[1].callback is not None:
             self._timers.append(self._play.clock.call_after(seconds, lambda: self._finish(result)))
 
     def _carry_out(self, node: _Node) -> None:
-        """Do what the node does with the request."""
+        """Carry out the request as the node does."""
         play, service = self._play, self._service
         asked, answered = slots(service)
         fields = _fields(service, self._request, asked)
@@ -371,7 +371,7 @@ class _UnderWay:
             self._answer_after(0.0 if at_once else play.durations(service, fields), self._result(line, answer))
 
     def _result(self, line: Line, answer: Optional[Answer]) -> Union[Answer, Failure]:
-        """Return what the controller makes of the response."""
+        """Return the result that the controller decodes from the response."""
         success = self._service.success
         if line.fault == EXCEPTION:
             return self._failure(Cause.HANDLER_EXCEPTION, "call {} of {} fails on purpose".format(line.call, line.node))
@@ -396,7 +396,7 @@ class _UnderWay:
 
 
 def _message(answer: Answer) -> Any:
-    """Return the response that brings ``answer``, with the fields of the ROS message."""
+    """Return the response that carries ``answer``, with the fields of the ROS message."""
     return SimpleNamespace(response=answer.response, exhibits=[
         SimpleNamespace(name=place.name, description1=place.description1, description2=place.description2,
                         location=SimpleNamespace(x=place.location.x, y=place.location.y, theta=place.location.theta_deg),
@@ -404,7 +404,7 @@ def _message(answer: Answer) -> Any:
 
 
 def _fields(service: Service, request: Request, names: Sequence[str]) -> Fields:
-    """Return the fields of the srv request; those of the record where there is no srv file."""
+    """Return the fields of the srv request; without an srv file, those of the record."""
     return dict(zip(names, service.fields(request))) if names else dict(vars(request))
 
 
@@ -438,17 +438,17 @@ class _Topics(FakeTopics):
         self._open: Dict[Topic, _Publisher] = {}
 
     def open(self, topic: Topic, shortest_gap: float) -> None:
-        """Let messages of ``topic`` come."""
+        """Start the messages of ``topic``."""
         self._open[topic] = _Publisher(self, topic, shortest_gap)
         self._open[topic].begin()
 
     def close(self, node: str) -> None:
-        """Let the topics of a node be silent: it has crashed."""
+        """Silence the topics of a node that has crashed."""
         for publisher in self._of(node):
             publisher.end()
 
     def reopen(self, node: str) -> None:
-        """Let them be heard again, by a node that has just started."""
+        """Start the topics of a node again, as a new process."""
         for publisher in self._of(node):
             publisher.begin()
 
@@ -456,33 +456,33 @@ class _Topics(FakeTopics):
         return [publisher for topic, publisher in self._open.items() if topic.node == node]
 
     def listen(self, topic: Topic, seconds: float) -> None:
-        """Let a robot that hears by an action listen for so long."""
+        """Have a robot that hears by an action listen for that time."""
         if topic in self._open:
             self._open[topic].until = self.play.clock.now() + seconds
 
 
 class _Publisher:
-    """What a simulated node publishes on one topic, or tells by the action in its place."""
+    """What a simulated node publishes on one topic, or returns by the action that replaces it."""
 
     def __init__(self, topics: _Topics, topic: Topic, shortest_gap: float):
         self._topics, self._topic, self._shortest_gap = topics, topic, shortest_gap
         play = topics.play
         self._action = topic.action if play.test.recognise_by == ACTION else None
         self._name = topic.name if self._action is None else self._action.name
-        self.until = -math.inf  # an action tells nothing later
+        self.until = -math.inf  # an action returns nothing later
         self._told = Told()
         self._times: Iterator[float] = iter(())
         self._timer: Optional[Timer] = None
 
     def begin(self) -> None:
-        """Start as a node does."""
+        """Start publishing, as a node does when it starts."""
         play = self._topics.play
         self._told = Told()
         self._times = Arrivals(play.test.arrival_rate, play.seed(self._topic.node, "arrivals")).times(play.clock.now())
         self._await_next()
 
     def end(self) -> None:
-        """Say nothing more."""
+        """Stop publishing."""
         if self._timer is not None:
             self._timer.cancel()
 

@@ -1,4 +1,4 @@
-"""What all plays of a rehearsal come to: outcomes for each visitor, findings with their shortest play, shares of success."""
+"""The summary of a rehearsal: outcomes for each visitor, findings with their shortest play, shares of success."""
 import math
 import shlex
 from collections import Counter
@@ -21,7 +21,7 @@ Z = 1.96
 
 
 class Found(NamedTuple):
-    """A finding: what, where and how often; the shortest play that shows it, None if all plays together show it."""
+    """A finding: what, where and how often; the shortest play with it, None if only all plays together show it."""
 
     kind: Kind
     where: str
@@ -35,7 +35,7 @@ class Found(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What a visitor's pass comes to, without faults, and how often each outcome came with faults."""
+    """The outcome of a visitor's pass without faults, and the number of each outcome with faults."""
 
     visitor: str
     by_voice: bool
@@ -46,7 +46,7 @@ class Row(NamedTuple):
 
 
 class Share(NamedTuple):
-    """How many of the runs at one failure rate succeeded."""
+    """The runs at one failure rate and how many of them succeeded."""
 
     rate: float
     runs: int
@@ -59,7 +59,7 @@ class Share(NamedTuple):
 
     @property
     def interval(self) -> Tuple[float, float]:
-        """Wilson's interval for the true share, which 95 of 100 such intervals hold."""
+        """Wilson's interval: 95 of 100 such intervals contain the true share."""
         p, n = self.share, self.runs
         centre = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
         half = Z / (1 + Z * Z / n) * math.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n))
@@ -68,10 +68,10 @@ class Share(NamedTuple):
 
 @dataclass
 class Survey:
-    """Takes one outcome after the other."""
+    """Collects the results of the plays."""
 
     theatre: Theatre
-    chosen: Sequence[str] = ()  # arguments of the command that hold for all plays
+    chosen: Sequence[str] = ()  # arguments of the command that are the same for all plays
     plays: int = 0
     _outcomes: List[Tuple[Scene, str, float, int]] = field(default_factory=list)
     _shortest: Dict[Tuple[str, str], Tuple[Outcome, str]] = field(default_factory=dict)
@@ -80,7 +80,7 @@ class Survey:
     _switched: Set[Request] = field(default_factory=set)
 
     def take(self, outcome: Outcome) -> None:
-        """Take what came of a scene."""
+        """Add the result of a scene."""
         self.plays += 1
         self._outcomes.append((outcome.scene, outcome.outcome, outcome.seconds, outcome.exhibits))
         self._reached |= outcome.reached
@@ -92,9 +92,9 @@ class Survey:
                 self._shortest[name, where] = outcome, what
 
     def found(self, is_complete: bool) -> List[Found]:
-        """Return the findings, those of one kind together. ``is_complete``: all that may happen has been played.
+        """Return the findings, those of one kind together. ``is_complete``: every visitor and every fault was played.
 
-        What comes after a pass that does not end is not reached for that reason.
+        Nodes after a pass that does not end are not reported as unreached.
         """
         whole: List[Tuple[str, str, str]] = []
         if is_complete and all(outcome for scene, outcome, _, _ in self._outcomes if scene.is_calm):
@@ -120,7 +120,7 @@ class Survey:
         return ""
 
     def story(self, scene: Scene) -> Tuple[Sentence, ...]:
-        """Return a play told in sentences; their times are seconds from its beginning."""
+        """Return the sentences of a play; their times are seconds from its beginning."""
         story = Story()
         return tuple(sentence._replace(at=sentence.at - START)
                      for at, event in self.theatre.play(scene).played.events for sentence in story.take(at, event))
@@ -140,7 +140,7 @@ class Survey:
         return " ".join(map(shlex.quote, words + ["asrEnabled:={}".format("true" if scene.by_voice else "false")]))
 
     def rows(self) -> List[Row]:
-        """Return what each visitor's pass comes to."""
+        """Return the outcomes for each visitor."""
         rows = []
         for scene, outcome, seconds, exhibits in self._outcomes:
             if scene.is_calm:
@@ -150,13 +150,13 @@ class Survey:
         return rows
 
     def shares(self) -> List[Share]:
-        """Return the share of successes for each failure rate, of the plays whose faults were drawn."""
+        """Return the share of successes for each failure rate, of the plays with random faults."""
         return [_share(rate, [(outcome, seconds) for scene, outcome, seconds, _ in self._outcomes if scene.rate == rate])
                 for rate in sorted({scene.rate for scene, _, _, _ in self._outcomes if scene.seed})]
 
 
 def _length(outcome: Outcome) -> Tuple[Any, ...]:
-    """Return what the shortest play has the least of; of plays alike, the first declared visitor and kind of fault."""
+    """Return the key by which the shortest play sorts first; of equals, the first declared visitor and kind of fault."""
     scene = outcome.scene
     return (len(scene.planned) + len(scene.silent) + 99 * bool(scene.rate), round(outcome.seconds),
             BEHAVIOURS.index(scene.visitor), not scene.by_voice, [KINDS.index(fault.kind) for fault in scene.planned], scene)

@@ -1,7 +1,7 @@
-"""The visitor in front of the robot: what can be seen and heard of one person, given what the robot has done so far.
+"""The visitor in front of the robot: what sensors see and hear of one person, given what the robot has done so far.
 
-Each simulated sensor has a Visitor of its own and tells it everything that stands in the journal, so all of them know
-the same person. Only the times of messages are random.
+Each simulated sensor has its own Visitor and passes it every line of the journal, so all of them simulate the same
+person. Only the times of messages are random.
 """
 import math
 from typing import Callable, Dict, NamedTuple, Optional, Sequence, Tuple
@@ -10,29 +10,29 @@ from unit_tests.journal import Line
 
 ENGAGES, SILENT, DECLINES, LEAVES = "engages", "silent", "declines", "leaves"
 UNCLEAR, NO_GAZE = "unclear", "noGaze"
-RANDOM = "random"  # one of the others, drawn
+RANDOM = "random"  # one of the others, at random
 BEHAVIOURS = (ENGAGES, SILENT, UNCLEAR, DECLINES, LEAVES, NO_GAZE)
 
 ALIASES = {"complete": ENGAGES, "partial01": NO_GAZE, "partial02": SILENT, "partial03": DECLINES, "partial04": LEAVES}
 """The names of the project's former test -> what they mean here."""
 
 EXHIBITS_BEFORE_LEAVING = 2
-"""A visitor who leaves follows the robot to this many exhibits, and no farther."""
+"""A visitor who leaves follows the robot to this many exhibits only."""
 
 LONG_WAIT = 300.0
-"""Seconds without a request after which the next visitor comes in any case: longer than any step takes."""
+"""Seconds without a request after which the next visitor always comes: longer than any step takes."""
 
 SMALL_TALK = "What a bright room"
-"""What a visitor says when there is nothing to answer; no language takes it for an answer."""
+"""What a visitor says when there is nothing to answer; it is an answer in no language."""
 
 NOTHING_HEARD = "Error: no speech recognised"
-"""What speech recognition writes when it cannot make out words."""
+"""The text of speech recognition when it recognises no words."""
 
 TAKES_TIME = ("overtAttention", "animateBehavior", "speechEvent", "tabletEvent")
-"""Nodes of the robot that do nothing which a visitor takes for going on: a question is still open after their calls."""
+"""Nodes of the robot whose calls a visitor does not notice: a question stays open after them."""
 
 UNCLEAR_ANSWER = "That is a good question"
-"""What an unclear visitor answers; no language takes it for a yes or a no."""
+"""What an unclear visitor answers; it is a yes or a no in no language."""
 
 STILL_SEEKING, MUTUAL_GAZE, GAZE_FAILED = "still seeking", "mutual gaze", "failed"
 GAZE_VALUES: Dict[int, Dict[str, int]] = {
@@ -45,17 +45,17 @@ LOOKS = 10
 """How often a robot seeks the gaze of a visitor who does not look back, before it gives up."""
 
 LOOKED_FOR, FOUND = 1, 2
-"""Its ``value`` in other modes, on a robot whose attention tells of visitors."""
+"""Its ``value`` in other modes, on a robot whose attention reports visitors."""
 
 
 class Manners(NamedTuple):
-    """How a visitor behaves, and the words of the language in which the robot speaks."""
+    """The behaviour of a visitor, and the words of the language in which the robot speaks."""
 
     behaviour: str
-    questions: Sequence[str]  # sentences of the robot that want a yes or no
+    questions: Sequence[str]  # sentences of the robot that ask for a yes or no
     yes: str
     no: str
-    home: Optional[Tuple[float, float]]  # x and y of where the robot waits between two visitors; None: on its tour
+    home: Optional[Tuple[float, float]]  # x and y of the place where the robot waits between two visitors; None: on its tour
 
 
 class Visitor:
@@ -66,7 +66,7 @@ class Visitor:
 
     def __init__(self, manners: Manners):
         self.manners = manners
-        self.attention = "disabled"  # the mode that the robot's gaze was last set to
+        self.attention = "disabled"  # the last mode of the robot's gaze
         self.is_listened_to = True  # until the robot switches its speech recognition off
         self._is_first_request = True
         self._last_request = math.inf
@@ -83,7 +83,7 @@ class Visitor:
     # ------------------------------------------------------------------------------------------- what the robot does
 
     def notice(self, line: Line) -> None:
-        """Take in a request of the robot; of lines about topics only the time is news to a visitor."""
+        """Process a request of the robot; lines about topics only advance the time."""
         if line.call == 0:
             if not self.is_here and line.time > self._last_request + LONG_WAIT:
                 self._come()
@@ -139,14 +139,14 @@ class Visitor:
         return self.is_here and self.manners.behaviour != NO_GAZE
 
     def gaze(self) -> str:
-        """Return what a robot that seeks mutual gaze finds at its next look: the second look is returned, or none is."""
+        """Return the result of the robot's next look for mutual gaze: the visitor returns the second look, or none."""
         self._looks += 1
         if not self.is_here or self._looks > LOOKS and not self.looks_back:
             return GAZE_FAILED
         return MUTUAL_GAZE if self._looks > 1 and self.looks_back else STILL_SEEKING
 
     def utterance(self) -> str:
-        """Return what is made out of the visitor's words next; empty: there are none.
+        """Return the recognised words of the visitor; empty if there are none.
 
         An answer is repeated until the robot goes on.
         """

@@ -40,8 +40,8 @@ def release(behaviour=ENGAGES, *states, **settings):
 
 @pytest.mark.parametrize("interface", INTERFACES.values())
 def test_each_declared_service_and_topic_is_simulated(interface):
-    assert {service.request for service in interface.services} <= set(SERVICES)
-    assert {topic.name for topic in interface.topics} <= set(TOPICS)
+    assert {service.request for service in interface.services} - set(SERVICES) == set()
+    assert {topic.name for topic in interface.topics} - set(TOPICS) == set()
     assert set(nodes(interface)) <= set(NODES) and {service.node for service in interface.services} <= set(SERVERS)
 
 
@@ -53,7 +53,7 @@ def test_what_another_package_declares_is_not_simulated():
 
 
 def test_each_kind_of_request_has_a_robot_that_is_asked_so():
-    assert {service.request for interface in INTERFACES.values() for service in interface.services} == set(SERVICES)
+    assert set(SERVICES) - {service.request for interface in INTERFACES.values() for service in interface.services} == set()
 
 
 @pytest.mark.parametrize("kind, request_fields, answer", (
@@ -74,10 +74,10 @@ def test_success_is_what_the_contract_says(kind, request_fields, answer):
 
 
 def test_what_tells_an_outcome_may_be_neither_yes_nor_no():
-    found = {service.name: nonsense(service.success) for service in INTERFACE.services}
-    assert found == {"/animateBehaviour/set_activation": "perhaps", "/gestureExecution/perform_gesture": 7,
-                     "/knowledgeBase/query": None, "/overtAttention/set_mode": 7, "/robotNavigation/set_goal": 7,
-                     "/tabletEvent/prompt_and_get_response": None, "/textToSpeech/say_text": None}
+    found = {kind: nonsense(INTERFACE.service(kind).success) for kind in (
+        SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say)}
+    assert found == {SetAnimation: "perhaps", PerformGesture: 7, QueryKnowledge: None, SetAttention: 7, GoTo: 7,
+                     Prompt: None, Say: None}
 
 
 @pytest.mark.parametrize("what, names", (
