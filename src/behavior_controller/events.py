@@ -3,7 +3,7 @@
 Producers (leaves, the runner, the gateway's monitor) call ``Events.emit``; sinks (the terminal, the record file, the
 page) subscribe. A sink is called on the producer's thread and must be quick.
 """
-from typing import Callable, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union, get_args
 
 from behavior_controller.gateway import Failure
 from behavior_controller.text import Source
@@ -182,6 +182,8 @@ class RunFinished(NamedTuple):
 
 Event = Union[RunStarted, PassStarted, StepStarted, LeafFinished, TourAdvanced, Recovering, Retried, Recovered,
               HealthChanged, PassFinished, Noticed, RunFinished]
+EVENTS: Tuple[Any, ...] = get_args(Event)
+"""The kinds of events."""
 
 
 class Events:

@@ -8,16 +8,18 @@ import time
 import pytest
 
 from behavior_controller.errors import MissionError
-from behavior_controller.events import RunStarted
+from behavior_controller.events import EVENTS, LeafFinished, Retried, RunStarted
+from behavior_controller.leaves import registry
 from behavior_controller.story import Story
 from behavior_controller.watch import lanes
 from behavior_controller.watch.codec import FORMAT, VERSION, decode
 from behavior_controller.watch.replay import main, read_record
-from behavior_controller.watch.report import DEEPEST, EVENTS, to_html
+from behavior_controller.watch.report import DEEPEST, to_html
 from browser import axe, findings, open_browser, reset_screen, set_screen
 from recorded_tours import KINDS, recorded_day
 
 FAILED = {"cause": "refused", "message": "a chair is in the way", "resource": "/s"}
+WHY = "refused, a chair is in the way (/s)"
 
 
 class Page(html.parser.HTMLParser):
@@ -60,9 +62,9 @@ class Page(html.parser.HTMLParser):
         """The sentences, each with its time before it."""
         return [text for names, text in self.texts if names[0] == "li" and set(names) & {"info", "warning", "error"}]
 
-    def bars(self, lane):
+    def bars(self, lane, of="lanes"):
         """Return the bars of a lane: begin and length in ms, kind, count, note."""
-        numbers = next(each for each in self.data["lanes"] if each[0] == lane)[1:]
+        numbers = next(each for each in self.data[of] if each[0] == lane)[1:]
         return [tuple(numbers[place:place + 4]) + (self.data["notes"][numbers[place + 4]],)
                 for place in range(0, len(numbers), 5)]
 
@@ -98,8 +100,8 @@ def page_of(lines, file="the record"):
     return to_html(decode("".join(json.dumps(line) + "\n" for line in [HEADER] + lines).encode(), file))
 
 
-def tick(*changes):
-    return {"event": "Tick", "time": 107.0, "at": 7.0, "first": True, "changes": changes}
+def tick(*changes, when=107.0):
+    return {"event": "Tick", "time": when, "at": when - 100.0, "first": True, "changes": changes}
 
 
 def gone(when):
@@ -183,7 +185,7 @@ def test_how_the_run_ended_and_what_is_missing(more, expected):
 def test_a_bar_stands_where_its_result_was():
     page = Page(page_of(lines_of(finished(102.0, seconds=1.0), finished(104.0, "FAILURE", 0.5, failure=FAILED),
                                  finished(110.0, "IDLE", 2.0))))
-    assert page.bars(1) == [(1000, 1000, "S", 1, ""), (3500, 500, "F", 1, "refused"), (8000, 2000, "-", 1, "")]
+    assert page.bars(1) == [(1000, 1000, "S", 1, ""), (3500, 500, "F", 1, WHY), (8000, 2000, "-", 1, "")]
     assert page.data["began"] == 100_000 and page.data["length"] == 10_000
 
 
@@ -192,7 +194,7 @@ def test_a_condition_that_does_not_hold_has_not_failed():
     ticks = [tick([1, "F"])] * 4 + [tick([1, "S"])]
     page = Page(page_of(lines_of(*[finished(100.0 + n, "FAILURE", 0.0, failure=no) for n in (1, 3, 60)],
                                  finished(161.0, seconds=0.0), *ticks)))
-    assert page.bars(1) == [(1000, 59000, "n", 3, "condition false"), (61000, 0, "S", 1, "")]
+    assert page.bars(1) == [(1000, 59000, "n", 3, "a chair is in the way"), (61000, 0, "S", 1, "")]
     assert [text for names, text in page.texts if "count" in names] == ["✔ 1", "○ 4"]
 
 
@@ -204,9 +206,16 @@ def test_a_wait_lasts_until_its_condition_holds(day, told):
     assert [bar[4] for bar in told.bars(0)].count("waiting for a visitor") == len(KINDS)
 
 
+def test_no_step_covers_another():
+    steps = [{"event": "StepStarted", "time": when, "uid": 1, "node": "A", "path": "A::1", "words": words, "what": "",
+              "limit": 0.0, "is_wait": True} for when, words in ((101.0, "a wait"), (101.5, "a word"), (102.0, "a wait"))]
+    page = Page(page_of(lines_of(*steps, gone(103.0))))
+    assert page.bars(0) == [(1000, 500, "d", 1, "a wait"), (1500, 500, "d", 1, "a word"), (2000, 1000, "d", 1, "a wait")]
+
+
 def test_a_retry_that_failed_is_marked():
     retried = {"event": "Retried", "time": 103.0, "node": "A", "path": "A::1", "attempt": 1, "failure": FAILED}
-    assert Page(page_of(lines_of(retried))).bars(1) == [(3000, 0, "r", 1, "refused")]
+    assert Page(page_of(lines_of(retried))).bars(1) == [(3000, 0, "r", 1, WHY)]
 
 
 def test_no_result_of_a_long_run_is_dropped(monkeypatch):
@@ -229,6 +238,16 @@ def test_each_node_has_the_count_of_its_results():
     assert page.of("row") == ["the tour(Sequence) #1halted", "A#2✔ 3✘ 1", "B#3never"]
 
 
+def test_a_node_without_events_has_its_results_from_its_changes_of_status():
+    begun = {"event": "PassStarted", "time": 111.0, "number": 2, "at": 11.0}
+    changes = [tick([1, letter], when=when) for when, letter in (
+        (101.0, "R"), (104.0, "S"), (104.0, "-"), (105.0, "R"), (107.0, "-"), (108.0, "F"), (110.0, "R"))]
+    page = Page(page_of(lines_of(*changes, begun, tick([1, "S"], when=120.0), nodes=(["S", "Sequence", "the tour", 0],))))
+    assert page.bars(1, "changes") == [(1000, 3000, "S", 1, ""), (5000, 2000, "-", 1, ""), (8000, 0, "F", 1, ""),
+                                       (20000, 0, "S", 1, "")]
+    assert [lane[0] for lane in Page(page_of(lines_of(finished(101.0), tick([1, "S"])))).data["changes"]] == []
+
+
 def test_every_link_leads_somewhere_and_a_node_to_its_line(day, told):
     assert {link[1:] for link in told.links} - set(told.ids) == set()
     lines = dict(zip([id for id in told.ids if id.startswith("f0-")], told.of("code")))
@@ -245,7 +264,7 @@ def test_the_source_is_that_of_the_record(day, told):
 
 def test_a_mission_that_cannot_be_built_any_more_has_no_lines_but_the_reason():
     text = page_of(lines_of(tick([1, "S"])))
-    assert "The lines of the nodes are not known: this release cannot read the mission (" in text
+    assert "No lines and ports of the nodes are known: this release cannot read the mission (" in text
     assert 'href="#f0' not in text and '<code id="f0-1">' in text
 
 
@@ -404,7 +423,7 @@ def test_it_is_accessible_and_fits_every_width(report, short, width, mode):
     source = axe()
     set_screen(report, width, 900, mode)
     report.get(short)
-    report.execute_script("visits.forEach(visit => { visit.open = true; }); showVisit(2);")
+    report.execute_script("visits.forEach(visit => { visit.open = true; }); showVisit(2); openNode(byId('n10'), true);")
     assert run(report, "document.documentElement.scrollWidth <= innerWidth")
     report.execute_script("document.querySelectorAll('code:nth-child(n+9), #n30 ~ li, #n30 li').forEach(one => one.remove())")
     assert findings(report, source) == []  # it takes its time: a few rows of each kind do
@@ -459,7 +478,7 @@ def test_no_bar_is_lost_when_those_that_touch_are_drawn_as_one(report):
 
 
 def test_a_link_unfolds_what_it_leads_to(report):
-    report.execute_script("byId('tree').querySelectorAll('button[aria-expanded]').forEach(each => each.click())")
+    report.execute_script("byId('tree').querySelectorAll('.fold').forEach(each => each.click())")
     report.execute_script("visits[1].open = true; visits[1].querySelector('.told a').click()")
     wait = "byId(location.hash.slice(1))"
     until(lambda: run(report, wait + " !== null && " + wait + ".offsetParent !== null"))
@@ -470,9 +489,42 @@ def test_a_link_unfolds_what_it_leads_to(report):
     assert run(report, "byId('all').getAttribute('aria-pressed')") == "true"
 
 
-def test_paper_has_all_visits(report):
-    report.execute_script("dispatchEvent(new Event('beforeprint'))")
+def test_a_node_opens_with_what_stands_in_the_file_and_all_its_results(report, day):
+    lines = read_record(day)
+    uid = next(uid for uid, node in enumerate(lines[0].entry.nodes, 1) if node.type == "Navigate")
+    events = [entry for _, entry in lines if isinstance(entry, LeafFinished) and entry.uid == uid
+              or isinstance(entry, Retried) and entry.path == lines[0].entry.nodes[uid - 1].path]
+    failures = [entry.failure for entry in events if entry.failure is not None]
+    assert len(events) > len(failures) == 3
+    report.find_element("css selector", "#n{} .name".format(uid)).click()
+    panel = report.find_element("css selector", "#n{} .node".format(uid))
+    assert "Navigate: " + registry().find("Navigate").description in panel.text
+    assert panel.find_element("css selector", "dd a").get_attribute("href").endswith("#f0-" + panel.text.split(
+        "lab_tour.xml:")[1].split()[0])
+    assert "not given, means {@targetLocation}" in panel.find_element("tag name", "table").text
+    button = panel.find_element("css selector", ".node > button")
+    shown = [row.text for row in panel.find_elements("css selector", ".results li")]
+    assert button.text == "Show {} older ones".format(len(events) - len(shown))
+    button.click()
+    shown = [row.text for row in panel.find_elements("css selector", ".results li")]
+    assert len(shown) == len(events)  # a drive takes longer than what is drawn as one
+    assert sum("failure after " in row for row in shown) == 1 and sum("↻ a retry failed: " in row for row in shown) == 2
+    assert [row.split(": ")[-1].rsplit(" visitor")[0] for row in shown if " success " not in row] == [
+        "not reachable, no node offers it (/robotNavigation/set_goal)"] * 3
+    assert re.fullmatch(r"\d\d:\d\d:\d\d ✔ success after 1\d s visitor 1", shown[-1])
+    report.find_element("css selector", "#n{} .name".format(uid)).click()
+    assert not panel.is_displayed()
+
+
+def test_paper_is_white_and_has_all_visits_and_all_of_the_timeline(report):
+    report.execute_cdp_cmd("Emulation.setEmulatedMedia", {
+        "media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]})
+    report.execute_script("dispatchEvent(new Event('beforeprint')); byId('lanes').style.width = '450px'")
     assert run(report, "visits.every(visit => visit.open)")
+    assert run(report, "getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    ends = run(report, "[lanes[0].track.lastChild, byId('lanes')].map(each => each.getBoundingClientRect().right)")
+    assert abs(ends[0] - ends[1]) < 1.0  # the last visit ends where the run does
+    report.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     report.execute_script("dispatchEvent(new Event('afterprint'))")
     assert run(report, "visits.filter(visit => visit.open).length") == 0
 

@@ -2,11 +2,9 @@
 
 The runs are real ones of the engine, in virtual time; each is told twice, as it happens and from its record.
 """
-from typing import get_args
-
 import pytest
 
-from behavior_controller.events import (Event, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
+from behavior_controller.events import (EVENTS, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
                                         StepStarted, Told, TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
@@ -53,7 +51,7 @@ class Teller:
         lines = read_record(self._record.path)
         assert not replay(lines).divergence
         story = Story()
-        return [sentence.text for line in lines if isinstance(line.entry, get_args(Event))
+        return [sentence.text for line in lines if isinstance(line.entry, EVENTS)
                 for sentence in story.take(line.time, line.entry)]
 
 

@@ -325,12 +325,17 @@ def title(mission: str) -> str:
     return os.path.splitext(os.path.basename(mission))[0]
 
 
-def _ports(node: Node) -> List[Tuple[str, str, str]]:
-    """Return for each port of a node its name, what the file or the default says, and the value of the entry that this means."""
+def port_texts(node: Node) -> Dict[str, str]:
+    """Return for each port of a node what the file or the default says."""
     texts = {port.name: port.default for port in node.spec.ports if port.default is not None}
     texts.update(node.attributes)
+    return texts
+
+
+def _ports(node: Node) -> List[Tuple[str, str, str]]:
+    """Return for each port of a node its name, its text, and the value of the entry that this means."""
     found = []
-    for name, text in texts.items():
+    for name, text in port_texts(node).items():
         value = ""
         if reference(text, name) is not None:
             try:

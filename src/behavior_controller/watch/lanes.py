@@ -42,8 +42,9 @@ class Lanes:
         if self.bars > self._most:
             self._coarsen()
 
-    def prolong(self, key: int, kind: str, end: float) -> None:
-        """Have the last bar of a lane, if it is of that kind, last until ``end``."""
+    def end_wait(self, key: int, kind: str, end: float) -> None:
+        """Have the last bar of a lane, if it is of that kind, last until ``end``; what is asked next is asked anew."""
+        self._last = None
         bars = self._lanes[key].bars if key in self._lanes else []
         if bars and bars[-1].kind == kind:
             bars[-1].end = max(bars[-1].end, end)
@@ -57,6 +58,9 @@ class Lanes:
                 self._lanes[key].add(bar, self.grain)
         self.bars = sum(len(lane.bars) for lane in self._lanes.values())
         self._most = max(MOST, self.bars * 5 // 4)  # kinds and notes without number cannot be joined
+
+    def __contains__(self, key: int) -> bool:
+        return key in self._lanes
 
     def __iter__(self) -> Iterator[Tuple[int, List[Bar]]]:
         return iter((key, self._lanes[key].bars) for key in sorted(self._lanes))

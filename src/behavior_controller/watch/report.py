@@ -8,31 +8,31 @@ import json
 import os
 import re
 from types import SimpleNamespace
-from typing import (Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union, get_args)
+from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import leaves
 from behavior_controller.bt.engine.node import label
 from behavior_controller.bt.language.document import parse
 from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.events import Event, LeafFinished, PassFinished, Retried, RunFinished, RunStarted
+from behavior_controller.events import (EVENTS, LeafFinished, PassFinished, PassStarted, Retried, RunFinished,
+                                        RunStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.mission import build_tree
-from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit
+from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit, cause
 from behavior_controller.text import clean
-from behavior_controller.watch.board import clock, is_bare, title
-from behavior_controller.watch.codec import LETTERS, Entry, Line, Lost, Tick, TreeNode, TreeShown
+from behavior_controller.watch.board import clock, is_bare, port_texts, title
+from behavior_controller.watch.codec import LETTERS, Entry, Letter, Line, Lost, Tick, TreeNode, TreeShown
 from behavior_controller.watch.lanes import Bar, Lanes
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
-SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○"}
+SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
 LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
 NO, RETRY, DONE = "n", "r", "d"
 """Kinds of bars beside the letters of the statuses: a condition that does not hold, a retry that failed, a step."""
 
 LEGEND = {"S": "success", "F": "failure", "h": "halted", NO: "does not hold yet", RETRY: "a retry failed",
           "w": "waiting for a visitor", "warning": "warning", "error": "error"}
-EVENTS = get_args(Event)
 
 DEEPEST = 100
 """Levels of nested lists; browsers take no more than about 170, so what is deeper stands beside its parent."""
@@ -45,11 +45,15 @@ class Told(NamedTuple):
     cause: str
 
 
-class Place(NamedTuple):
-    """Where a node stands: the number of a document of the record, and the line in it."""
+class Written(NamedTuple):
+    """How the file writes a node: the number of a document of the record, the line in it, and the ports.
+
+    A port is its name, its text, and whether that text stands in the file; otherwise it is the default.
+    """
 
     document: int
     line: int
+    ports: List[Tuple[str, str, bool]]
 
 
 class Run:
@@ -67,7 +71,10 @@ class Run:
         self.lost = 0  # lines that the record lacks
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # statuses of each node
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]  # kinds of results of each mission leaf
-        self.lanes = Lanes()
+        self.steps: List[Bar] = []
+        self.lanes = Lanes()  # results of mission leaves, from their events
+        self.changes = Lanes()  # results of other nodes, from their changes of status
+        self._running: Dict[int, float] = {}  # when each running node began, by uid
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
         self._step: Optional[Step] = None
 
@@ -75,13 +82,23 @@ class Run:
         """Take in the next line."""
         self.ended = max(self.ended, time)
         if isinstance(entry, Tick):
-            for uid, letter in entry.changes:
-                self.counts[uid - 1][letter] += 1
+            self._change(self._since(time), entry.changes)
         elif isinstance(entry, Lost):
             self.lost += entry.lines
         elif isinstance(entry, EVENTS):
             self._tell(time, entry)
             self._draw(time, entry)
+
+    def _change(self, at: float, changes: List[Tuple[int, Letter]]) -> None:
+        running, told = self._running, self.lanes
+        for uid, letter in changes:
+            self.counts[uid - 1][letter] += 1
+            if uid in told:
+                continue
+            if letter == "R":
+                running[uid] = at
+            elif letter != "-" or uid in running:  # otherwise it ended earlier and is reset now
+                self.changes.add(uid, Bar(running.pop(uid, at), at, letter))
 
     def _tell(self, time: float, event: Any) -> None:
         failure: Optional[Failure] = getattr(event, "failure", None)
@@ -91,7 +108,9 @@ class Run:
         if visit is not None:
             self.visits[visit.number] = visit
             self.told.setdefault(visit.number, [])
-        if isinstance(event, PassFinished):
+        if isinstance(event, PassStarted):
+            self._running.clear()  # the record does not have halts between two traversals
+        elif isinstance(event, PassFinished):
             self.ends[event.number] = time
         elif isinstance(event, RunFinished):
             self.outcome = event.outcome
@@ -103,19 +122,18 @@ class Run:
     def _end_step(self, time: float) -> None:
         if self._step is not None:
             end = self._since(time)
-            self.lanes.add(0, Bar(self._since(self._step.began), end, DONE, self._step.words))
-            self.lanes.prolong(self._step.uid, NO, end)  # a condition tells that it does not hold once
+            self.steps.append(Bar(self._since(self._step.began), end, DONE, self._step.words))
+            self.lanes.end_wait(self._step.uid, NO, end)  # a condition tells that it does not hold once
 
     def _draw(self, time: float, event: Any) -> None:
         end = self._since(time)
         if isinstance(event, Retried):
-            self.lanes.add(self._uids.get(event.path, 0), Bar(end, end, RETRY, event.failure.cause.text))
+            self.lanes.add(self._uids.get(event.path, 0), Bar(end, end, RETRY, cause(event.failure)))
         elif isinstance(event, LeafFinished) and 0 < event.uid <= len(self.nodes):
-            cause = event.failure.cause if event.failure else None
-            is_no = cause is Cause.CONDITION_FALSE
+            is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
             kind = NO if is_no else LETTER_OF.get(event.status, "-")
             self.finished[event.uid - 1][kind] += 1
-            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind, cause.text if cause else "")
+            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind, cause(event.failure) if event.failure else "")
             self.lanes.add(event.uid, bar, is_asked_again=is_no)
 
     def _since(self, time: float) -> float:
@@ -131,12 +149,12 @@ class Run:
 def to_html(lines: Iterable[Line]) -> str:
     """Return the page of a record (its last mission, if the mission was changed while it ran)."""
     earlier, run = _last(lines)
-    places, doubt = _places(run)
-    body = "".join([_header(run, earlier), "<main>", _story(run), _timeline(run), _tree(run, places, doubt),
+    written, doubt = _written(run)
+    body = "".join([_header(run, earlier), "<main>", _story(run), _timeline(run), _tree(run, written, doubt),
                     _documents(run), _settings(run), "</main>"])
     style, script = _file("page_files", "colours.css") + _file("report_files", "report.css"), _file("report_files", "report.js")
-    return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, data=_data(run),
-                       allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
+    return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, 
+                       data=_data(run, written), allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
 
 
 PAGE = """<!DOCTYPE html>
@@ -174,15 +192,16 @@ def _last(lines: Iterable[Line]) -> Tuple[List[RunStarted], Run]:
     return runs[:-1], run.finish()
 
 
-def _places(run: Run) -> Tuple[Dict[str, Place], str]:
-    """Return where the nodes stand, by path, and why that is not known, if it is not."""
+def _written(run: Run) -> Tuple[Dict[str, Written], str]:
+    """Return how the file writes the nodes, by path, and why that is not known, if it is not."""
     sources = run.started.sources.documents
     try:
         tree = build_tree([parse(text, file) for file, text in sources])
     except BehaviorControllerError as error:
-        return {}, "The lines of the nodes are not known: this release cannot read the mission ({}).".format(error)
+        return {}, "No lines and ports of the nodes are known: this release cannot read the mission ({}).".format(error)
     number = {source.file: place for place, source in enumerate(sources)}
-    return {node.full_path: Place(number[node.element.document.file], node.element.place()[0])
+    return {node.full_path: Written(number[node.element.document.file], node.element.place()[0], [
+        (name, text, name in node.element.attributes) for name, text in port_texts(node).items()])
             for node in tree.nodes if node.element is not None}, ""
 
 
@@ -307,7 +326,7 @@ def _sentences(told: List[Told]) -> str:
 
 def _timeline(run: Run) -> str:
     """Return the frame that the script draws the bars in, and what is joined in them."""
-    joined = "{} results in {} bars: those of a step that are alike and less than {:g} s apart are one.".format(
+    joined = "{} results in {} bars: those of a node that are alike and less than {:g} s apart are one.".format(
         run.lanes.results, run.lanes.bars, run.lanes.grain)
     return ('<section id="timeline"><h2>Timeline</h2><noscript><p>The timeline needs JavaScript.</p></noscript>'
             '<div class="tools"><label>Show <select id="range"></select></label>'
@@ -321,29 +340,40 @@ def _timeline(run: Run) -> str:
                 for kind, meaning in LEGEND.items()), joined)
 
 
-def _data(run: Run) -> str:
+def _numbers(lanes: Iterable[Tuple[int, List[Bar]]], notes: Dict[str, int]) -> List[List[Union[int, str]]]:
+    """Return for each lane its key, and for each bar its begin and length (ms), kind, count and number of its note."""
+    found: List[List[Union[int, str]]] = []
+    for key, bars in lanes:
+        found.append([key])
+        for bar in bars:
+            found[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind, bar.count,
+                          notes.setdefault(bar.note, len(notes))]
+    return found
+
+
+def _data(run: Run, written: Dict[str, Written]) -> str:
     """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of the run."""
     notes: Dict[str, int] = {}
-    lanes: List[List[Union[int, str]]] = []
-    for key, bars in run.lanes:
-        lanes.append([key])
-        for bar in bars:
-            lanes[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind, bar.count,
-                          notes.setdefault(bar.note, len(notes))]
+    lanes = _numbers(itertools.chain([(0, run.steps)], run.lanes), notes)
+    types = {node.type for node in run.nodes}
     visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (
         visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))] for visit in run.visits.values()]
     outcomes = [LETTER_OF.get(visit.outcome, "R") for visit in run.visits.values()]
     offset = datetime.datetime.fromtimestamp(run.began).astimezone().utcoffset()
     data = {"began": round(1000 * run.began), "offset": round(1000 * offset.total_seconds()) if offset else 0,
             "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
-            "lanes": lanes, "notes": list(notes)}
+            "lanes": lanes, "changes": _numbers((each for each in run.changes if each[0] not in run.lanes), notes),
+            "notes": list(notes), "nodes": [[node.type, written[node.path].ports if node.path in written else []]
+                                            for node in run.nodes],
+            "types": {spec.id: spec.summary for spec in leaves.registry().all() if spec.id in types},
+            "words": dict(LEGEND, **{"R": UNDER_WAY, DONE: ""}), "signs": SIGNS}
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
 # ------------------------------------------------------------------------------------------------------------------ tree
 
 
-def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
+def _tree(run: Run, written: Dict[str, Written], doubt: str) -> str:
     """Return the tree as nested lists, each node with its results and its place; what never ran is grey."""
     nodes = run.nodes
     children: List[List[int]] = [[] for _ in range(len(nodes) + 1)]
@@ -359,7 +389,7 @@ def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
             continue
         is_nested = bool(children[item]) and level < DEEPEST
         found.append('<li id="n{}"{}>{}'.format(item, ' class="bare"' if nodes[item - 1].parent and is_bare(
-            registry.find(nodes[item - 1].type), nodes[item - 1].name) else "", _row(run, item, places)))
+            registry.find(nodes[item - 1].type), nodes[item - 1].name) else "", _row(run, item, written)))
         found.append("<ul>" if is_nested else "</li>")
         closing = "</ul></li>" if is_nested else ""
         waiting += [(closing, level)] + [(child, level + 1) for child in reversed(children[item])]
@@ -368,19 +398,19 @@ def _tree(run: Run, places: Dict[str, Place], doubt: str) -> str:
                 "<p>{}</p>".format(_text(doubt)) if doubt else "", "".join(found))
 
 
-def _row(run: Run, uid: int, places: Dict[str, Place]) -> str:
+def _row(run: Run, uid: int, written: Dict[str, Written]) -> str:
     node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
     name, kind = label(SimpleNamespace(uid=uid, full_path=node.path, registration_id=node.type, name=node.name))
     failed = finished["F"] if finished[NO] else count["F"]  # a condition that does not hold has not failed
     results = [(letter, word, number) for letter, word, number in (
         ("S", "success", count["S"]), ("F", "failure", failed), (NO, "does not hold", count["F"] - failed)) if number > 0]
-    place = places.get(node.path)
+    place = written.get(node.path)
     return '<div class="row{}" title="{}"><span class="name">{}</span><span class="kind quiet">{}</span>{}{}</div>'.format(
         "" if count else " never", _text(node.path), _text(name), _text(kind),
         "".join('<span class="count">{} {}</span>'.format(_sign(letter, word), number) for letter, word, number in results)
         or '<span class="quiet">{}</span>'.format("halted" if count else "never"),
         "" if place is None else '<a class="quiet" href="#f{0}-{1}"><span class="file">{2}</span>:{1}</a>'.format(
-            *place, _text(os.path.basename(run.started.sources.documents[place.document].file))))
+            place.document, place.line, _text(os.path.basename(run.started.sources.documents[place.document].file))))
 
 
 def _documents(run: Run) -> str:

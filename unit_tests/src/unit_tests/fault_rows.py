@@ -2,9 +2,9 @@
 import bisect
 import itertools
 import textwrap
-from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple, get_args
+from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from behavior_controller.events import Event as Happening
+from behavior_controller.events import EVENTS
 from behavior_controller.gateway import Cause
 from behavior_controller.recovery import DONE
 from behavior_controller.story import UNDER_WAY, Sentence, Story
@@ -163,7 +163,7 @@ def story_of(events: Sequence[Event]) -> Iterator[Tuple[Event, Story, Tuple[Sent
     story = Story()
     for plain in events:
         kind = KINDS.get(plain["event"])
-        if kind in get_args(Happening):
+        if kind in EVENTS:
             try:
                 added = story.take(plain["time"], form(kind).read(plain))
             except Wrong:

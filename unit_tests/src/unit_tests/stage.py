@@ -10,7 +10,7 @@ import math
 import os
 from types import SimpleNamespace
 from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple,
-                    Union, get_args)
+                    Union)
 
 from behavior_controller import exits, extensions, folders, leaves
 from behavior_controller import mission as missions
@@ -19,7 +19,7 @@ from behavior_controller.bt.engine.clock import ManualClock, Timer
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.language.document import Document, read, with_includes
 from behavior_controller.bt.status import IDLE, RUNNING
-from behavior_controller.events import Event, Events, HealthChanged
+from behavior_controller.events import EVENTS, Event, Events, HealthChanged
 from behavior_controller.gateway import Call, Cause, Failure, FakeTopics, Gateway
 from behavior_controller.health import GONE, SLOW_SHARE, Health
 from behavior_controller.interface import Service, Topic, Unusable
@@ -68,9 +68,6 @@ MOST_BUSY = 10
 CALM = configuration.defaults(failureRate=0.0, randomSeed=0)
 """A test without faults in which every message comes in time."""
 
-KINDS = get_args(Event)
-"""The kinds of events."""
-
 _ORDER = 1e-6
 """Seconds between two things that happen at one moment, so that their order shows in their times."""
 
@@ -92,7 +89,7 @@ class Played(NamedTuple):
     @property
     def events(self) -> List[Tuple[float, Event]]:
         """The events alone."""
-        return [(at, entry) for at, entry in self.entries if isinstance(entry, KINDS)]
+        return [(at, entry) for at, entry in self.entries if isinstance(entry, EVENTS)]
 
     def record(self) -> List[Dict[str, Any]]:
         """Return the entries as a reader of a record gets them."""

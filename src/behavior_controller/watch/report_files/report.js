@@ -39,14 +39,14 @@ document.querySelector("form").addEventListener("submit", event => event.prevent
 
 // -------------------------------------------------------------------------------------------------------------- timeline
 
-const WORDS = {S: "success", F: "failure", R: "under way", h: "halted", n: "does not hold yet", r: "a retry failed", w: "waiting for a visitor",
-               d: "", warning: "warning", error: "error"};
 const NEAR = 3;       // pixels between two bars of a kind that are drawn as one
 const SHORTEST = 50;  // milliseconds that may fill the timeline
+const INSTANT = 50;   // milliseconds; what takes less is done at once
+const NEWEST = 10;    // results of an open node that are shown at first
 const lanes = [];     // {name, bars: [{begin, end, kind, count, text, link}], row, track}
 let from = 0, to = Math.max(data.length, SHORTEST);
 
-function clock(time, step) {
+function clock(time, step = 1000) {
   const text = new Date(data.began + data.offset + time).toISOString();
   return text.slice(11, step < 1000 ? 23 : 19);
 }
@@ -89,9 +89,10 @@ function addLane(name, link, bars) {
   if (!bars.length) return;
   const row = element("div", "lane"), track = element("div", "track"), head = element(link ? "a" : "span", "", name);
   if (link) head.href = "#" + link;
-  const longest = Math.max(...bars.map(bar => bar.end - bar.begin));
+  head.title = name;
+  const longest = bars.reduce((most, bar) => Math.max(most, bar.end - bar.begin), 0);
   const counts = {};
-  for (const bar of bars) counts[WORDS[bar.kind]] = (counts[WORDS[bar.kind]] || 0) + bar.count;
+  for (const bar of bars) counts[data.words[bar.kind]] = (counts[data.words[bar.kind]] || 0) + bar.count;
   track.setAttribute("role", "img");
   track.setAttribute("aria-label", name + ": " + Object.entries(counts).map(([word, count]) => count + " " + word).join(", ") +
                      "; the longest took " + duration(longest));
@@ -133,16 +134,19 @@ function merged(bars, scale) {
 
 function telling(lane, bar) {
   const length = bar.end - bar.begin;
-  return [lane.name + ":", bar.count > 1 ? bar.count + " ×" : "", WORDS[bar.kind], bar.text && bar.text !== lane.name ? bar.text + "," : "",
+  return [lane.name + ":", bar.count > 1 ? bar.count + " ×" : "", data.words[bar.kind], bar.text && bar.text !== lane.name ? bar.text + "," : "",
           "at " + clock(bar.begin, to - from), length ? "for " + duration(length) : ""].filter(part => part).join(" ");
 }
+
+// of the width: paper has another one than the screen
+function share(time) { return 100 * time / (to - from) + "%"; }
 
 function barElement(lane, bar, scale) {
   const begin = Math.max(bar.begin, from), width = (Math.min(bar.end, to) - begin) * scale;
   const made = element("span", "bar " + bar.kind + (width > 45 ? " wide" : ""));
-  made.style.left = (begin - from) * scale + "px";
-  made.style.width = width + "px";
-  if (width > 45) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " × " : "") +
+  made.style.left = share(begin - from);
+  made.style.width = share(Math.min(bar.end, to) - begin);
+  if (width > 45) made.textContent = (bar.kind === "d" || lanes.indexOf(lane) === 0 ? bar.text + " " : bar.count > 1 ? bar.count + " in " : "") +
     duration(bar.end - bar.begin);
   made.title = telling(lane, bar);
   made.addEventListener("click", () => {
@@ -164,7 +168,7 @@ function drawAxis(width, scale) {
   const origin = (data.began + data.offset) % step;
   for (let time = Math.ceil((from + origin) / step) * step - origin; time <= to; time += step) {
     const mark = element("span", "", clock(time, step));
-    mark.style.left = (time - from) * scale + "px";
+    mark.style.left = share(time - from);
     if ((to - time) * scale > 70 || width < 100) axis.append(mark);
   }
 }
@@ -242,13 +246,89 @@ function listenToTimeline() {
 
 // ------------------------------------------------------------------------------------------------------------------ tree
 
+function openable() {
+  for (const name of document.querySelectorAll("#tree .name")) {
+    const button = element("button", "name", name.textContent);
+    button.type = "button";
+    button.setAttribute("aria-expanded", "false");
+    button.addEventListener("click", () => openNode(button.closest("li"), button.getAttribute("aria-expanded") === "false"));
+    name.replaceWith(button);
+  }
+}
+
+function openNode(item, isOpen) {
+  const row = item.firstElementChild, isThere = row.nextElementSibling !== null && row.nextElementSibling.className === "node";
+  row.querySelector(".name").setAttribute("aria-expanded", isOpen);
+  if (isThere) row.nextElementSibling.hidden = !isOpen;
+  else if (isOpen) row.after(nodeElement(Number(item.id.slice(1)), row));
+}
+
+function nodeElement(uid, row) {
+  const made = element("div", "node"), facts = element("dl"), place = row.querySelector("a"), [type, ports] = data.nodes[uid - 1];
+  facts.append(element("dt", "", "type"), element("dd", "", type + (data.types[type] ? ": " + data.types[type] : "")),
+               element("dt", "", "in the tree"), element("dd", "", row.title.replace(/\//g, "/\u200b")));
+  if (place) {
+    const link = element("a", "", place.textContent), where = element("dd");
+    link.href = place.href;
+    where.append(link);
+    facts.append(element("dt", "", "in the file"), where);
+  }
+  made.append(facts);
+  if (ports.length) made.append(portTable(ports));
+  made.append(...resultsOf(uid));
+  return made;
+}
+
+function portTable(ports) {
+  const table = element("table"), head = table.createTHead().insertRow(), body = table.createTBody();
+  head.append(...["port", "in the file"].map(text => element("th", "", text)));
+  for (const [name, text, isWritten] of ports) {
+    const line = body.insertRow(), value = element("td", "", isWritten ? text : "");
+    if (!isWritten) value.append(element("span", "quiet", "not given, means " + text));
+    line.append(element("td", "", name), value);
+  }
+  return table;
+}
+
+// the newest first; the lanes have them all
+function resultsOf(uid) {
+  const numbers = [...data.lanes, ...data.changes].find(each => each[0] === uid) || [uid];
+  const bars = barsOf(numbers).sort((one, other) => other.end - one.end), list = element("ol", "results");
+  const add = some => list.append(...some.map(resultElement));
+  add(bars.slice(0, NEWEST));
+  const found = [element("h3", "", "Results"), list], older = bars.slice(NEWEST);
+  if (!bars.length) list.append(element("li", "quiet", "none"));
+  if (older.length) {
+    const button = element("button", "", "Show " + older.reduce((sum, bar) => sum + bar.count, 0) + " older ones");
+    button.type = "button";
+    button.addEventListener("click", () => { add(older); button.remove(); });
+    found.push(button);
+  }
+  return found;
+}
+
+function resultElement(bar) {
+  const made = element("li"), length = bar.end - bar.begin, sign = element("b", bar.kind, data.signs[bar.kind === "h" ? "-" : bar.kind]);
+  const took = length < INSTANT ? "at once" : (bar.kind === "n" ? "for " : bar.count > 1 ? "within " : "after ") + duration(length);
+  made.append(element("time", "", clock(bar.end)), " ", sign, " " + [
+    data.words[bar.kind], bar.kind === "r" ? "" : took, bar.count > 1 ? bar.count + " times" : ""].filter(Boolean).join(" ") +
+    (bar.text ? ": " + bar.text : ""));
+  const visit = data.visits.find(([, began, , ended]) => began <= bar.end && bar.end <= ended);
+  if (visit) {
+    const link = element("a", "quiet", "visitor " + visit[0]);
+    link.href = "#v" + visit[0];
+    made.append(" ", link);
+  }
+  return made;
+}
+
 function foldable() {
   for (const row of document.querySelectorAll("#tree .row")) {
     if (row.nextElementSibling === null) {
       row.classList.add("leaf");
       continue;
     }
-    const button = element("button");
+    const button = element("button", "fold");
     button.type = "button";
     button.setAttribute("aria-expanded", "true");
     button.setAttribute("aria-label", "Below " + row.querySelector(".name").textContent);
@@ -259,7 +339,7 @@ function foldable() {
 
 function fold(item, isFolded) {
   item.classList.toggle("folded", isFolded);
-  item.querySelector("button").setAttribute("aria-expanded", !isFolded);
+  item.querySelector(".fold").setAttribute("aria-expanded", !isFolded);
 }
 
 function showAllRows(isOn) {
@@ -282,7 +362,8 @@ function reveal() {
     if (outer.tagName === "DETAILS") outer.open = true;
     if (outer !== target && outer.classList.contains("folded")) fold(outer, false);
   }
-  target.scrollIntoView({block: "center"});
+  if (target.closest("#tree li")) openNode(target, true);
+  (target.querySelector(".row") || target).scrollIntoView({block: "center"});
 }
 
 addEventListener("hashchange", reveal);
@@ -294,6 +375,7 @@ addEventListener("beforeprint", () => {
 addEventListener("afterprint", () => { for (const visit of opened) visit.open = false; });
 
 foldable();
+openable();
 showAllRows(false);
 byId("all").addEventListener("click", () => showAllRows(byId("all").getAttribute("aria-pressed") !== "true"));
 if (visits.length === 1) visits[0].open = true;
