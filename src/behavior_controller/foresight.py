@@ -13,7 +13,8 @@ from behavior_controller.errors import Fault
 from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Prompt
 from behavior_controller.leaves.attention import MODES, OvertAttentionMode
-from behavior_controller.leaves.base import MissionLeaf, TopicCondition
+from behavior_controller.leaves.base import MissionLeaf
+from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import CURRENT_EXHIBIT, VISITOR_RESPONSE
 from behavior_controller.leaves.dialogue import IsVisitorResponseYes, IsYesNoUttered
 from behavior_controller.leaves.lifecycle import IsASREnabled

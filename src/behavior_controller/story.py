@@ -1,7 +1,8 @@
 """Turns the events of a run into visits, the step under way and sentences; terminal, page, report and verdict show them.
 
 A story is made from events alone, so a record of a run tells the same as the run did. It holds a bounded number of
-visits and never looks at a clock: each event comes with its time (unix seconds).
+visits and never looks at a clock: each event comes with its time (unix seconds). All texts of its records are safe to
+show, whatever they quote: see ``text.clean``.
 """
 import collections
 from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
@@ -87,7 +88,7 @@ class Step(NamedTuple):
 
 
 def cause(failure: Failure) -> str:
-    """Return why something failed, on one line."""
+    """Return why something failed, in words that are safe to show."""
     message = clean(" ".join(failure.message.split()))
     if failure.cause is Cause.CONDITION_FALSE:
         return message.partition(";")[0]  # what follows tells of messages of the topic
@@ -98,7 +99,7 @@ def cause(failure: Failure) -> str:
 def why_failed(node: str, failure: Failure, tries: int = 1) -> str:
     """Return in a sentence what failed, how often if that was tried again, and why; a condition is told by its answer."""
     if failure.cause is Cause.CONDITION_FALSE:
-        return cause(failure)
+        return cause(failure) or "{} failed".format(node)
     return "{} failed{}: {}".format(node, " {} times".format(tries) if tries > 1 else "", cause(failure))
 
 
@@ -128,6 +129,7 @@ class Story:
         self._gave_up = ""  # why
         self._handler = 0  # the HandleFallBack that ended last
         self._failed = 0, ""  # which leaf failed last in this visit, and why
+        self._stuck = ""  # why it or a recovery failed, until a step begins or succeeds after that
         self._omitted = 0  # number of the exhibit that is not gone on with, until a Recovered says why
         self._takers: Dict[type, Callable[..., None]] = {  # type: ignore[explicit-any]
             RunStarted: self._run_started, PassStarted: self._pass_started, StepStarted: self._step_started,
@@ -173,11 +175,13 @@ class Story:
     def _tell(self, kind: str, severity: str, text: str, uid: int = 0, path: str = "") -> None:
         number = self.visits[-1].number if self.visits else 0
         kind, severity = kind if kind in KINDS else "notice", severity if severity in SEVERITIES else "warning"
-        self._told.append(Sentence(self._at, number, kind, severity, clean(text), uid or self._uids.get(path, 0), path))
+        self._told.append(Sentence(self._at, number, kind, severity, clean(text), uid or self._uids.get(path, 0),
+                                   clean(path)))
 
     def _change(self, **changes: object) -> None:
         """Change what is known of the visit."""
         if self.visits:
+            changes.update((name, clean(value)) for name, value in changes.items() if isinstance(value, str))
             self.visits[-1] = self.visits[-1]._replace(**changes)  # type: ignore[arg-type]
 
     # ------------------------------------------------------------------------------------------------- run and visits
@@ -190,7 +194,7 @@ class Story:
     def _run_finished(self, event: RunFinished) -> None:
         visit = self.visit
         if visit is not None and not visit.outcome:
-            self._end_exhibit(BROKEN_OFF, "the robot was stopped")
+            self._end_exhibit("the robot was stopped")
             self._change(why="the robot was stopped")
         self._steps.clear()
         self._tell("notice", "info", "ends: {} (exit code {})".format(event.outcome, event.exit_code))
@@ -200,8 +204,8 @@ class Story:
         self.visits.append(Visit(event.number, self._at))
         self._steps.clear()
         self._recoveries.clear()
-        self._has_left, self._given_up, self._failed, self._handler = False, None, (0, ""), 0
-        self._is_unclear = False
+        self._has_left = self._is_unclear = False
+        self._given_up, self._failed, self._stuck, self._handler = None, (0, ""), "", 0
         self._clock = self._met_at = event.at
 
     def _pass_finished(self, event: PassFinished) -> None:
@@ -209,11 +213,12 @@ class Story:
         if visit is None:  # the record of this run has lost its beginning
             return
         is_success = event.outcome == "SUCCESS"
-        self._end_exhibit(SHOWN if is_success and not self._has_left else BROKEN_OFF, self._why_failed())
+        self._end_exhibit(self._why_broken_off() if is_success else self._why_failed())
         why = self._why_done() if is_success else self._why_failed()
         waited = max(0.0, self._met_at - self._clock)
         self._change(outcome=event.outcome, why=why, seconds=event.seconds - waited, waited=waited)
-        self.outcomes[event.outcome] = self.outcomes.get(event.outcome, 0) + 1
+        outcome = self.visits[-1].outcome
+        self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
         self._steps.clear()
         self._tell("visit", "info" if is_success else "warning", "pass {}: {} after {:.1f} s: {}".format(
             event.number, event.outcome, event.seconds - waited, why))
@@ -246,10 +251,12 @@ class Story:
         retry = " (retry {} of {})".format(recovery.attempt, recovery.of) if recovery is not None else ""
         words = " ".join(filter(None, (event.words, "" if is_there else event.what)))
         self._uids[event.path] = event.uid
-        self._begin(Step(clean(words) + retry, self._at, event.limit, event.uid, event.path, event.is_wait))
+        self._begin(Step(words + retry, self._at, event.limit, event.uid, event.path, event.is_wait))
 
     def _begin(self, step: Step) -> None:
         """Have a step under way; a wait that another step follows is over."""
+        step = step._replace(words=clean(step.words), path=clean(step.path))
+        self._stuck = self._stuck if step.is_wait else ""
         self._steps = {uid: other for uid, other in self._steps.items() if uid != step.uid and not other.is_wait}
         self._steps[step.uid] = step
 
@@ -263,11 +270,15 @@ class Story:
         if event.told is not None:
             self._note(event)
         if event.failure is not None and event.uid != self._handler:
-            self._failed = event.uid, why_failed(event.node, event.failure)
+            self._stuck = why_failed(event.node, event.failure)
+            self._failed = event.uid, self._stuck
             if not is_false:
-                self._tell("failure", "warning", self._failed[1], event.uid, event.path)
-        elif event.status == "SUCCESS" and event.uid == self._failed[0]:
-            self._failed = 0, ""
+                self._tell("failure", "warning", self._stuck, event.uid, event.path)
+        elif event.status == "SUCCESS":
+            if event.uid == self._failed[0]:
+                self._failed, self._stuck = (0, ""), ""
+            if step is not None and not step.is_wait:
+                self._stuck = ""
 
     def _note(self, event: LeafFinished) -> None:
         """Note what a leaf tells when it ends, and what that means for the visit."""
@@ -304,24 +315,28 @@ class Story:
         exhibit = self.exhibit
         if event.state == OMITTED:
             self._omitted = event.number
-        elif exhibit is not None and self._has_left:
-            self._end_exhibit(BROKEN_OFF, LEFT)
-            self._tell("exhibit", "warning", "{}, is broken off: {}".format(exhibit, LEFT), event.uid, event.path)
         elif exhibit is not None:
-            self._end_exhibit(SHOWN)
-            self._tell("exhibit", "info", "{}, was shown".format(exhibit), event.uid, event.path)
+            why = self._why_broken_off()
+            self._end_exhibit(why)
+            self._tell("exhibit", "warning" if why else "info",
+                       "{}, {}".format(exhibit, "is broken off: " + why if why else "was shown"), event.uid, event.path)
         if event.state == BEGUN:
+            self._stuck = ""
             begun = ShownExhibit(event.number, event.of, clean(event.name), UNDER_WAY, "", 0.0)
             others = self.visits[-1].exhibits if self.visits else ()
             self._change(exhibits=tuple(each for each in others if each.number != event.number) + (begun,))
             self._exhibit_began = self._at
             self._tell("exhibit", "info", str(begun), event.uid, event.path)
 
-    def _end_exhibit(self, state: str, why: str = "") -> None:
-        """Note how it stands with the exhibit under way."""
+    def _why_broken_off(self) -> str:
+        """Return why the exhibit was not shown to its end; empty if it was, or if a step came after the one that failed."""
+        return LEFT if self._has_left else self._stuck
+
+    def _end_exhibit(self, why: str, state: str = BROKEN_OFF) -> None:
+        """Note that the exhibit under way ended so, or that it was shown if there is no ``why``."""
         exhibit = self.exhibit
-        if exhibit is not None and self.visits:
-            ended = exhibit._replace(state=state, why="" if state == SHOWN else why, seconds=self._at - self._exhibit_began)
+        if exhibit is not None:
+            ended = exhibit._replace(state=state if why else SHOWN, why=clean(why), seconds=self._at - self._exhibit_began)
             self._change(exhibits=self.visits[-1].exhibits[:-1] + (ended,))
 
     # ------------------------------------------------------------------------------------------------------- recovery
@@ -330,7 +345,7 @@ class Story:
         words = "doing {} in place of {}".format(event.substitute, event.node) if event.substitute else (
             "retrying {}, {} of {}".format(event.node, event.attempt, event.of))
         self._recoveries[event.path] = event
-        self._begin(Step(clean(words), self._at, 0.0, event.uid, event.path))
+        self._begin(Step(words, self._at, 0.0, event.uid, event.path))
         why = ": " + cause(event.failure) if event.attempt > 1 else ""  # the first failure has been told
         self._tell("recovery", "info", words + why, 0, event.path)
 
@@ -342,7 +357,9 @@ class Story:
         omitted, self._omitted = self._omitted, 0
         self._handler = event.uid
         self._steps.pop(self._uids.get(event.path, 0), None)
+        self._failed = 0, ""
         why = (event.reason + "; " if event.reason else "") + why_failed(event.node, event.failure, event.attempts + 1)
+        self._stuck = why if event.outcome == GIVEN_UP else ""
         if omitted and self._is_omitted(event, omitted, why):
             return
         if event.outcome == GIVEN_UP:
@@ -356,7 +373,6 @@ class Story:
         else:
             self._tell("recovery", "info", "{} is done at the {} try".format(
                 event.node, ordinal(event.attempts + 1)), 0, event.path)
-        self._failed = 0, ""
 
     def _is_omitted(self, event: Recovered, number: int, why: str) -> bool:
         """Return whether an exhibit is not gone on with for it, and tell so."""
@@ -369,7 +385,7 @@ class Story:
         if self._has_left:
             why = LEFT
         self._change(exhibits=exhibits[:-1] + (exhibits[-1]._replace(state=UNDER_WAY),))
-        self._end_exhibit(LEFT_OUT if is_left_out else BROKEN_OFF, why)
+        self._end_exhibit(why, LEFT_OUT if is_left_out else BROKEN_OFF)
         if is_left_out:
             self._given_up = None
             self._tell("exhibit", "warning", "{}, is left out: {}".format(exhibits[-1], why), 0, event.path)

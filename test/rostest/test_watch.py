@@ -52,10 +52,13 @@ class TestWatch(unittest.TestCase):
     def test_where_to_find_page_and_record_is_told(self):
         self.start()
         record = os.path.join(self.folder, "record", "mission.jsonl")
-        self.node.lines.wait_for(lambda line: line.endswith("page: http://127.0.0.1:{}/".format(self.page)), 10)
+        page = "http://127.0.0.1:{}/".format(self.page)
+        self.node.lines.wait_for(lambda line: line.endswith(" page: " + page), 10)
         self.node.lines.wait_for(lambda line: line.endswith(" record: " + record), 10)
         self.node.stop()
-        self.assertTrue(self.node.lines.text().endswith("record of this run: " + record), self.node.lines.text())
+        told = self.node.lines.text()
+        self.assertIn("page of this run, which ends with it: {}\n".format(page), told)
+        self.assertTrue(told.endswith("record of this run: " + record), told)
         with open(record) as file:
             self.assertEqual(json.loads(file.read().splitlines()[-1])["event"], "RunFinished")
 

@@ -14,6 +14,7 @@ from behavior_controller.interface import Evidence, Interface, Sense, Topic, doc
 from behavior_controller.interface.records import Answer, GoTo, Location, Prompt, Say, SetPose
 from behavior_controller.interface.release_1_0 import SPEECH
 from behavior_controller.leaves import base
+from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.runner import Runner, Running
 from behavior_controller.watch.record import Record
 from behavior_controller.watch.replay import read_record, replay
@@ -189,7 +190,7 @@ class TellPose(base.ServiceLeaf):
         return SetPose(Location(0.0, 0.0, 0.0))
 
 
-class IsPresent(base.TopicCondition):
+class IsPresent(TopicCondition):
     """A condition of release 1.0."""
 
     sense = Sense.PRESENCE
@@ -213,7 +214,7 @@ def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch,
 
 
 def test_what_no_robot_offers_has_to_be_declared(monkeypatch, files):
-    class IsLit(base.TopicCondition):
+    class IsLit(TopicCondition):
         own_evidence = Evidence(Topic("/lamp/text", "lamp", "std_msgs/String", str, str, "", is_continuous=False))
     registry = leaves.registry()
     registry.extend([base.leaf_spec("IsLit", IsLit, "A condition on a topic that is not declared.")])

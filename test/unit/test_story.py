@@ -5,7 +5,7 @@ The runs are real ones of the engine, in virtual time; each is told twice, as it
 import pytest
 
 from behavior_controller.events import (EVENTS, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
-                                        StepStarted, Told, TourAdvanced)
+                                        Recovering, StepStarted, Told, TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Prompt, Say
@@ -261,6 +261,80 @@ def test_the_limit_of_a_wait_may_be_that_of_a_timeout_above_it():
     assert [event.limit for event in rig.of(StepStarted)] == [3.0]
 
 
+SEEN, SECOND = "<IsVisitorDiscovered/>", "<Sleep msec='1000'/>"
+UNSEEN, TWO_SECONDS = "<Inverter>" + SEEN + "</Inverter>", "<Delay delay_msec='2000'><AlwaysFailure/></Delay>"
+
+
+def within(*elements):
+    """Return elements, each within the one before it; the last is text."""
+    inner = elements[-1]
+    for element in reversed(elements[:-1]):
+        inner = "<{}>{}</{}>".format(element, inner, element.split()[0])
+    return inner
+
+
+def retried(attempts, *elements):
+    return within("RetryUntilSuccessful num_attempts='{}'".format(attempts), *elements)
+
+
+POLLED = {  # a mission that asks again and again, and attempts × pause
+    "a Delay before each question": (retried(30, "Delay delay_msec='500'", SEEN), 15.0),
+    "a Sleep before each question": (retried(4, "Sequence", SECOND + SEEN), 4.0),
+    "a Sleep after each no": (retried(5, "Fallback", SEEN + within("ForceFailure", SECOND)), 5.0),
+    "two pauses a round": (retried(5, "Fallback", SEEN + within("ForceFailure", SECOND) + TWO_SECONDS), 15.0),
+    "two conditions": (retried(5, "Delay delay_msec='1000'", "Sequence", "<IsASREnabled/>" + SEEN), 5.0),
+    "what is done at a yes": (retried(5, "Delay delay_msec='1000'", "Sequence", SEEN + "<WelcomeSpeech/>"), 5.0),
+    "a wait in each attempt": (retried(5, "ReactiveFallback", SEEN + within("ForceFailure", SECOND)), 5.0),
+    "rounds within rounds": (retried(3, "RetryUntilSuccessful num_attempts='2'", "Delay delay_msec='1000'", SEEN), 6.0),
+    "without end": (retried(-1, "Delay delay_msec='1000'", SEEN), 0.0),
+    "without end, with a Timeout": (within("Timeout msec='9000'", retried(-1, "Delay delay_msec='1000'", SEEN)), 9.0),
+    "attempts in an entry": (retried("{@n}", "Delay delay_msec='1000'", SEEN), 0.0),
+    "a pause in an entry": (retried(3, "Delay delay_msec='{@ms}'", SEEN), 0.0),
+    "rounds while it is false": (within("Repeat num_cycles='7'", "Sequence", UNSEEN + SECOND), 7.0),
+    "until it is true": (within("KeepRunningUntilFailure", "Sequence", UNSEEN + SECOND), 0.0),
+    "until it is true, by messages alone": (within("KeepRunningUntilFailure", UNSEEN), 0.0),
+    "an endless mission that begins with a visitor": (
+        within("KeepRunningUntilFailure", "Fallback", within("Sequence", SEEN + "<WelcomeSpeech/>") + SECOND), 0.0)}
+
+
+@pytest.mark.parametrize("kind", POLLED)
+def test_a_condition_that_is_asked_again_after_a_pause_is_waited_for_attempts_times_pause(kind):
+    mission, limit = POLLED[kind]
+    teller = Teller(one_leaf(mission))
+    for entry, value in (("n", 9), ("ms", 2000)):
+        teller.rig.tree.blackboard.set(entry, value)
+    times = []
+
+    def nobody(rig):
+        rig.clock.advance(0.5)
+        times.append(rig.clock.now() - 1000.0)
+
+    teller.run(nobody, is_stopped=lambda: teller.rig.clock.now() >= 1100.0)
+    assert [(event.words, event.limit, event.is_wait) for event in teller.rig.of(StepStarted)] == [
+        ("waiting for a visitor", limit, True)]
+    assert times[-1] == (limit or times[-1])
+    assert "waiting for a visitor, 2 s" + (" of at most {:g} s".format(limit) if limit else "") in teller.now
+
+
+@pytest.mark.parametrize("mission", [
+    retried(3, SEEN),  # all at once
+    retried(3, "Sequence", SEEN + SECOND),  # no pause where it is false
+    retried(3, "Fallback", SEEN + SECOND),  # one round
+    retried(3, "Delay delay_msec='1000'", UNSEEN),  # for a visitor to be gone
+    within("Repeat num_cycles='3'", "Sequence", SEEN + SECOND),  # as long as there is a visitor
+    retried(3, "Sequence", "<WelcomeSpeech/>" + SECOND + SEEN)])  # each time after something else
+def test_a_question_that_a_loop_does_not_repeat_for_its_answer_is_no_wait(mission):
+    rig = one_leaf(mission)
+    rig.run(lambda rig: rig.clock.advance(0.5), is_stopped=lambda: rig.clock.now() >= 1010.0)
+    assert [event.words for event in rig.of(StepStarted) if event.is_wait] == []
+
+
+def test_a_condition_that_waits_by_itself_in_each_round_tells_its_own_wait():
+    rig = one_leaf(retried(3, "Delay delay_msec='1000'", SEEN), conditionWait=7.0)
+    rig.run(lambda rig: rig.clock.advance(0.5), is_stopped=lambda: rig.clock.now() >= 1100.0)
+    assert [event.limit for event in rig.of(StepStarted)] == [7.0, 7.0, 7.0]
+
+
 def test_a_condition_that_waits_by_itself_waits_as_long_as_it_does():
     rig = one_leaf("<Sequence><IsVisitorDiscovered/></Sequence>", conditionWait=7.0)
     rig.tick()
@@ -324,6 +398,33 @@ def test_whatever_comes_in_whatever_order_is_one_line_each(event):
     assert story.now(3.0).isprintable()
 
 
+ODD = "\x1b[2J\u202e\ud800"
+ODD_FAILURE = Failure(Cause.REFUSED, ODD, ODD)
+
+
+def texts(value):
+    """Return all texts in a record and the records in it."""
+    return [value] if isinstance(value, str) else sum(map(texts, value), []) if isinstance(value, tuple) else []
+
+
+@pytest.mark.parametrize("ends", [
+    [LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0, ODD_FAILURE), TourAdvanced(1, ODD, ODD, 1, 2, ODD, "over")],
+    [Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, False, "given up", ODD), PassFinished(1, "FAILURE", 1.0)],
+    [TourAdvanced(1, ODD, ODD, 1, 2, ODD, "omitted"), Recovered(ODD, ODD, ODD_FAILURE, ODD, 1, True, "skipped", ODD)],
+    [Noticed("error", ODD), PassFinished(1, ODD, 1.0)],
+    [LeafFinished(2, ODD, ODD, "FAILURE", ODD, 1.0, ODD_FAILURE._replace(cause=Cause.CONDITION_FALSE)),
+     PassFinished(1, "FAILURE", 1.0)]])
+def test_no_text_of_a_story_s_records_does_anything_to_what_shows_it(ends):
+    story = Story()
+    records = [story.take(1.0, event) for event in [
+        PassStarted(1, 0.0), TourAdvanced(1, ODD, ODD, 1, 2, ODD, "begun"),
+        LeafFinished(2, ODD, ODD, "SUCCESS", ODD, 1.0, None, Told(ODD, ODD, ODD, 1.0))] + ends + [
+        StepStarted(3, ODD, ODD, ODD, ODD, 1.0, False), Recovering(4, ODD, ODD, ODD_FAILURE, 0, 1, ODD)]]
+    records += [story.visit, story.step, tuple(story.outcomes)]
+    assert any("\\x1b" in text for text in texts(tuple(records)))
+    assert [text for text in texts(tuple(records)) if not text.isprintable()] == []
+
+
 @pytest.mark.parametrize("outcome", ["SUCCESS", "FAILURE"])
 @pytest.mark.parametrize("ends", [[TourAdvanced(1, "x", "x", 1, 2, "Arm", "over")], []])
 def test_an_exhibit_that_the_visitor_left_was_not_shown_whatever_the_mission_makes_of_it(ends, outcome):
@@ -335,6 +436,41 @@ def test_an_exhibit_that_the_visitor_left_was_not_shown_whatever_the_mission_mak
         story.take(1.0, event)
     assert (story.visit.exhibits[0].state, story.visit.exhibits[0].why) == (BROKEN_OFF, "the visitor left")
     assert story.visit.why == "the visitor left at exhibit 1 of 2, Arm"
+
+
+def toured(*steps):
+    """Return a mission that goes on to the next exhibit whatever becomes of these steps."""
+    return within("Sequence", "<RetrieveListOfExhibits/>" + within("Inverter", "KeepRunningUntilFailure", "Sequence", (
+        "<IsListWithExhibit/>" + within("ForceSuccess", "Sequence", "<SelectExhibit/>" + "".join(steps)))))
+
+
+DRIVES, TELLS = "<Navigate/>", "<DescribeExhibitSpeech name='1'/>"
+RECOVERED = within("Fallback", DRIVES + "<HandleFallBack/>")
+TWO_WAYS = within("Fallback", DRIVES + TELLS)
+LOST = "Navigate failed: refused, the server refused (/robotNavigation/set_goal)"
+LOST_AGAIN = "Navigate failed 3 times: refused, the server refused (/robotNavigation/set_goal)"
+
+
+@pytest.mark.parametrize("mission, state, why", [
+    (toured(DRIVES, TELLS), BROKEN_OFF, LOST),
+    (toured(TELLS, DRIVES), BROKEN_OFF, LOST),
+    (toured(within("ForceSuccess", DRIVES), TELLS), SHOWN, ""),
+    (toured(TWO_WAYS), SHOWN, ""),
+    (toured(retried(9, DRIVES)), SHOWN, ""),
+    (toured(RECOVERED, TELLS), BROKEN_OFF, LOST_AGAIN),
+    (toured("<IsVisitorDiscovered/>", TELLS), BROKEN_OFF, "no face in view"),
+    (toured(within("Parallel success_count='1' failure_count='2'", DRIVES + TELLS)), SHOWN, ""),
+    (within("Sequence", "<RetrieveListOfExhibits/><SelectExhibit/>" + within("ForceSuccess", "Sequence", DRIVES + TELLS)),
+     BROKEN_OFF, LOST)])
+def test_an_exhibit_is_broken_off_where_a_step_failed_and_none_came_after_it(mission, state, why):
+    refused = iter([True] * 3)
+    rig = one_leaf(mission, lambda request: refusal(request) if (
+        isinstance(request, GoTo) and next(refused, False)) else NotImplemented)
+    teller = Teller(rig).run(lambda rig: rig.clock.advance(0.5))
+    assert teller.story.visit.outcome == "SUCCESS"
+    assert teller.story.visit.exhibits[0][3:5] == (state, why)
+    if len(teller.story.visit.exhibits) > 1:
+        assert "exhibit 1 of 2, exhibit 1, " + ("is broken off: " + why if why else "was shown") in teller.lines
 
 
 def test_an_exhibit_under_way_is_under_way():

@@ -6,7 +6,8 @@ from behavior_controller.events import Noticed
 from behavior_controller.gateway import Failure, Sample
 from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Answer, Point, Request, SetAnimation, SetAttention, Words
-from behavior_controller.leaves.base import ServiceLeaf, TopicCondition, leaf_spec
+from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
+from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET, Places
 
 SEEKING = "seeking"

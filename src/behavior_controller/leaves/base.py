@@ -1,4 +1,4 @@
-"""What mission leaves share: the context they run in, the record of failures, service calls and topic conditions.
+"""What mission leaves share: the context they run in, the record of failures, and service calls.
 
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
 """
@@ -8,10 +8,7 @@ from abc import abstractmethod
 from functools import partial
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
 
-from behavior_controller.bt.engine.clock import Clock, Timer
-from behavior_controller.bt.engine.builtins import Sleep
-from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.decorators import Inverter, KeepRunningUntilFailure, Repeat, Timeout
+from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, Result
 from behavior_controller.bt.engine.tree import Tree
@@ -21,7 +18,7 @@ from behavior_controller.bt.ownership import tick_thread_only
 from behavior_controller.bt.registry import Kind, Port, argument
 from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
 from behavior_controller.events import Events, LeafFinished, StepStarted, Told
-from behavior_controller.gateway import Call, Cause, Failure, Gateway, Sample, Topics
+from behavior_controller.gateway import Call, Cause, Failure, Gateway, Topics
 from behavior_controller.health import Health
 from behavior_controller.interface import Evidence, Sense, Service, Topic
 from behavior_controller.interface.records import Answer, Request, Words
@@ -118,6 +115,7 @@ class MissionLeaf(Node):
     spec: MissionSpec
     mission: MissionContext
     sense: Optional[Sense] = None  # what it learns of the visitor
+    own_evidence: Optional[Evidence] = None  # of a topic that another package declares, in place of a sense
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
     told: Optional[Told] = None  # what people are to be told when the leaf ends
@@ -340,217 +338,12 @@ class OptionalServiceLeaf(ServiceLeaf):
         """As ``request`` of a ServiceLeaf."""
 
 
-def is_asked_again(node: Any) -> bool:
-    """Return whether a control asks this node again while a later one runs, which it would halt if it were RUNNING."""
-    while node.parent is not None:
-        parent, is_last = node.parent, node is node.parent.children[-1]
-        if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and not is_last:
-            return True
-        if isinstance(parent, WhileDoElse) and node is parent.children[0]:
-            return True
-        node = parent
-    return False
-
-
-def _limit(node: Any) -> float:
-    """Return the seconds of a Sleep or Timeout; 0: the file does not say them as a number."""
-    msec = node.attributes.get("msec", "")
-    return int(msec) / 1000.0 if msec.isdecimal() else 0.0
-
-
-def wait_beside(node: Any) -> Optional[float]:
-    """Return for how many seconds a node is asked again while a ReactiveFallback waits; 0: for ever, None: it is not.
-
-    The limit is that of a Timeout above the two, or of the Sleeps in their place, where the file says it as a number.
-    """
-    while node.parent is not None and not isinstance(node.parent, Inverter):  # that waits for the opposite
-        parent, later = node.parent, node.parent.children[node.parent.children.index(node) + 1:]
-        if isinstance(parent, ReactiveFallback) and later:
-            below = [each for beside in later for each in beside.iterate()]
-            sleeps = [_limit(each) for each in below if isinstance(each, Sleep)]
-            is_endless = any(isinstance(each, (KeepRunningUntilFailure, Repeat)) for each in below) or not all(sleeps)
-            limits = (0.0 if is_endless else sum(sleeps), _limit(parent.parent) if isinstance(parent.parent, Timeout) else 0.0)
-            return min(filter(None, limits), default=0.0)
-        node = parent
-    return None
-
-
-class TopicCondition(MissionLeaf, ConditionLeaf):
-    """A question to the newest message of the topic that tells of ``sense``.
-
-    It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive control asks it
-    again and again, where the waiting is the mission's. Nothing polls: an alarm wakes the tree at the message that
-    changes the answer, a timer when the message that it rests on grows too old.
-    """
-
-    sense: Sense
-    otherwise: str  # the message of its failure
-    own_evidence: Optional[Evidence] = None  # of a topic that another package declares, in place of a sense
-    awaiting = ""  # what the robot does that waits for it, in people's words, in place of those of the sense
-    _beside: Optional[float] = None  # see ``wait_beside``
-    _expiry: Optional[Timer] = None
-    _patience: Optional[Timer] = None
-    _is_over = False
-    _told: Tuple[str, float] = ("", 0.0)  # the failure reported last, and what a message had to be newer than then
-
-    def setup(self, **kwargs: Any) -> None:
-        """Find what the mission does while it asks."""
-        super().setup(**kwargs)
-        self._beside = wait_beside(self)
-
-    @property
-    def resource(self) -> str:
-        """The topic's canonical name."""
-        return self.topic.name
-
-    @property
-    def own_sense(self) -> Optional[Sense]:
-        """What is learned of the visitor; None if another package declares what it is."""
-        return None if self.own_evidence is not None else self.sense
-
-    @property
-    def evidence(self) -> Evidence:
-        """What tells of ``sense`` on this robot."""
-        return self.own_evidence or self.mission.interface.evidence(self.sense)
-
-    @property
-    def topic(self) -> Topic:
-        """The topic that tells of it."""
-        return self.evidence.topic
-
-    def is_evidence(self, value: Any) -> bool:
-        """Return whether a message with this value makes the condition true. Called on the receiving thread too."""
-        return self.evidence.is_given(value, self.mission.settings.gaze_value)
-
-    def not_before(self) -> float:
-        """Return the time (monotonic seconds) that a message must be newer than."""
-        return float("-inf")
-
-    def use(self, sample: Sample) -> None:
-        """Take what the message brought."""
-
-    def unused(self, sample: Sample) -> None:
-        """Note what a message brought that counts, and is not what is asked for."""
-
-    def judged(self, sample: Optional[Sample]) -> None:
-        """Note what the newest message says beside the answer to the question."""
-
-    def update(self) -> Result:
-        """Judge the newest message."""
-        if self.status is not RUNNING:
-            self.started_at = self.mission.clock.now()
-        try:
-            return self._answer()
-        except PortError as error:
-            self._stop_timers()
-            return self._fail(self.missing(error), 0.0)
-
-    def _answer(self) -> Result:
-        sample = self.mission.topics.newest(self.topic)
-        counts = sample is not None and self._counts(sample)
-        self.judged(sample)
-        if sample is not None and counts and self.is_evidence(sample.value):
-            return self._true(sample)
-        if sample is not None and counts and self.evidence.is_given_up(sample.value):
-            self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
-            return self._false(sample)
-        self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
-        self.mission.topics.listen(self.topic, self.wait)
-        if not self._waits():
-            return self._false(sample)
-        if self.status is not RUNNING:
-            self._begin_to_wait(self.wait)
-        return RUNNING
-
-    def _begin_to_wait(self, limit: float) -> None:
-        sensed = self.own_sense
-        self.begin_wait(self.awaiting or (self.registration_id if sensed is None else sensed.awaiting), limit)
-
-    def _is_end(self, value: Any) -> bool:
-        return self.is_evidence(value) or self.evidence.is_given_up(value)
-
-    def _counts(self, sample: Sample) -> bool:
-        age = self.mission.clock.now() - sample.arrived
-        return sample.arrived > self.not_before() and (
-            not self.topic.is_continuous or age <= self.mission.settings.topic_max_age)
-
-    def _true(self, sample: Sample) -> Result:
-        self._stop_timers()
-        self.mission.topics.listen(self.topic, 0.0)
-        if self.topic.is_continuous:
-            self.mission.topics.wake_when(self.uid, self.topic, lambda value: not self.is_evidence(value))
-            left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
-            self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
-        self._told = ("", 0.0)
-        self.told = self._told_of(self.own_sense.given if self.own_sense is not None else "")
-        self.use(sample)
-        return self.succeeded()
-
-    def _false(self, sample: Optional[Sample]) -> Result:
-        self._stop_timers()
-        failure = Failure(Cause.CONDITION_FALSE, self.otherwise, self.resource)
-        if sample is not None and not self._counts(sample):
-            when = "came before" if sample.arrived <= self.not_before() else "is too old"
-            failure = failure._replace(message="{}; the newest message {}".format(self.otherwise, when))
-        self.told = self._told_of(self.own_sense.absent if self.own_sense is not None else "")
-        if sample is not None and self._counts(sample):
-            self.unused(sample)
-        return self._fail(failure, self.not_before())
-
-    def _told_of(self, mark: str) -> Optional[Told]:
-        return Told("visit", "", mark, self.mission.clock.now()) if mark else None
-
-    def _fail(self, failure: Failure, since: float) -> Result:
-        telling = failure.message, max(since, self.mission.visit_began)
-        if telling == self._told:
-            # asked again at every tick of a wait: recorded each time, reported once
-            self.mission.failures.add(self, failure)
-            return FAILURE
-        begins = self._beside is not None and telling[1:] != self._told[1:]
-        self._told = telling
-        result = self.failed(failure)
-        if begins and self._beside is not None:
-            self._begin_to_wait(self._beside)
-        return result
-
-    @property
-    def wait(self) -> float:
-        """Seconds that the condition waits for its evidence."""
-        wait = self.evidence.wait
-        return self.mission.settings.condition_wait if wait is None else wait
-
-    def _waits(self) -> bool:
-        if self.wait <= 0.0 or self._is_over or is_asked_again(self):
-            return False
-        if self._patience is None and self.wait < math.inf:
-            self._patience = self.mission.clock.call_after(self.wait, self._give_up)
-        return True
-
-    def _give_up(self) -> None:
-        self._is_over = True
-        self.wake()
-
-    def _stop_timers(self) -> None:
-        for timer in (self._expiry, self._patience):
-            if timer is not None:
-                timer.cancel()
-        self._expiry = self._patience = None
-        self._is_over = False
-
-    def halt(self) -> None:
-        """Stop waiting."""
-        if self.status is RUNNING:
-            self.mission.topics.listen(self.topic, 0.0)
-        self._stop_timers()
-        super().halt()
-
-
 def _named(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]], name: str) -> MissionLeaf:
     return leaf(name, **choices[argument(name)])
 
 
 def _listens(leaf: Type[MissionLeaf]) -> Tuple[Union[Sense, Topic], ...]:
-    if issubclass(leaf, TopicCondition) and leaf.own_evidence is not None:
+    if leaf.own_evidence is not None:
         return (leaf.own_evidence.topic,)
     return (leaf.sense,) if leaf.sense is not None else ()
 

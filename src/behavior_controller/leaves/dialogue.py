@@ -5,7 +5,8 @@ from behavior_controller.events import Told
 from behavior_controller.gateway import Cause, Failure, Sample
 from behavior_controller.interface import Sense
 from behavior_controller.interface.records import Answer, Prompt, Request
-from behavior_controller.leaves.base import InstantCondition, ServiceLeaf, TopicCondition, leaf_spec
+from behavior_controller.leaves.base import InstantCondition, ServiceLeaf, leaf_spec
+from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import QUESTION_ASKED_AT, VISITOR_RESPONSE
 from behavior_controller.phrases import YES
 

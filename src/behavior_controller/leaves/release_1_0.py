@@ -14,8 +14,8 @@ from behavior_controller.interface import Sense, Topic
 from behavior_controller.interface.records import Request, Say, SetPose, SetRecognition, SetRecognitionLanguage
 from behavior_controller.knowledge_files import UTILITY_PHRASES
 from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAttentionMode
-from behavior_controller.leaves.base import (InstantCondition, MissionLeaf, OptionalServiceLeaf, TopicCondition,
-                                             leaf_spec)
+from behavior_controller.leaves.base import InstantCondition, MissionLeaf, OptionalServiceLeaf, leaf_spec
+from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import ATTENTION_SET_AT, EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
 from behavior_controller.leaves.dialogue import heard
 from behavior_controller.leaves.gesture import IconicGesture

@@ -113,7 +113,7 @@ class Console:
     def _write(self, told: Union[Tuple[str, str], Tuple[float, Event, bool]]) -> None:
         """Write a line, or those of an event; rospy's logging takes longer than all that the tick thread does with one."""
         if isinstance(told[0], str):
-            self._log(*told)
+            self._log(told[0], clean(told[1]))
         else:
             self._log_event(*told)
 
@@ -123,13 +123,13 @@ class Console:
         if is_verbose and isinstance(event, LeafFinished):
             parts = [event.status, event.resource, "{:.3f} s".format(event.seconds), reason(event.failure),
                      event.told.text if event.told is not None else ""]
-            self._log("info", "{} ({}): {}".format(event.node, event.path, ", ".join(filter(None, parts))))
+            self._log("info", clean("{} ({}): {}".format(event.node, event.path, ", ".join(filter(None, parts)))))
         elif is_verbose and isinstance(event, Retried):
-            self._log("info", "{} ({}): retry {} failed, {}, {}".format(
-                event.node, event.path, event.attempt, event.failure.resource, reason(event.failure)))
+            self._log("info", clean("{} ({}): retry {} failed, {}, {}".format(
+                event.node, event.path, event.attempt, event.failure.resource, reason(event.failure))))
 
     def _log(self, severity: str, text: str) -> None:
-        getattr(self._logger, severity)("behaviorController: %s", clean(text))
+        getattr(self._logger, severity)("behaviorController: %s", text)
 
     def tell_shortage(self, error: BaseException) -> None:
         """Tell in one line that memory, threads or files are used up, unless that was said a moment ago."""

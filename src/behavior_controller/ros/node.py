@@ -259,6 +259,7 @@ class _Run:
         self._gateway: Gateway = self._robot  # or what records it
         self._watchers: List[Union[Groot2Publisher, Page, Record]] = []
         self._record: Optional[Record] = None
+        self._page = ""  # where it is to be found, if it is served
         self._monitor = Monitor(plan.settings.interface, topics, self._health, lambda: self._plan.settings.asr_enabled)
 
     def carry_out(self, stop_code: Callable[[], Optional[int]]) -> int:
@@ -275,6 +276,8 @@ class _Run:
             self._calm()
             return exits.BROKEN
         finally:
+            if self._page:
+                console.tell("info", "page of this run, which ends with it: {}".format(self._page))
             if self._record is not None and self._record.is_kept:
                 console.tell("info", "record of this run: {}".format(self._record.path))
 
@@ -297,7 +300,8 @@ class _Run:
             page = Page(chosen.monitor_address, chosen.monitor_port, board, warn)
             self._watchers.append(page)
             if page.is_served:
-                tell("info", "page: {}".format(_url(chosen.monitor_address, chosen.monitor_port)))
+                self._page = _url(chosen.monitor_address, chosen.monitor_port)
+                tell("info", "page: {}".format(self._page))
         if chosen.record_directory != NO_RECORD:
             folder = chosen.record_directory or new_folder(rospkg.get_log_dir())
             record = self._record = Record(folder, self._clock, warn, chosen.interface)

@@ -198,7 +198,7 @@ class Board:
         if isinstance(event, HealthChanged):
             entry = self._health.setdefault(event.name, {"kind": event.kind, "name": event.name})
             entry.update(well=event.is_well, status=clean(event.status), consequence=event.consequence,
-                         told=clean(told[0].text) if told else "")
+                         told=told[0].text if told else "")
             self._touch("health")
         if isinstance(event, PassFinished) and self._visit is not None:
             self._visits.append((self._visit, told[-1].text if told else ""))
@@ -273,7 +273,7 @@ class Board:
     def _part_visits(self) -> Dict[str, Any]:
         """Return the newest visits that ended, and how often each outcome was there among all."""
         return {"outcomes": dict(self._story.outcomes),
-                "newest": [dict(_visit(visit), told=clean(text)) for visit, text in reversed(list(self._visits))]}
+                "newest": [dict(_visit(visit), told=text) for visit, text in reversed(list(self._visits))]}
 
     def _part_timeline(self) -> Dict[str, Any]:
         """Return the steps of the visit that ended: when each began, in unix seconds, and how long it took."""
@@ -358,7 +358,7 @@ def clock(at: float) -> str:
 
 
 def _sentence(sentence: Sentence) -> Dict[str, Any]:
-    return dict(sentence._asdict(), time=clock(sentence.at), text=clean(sentence.text))
+    return dict(sentence._asdict(), time=clock(sentence.at))
 
 
 def _result(result: Result) -> Dict[str, Any]:
@@ -367,12 +367,12 @@ def _result(result: Result) -> Dict[str, Any]:
 
 
 def _step(step: Step) -> Dict[str, Any]:
-    return {"words": clean(step.words), "began": step.began, "uid": step.uid, "is_wait": step.is_wait}
+    return {"words": step.words, "began": step.began, "uid": step.uid, "is_wait": step.is_wait}
 
 
 def _visit(visit: Visit) -> Dict[str, Any]:
-    return dict(visit._asdict(), time=clock(visit.arrived or visit.began), why=clean(visit.why), exhibits=[
-        dict(shown._asdict(), name=clean(shown.name), why=clean(shown.why)) for shown in visit.exhibits])
+    return dict(visit._asdict(), time=clock(visit.arrived or visit.began), exhibits=[
+        shown._asdict() for shown in visit.exhibits])
 
 
 def _text(value: Any) -> str:

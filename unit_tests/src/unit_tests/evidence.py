@@ -98,9 +98,8 @@ class Signs:
 class Watch:
     """Follows the leaves that ask for a sign, traversal by traversal."""
 
-    def __init__(self, facts: Facts):
-        self._facts = facts
-        self._tree = Tree(facts.events)
+    def __init__(self, facts: Facts, tree: Tree):
+        self._tree = tree
         self._signs = Signs(facts)
         self._asked = {uid: sense for uid, node in self._tree.types.items() for sense in self._senses(node)}
         self._since: Dict[int, float] = {}

@@ -74,14 +74,14 @@ def rounds(events: Sequence[Event]) -> Iterator[Round]:
 
 
 class Recoveries:
-    """All recoveries of a run against the policy in its record. Nothing is judged if the record has no tree or policy."""
+    """The recoveries of a run against the policy in its record. Nothing is judged if the record has no tree or policy."""
 
-    def __init__(self, facts: Facts):
+    def __init__(self, facts: Facts, tree: Tree, recoveries: Sequence[Round]):
         self._facts = facts
-        self._tree = Tree(facts.events)
+        self._tree = tree
         self._policy = _policy(facts)
         self._tour = _Tour(len(facts.knowledge.exhibits), bool(facts.real))
-        self._all = list(rounds(facts.events))
+        self._all = recoveries
         idle = {id(each.fallback) for each in self._all if each.is_idle}
         self._begun = [event["time"] - event["seconds"] for event in facts.events
                        if event["event"] == "LeafFinished" and event["node"] in RECOVERY and id(event) not in idle]

@@ -326,7 +326,7 @@ def _found_lines(found: Found, is_first: bool) -> List[str]:
 
 
 def _story_lines(story: Sequence[Any]) -> List[str]:
-    return ["{:7.1f} s  {}".format(sentence.at, clean(sentence.text)) for sentence in story]
+    return ["{:7.1f} s  {}".format(sentence.at, sentence.text) for sentence in story]
 
 
 def words(scene: Scene) -> str:

@@ -87,7 +87,7 @@ class Case:
         self.facts = facts
         self.tree = Tree(facts.events)
         self.matching = Matching(facts)
-        self.watch = Watch(facts)
+        self.watch = Watch(facts, self.tree)
         self.rounds = list(rounds(facts.events))
         self.passes = [(each, tuple(self._obstacles(each))) for each in passes(facts)]
         """Each pass, and what kept it from going as it should."""
@@ -411,7 +411,7 @@ QUESTIONS: Tuple[Tuple[str, Callable[[Case], Iterable[str]]], ...] = (
     ("each leaf was reached that should be", _unreached),
     ("each request made sense to the node that got it", _objections),
     ("the failures on record are those that were injected", lambda case: case.matching.objections()),
-    ("each recovery did what the policy prescribes", lambda case: Recoveries(case.facts).objections()),
+    ("each recovery did what the policy prescribes", lambda case: Recoveries(case.facts, case.tree, case.rounds).objections()),
     ("each leaf's result is what the mission went on with", _taken_over),
     ("the mission saw of its visitor what there was to see", lambda case: case.watch.objections()),
 )

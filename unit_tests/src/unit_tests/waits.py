@@ -11,7 +11,8 @@ from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.events import Events
 from behavior_controller.gateway import FakeGateway, FakeTopics
 from behavior_controller.interface.records import Answer, Say, SetAttention
-from behavior_controller.leaves.base import TopicCondition, is_asked_again, wait_beside
+from behavior_controller.leaves.conditions import TopicCondition
+from behavior_controller.leaves.waits import is_asked_again, wait_for
 
 from unit_tests.facts import count
 from unit_tests.journal import Line
@@ -120,7 +121,7 @@ def _asked_before(node: Any) -> Iterator[Any]:
 
 def _seconds(node: TopicCondition) -> Optional[float]:
     """Return how long messages may take to come; None: for ever, or the mission file does not tell."""
-    seconds = wait_beside(node)
+    seconds = wait_for(node)
     if seconds is None and not is_asked_again(node):
         seconds = node.wait
     elif not seconds:

@@ -78,6 +78,7 @@ def test_what_a_visitor_never_gives_is_no_matter_of_the_rate(given):
     ("<ReactiveFallback>{}<ForceFailure><Sleep msec='500'/></ForceFailure></ReactiveFallback>", 2.0),  # topicMaxAge
     ("<Timeout msec='3000'><ReactiveFallback>{}<Sleep msec='4000'/></ReactiveFallback></Timeout>", 3.0),
     ("<Sequence>{}</Sequence>", 2.0),
+    ("<RetryUntilSuccessful num_attempts='6'><Delay delay_msec='1500'>{}</Delay></RetryUntilSuccessful>", 9.0),
 ))
 def test_how_long_a_mission_waits(given, tmp_path, monkeypatch, mission, seconds):
     given("scenarioSpecification:=small")

@@ -1,0 +1,102 @@
+"""What the tree around a condition says of waiting for it: whether it is asked again, and for how long at most."""
+import itertools
+import math
+from typing import Any, List, Optional, Tuple
+
+from behavior_controller.bt.ends import FAILS, OF_A_LEAF, SUCCEEDS, of_any_child
+from behavior_controller.bt.engine.builtins import Sleep
+from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
+from behavior_controller.bt.engine.decorators import Delay, KeepRunningUntilFailure, Timeout
+from behavior_controller.bt.registry import Kind
+
+MOST_BESIDE = 100
+"""Nodes of a round of questions, beside the condition: none that is drawn by hand has so many."""
+
+_PAUSES = {Sleep: "msec", Delay: "delay_msec"}
+
+
+def is_asked_again(node: Any) -> bool:
+    """Return whether a control asks this node again while a later one runs, which it would halt if it were RUNNING."""
+    while node.parent is not None:
+        parent, is_last = node.parent, node is node.parent.children[-1]
+        if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and not is_last:
+            return True
+        if isinstance(parent, WhileDoElse) and node is parent.children[0]:
+            return True
+        node = parent
+    return False
+
+
+def wait_for(condition: Any) -> Optional[float]:
+    """Return for how many seconds the mission asks ``condition`` again and again while that is false.
+
+    0: without a limit, or the file does not say it as numbers; None: the mission does not wait for it. A ReactiveFallback
+    waits as long as the nodes after the condition take, a loop for the pauses of all its rounds. What the robot does
+    besides in a round ends the search.
+    """
+    node, end = condition, FAILS
+    round_takes, wait, does_more = 0.0, None, False
+    while node.parent is not None and not does_more:
+        parent, place = node.parent, node.parent.children.index(node)
+        before, rest = parent.children[:place], parent.children[place + 1:]
+        later = rest if not parent.spec.next_after or end & parent.spec.next_after else []
+        takes, does_more = _in_turn(before + later)
+        round_takes += takes + _pause(parent)
+        if isinstance(parent, ReactiveFallback) and _in_turn(later)[0]:
+            wait = round_takes
+        if end & _repeats_on(parent) and (round_takes or isinstance(parent, KeepRunningUntilFailure)):
+            wait = round_takes = _number(parent, parent.spec.rounds) * (round_takes or 1.0)
+        if isinstance(parent, Timeout):
+            round_takes = min(round_takes, _number(parent, "msec") / 1000.0)
+            wait = None if wait is None else round_takes
+        if not does_more:
+            ends_later = [_end_of(each) for each in later] or [OF_A_LEAF] * len(rest)
+            end = _end(parent, [_end_of(each) for each in before] + [end] + ends_later)
+        node = parent
+    return wait if wait is None or wait < math.inf else 0.0
+
+
+def _in_turn(siblings: List[Any]) -> Tuple[float, bool]:
+    """Return how long nodes take that are ticked in turn, and whether the robot does more than to ask and to pause.
+
+    inf: the file does not say it. Too many to look at, with each condition of a large mission, count as doing more.
+    """
+    nodes = list(itertools.islice((each for node in siblings for each in node.iterate()), MOST_BESIDE + 1))
+    if len(nodes) > MOST_BESIDE:
+        return math.inf, True
+    return sum(map(_seconds, nodes)), any(map(_does_more, nodes))
+
+
+def _seconds(node: Any) -> float:
+    takes_time = _repeats_on(node) or not node.spec.is_instant and node.spec.kind in (Kind.ACTION, Kind.DECORATOR)
+    return math.inf if takes_time and not _pause(node) else _pause(node)
+
+
+def _pause(node: Any) -> float:
+    return _number(node, _PAUSES[type(node)]) / 1000.0 if type(node) in _PAUSES else 0.0
+
+
+def _number(node: Any, port: str) -> float:
+    """Return the number of a port, inf if it is 0 or -1, or if the file does not say it as a number."""
+    text = node.attributes.get(port, "")
+    return int(text) if text.isdecimal() and int(text) else math.inf
+
+
+def _repeats_on(node: Any) -> int:
+    return SUCCEEDS if isinstance(node, KeepRunningUntilFailure) else node.spec.repeats_on
+
+
+def _does_more(node: Any) -> bool:
+    """Return whether a node has the robot do something, rather than ask or pause."""
+    return node.spec.kind is Kind.ACTION and not node.spec.is_instant and type(node) not in _PAUSES
+
+
+def _end(node: Any, children: List[int]) -> int:
+    outcome = node.spec.outcome
+    if outcome is None:
+        return of_any_child(node.attributes, children) if children else OF_A_LEAF
+    return outcome(node.attributes, children) if callable(outcome) else outcome
+
+
+def _end_of(node: Any) -> int:
+    return _end(node, [_end_of(child) for child in node.children])
