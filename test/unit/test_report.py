@@ -336,7 +336,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
             try:
                 text = page_of(lines)
             except MissionError as error:
-                named = re.match(r"the record:(\d+):1: this is no line of a record: ", str(error))
+                named = re.match(r"the record:(\d+):1: this is not a line of a record: ", str(error))
                 assert number + 2 <= int(named[1]) and "\n" not in str(error), (line, path)
             else:
                 assert Page(text).tags.count("script") == 2 and text.encode()
@@ -344,7 +344,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
 
 @pytest.mark.parametrize("lines, expected", [
     (lines_of({"event": "PassFinished", "time": 1, "number": EVIL, "outcome": "S", "seconds": 1}),
-     "r.jsonl:4:1: this is no line of a record: number is not an integer"),
+     "r.jsonl:4:1: this is not a line of a record: number is not an integer"),
     (lines_of({"event": "PassFinished", "time": 1, "number": True, "outcome": "S", "seconds": 1}), "number is not an int"),
     (lines_of({"event": "PassFinished", "time": 1, "number": 1, "outcome": "S"}), "seconds is missing"),
     (lines_of()[:1] + [changed(lines_of()[1], ("sources", "documents"), [])], "sources.documents is empty"),
@@ -352,7 +352,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
     (lines_of(tick([2, "S"])), "the tree has only 1 nodes"),
     (lines_of(tick([1, "s"])), "changes[0][1] is not one of -, R, S, F"),
     (lines_of(tick([1])), "changes[0] has 1 entries, not 2"),
-    (lines_of(dict(tick(), time=1e12)), "time is no time"),
+    (lines_of(dict(tick(), time=1e12)), "time is not a time"),
     (lines_of(dict(tick(), at=float("inf"))), "at is not a number"),
     (lines_of(nodes=(["A", "A", "A", 1],)), "a node's parent does not come before it"),
     (lines_of(nodes=(["A", "A", "A", 0], ["A", "A", "A", 0])), "a node's parent does not come before it"),
