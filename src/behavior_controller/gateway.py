@@ -128,18 +128,22 @@ class Topics:
 
 
 class FakeGateway(Gateway):
-    """Stores its ``requests``; a test finishes the ``calls``, or gives ``reply`` to finish them at once."""
+    """Stores its ``requests``; a test finishes the ``calls``, or gives ``reply`` to finish them at once.
+
+    ``dropped`` are the requests whose results are no longer awaited.
+    """
 
     def __init__(self, wake: Callable[[], None] = lambda: None,
                  reply: Optional[Callable[[Request], Optional[Union[Answer, Failure]]]] = None):
         self.requests: List[Request] = []
         self.calls: List[Call] = []
+        self.dropped: List[Request] = []
         self._wake = wake
         self._reply = reply
 
     def start(self, request: Request) -> Call:
         """Store the request; finish the call if ``reply`` has a result for it."""
-        call = Call(request, self._wake)
+        call = Call(request, self._wake, lambda: self.dropped.append(request))
         self.requests.append(request)
         self.calls.append(call)
         result = self._reply(request) if self._reply else None

@@ -162,6 +162,8 @@ def test_a_fault_is_one_line_whatever_it_quotes():
     ("<root>\n <\x00/></root>", (2, 3), "NUL"),
     ("\ufeff x<root/>", (1, 3), "text before the first element"),
     ("\ufeff<root/>x", (1, 9), "text after the end of the first element"),
+    ("<root><!-- a --><A/></root>\nx", (2, 1), "text after the end of the first element"),
+    ("<root a=\"&\" b=\"\"><A></A><B/></root>\n<root/>", (2, 1), "an element after the end of the first element"),
     ('<!DOCTYPE r [\n<!ENTITY a "b">]><root/>', (1, 1), "declarations inside DOCTYPE"),
     ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root/>', (1, 1), "declarations inside DOCTYPE"),
 ])

@@ -61,7 +61,6 @@ class MarkupFault(Exception):
     """A fault of the markup, and the offset of its character."""
 
     def __init__(self, rule: Rule, text: str, offset: int, hint: str = ""):
-        super().__init__(text)
         self.rule = rule
         self.text = text
         self.offset = offset
