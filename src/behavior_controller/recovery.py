@@ -1,4 +1,4 @@
-"""The recovery from one failure as a state machine: what the policy wants next. Knows no tree, clock or service."""
+"""The recovery from one failure as a state machine: the next step by the policy, without tree, clock or services."""
 from typing import Callable, NamedTuple, Optional, Union
 
 from behavior_controller.gateway import Failure
@@ -16,13 +16,13 @@ class Retry(NamedTuple):
 
 
 class Substitute(NamedTuple):
-    """Do this node in place of the failed one."""
+    """Run this node instead of the failed one."""
 
     spec: MissionSpec
 
 
 class End(NamedTuple):
-    """Nothing more is to be tried."""
+    """The recovery is over."""
 
     outcome: str
 
@@ -31,11 +31,11 @@ Step = Union[Retry, Substitute, End]
 
 
 class Recovery:
-    """Decides one step after another: ``next_step``, then ``attempted`` with what came of it."""
+    """Decides one step after another: ``next_step``, then ``attempted`` with its result."""
 
     def __init__(self, policy: Policy, node: MissionSpec, failure: Failure, can_redo: bool, is_affordable: bool,
                  leave_out: Callable[[], bool]):
-        """``can_redo`` is false where redoing one node would not do what failed as a whole (a SubTree).
+        """``can_redo`` is false if repeating one node would not repeat all that failed (a SubTree).
 
         ``is_affordable`` is false once the budget is spent. ``leave_out`` notes that the mission goes on without the
         step, and returns whether the mission may.
@@ -54,7 +54,7 @@ class Recovery:
             self._rule = self._rule._replace(retries=0, substitute=None)
 
     def __str__(self) -> str:
-        """Return the rule that was followed, as an operator reads it, and why not the policy's."""
+        """Return the rule that was followed, in words, and why it was not the policy's."""
         return str(self._rule) + (": " + self.reason if self.reason else "")
 
     @property

@@ -1,6 +1,6 @@
 """Turns the events of a run into visits, the step under way and sentences; terminal, page, report and verdict show them.
 
-A story is made from events alone, so a record of a run tells the same as the run did. It holds a bounded number of
+A story is made from events alone, so a record gives the same sentences as the run itself. It holds a bounded number of
 visits and never looks at a clock: each event comes with its time (unix seconds). All texts of its records are safe to
 show, whatever they quote: see ``text.clean``.
 """
@@ -15,16 +15,16 @@ from behavior_controller.recovery import GIVEN_UP, SKIPPED, SUBSTITUTED
 from behavior_controller.text import clean
 
 KEPT = 50
-"""Visits that a story keeps: the newest."""
+"""Number of the newest visits that a story keeps."""
 
 UNDER_WAY, SHOWN, LEFT_OUT, BROKEN_OFF = "under way", "shown", "left out", "broken off"
-"""How it stands with an exhibit."""
+"""The state of an exhibit."""
 
 LEFT = "the visitor left"
 
 
 class Sentence(NamedTuple):
-    """What is told of one thing that happened, in people's words and on one line.
+    """A sentence about one event, in words for people and on one line.
 
     ``kind`` says what it is about (one of ``KINDS``), ``severity`` is info, warning or error; ``visit`` is 0 before the
     first. ``uid`` and ``path`` are those of the node that it leads to; 0 and empty if there is none.
@@ -56,7 +56,7 @@ class ShownExhibit(NamedTuple):
     seconds: float
 
     def __str__(self) -> str:
-        """Return which exhibit of how many it is."""
+        """Return ``exhibit 2 of 5, name``."""
         return "exhibit {} of {}, {}".format(self.number, self.of, self.name)
 
 
@@ -121,9 +121,9 @@ class Story:
         self._recoveries: Dict[str, Recovering] = {}  # under way, by the path of what failed
         self._uids: Dict[str, int] = {}
         self._exhibit_began = 0.0
-        self._has_left = False  # the visitor is not seen any more
+        self._has_left = False  # the visitor is no longer seen
         self._pass_began = self._met = 0.0  # when the pass began and the visitor came, on the mission's clock
-        self._is_unclear = False  # the visitor has said what was neither yes nor no
+        self._is_unclear = False  # the visitor's answer was neither yes nor no
         self._given_up: Optional[Recovered] = None  # the last one in this visit
         self._gave_up = ""  # why
         self._handler = 0  # the HandleFallBack that ended last
@@ -178,7 +178,7 @@ class Story:
                                    clean(path)))
 
     def _change(self, **changes: object) -> None:
-        """Change what is known of the visit."""
+        """Change fields of the visit."""
         if self.visits:
             changes.update((name, clean(value)) for name, value in changes.items() if isinstance(value, str))
             self.visits[-1] = self.visits[-1]._replace(**changes)  # type: ignore[arg-type]
@@ -253,7 +253,7 @@ class Story:
         self._begin(words + retry, event.limit, event.uid, event.is_wait)
 
     def _begin(self, words: str, limit: float, uid: int, is_wait: bool = False) -> None:
-        """Have a step under way; a wait that another step follows is over."""
+        """Start a step; this ends a wait."""
         self._stuck = self._stuck if is_wait else ""
         self._steps = {other: step for other, step in self._steps.items() if other != uid and not step.is_wait}
         self._steps[uid] = Step(clean(words), self._at, limit, uid, is_wait)
@@ -279,7 +279,7 @@ class Story:
                 self._stuck = ""
 
     def _note(self, event: LeafFinished) -> None:
-        """Note what a leaf tells when it ends, and what that means for the visit."""
+        """Process a leaf's sentence at its end, and its meaning for the visit."""
         assert event.told is not None
         kind, text, mark, at = event.told
         visit = self.visit
@@ -345,11 +345,11 @@ class Story:
             "retrying {}, {} of {}".format(event.node, event.attempt, event.of))
         self._recoveries[event.path] = event
         self._begin(words, 0.0, event.uid)
-        why = ": " + cause(event.failure) if event.attempt > 1 else ""  # the first failure has been told
+        why = ": " + cause(event.failure) if event.attempt > 1 else ""  # the first failure has its sentence already
         self._tell("recovery", "info", words + why, 0, event.path)
 
     def _retried(self, event: Retried) -> None:
-        self._steps.pop(self._uids.get(event.path, 0), None)  # why it failed is told with what is done about it
+        self._steps.pop(self._uids.get(event.path, 0), None)  # the sentence about the recovery says why it failed
 
     def _recovered(self, event: Recovered) -> None:
         recovery = self._recoveries.pop(event.path, None)

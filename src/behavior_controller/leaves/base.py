@@ -1,6 +1,6 @@
-"""What mission leaves share: the context they run in, the record of failures, and service calls.
+"""The common parts of mission leaves: their context, the record of failures, and service calls.
 
-A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are written here once.
+A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are implemented here once.
 """
 import itertools
 import math
@@ -41,7 +41,7 @@ class Failed(NamedTuple):
 
 
 class FailureLog:
-    """The newest failure of each leaf: HandleFallBack finds in it what brought it about."""
+    """The newest failure of each leaf: HandleFallBack finds its cause in it."""
 
     @tick_thread_only
     def __init__(self) -> None:
@@ -64,12 +64,12 @@ class FailureLog:
 
 
 class MissionContext:
-    """What the leaves of a running mission share. ``setup(mission=…)`` hands it to each."""
+    """The context of the leaves of a running mission. ``setup(mission=…)`` passes it to each."""
 
     def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases, policy: Policy,
                  clock: Clock, events: Events, health: Optional[Health] = None, knowledge: Optional[Knowledge] = None,
                  offers: Sequence[Union[Service, Topic]] = ()):
-        """``health`` tells what is known of the robot's nodes; without it they count as well.
+        """``health`` is the state of the robot's nodes; without it they count as working.
 
         ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the services and topics
         that the mission cannot do without.
@@ -96,7 +96,7 @@ class MissionContext:
         return self._shared.setdefault(kind, kind())
 
     def begin_visit(self, blackboard: Blackboard, at: float) -> None:
-        """Forget the last visitor on the root's ``blackboard``; no answer and no gaze from before ``at`` counts."""
+        """Clear the last visitor's data on the root's ``blackboard``; answers and gazes from before ``at`` do not count."""
         self.visit_began = at
         for datum in data.ALL:
             blackboard.unset(datum.name)
@@ -109,19 +109,19 @@ class MissionContext:
 
 
 class MissionLeaf(Node):
-    """A leaf of the mission vocabulary. What is wrong with a port is a failure of the leaf, in whatever it does."""
+    """A leaf of the mission vocabulary. A wrong port at any point is a failure of the leaf."""
 
     PORTS: Tuple[Port, ...] = ()
     spec: MissionSpec
     mission: MissionContext
-    sense: Optional[Sense] = None  # what it learns of the visitor
-    own_evidence: Optional[Evidence] = None  # of a topic that another package declares, in place of a sense
+    sense: Optional[Sense] = None  # the sign of the visitor that it checks
+    own_evidence: Optional[Evidence] = None  # of a topic that another package declares, instead of a sense
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
-    told: Optional[Told] = None  # what people are to be told when the leaf ends
+    told: Optional[Told] = None  # the sentence for people when the leaf ends
 
     def configure(self) -> None:
-        """Refuse a node type that lacks what the recovery must know of it."""
+        """Refuse a node type without the facts that the recovery needs."""
         if not isinstance(self.spec, MissionSpec):
             raise ConfigureError("{} is a mission leaf and is declared by a NodeSpec alone; declare it with leaf_spec"
                                  .format(self.registration_id))
@@ -132,7 +132,7 @@ class MissionLeaf(Node):
             self.mission = kwargs["mission"]
 
     def get_input_or(self, port: str, otherwise: Any) -> Any:
-        """Return the value of an input port, or ``otherwise`` where nothing has written its entry. Raises PortError."""
+        """Return the value of an input port, or ``otherwise`` if nothing has written its entry. Raises PortError."""
         try:
             return self.get_input(port)
         except NoValue:
@@ -154,7 +154,7 @@ class MissionLeaf(Node):
         return FAILURE
 
     def report(self, status: Any, failure: Optional[Failure] = None) -> None:
-        """Tell the events that this leaf finished."""
+        """Emit the event that this leaf finished."""
         resource = (failure.resource if failure is not None else "") or self.resource
         self.feedback_message = failure.message if failure is not None else ""
         told, self.told = self.told, None
@@ -162,7 +162,7 @@ class MissionLeaf(Node):
                                               self.mission.clock.now() - self.started_at, failure, told))
 
     def begin_step(self, words: str, what: str, limit: float) -> None:
-        """Tell the events in people's words what the robot does from now on, for ``limit`` seconds at most (0: any)."""
+        """Emit in words for people what the robot does from now on, for ``limit`` seconds at most (0: any)."""
         self._begin(words, what, limit, False)
 
     def begin_wait(self, words: str, limit: float) -> None:
@@ -178,7 +178,7 @@ class InstantAction(MissionLeaf, SyncActionLeaf):
 
     @abstractmethod
     def act(self) -> Optional[Failure]:
-        """Do it; return what went wrong, if anything."""
+        """Carry out the action; return its failure, if any."""
 
     def update(self) -> Result:
         """Act and report."""
@@ -191,7 +191,7 @@ class InstantAction(MissionLeaf, SyncActionLeaf):
 
 
 class InstantCondition(MissionLeaf, ConditionLeaf):
-    """A condition on what the mission knows."""
+    """A condition on the mission's own data."""
 
     otherwise: str  # the message of its failure
 
@@ -252,7 +252,7 @@ class Attempt:
         return Ended(failure)
 
     def drop(self) -> None:
-        """Give the attempt up; its answer is not used."""
+        """Drop the attempt; its answer is not used."""
         if self._call is not None:
             self._call.drop()
 
@@ -270,18 +270,18 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
     @abstractmethod
     def request(self) -> Union[Request, Failure, None]:
-        """Return what to ask for, why it cannot be asked, or None when there is nothing to do (SUCCESS)."""
+        """Return the request, or why it cannot be made, or None if it is not needed (SUCCESS)."""
 
     def accept(self, answer: Answer) -> Optional[Failure]:
-        """Take what a positive answer brought; return what is wrong with it, if anything."""
+        """Store the content of a positive answer; return its failure if it is wrong."""
         return None
 
     def words(self, request: Request) -> Words:
-        """Return what an operator is told of ``request``: its own words, or the name of the node."""
+        """Return the words for ``request``: its own, or the name of the node."""
         return request.words or Words(self.registration_id, self.registration_id + " is done")
 
     def done(self, words: Words) -> Optional[Told]:
-        """Return what is told when the request was carried out."""
+        """Return the sentence for a request that was carried out."""
         return Told(words.kind, " ".join(filter(None, (words.done, words.what)))) if words.done else None
 
     def limit(self, request: Request) -> float:
@@ -296,7 +296,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         return failure
 
     def try_once(self) -> Attempt:
-        """Begin an attempt; a recovery does so to retry the step."""
+        """Begin an attempt; a recovery calls this to retry the step."""
         return Attempt(self)
 
     def on_start(self) -> Result:
@@ -306,7 +306,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         return self.on_running()
 
     def on_running(self) -> Result:
-        """Look for the end of the attempt."""
+        """Check whether the attempt has ended."""
         ended = self.attempt.poll() if self.attempt is not None else None
         if ended is None:
             return RUNNING
@@ -322,7 +322,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
 
 class OptionalServiceLeaf(ServiceLeaf):
-    """A leaf that has nothing to do on a robot whose interface lacks the service."""
+    """A leaf that succeeds without a request on a robot whose interface lacks the service."""
 
     @property
     def resource(self) -> str:
@@ -330,7 +330,7 @@ class OptionalServiceLeaf(ServiceLeaf):
         return super().resource if self.mission.interface.serves(self.asks) else ""
 
     def request(self) -> Union[Request, Failure, None]:
-        """Ask for what is wanted, if the robot has a service for it."""
+        """Return the request, if the robot has a service for it."""
         return self.wanted() if self.mission.interface.serves(self.asks) else None
 
     @abstractmethod
@@ -353,7 +353,7 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
               **facts: Any) -> MissionSpec:
     """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
 
-    ``ports`` are added to those of the class, ``arguments`` are the constructor's beside the name. With ``choices`` the
+    ``ports`` are added to those of the class, ``arguments`` are the constructor's after the name. With ``choices`` the
     name of an instance chooses them.
     """
     return MissionSpec(

@@ -1,4 +1,4 @@
-"""Conditions on what a topic tells: judged at the newest message, and woken by the one that changes the answer."""
+"""Conditions on a topic: evaluated on the newest message, and woken by the message that changes the answer."""
 import math
 from typing import Any, Optional, Tuple
 
@@ -15,11 +15,11 @@ from behavior_controller.leaves.waits import is_asked_again, wait_for
 
 
 class TopicCondition(MissionLeaf, ConditionLeaf):
-    """A question to the newest message of the topic that tells of ``sense``.
+    """A condition on the newest message of the topic with the evidence of ``sense``.
 
     It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive control asks it
     again and again, where the waiting is the mission's. Nothing polls: an alarm wakes the tree at the message that
-    changes the answer, a timer when the message that it rests on grows too old.
+    changes the answer, a timer when the message of the answer becomes too old.
     """
 
     sense: Sense
@@ -45,17 +45,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
 
     @property
     def own_sense(self) -> Optional[Sense]:
-        """What is learned of the visitor; None if another package declares what it is."""
+        """The sense of the condition; None if another package declares its evidence."""
         return None if self.own_evidence is not None else self.sense
 
     @property
     def evidence(self) -> Evidence:
-        """What tells of ``sense`` on this robot."""
+        """The evidence of ``sense`` on this robot."""
         return self.own_evidence or self.mission.interface.evidence(self.sense)
 
     @property
     def topic(self) -> Topic:
-        """The topic that tells of it."""
+        """The topic of the evidence."""
         return self.evidence.topic
 
     def is_evidence(self, value: Any) -> bool:
@@ -67,16 +67,16 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         return float("-inf")
 
     def use(self, sample: Sample) -> None:
-        """Take what the message brought."""
+        """Store the content of the message."""
 
     def unused(self, sample: Sample) -> None:
-        """Note what a message brought that counts, and is not what is asked for."""
+        """Process a message that counts but is not the wanted evidence."""
 
     def judged(self, sample: Optional[Sample]) -> None:
-        """Note what the newest message says beside the answer to the question."""
+        """Process the newest message apart from the answer to the condition."""
 
     def update(self) -> Result:
-        """Judge the newest message."""
+        """Evaluate the newest message."""
         if self.status is not RUNNING:
             self.started_at = self.mission.clock.now()
         try:

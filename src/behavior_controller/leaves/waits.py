@@ -1,4 +1,4 @@
-"""What the tree around a condition says of waiting for it: whether it is asked again, and for how long at most."""
+"""How the tree around a condition waits for it: whether it is ticked again, and for how long at most."""
 import itertools
 import math
 from typing import Any, List, Optional, Tuple
@@ -10,7 +10,7 @@ from behavior_controller.bt.engine.decorators import Delay, KeepRunningUntilFail
 from behavior_controller.bt.registry import Kind
 
 MOST_BESIDE = 100
-"""Nodes of a round of questions, beside the condition: none that is drawn by hand has so many."""
+"""The most nodes of a round, without the condition: no round drawn by hand has so many."""
 
 _PAUSES = {Sleep: "msec", Delay: "delay_msec"}
 

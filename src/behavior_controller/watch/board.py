@@ -1,4 +1,4 @@
-"""What there is to see of a running mission, as plain data: the page and ``missionStatus`` show it."""
+"""The state of a running mission as plain data: the page and ``missionStatus`` show it."""
 import collections
 import itertools
 import os
@@ -24,19 +24,19 @@ from behavior_controller.text import clean
 from behavior_controller.watch.codec import LETTERS
 
 KEPT = 40
-"""How many of the newest passes and lines of trouble are kept."""
+"""Number of the newest passes and lines of trouble that are kept."""
 
 TOLD = 100
-"""Sentences of the story that are kept."""
+"""Number of the newest sentences of the story that are kept."""
 
 STEPS = 200
-"""Steps of a visit that are kept for its timeline."""
+"""Number of the newest steps of a visit that are kept for its timeline."""
 
 RESULTS = 5
-"""Results of a node that are kept."""
+"""Number of the newest results of a node that are kept."""
 
 INSTANT = 0.01
-"""Seconds; results of a node that took less, and are alike, are one."""
+"""Seconds; alike results of a node that each took less are joined."""
 
 PULSE = 1.0
 """Seconds between two signs of life: of the tick thread to the board, and of the board to those that show it."""
@@ -45,7 +45,7 @@ HANGS = 3.0
 """Seconds without a sign of the tick thread after which it hangs."""
 
 MOST_WAITING = 50_000
-"""News that may wait for ``look``; of a node that changes more often only the newest status is shown."""
+"""The most changes that wait for ``look``; of a node that changes more often only the newest status is shown."""
 
 PARTS = ("mission", "statuses", "passes", "story", "visits", "timeline", "blackboard", "trouble", "health", "alive")
 """The parts of the board; each is sent again when it has changed, the last one with every ``PULSE``."""
@@ -62,9 +62,9 @@ class Result(NamedTuple):
 
 
 class Board:
-    """Notes what happens, on the tick thread, and wakes no other; all else is done by the one thread that shows it.
+    """Queues what happens on the tick thread, without waking another; the thread that shows it does the rest.
 
-    That thread calls ``look``, ``part`` and ``node``; ``versions`` has another number when a part has changed.
+    That thread calls ``look``, ``part`` and ``node``; ``versions`` changes its number when a part has changed.
     """
 
     def __init__(self, events: Events, health: Health, registry: Registry, interface: Interface = DEFAULT):
@@ -124,7 +124,7 @@ class Board:
     # ----------------------------------------------------------------------------------------------- what has happened
 
     def look(self) -> None:
-        """Take what has happened: events, entries that were written, calls that ended, topics that grow older."""
+        """Process what has happened: events, written entries, calls that ended, topics that become older."""
         self._catch_up()
         writes = self.tree.blackboard.writes if self.tree is not None else 0
         if writes != self._writes:
@@ -155,7 +155,7 @@ class Board:
             self.versions[part] = next(self._numbers)
 
     def _begin(self, tree: Tree) -> None:
-        """Forget the tree before."""
+        """Clear the data of the earlier tree."""
         self._results.clear()
         self._began.clear()
         self._statuses = ["-"] * (len(tree.nodes) + 1)
@@ -181,7 +181,7 @@ class Board:
         results.append(Result(at, letter, seconds, failure, times))
 
     def _take(self, at: float, event: Event) -> None:
-        """Keep what is worth being seen of an event."""
+        """Keep the parts of an event that are shown."""
         if isinstance(event, RunStarted):
             self.mission = event.mission
             self._touch("mission")
@@ -205,7 +205,7 @@ class Board:
             self._touch("passes", "visits")
 
     def _tell(self, at: float, event: Event) -> Tuple[Sentence, ...]:
-        """Have the story told on, and keep what it says."""
+        """Pass an event to the story, and keep its sentences."""
         told = self._story.take(at, event)
         for sentence in told:
             self._told.append((self._told[-1][0] + 1 if self._told else 1, sentence))
@@ -239,7 +239,7 @@ class Board:
         return {"file": self.mission, "nodes": nodes}
 
     def _outline(self, node: Node) -> Dict[str, Any]:
-        """Return what the tree shows of a node."""
+        """Return the row of a node in the tree."""
         spec = self._registry.find(node.registration_id)
         name, kind = label(node)
         return {"uid": node.uid, "parent": node.parent.uid if node.parent else 0, "name": name, "kind": kind,
@@ -307,7 +307,7 @@ class Board:
         return found
 
     def node(self, uid: int) -> Optional[Dict[str, Any]]:
-        """Return what there is to know of one node: its place, ports with values, last results; None if there is none."""
+        """Return the details of a node: its place, ports with values, last results; None if it does not exist."""
         self._catch_up()
         nodes = self.tree.nodes if self.tree is not None else []
         if not 1 <= uid <= len(nodes):
@@ -321,7 +321,7 @@ class Board:
 
 
 def title(mission: str) -> str:
-    """Return what a mission is called after its file."""
+    """Return the name of a mission, from its file."""
     return os.path.splitext(os.path.basename(mission))[0]
 
 
@@ -376,6 +376,6 @@ def _visit(visit: Visit) -> Dict[str, Any]:
 
 
 def _text(value: Any) -> str:
-    """Return a value in a line, not too long for a table."""
+    """Return a value as one line, short enough for a table."""
     text = str(value) if not isinstance(value, list) else ", ".join(getattr(item, "name", str(item)) for item in value)
     return clean(text, 120)

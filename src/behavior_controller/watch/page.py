@@ -29,22 +29,22 @@ from behavior_controller.watch.server import Connections, LoopThread
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.05
-"""Seconds between two pushes: what changes meanwhile is sent together, and the tick thread need wake no other."""
+"""Seconds between two pushes: changes in between are sent together, and the tick thread wakes no other thread."""
 
 FAREWELL = 0.3
-"""Seconds that browsers have at the end to take what came last."""
+"""Seconds that browsers have at the end to receive the last changes."""
 
 MOST_BROWSERS = 20
 MOST_CONNECTIONS = 64
 LONGEST_IDLE = 30.0
-"""Seconds after which a connection is closed that asks nothing, or a browser's that takes nothing."""
+"""Seconds after which an idle connection is closed, or a browser's that receives nothing."""
 
 
 class Page:
-    """Serves ``board`` at ``http://address:port/`` on a thread of its own."""
+    """Serves ``board`` at ``http://address:port/`` on a separate thread."""
 
     def __init__(self, address: str, port: int, board: Board, warn: Callable[[str], None]):
-        """Start to serve; a port that is taken is told to ``warn`` in one line, and nothing is served."""
+        """Start to serve; if the port is taken, ``warn`` gets one line and nothing is served."""
         self.board = board
         self.streams: Set[_Stream] = set()
         self.hosts = _Hosts(address)
@@ -87,7 +87,7 @@ class Page:
         return drawing.result
 
     def close(self) -> None:
-        """Tell every browser how the mission ended, and stop serving."""
+        """Send every browser the end of the mission, and stop serving."""
         self.board.close()
         if self._thread is not None:
             self._thread.close(self._part)
@@ -97,7 +97,7 @@ class Page:
         ends = time.monotonic() + FAREWELL
         while self.streams and time.monotonic() < ends:
             await asyncio.sleep(0.01)
-        # a browser must not ask again on a connection that is served no more
+        # a browser must not send another request on a connection that is no longer served
         await asyncio.wait([asyncio.ensure_future(self._server.close_all_connections())], timeout=0.1)
 
     def _begin(self) -> None:
@@ -112,7 +112,7 @@ class Page:
         asyncio.ensure_future(self._look_on())
 
     async def _look_on(self) -> None:
-        """Have the board take what has happened also while no browser is connected."""
+        """Have the board process events also while no browser is connected."""
         while True:
             self.board.look()
             await asyncio.sleep(PUSH_INTERVAL)
@@ -123,7 +123,7 @@ class Page:
 
 
 class _Drawing:
-    """The drawing of a tree, made on a thread of its own; ``result`` is there when ``is_done`` is set."""
+    """The drawing of a tree, made on a separate thread; ``result`` is set when ``is_done`` is."""
 
     def __init__(self, tree: Tree, name: str, left_out: Set[int]):
         self.tree = tree
@@ -201,7 +201,7 @@ def _is_loopback(text: str) -> bool:
 
 
 class _Quiet(RequestHandler):
-    """What all answers have in common."""
+    """The common part of all answers."""
 
     @property
     def page(self) -> Page:
@@ -221,7 +221,7 @@ class _Quiet(RequestHandler):
                         "monitorAddress gives, but not to the name that was asked for.\n")
 
     def set_default_headers(self) -> None:
-        """Allow nothing from elsewhere, nothing to be kept, and no other page around this one."""
+        """Forbid content from other sites, caching, and frames of other pages around this one."""
         self.set_header("Content-Security-Policy", "default-src 'self'; frame-ancestors 'none'")
         self.set_header("X-Frame-Options", "DENY")
         self.set_header("X-Content-Type-Options", "nosniff")
@@ -244,7 +244,7 @@ class _State(_Quiet):
 
 
 class _Node(_Quiet):
-    """``/node/5``: what there is to know of one node."""
+    """``/node/5``: the details of one node."""
 
     def get(self, uid: str) -> None:
         """Answer as JSON."""
@@ -271,12 +271,12 @@ class _Graph(_Quiet):
 
 
 class _Stream(_Quiet):
-    """``/events``: all parts at first, then each that has changed. A slow browser gets the newest, not a backlog."""
+    """``/events``: all parts at first, then each that has changed. A slow browser gets the newest state, not a backlog."""
 
     _is_gone = False
 
     async def get(self) -> None:
-        """Send until the browser goes, or all has been told at the end."""
+        """Send until the browser disconnects, or everything was sent at the end."""
         if len(self.page.streams) >= MOST_BROWSERS:
             self.set_status(503)
             return

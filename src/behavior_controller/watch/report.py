@@ -28,13 +28,13 @@ FOLDER = os.path.dirname(os.path.abspath(__file__))
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
 LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
 NO, RETRY, DONE = "n", "r", "d"
-"""Kinds of bars beside the letters of the statuses: a condition that does not hold, a retry that failed, a step."""
+"""Kinds of bars in addition to the statuses: a condition that does not hold, a retry that failed, a step."""
 
 LEGEND = {"S": "success", "F": "failure", "h": "halted", NO: "does not hold yet", RETRY: "a retry failed",
           "w": "waiting for a visitor", "warning": "warning", "error": "error"}
 
 DEEPEST = 100
-"""Levels of nested lists; browsers take no more than about 170, so what is deeper stands beside its parent."""
+"""Levels of nested lists; browsers accept no more than about 170, so deeper nodes are shown beside their parent."""
 
 
 class Told(NamedTuple):
@@ -56,7 +56,7 @@ class Written(NamedTuple):
 
 
 class Run:
-    """One mission of a record, taken in line by line."""
+    """One mission of a record, processed line by line."""
 
     def __init__(self, began: float, started: RunStarted, nodes: List[TreeNode]):
         self.began = self.ended = began
@@ -78,7 +78,7 @@ class Run:
         self._step: Optional[Step] = None
 
     def take(self, time: float, entry: Entry) -> None:
-        """Take in the next line."""
+        """Process the next line."""
         self.ended = max(self.ended, time)
         if isinstance(entry, Tick):
             self._change(self._since(time), entry.changes)
@@ -227,7 +227,7 @@ def _time(at: float) -> str:
 
 
 def _seconds(seconds: float) -> str:
-    """Return a duration as people write it."""
+    """Return a duration as text, such as ``2 min 5 s``."""
     if seconds < 60:
         return "{:.1f} s".format(seconds)
     minutes, rest = divmod(round(seconds), 60)

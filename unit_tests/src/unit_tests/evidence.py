@@ -1,4 +1,4 @@
-"""Whether the mission saw of its visitor what there was to see: its conditions against the messages in the journal.
+"""Whether the mission noticed its visitor: its conditions against the messages in the journal.
 
 A condition holds if a message says so in time, and does not if none does. Which of the two it was, the journal tells;
 when the mission asked, the record's traversals of the tree do.
@@ -17,7 +17,7 @@ from unit_tests.robot import TOPICS
 from unit_tests.visitor import NOTHING_HEARD, SMALL_TALK, UNCLEAR_ANSWER
 
 SLACK = 0.5
-"""Seconds that a message may take to be seen, and by which the times of record and journal may differ."""
+"""Seconds that a message may take to be noticed, and by which the times of record and journal may differ."""
 
 RETURN = 15.0
 """Seconds after a node's crash in which its messages may be missed: its connection has to come back too."""
@@ -44,7 +44,7 @@ class Wait(NamedTuple):
 
 
 class Signs:
-    """All that the journal has of the visitor's presence, gaze and answers."""
+    """The journal's lines about the visitor's presence, gaze and answers."""
 
     def __init__(self, facts: Facts):
         self._facts = facts
@@ -60,7 +60,7 @@ class Signs:
         return self._signs[sense]
 
     def lines(self, sense: Sense) -> List[Line]:
-        """Return all lines of the topic that tells of it."""
+        """Return all lines of the topic with the evidence."""
         topic = self._facts.interface.evidence(sense).topic
         return [line for line in self._facts.journal if line.node == topic.node and line.call == 0]
 
@@ -77,7 +77,7 @@ class Signs:
             crash.node == line.node and crash.time < line.time < crash.time + RETURN for crash in self._crashes)), None)
 
     def is_told(self, sense: Sense) -> bool:
-        """Return whether a simulated node tells of it."""
+        """Return whether a simulated node publishes the evidence."""
         interface = self._facts.interface
         return interface.tells(sense) and interface.evidence(sense).topic.name in TOPICS and \
             interface.evidence(sense).topic.node not in self._facts.real

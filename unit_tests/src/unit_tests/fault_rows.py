@@ -1,4 +1,4 @@
-"""What came of each injected fault and of each other failure: whom it met, what the recovery did, how long that took."""
+"""The effect of each injected fault and of each other failure: visitor, exhibit, recovery, lost time."""
 import bisect
 import itertools
 import textwrap
@@ -21,7 +21,7 @@ AGAIN = "tried again"
 """What the recovery did about a failure whose next attempt failed too."""
 
 NO_RECOVERY, IN_SAFE_STATE, HALTED, NOT_ON_RECORD = "none", "on the way to the safe state", "halted", "not on record"
-"""What is told where no recovery dealt with it."""
+"""The text if no recovery dealt with the failure."""
 
 
 class Row(NamedTuple):
@@ -42,7 +42,7 @@ class Row(NamedTuple):
 
 
 class Told:
-    """What came of the failures of a run, looked up in its record."""
+    """The effects of the failures of a run, from its record."""
 
     def __init__(self, facts: Facts):
         self._facts = facts
@@ -189,7 +189,7 @@ NUMBERS = (0, 1, 7)
 """Columns that are set to the right."""
 
 ON_FIRST_LINE = 4
-"""So many columns stand on the first of two lines, where one is not wide enough."""
+"""The number of columns on the first of two lines, if one line is not wide enough."""
 
 
 def table(rows: Sequence[Row], began: float, width: int) -> List[str]:

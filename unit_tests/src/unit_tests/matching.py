@@ -1,4 +1,4 @@
-"""Injected faults against recorded failures: which comes from which, and what is left over."""
+"""Matches injected faults and recorded failures, and finds those without a partner."""
 from typing import Dict, Iterator, List, Tuple
 
 from behavior_controller import leaves
@@ -82,7 +82,7 @@ class Matching:
         return event["failure"]["cause"] == Cause.CONDITION_FALSE.value or self._is_no_answer(event)
 
     def _is_no_answer(self, event: Event) -> bool:
-        """Whether the visitor is why there is no answer: none was heard or pressed, or a tablet told of no yes."""
+        """Whether the visitor caused the missing answer: none was heard or pressed, or a tablet reported no yes."""
         cause, behaviour = event["failure"]["cause"], self._facts.behaviour
         if event["node"] in LISTENERS:
             return cause == Cause.UNUSABLE_ANSWER.value and behaviour == UNCLEAR
@@ -123,7 +123,7 @@ class Matching:
         return bool(found)
 
     def _gave_up(self, event: Event) -> None:
-        """Match the faults of the requests for the safe state; the record does not tell how those went."""
+        """Match the faults of the requests for the safe state; the record does not have their results."""
         began = self._failed_at.get(event["path"], 0.0)
         quiet = {self._facts.interface.service(type(request)).node for request in self._facts.interface.safe_state}
         for resource in sorted({line.resource for line in self._open if line.node in quiet}):

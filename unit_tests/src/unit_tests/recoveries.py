@@ -26,7 +26,7 @@ RECOVERY = {name for name, spec in SPECS.items() if spec.is_recovery}
 
 
 class Round(NamedTuple):
-    """One recovery as the record tells it. ``failures``: the step's own, then those of its retries."""
+    """One recovery from the record. ``failures``: the step's own, then those of its retries."""
 
     recovered: Event
     fallback: Event  # how HandleFallBack ended
@@ -43,7 +43,7 @@ class Round(NamedTuple):
 
     @property
     def helped(self) -> bool:
-        """Whether the step, or what stands in for it, was done after all."""
+        """Whether the step, or its substitute, was done after all."""
         return self.outcome in (DONE, SUBSTITUTED)
 
     @property
@@ -101,7 +101,7 @@ class Recoveries:
         yield from self._quiet_tries()
 
     def _leave_out(self, each: Round) -> Optional[bool]:
-        """Return whether the mission may go on without the steps; None if that cannot be told."""
+        """Return whether the mission may go on without the steps; None if that is unknown."""
         types = (self._tree.types[uid] for uid in self._tree.before(each.fallback["uid"]))
         if each.helped or not any(kind in SPECS and SPECS[kind].leave_out is not None for kind in types):
             return True
@@ -114,12 +114,12 @@ class Recoveries:
         is_spent = self._is_spent(each.began)
         verdicts = [list(self._told(each, can_redo, spent, may)) for spent in ([is_spent] if is_spent is not None else
                     [False, True]) for may in ([may_skip] if may_skip is not None else [False, True])]
-        if all(verdicts):  # what cannot be told for sure counts for the controller
+        if all(verdicts):  # in doubt, the controller is right
             yield "the recovery from {} of {} {}".format(
                 each.failures[0]["failure"]["cause"] if each.failures else "a failure", node, verdicts[0][0])
 
     def _told(self, each: Round, can_redo: bool, is_spent: bool, may_skip: bool) -> Iterator[str]:
-        """Say what is wrong with a recovery, given whether it can redo the step, afford it, and leave it out."""
+        """Yield the objections to a recovery, given whether it can redo the step, afford it, and leave it out."""
         spec, rule, causes = SPECS.get(each.recovered["node"]), None, [_cause(event) for event in each.failures]
         if spec is None or not causes:
             yield "is on record without the failure"
@@ -157,7 +157,7 @@ class Recoveries:
         return policy.Rule("*", "*", 0, 0.0, policy.GIVE_UP)
 
     def _is_spent(self, began: float) -> Optional[bool]:
-        """Return whether the budget was spent when a recovery began; None if its times are too near to tell."""
+        """Return whether the budget was spent when a recovery began; None if its times are too near to decide."""
         assert self._policy is not None
         oldest = began - self._policy.seconds
         sure = 1 + sum(oldest + NEARLY < other < began - AT_ONCE for other in self._begun)
@@ -202,7 +202,7 @@ def _services(node: str, interface: Interface) -> Set[str]:
 
 
 def _policy(facts: Facts) -> Optional[policy.Policy]:
-    """Return the policy that the record holds."""
+    """Return the policy in the record."""
     source = started(facts).get("sources", {}).get("policy")
     return policy.read(Source(source["file"], source["text"]), leaves.mission_specs()) if source else None
 

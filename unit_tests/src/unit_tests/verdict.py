@@ -1,4 +1,4 @@
-"""The verdict of a test: what the controller did against what was made to fail and what there was to see.
+"""The verdict of a test: the controller's behaviour against the injected faults and the visitor's signs.
 
 What is believed: the journal, which the simulated nodes write, tells every request, every injected fault and every
 message. Of the controller's record only the built-in controls are believed, which the traces of BehaviorTree.CPP prove,
@@ -41,7 +41,7 @@ ASKING = _nodes(lambda spec: spec.writes(data.VISITOR_RESPONSE.name))
 
 TOUR = (_nodes(lambda spec: spec.writes(data.EXHIBITS.name)),
         _nodes(lambda spec: spec.writes(data.CURRENT_EXHIBIT.name)), _nodes(lambda spec: GoTo in spec.calls))
-"""Mission nodes of which one of each kind leads to exhibits."""
+"""Mission nodes that lead to exhibits, one of each kind."""
 
 GAZE = _nodes(lambda spec: Sense.GAZE in spec.listens)
 """Mission nodes that a visitor who never looks back fails; that ends the pass, for no visitor is there to speak to."""
@@ -59,14 +59,14 @@ JUDGED_BY = {"robotNavigation", "textToSpeech", "knowledgeBase", "overtAttention
 
 
 class Verdict(NamedTuple):
-    """The result: PASSED if there is nothing that speaks against it. ``answers``: each question and the objections."""
+    """The result: PASSED without objections. ``answers``: each question and its objections."""
 
     answers: Tuple[Tuple[str, Tuple[str, ...]], ...]
     praise: str
 
     @property
     def objections(self) -> Tuple[str, ...]:
-        """All that speaks against it."""
+        """The objections to all questions."""
         return tuple(objection for _, objections in self.answers for objection in objections)
 
     @property
@@ -74,7 +74,7 @@ class Verdict(NamedTuple):
         return not self.objections
 
     def __str__(self) -> str:
-        """Return the verdict in lines."""
+        """Return the verdict as lines of text."""
         if self.passed:
             return "PASSED: {}".format(self.praise)
         return "FAILED: {}".format("\n        ".join(self.objections))
@@ -90,10 +90,10 @@ class Case:
         self.watch = Watch(facts, self.tree)
         self.rounds = list(rounds(facts.events))
         self.passes = [(each, tuple(self._obstacles(each))) for each in passes(facts)]
-        """Each pass, and what kept it from going as it should."""
+        """Each pass and its obstacles."""
 
     def _obstacles(self, a_pass: Pass) -> Iterator[str]:
-        """Say what a right controller cannot make good again, first what may have ended the pass.
+        """Yield the obstacles that a correct controller cannot overcome, first those that may have ended the pass.
 
         What it goes by then is the policy and the mission.
         """
@@ -180,7 +180,7 @@ def _ended(case: Case) -> Iterator[str]:
 
 
 def _waits_in_vain(case: Case) -> bool:
-    """Whether the mission has long waited for a sign of the visitor and none came: so it may wait for ever."""
+    """Whether the mission has long waited for a sign of the visitor and none came: then it may wait without end."""
     return case.facts.cut_off.startswith(TIMED_OUT.split("{")[0]) and any(
         wait.sign is None and wait.ended - wait.began > LONG_WAIT for wait in case.watch.endless)
 
@@ -284,7 +284,7 @@ def _exhibits(case: Case) -> Iterator[str]:
         elif _is_deserted(facts):
             yield from _left_out(case, a_pass, bool(obstacles), EXHIBITS_BEFORE_LEAVING)
             yield from _waved_after(a_pass)
-        elif a_pass.outcome == "SUCCESS" or obstacles:  # else it is told already that it failed
+        elif a_pass.outcome == "SUCCESS" or obstacles:  # else its failure is reported already
             yield from _left_out(case, a_pass, bool(obstacles), len(facts.knowledge.exhibits))
 
 
@@ -393,7 +393,7 @@ def _unreached(case: Case) -> Iterator[str]:
     """Object to leaves that the same mission reaches with a robot that never fails, if a pass had nothing in its way."""
     facts = case.facts
     if facts.rehearsal is None or facts.real or all(obstacles for _, obstacles in case.passes):
-        return  # without a pass, that is told already
+        return  # without a pass, that is reported already
     for path in sorted(facts.rehearsal.reached - reached(facts)):
         yield "the leaf {} was not reached; a visitor who {} should bring the robot there".format(
             path, DOES[facts.behaviour])

@@ -20,16 +20,16 @@ from unit_tests.robot import TOPICS, World
 from unit_tests.visitor import Visitor
 
 ENOUGH = 0.95
-"""The share of waits in which messages should come in time; a rate at which fewer do is told before the start."""
+"""The share of waits in which messages should come in time; a lower share is reported before the start."""
 
 MOST_MESSAGES = 20
 """Evidence that has not come in so many messages does not come from this visitor, whatever the rate."""
 
 
 class Wait(NamedTuple):
-    """A condition of a mission, and within how many seconds it needs how many messages.
+    """A condition of a mission, with the number of messages that it needs and the seconds for them.
 
-    ``after``: it is asked only where one of these was in vain, as a node of a Fallback is; empty: it is asked anyway.
+    ``after``: it is asked only if one of these has failed, as in a Fallback; empty: it is always asked.
     """
 
     node: str
@@ -96,7 +96,7 @@ def of_mission(world: World) -> List[Wait]:
     try:
         loaded = missions.load(world.settings)
     except BehaviorControllerError:
-        return []  # the controller tells
+        return []  # the controller reports it
     tree = loaded.tree
     gateway = FakeGateway(lambda: None, lambda request: Answer())
     tree.setup(mission=loaded.context(gateway, FakeTopics(tree.clock.now), Events()))
@@ -111,7 +111,7 @@ def of_mission(world: World) -> List[Wait]:
 
 
 def _asked_before(node: Any) -> Iterator[Any]:
-    """Yield what has been in vain where ``node`` is asked: the nodes before it in the Fallbacks around it."""
+    """Yield the nodes that have failed when ``node`` is asked: those before it in the Fallbacks around it."""
     while node.parent is not None:
         if isinstance(node.parent, Fallback):
             for sibling in node.parent.children[:node.parent.children.index(node)]:
@@ -120,7 +120,7 @@ def _asked_before(node: Any) -> Iterator[Any]:
 
 
 def _seconds(node: TopicCondition) -> Optional[float]:
-    """Return how long messages may take to come; None: for ever, or the mission file does not tell."""
+    """Return how long messages may take to come; None: without a limit, or the mission file does not say."""
     seconds = wait_for(node)
     if seconds is None:
         if is_asked_again(node):
