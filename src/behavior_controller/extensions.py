@@ -76,7 +76,7 @@ def _read_exports() -> Iterator[Tuple[str, str, Dict[str, str]]]:
         for element in _export_elements(manifest):
             for attribute in element.attrib:
                 if attribute not in KINDS:
-                    raise BrokenExtension("{}: {} takes nothing called {}; it takes {}".format(
+                    raise BrokenExtension("{}: {} has no attribute {}; allowed: {}".format(
                         manifest, TARGET, attribute, ", ".join(KINDS)))
             yield package, folder, dict(element.attrib)
 

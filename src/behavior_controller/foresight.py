@@ -27,7 +27,7 @@ DEEPEST, LARGEST = 150, 2_000
 
 _CONDITIONS = frozenset(PRE_CONDITIONS)
 _MODE_MISSING = rules.warning(
-    "mode-missing", "A sign of the visitor is asked for, and no node before sets the mode of attention that tells it.",
+    "mode-missing", "A node checks a sign of the visitor, and no node before it sets the mode of attention that reports it.",
     "▸<IsMutualGazeDiscovered/>",
     "<Sequence>\n  <SocialOvertAttentionMode/>\n  ▸<IsMutualGazeDiscovered/>\n</Sequence>")
 _FAREWELL = rules.warning(
@@ -88,7 +88,7 @@ def _of_one(node: Any, states: Set[State], settings: Settings) -> Iterator[Fault
         mode = settings.interface.evidence(node.sense).mode
         if mode and mode not in {state.mode for state in states}:
             yield node.element.fault(
-                _MODE_MISSING, "{} can never succeed: overtAttention tells of the visitor's {} only in the mode {}"
+                _MODE_MISSING, "{} can never succeed: overtAttention reports the visitor's {} only in the mode {}"
                 .format(node.registration_id, node.sense.value, mode),
                 "no node before it sets that mode, as {} does".format(
                     next(name for name, state, _, _ in MODES if state == mode)))

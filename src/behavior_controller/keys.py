@@ -271,7 +271,7 @@ class Collector:
         if name not in self.keys:
             self._fault(line_number, column, "unknown key {}".format(name), self._nearest(name))
         elif name in self.given:
-            self._fault(line_number, column, "the key {} stands in line {} already".format(name, self.given[name]))
+            self._fault(line_number, column, "the key {} is in line {} already".format(name, self.given[name]))
         else:
             self.given[name] = line_number
             self._value(name, text, line_number, column + len(content) - len(rest) if text else column)

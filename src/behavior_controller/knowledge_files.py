@@ -162,14 +162,14 @@ class _File:
 
     def warn(self, place: Tuple[int, int], text: str, hint: str) -> None:
         if len(self.warnings) == MOST_FAULTS:
-            place, text, hint = (0, 0), "more than {} warnings; the rest is not told".format(MOST_FAULTS), ""
+            place, text, hint = (0, 0), "more than {} warnings; the rest is not shown".format(MOST_FAULTS), ""
         if len(self.warnings) <= MOST_FAULTS:
             self.warnings.append(Fault(self.source.file, *place, text, hint, True))
 
     def is_first(self, line: _Line, entry: str) -> bool:
         """Note an entry; return False, with a fault, if it is a duplicate."""
         if entry in self.line_of:
-            self.fault((line.number, line.column(0)), "{} stands in line {} already".format(entry, self.line_of[entry]),
+            self.fault((line.number, line.column(0)), "{} is in line {} already".format(entry, self.line_of[entry]),
                        "keep one of them")
             return False
         self.line_of[entry] = line.number

@@ -28,9 +28,9 @@ from behavior_controller.settings import Settings
 
 POLICY = "recoveryPolicy.ini"
 
-_ROBOT_LACKS = error("robot-lacks", "A node cannot work, because the configured robot lacks what it asks for.")
-_DOES_WITHOUT = warning("does-without", "A node does nothing, because the configured robot lacks what it asks for; the "
-                                        "start tells it, not validateMission.")
+_ROBOT_LACKS = error("robot-lacks", "A node cannot work, because the configured robot lacks what it needs.")
+_DOES_WITHOUT = warning("does-without", "A node does nothing, because the configured robot lacks what it needs; the "
+                                        "start reports it, not validateMission.")
 _UNSAID = warning("phrase-missing", "A node says a phrase that the robot's culture file does not have.")
 
 Part = TypeVar("Part")
@@ -158,7 +158,7 @@ def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:
     for sense in spec.listens:
         if not robot.tells(sense):
             yield ("topic {}".format(sense.name) if isinstance(sense, Topic) else
-                   "message that tells of the visitor's {}".format(sense.value))
+                   "message about the visitor's {}".format(sense.value))
 
 
 def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock] = None) -> Tree:

@@ -189,7 +189,7 @@ def read(source: Source, keys: Tuple[Key, ...] = ()) -> Phrases:
     added = [speech for extension in extensions.found("phrases") for speech in extension.declared("SPEECHES")]
     keys = keys or KEYS + _keys_of(added)
     values = configured(source, keys)
-    faults = [Fault(source.file, 0, 0, "\"{}\" stands in {} and in {}".format(" ".join(phrase), one, other),
+    faults = [Fault(source.file, 0, 0, "\"{}\" is in {} and in {}".format(" ".join(phrase), one, other),
                     "keep one of them")
               for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
               for phrase in sorted(set(values[one]) & set(values[other]))]

@@ -42,7 +42,7 @@ def test_without_the_package_its_nodes_are_those_of_another_robot(tmp_path):
 
 
 @pytest.mark.parametrize("export, module, words", [
-    ('leafs="a.leaves"', None, ["package.xml", "takes nothing called leafs", "leaves"]),
+    ('leafs="a.leaves"', None, ["package.xml", "has no attribute leafs", "leaves"]),
     ('leaves="a.leaves"', None, ["package a", "a.leaves", "cannot be imported", "No module named"]),
     ('leaves="a.leaves"', "SPECS = (", ["package a", "cannot be imported", "SyntaxError"]),
     ('leaves="a.leaves"', "1 / 0", ["package a", "ZeroDivisionError"]),

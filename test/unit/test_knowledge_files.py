@@ -191,7 +191,7 @@ def test_many_warnings_are_no_reason_to_refuse():
     found = read(ENVIRONMENT + "\n".join("key{} x".format(number) for number in range(150)))
     assert found.tour == (CAFE, FORGE, CAFE)
     assert len(found.warnings) == 101
-    assert str(found.warnings[-1]) == "e: warning: more than 100 warnings; the rest is not told"
+    assert str(found.warnings[-1]) == "e: warning: more than 100 warnings; the rest is not shown"
 
 
 # ---------------------------------------------------------------------------------------------------------------- faults
@@ -217,7 +217,7 @@ ID = "allowed: a whole number from 0 to 1000000000"
     ("culturalKnowledge             4 SomeShape SomeBow", "culturalKnowledge",
      ["e:6:1: the id of culturalKnowledge cannot be empty ({})".format(ID)]),
     ("culturalKnowledge             4 SomeShape SomeBow", "  gestureTarget 4 1 1 1",
-     ["e:6:3: gestureTarget 4 stands in line 3 already (keep one of them)"]),
+     ["e:6:3: gestureTarget 4 is in line 3 already (keep one of them)"]),
     ("4 Café (#1)", "4", ["e:1:1: robotLocationDescription 4 cannot be empty "
                            "(the form: robotLocationDescription <id> <text>)"]),
     ("robotLocationPose             4", "robotLocationPose             5",
@@ -236,7 +236,7 @@ ID = "allowed: a whole number from 0 to 1000000000"
     ("3 4 9 4", "", ["e:15:1: the number of locations of tourSpecification cannot be empty "
                      "(allowed: a whole number from 1 to 999)"]),
     ("3 4 9 4", "3 4 x 4", ['e:15:23: an id of tourSpecification cannot be "x" ({})'.format(ID)]),
-    ("3 4 9 4", "3 4 9 4\ntourSpecification 1 4", ["e:16:1: tourSpecification stands in line 15 already "
+    ("3 4 9 4", "3 4 9 4\ntourSpecification 1 4", ["e:16:1: tourSpecification is in line 15 already "
                                                    "(keep one of them)"]),
     ("tourSpecification 3 4 9 4", "", ["e: the required key tourSpecification is missing "
                                        "(add a line: {})".format(TOUR_FORM)]),
@@ -263,9 +263,9 @@ def test_a_mistake_in_the_environment_file(old, new, expected):
     ("utilityPhraseEnglish6       phrase 6", "utilityPhraseEnglish6  ", ["c:9:1: utilityPhraseEnglish6 cannot be empty "
                                                                          "(allowed: the text to say)"]),
     ("utilityPhraseEnglish6 ", "utilityPhraseEnglish5 ", [
-        "c:9:1: utilityPhraseEnglish5 stands in line 8 already (keep one of them)",
+        "c:9:1: utilityPhraseEnglish5 is in line 8 already (keep one of them)",
         "c: the required key utilityPhraseEnglish6 is missing (add a line: utilityPhraseEnglish6 <text>)"]),
-    ("passingDistance ", "phraseLanguage English\n#", ["c:3:1: phraseLanguage stands in line 1 already "
+    ("passingDistance ", "phraseLanguage English\n#", ["c:3:1: phraseLanguage is in line 1 already "
                                                        "(keep one of them)"]),
 ])
 def test_a_mistake_in_the_culture_file(old, new, expected):
@@ -302,8 +302,8 @@ def test_the_faults_of_all_four_files_come_at_once(package):
         "config/environmentKnowledgeBaseConfiguration.ini:2:1: unknown key knowlegeBase (did you mean knowledgeBase?)",
         "config/environmentKnowledgeBaseConfiguration.ini: the required key knowledgeBase is missing (add a line: "
         "knowledgeBase <a file in the folder data beside the configuration's folder, or a path>)",
-        "data/words.dat:2:1: phraseLanguage stands in line 1 already (keep one of them)",
-        "data/words.dat:4:1: phraseLanguage stands in line 1 already (keep one of them)"]
+        "data/words.dat:2:1: phraseLanguage is in line 1 already (keep one of them)",
+        "data/words.dat:4:1: phraseLanguage is in line 1 already (keep one of them)"]
 
 
 def test_a_configuration_that_is_missing(package):

@@ -334,7 +334,7 @@ def test_a_name_that_chooses_nothing_although_it_looks_so_is_told(tmp_path, name
     path.write_text("""<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><RetrieveListOfExhibits/><SelectExhibit/>
  <DescribeExhibitSpeech name="{}"/><WelcomeSpeech name="3"/></Sequence></BehaviorTree></root>""".format(name))
     assert [str(fault) for fault in load_tree(str(path)).warnings] == is_told * [
-        "{}:2:25: warning: the name {} chooses nothing; DescribeExhibitSpeech knows the names 1 and 2 (Describes the "
+        "{}:2:25: warning: the name {} has no effect; DescribeExhibitSpeech allows the names 1 and 2 (Describes the "
         "current exhibit: name 1 or 2 chooses the part, any other says both.)".format(path, name)]
 
 

@@ -95,9 +95,9 @@ def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):
     found = broken(tmp_path, monkeypatch, ("no        no,", "no        no, Of  Course,"),
                    ("unclear   ", "unclear   nope, "))
     assert [(fault.text, fault.hint) for fault in found] == [
-        ("\"of course\" stands in yes and in no", "keep one of them"),
-        ("\"nope\" stands in no and in unclear", "keep one of them")]
-    assert str(found[0]) == "{}: \"of course\" stands in yes and in no (keep one of them)".format(found[0].file)
+        ("\"of course\" is in yes and in no", "keep one of them"),
+        ("\"nope\" is in no and in unclear", "keep one of them")]
+    assert str(found[0]) == "{}: \"of course\" is in yes and in no (keep one of them)".format(found[0].file)
 
 
 def test_a_long_utterance_takes_linear_time():

@@ -597,7 +597,7 @@ def mode(state):
     return "<SetOvertAttentionMode name='{}'/>".format(state)
 
 
-NEVER = "{} can never succeed: overtAttention tells of the visitor's {} only in the mode {}"
+NEVER = "{} can never succeed: overtAttention reports the visitor's {} only in the mode {}"
 
 
 @pytest.mark.parametrize("body, robot, words", [

@@ -199,7 +199,7 @@ class IsPresent(TopicCondition):
 
 
 @pytest.mark.parametrize("leaf, lacking", [
-    (TellPose, "service for SetPose"), (IsPresent, "message that tells of the visitor's presence")])
+    (TellPose, "service for SetPose"), (IsPresent, "message about the visitor's presence")])
 def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch, files, leaf, lacking):
     whole = document.INTERFACE
     evidence = {sense: whole.evidence(sense) for sense in Sense if sense is not Sense.PRESENCE and whole.tells(sense)}

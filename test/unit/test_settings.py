@@ -68,7 +68,7 @@ def test_the_mission_with_an_extension_is_tolerated(tmp_path, value, expected):
 
 @pytest.mark.parametrize("line, expected", [
     ("asrEnable true", "test.ini:4:1: unknown key asrEnable (did you mean asrEnabled?)"),
-    ("asrEnabled false", "test.ini:4:1: the key asrEnabled stands in line 3 already"),
+    ("asrEnabled false", "test.ini:4:1: the key asrEnabled is in line 3 already"),
     ("missionRuns many", "test.ini:4:13: missionRuns cannot be \"many\" (allowed: a whole number from 0 to 1000000000)"),
     ("missionRuns -1", "test.ini:4:13: missionRuns cannot be \"-1\" (allowed: a whole number from 0 to 1000000000)"),
     ("startupTimeout nan", "test.ini:4:16: startupTimeout cannot be \"nan\" (allowed: a number of seconds from 0 to 86400)"),

@@ -71,7 +71,7 @@ NOT_TEXT = _markup("not-text", "The file is not UTF-8 text, nor UTF-16 with its 
                    "<root>\n▸\0</root>")
 NO_ELEMENT = _markup("no-element", 'The file has no element; a mission begins with <root BTCPP_format="4">.',
                      "▸a mission", "▸<!-- only a remark -->")
-OUTSIDE_ROOT = _markup("outside-root", "A file holds one <root>, and nothing before and after it.",
+OUTSIDE_ROOT = _markup("outside-root", "A file has one <root>, and nothing before or after it.",
                        "▸text\n<root/>", "<root/>\n▸<root/>", "<root/>\n▸text")
 NOT_CLOSED = _markup("not-closed", "A comment, a CDATA section, an instruction or a closing tag has no end.",
                      "<root>\n▸<!-- remark </root>", "<root>\n▸<![CDATA[ text </root>", "▸<?xml <root/>",
@@ -106,7 +106,7 @@ ELEMENT_NOT_CLOSED = _markup("element-not-closed", "An element is not closed, or
 CLOSES_NOTHING = _markup("closes-nothing", "A closing tag has no element that it could close.",
                          "<root>\n  <Sequence>\n  ▸</Sequenz>\n</root>", "<root>\n</root>▸</root>")
 NOT_WELL_FORMED = _markup("not-well-formed", "XML that cannot be read for another reason.")
-STRAY_TEXT = warning("stray-text", "A text stands where only elements count; it is dropped.",
+STRAY_TEXT = warning("stray-text", "A text is where only elements are allowed; it is dropped.",
                      '<Sequence>\n  <Sleep msec="5"/>\n  ▸Navigate\n</Sequence>',
                      '<Sleep msec="5">▸a moment</Sleep>')
 TOO_LARGE = error("too-large", "The mission is larger, longer or more deeply nested than is allowed.",
@@ -202,7 +202,7 @@ TREE_AS_NODE = error("tree-as-node", "A tree is called as if it were a node type
                      '<BehaviorTree ID="Wait"><Sleep msec="5"/></BehaviorTree>\n</root>')
 KIND_MISMATCH = warning("kind-mismatch", "The explicit element names another kind than the node type is of.",
                         '▸<Condition ID="Sleep" msec="5"/>')
-NODE_TYPE_WARNING = warning("node-type-warning", "The node type has a warning for whoever uses it.")
+NODE_TYPE_WARNING = warning("node-type-warning", "The node type has a warning for its users.")
 EXPLICIT_IN_REACTIVE = error("explicit-in-reactive", "BehaviorTree.CPP refuses the explicit form below "
                              "ReactiveSequence.",
                              '<ReactiveSequence>\n  ▸<Action ID="Sleep" msec="5"/>\n</ReactiveSequence>')
@@ -425,7 +425,7 @@ NEVER_REPEATS = warning("never-repeats", "A repeat or retry whose child never en
 NEVER_WAITS = warning("never-waits", "A node repeats forever, and nothing in it waits.",
                       '<Repeat ▸num_cycles="-1"><AlwaysSuccess/></Repeat>',
                       '<RetryUntilSuccessful ▸num_attempts="-1"><IsVisitorDiscovered/></RetryUntilSuccessful>')
-RECOVERY_MISPLACED = warning("recovery-misplaced", "A recovery stands where there is no failure before it.",
+RECOVERY_MISPLACED = warning("recovery-misplaced", "A recovery has no failure before it.",
                              "<Sequence>\n  <IsVisitorDiscovered/>\n  ▸<HandleFallBack/>\n</Sequence>",
                              "<Fallback>\n  ▸<HandleFallBack/>\n  <IsVisitorDiscovered/>\n</Fallback>")
 

@@ -287,7 +287,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         LATEST, folders.records()))
     instead = parser.add_mutually_exclusive_group()
     instead.add_argument("--mission", metavar="FILE",
-                         help="run this file, such as the edited mission, in place of the mission in the record")
+                         help="run this file, such as the edited mission, instead of the mission in the record")
     instead.add_argument("--report", metavar="OUT.html", help="write a report of the recorded run as a web page instead")
     instead.add_argument("--story", action="store_true", help="print what happened instead, a line each")
     chosen = parser.parse_args(arguments)

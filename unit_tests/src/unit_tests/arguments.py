@@ -148,7 +148,7 @@ def usage(remarks: Mapping[str, str]) -> str:
     controller = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
     lines = ["usage: rosrun unit_tests runTest [name:=value ...]", "",
              "Runs the mission against the simulated robot. The last line is the verdict; exit code 0: passed, 1: failed, "
-             "2: nothing was tested. What is not given is as the configuration files say: it stands beside the name here.",
+             "2: nothing was tested. The configuration files have the defaults, shown here after the names.",
              "", configuration.FILE_NAME + ":"]
     lines += _table(configuration.KEYS, keys.values_of(load_test({})), remarks)
     lines += ["", CONTROLLER_FILE + " (verboseMode and missionRuns, which it has too, are as above):"]

@@ -66,11 +66,11 @@ class Configuration:
                               "messages per minute on each topic, on average; 1 or more, `inf` allowed")
     verbose_mode: bool = key(boolean, REQUIRED, "`true`: a line for every request and every new message")
     visitor_behaviour: str = key(Reader(_BEHAVIOURS.allowed, _behaviour), ENGAGES,
-                                 "what the visitor does: {}, or {}: one of them, drawn".format(
+                                 "what the visitor does: {}, or {}: one of them at random".format(
                                      ", ".join(map("`{}`".format, BEHAVIOURS)), "`{}`".format(RANDOM)))
     mission_runs: int = key(integer(1, 10 ** 6), 1, "visitors until the test ends")
     random_seed: Optional[int] = key(Reader(_SEED.allowed + ", or nothing", _seed), None,
-                                     "the same seed, the same faults and gaps between messages; empty: drawn and printed")
+                                     "the same seed, the same faults and gaps between messages; empty: random, and printed")
     fault_kinds: Tuple[str, ...] = key(
         Reader("some of {}, with commas between them".format(", ".join(KINDS)), _kinds), (REFUSED,),
         "in which ways calls go wrong: {}, with commas between them".format(", ".join(map("`{}`".format, KINDS))))
@@ -78,7 +78,7 @@ class Configuration:
         "node:call or node:call:kind, with commas between them, where node is one of {}, call counts from 1 and kind is "
         "one of {}".format(", ".join(SERVERS), ", ".join(KINDS)), _planned_faults), (),
         "calls that go wrong in any case, such as `robotNavigation:3, textToSpeech:1:crash`")
-    recognise_by: str = key(one_of(TOPIC, ACTION), TOPIC, "how a robot of release 1.0 tells what it hears: `topic` is "
+    recognise_by: str = key(one_of(TOPIC, ACTION), TOPIC, "how a robot of release 1.0 reports what it hears: `topic` is "
                             "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`")
     absent_services: Tuple[str, ...] = key(
         Reader("some of {}, with commas between them".format(", ".join(OPTIONAL)), _services), (),

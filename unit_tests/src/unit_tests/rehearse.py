@@ -106,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="rehearseMission", allow_abbrev=False,
         description="Play a mission without ROS, in virtual time, with the simulated robot and each kind of visitor: without "
-                    "faults, with each single fault, or with drawn ones; and tell what its author should know.",
+                    "faults, with each single fault, or with random ones, and print the mistakes that this shows.",
         epilog="exit code: 0 if nothing was found, 4 if something was, 2 if the mission or the call is wrong, 1 if it was "
                "stopped or something is missing")
     parser.add_argument("mission", metavar="MISSION", help="the file of a mission, or its name")
@@ -121,10 +121,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--kinds", type=_list_of(_one_of(*KINDS)), metavar="NAMES",
                         help="in which ways calls go wrong: some of {}".format(", ".join(KINDS)))
     parser.add_argument("--planned", type=_list_of(_planned), metavar="NODE:CALL:KIND",
-                        help="calls that go wrong, with commas between them, in place of --faults")
+                        help="calls that go wrong, with commas between them, instead of --faults")
     parser.add_argument("--silent", type=_list_of(str), metavar="TOPICS", help="topics that are silent, as --planned")
     parser.add_argument("--runs", type=_number(1, 10 ** 6, int), metavar="N",
-                        help="play N passes for each failure rate, with drawn faults, in place of --faults")
+                        help="play N passes for each failure rate, with random faults, instead of --faults")
     parser.add_argument("--failureRate", type=_list_of(_number(0, 1)), metavar="P",
                         help="failure rates for --runs, with commas between them; {} if not given".format(
                             ", ".join(map("{:g}".format, RATES))))

@@ -43,8 +43,8 @@ ELSEWHERE = {
     "ConsumeQueue": "version 4 has LoopString, LoopInt, LoopDouble and LoopBool",
     "ManualSelector": "version 4 has Switch2 to Switch6",
     "Selector": "BehaviorTree.CPP calls it Fallback",
-    "include": "it stands directly below <root>",
-    "TreeNodesModel": "it stands directly below <root>",
+    "include": "it belongs directly below <root>",
+    "TreeNodesModel": "it belongs directly below <root>",
 }
 """Names of a node type in other versions and tools -> its name here."""
 _PORTS_ELSEWHERE = {

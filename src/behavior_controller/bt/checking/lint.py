@@ -147,7 +147,7 @@ class _Linter:
                 spec.id, port.name), "it will fail when it is ticked")
         name = element.attributes.get("name", spec.id)
         if port.names and name not in port.names + (spec.id,) and any(letter.isdigit() for letter in name):
-            self.warn(rules.NAME_CHOOSES_NOTHING, element, "the name {} chooses nothing; {} knows the names {}".format(
+            self.warn(rules.NAME_CHOOSES_NOTHING, element, "the name {} has no effect; {} allows the names {}".format(
                 name, spec.id, " and ".join(port.names)), spec.description, "name")
 
     def _braces(self, element: Element, attribute: str, text: str, tree: str) -> bool:

@@ -106,7 +106,7 @@ def _tokens(text: str) -> List[Token]:
     return found
 
 
-_HINTS = {'"': "a text stands in single quotes: 'yes'", "%": "scripts have no remainder",
+_HINTS = {'"': "a text needs single quotes: 'yes'", "%": "scripts have no remainder",
           ",": "statements are separated by ;",
           "[": "scripts have no lists", "#": "scripts have no remarks", "{": "a script names an entry without braces"}
 
