@@ -7,7 +7,7 @@ from behavior_controller.interface.document import ATTENTION, FACES, SPEECH
 from behavior_controller.interface.records import Answer, AttentionStatus, Faces
 from mission_rig import one_leaf, refusal
 
-FACE, NOBODY = Faces(("7",), (False,)), Faces((), ())
+FACE, NO_FACE = Faces(("7",), (False,)), Faces((), ())
 
 
 def woken(rig):
@@ -17,7 +17,7 @@ def woken(rig):
 def test_a_face_is_a_visitor_and_an_empty_message_is_none():
     rig = one_leaf("<IsVisitorDiscovered/>")
     assert rig.tick() is FAILURE
-    rig.topics.publish(FACES, NOBODY)
+    rig.topics.publish(FACES, NO_FACE)
     assert not woken(rig)
     assert rig.tick() is FAILURE
     rig.topics.publish(FACES, FACE)
@@ -31,7 +31,7 @@ def test_a_visitor_who_goes_wakes_the_tree():
     assert rig.tick() is SUCCESS
     rig.topics.publish(FACES, FACE)
     assert not woken(rig)
-    rig.topics.publish(FACES, NOBODY)
+    rig.topics.publish(FACES, NO_FACE)
     assert woken(rig)
     assert rig.tick() is FAILURE
 
@@ -72,7 +72,7 @@ def test_a_newer_message_puts_the_end_off():
 
 def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
     rig = one_leaf("<IsVisitorDiscovered/>")
-    for faces in (NOBODY, FACE, NOBODY, FACE, NOBODY):
+    for faces in (NO_FACE, FACE, NO_FACE, FACE, NO_FACE):
         rig.topics.publish(FACES, faces)
         rig.tick()
     assert [event.status for event in rig.seen] == ["FAILURE", "SUCCESS"] * 2 + ["FAILURE"]

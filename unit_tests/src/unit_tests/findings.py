@@ -46,7 +46,7 @@ class Look(NamedTuple):
         """Return the requests to drive."""
         return [request for _, request in self.played.asked if isinstance(request, GoTo)]
 
-    def is_someone_here(self, at: float) -> bool:
+    def is_visitor_here(self, at: float) -> bool:
         """Return whether a visitor was present at that time."""
         return next((is_here for since, is_here in reversed(self.played.presence) if since <= at), False)
 
@@ -197,7 +197,7 @@ def _abandoned(look: Look) -> Iterator[Seen]:
 def _goodbye(look: Look) -> Iterator[Seen]:
     for at, event, spec in look.of_leaves():
         name = event.path.rpartition("/")[2]
-        if spec.says_goodbye(name) and event.status == "SUCCESS" and not look.is_someone_here(at - event.seconds):
+        if spec.says_goodbye(name) and event.status == "SUCCESS" and not look.is_visitor_here(at - event.seconds):
             yield event.path, "the visitor had left {:.0f} s before".format(at - event.seconds - _left(look, at))
 
 

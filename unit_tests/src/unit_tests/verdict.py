@@ -147,7 +147,7 @@ def judge(facts: Facts) -> Verdict:
         praise += "; no yes can reach the robot (asrEnabled false, tabletSuccessIs done), so no tour is expected"
     praise += "".join("; pass {} ended with FAILURE, as it had to: {}".format(a_pass.number, obstacles[0])
                       for a_pass, obstacles in case.passes if obstacles and a_pass.outcome == "FAILURE")
-    if _waits_in_vain(case):
+    if _waits_without_a_sign(case):
         praise += "; at last {} waited for a sign of the visitor that never came: {}".format(
             case.watch.endless[0].node, facts.cut_off)
     if case.rounds and not case.tree:
@@ -167,7 +167,7 @@ def _ended(case: Case) -> Iterator[str]:
     ended = len(of(facts.events, "PassFinished"))
     ending = _ending(facts.exit_code)
     if facts.cut_off:
-        if not _waits_in_vain(case):
+        if not _waits_without_a_sign(case):
             yield facts.cut_off
     elif not of(facts.events, "RunStarted"):
         yield "the controller {} before it started its mission".format(ending)
@@ -179,7 +179,7 @@ def _ended(case: Case) -> Iterator[str]:
         yield "the controller made {} instead of {}".format(count(ended, "pass", "passes"), facts.runs)
 
 
-def _waits_in_vain(case: Case) -> bool:
+def _waits_without_a_sign(case: Case) -> bool:
     """Whether the mission has long waited for a sign of the visitor and none came: then it may wait without end."""
     return case.facts.cut_off.startswith(TIMED_OUT.split("{")[0]) and any(
         wait.sign is None and wait.ended - wait.began > LONG_WAIT for wait in case.watch.endless)

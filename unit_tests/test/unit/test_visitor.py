@@ -91,7 +91,7 @@ def test_the_second_look_of_a_seeking_robot_is_returned():
     assert person.gaze() == STILL_SEEKING
 
 
-def test_who_never_looks_back_is_seen_and_sought_in_vain():
+def test_a_visitor_who_never_looks_back_is_seen_and_sought_without_result():
     person = after(NO_GAZE, attention("scanning"), attention("seeking"))
     assert person.is_here and not person.looks_back
     assert [person.gaze() for _ in range(100)] == 10 * [STILL_SEEKING] + 90 * [GAZE_FAILED]
