@@ -119,19 +119,19 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
 
     ``knowledge`` is that of the robot's files, if it has any.
     """
-    misfits = [_misfit(_ROBOT_LACKS, element, spec, settings.interface)
-               for element, spec in _mission_nodes(tree) if not spec.does_without]
+    unsupported = [_unsupported(_ROBOT_LACKS, element, spec, settings.interface)
+                   for element, spec in _mission_nodes(tree) if not spec.does_without]
     unsaid = [] if knowledge is None else [
         node.element.fault(_UNSAID, "the culture file has no utility phrase {}".format(node.number),
                            knowledge.sources[1].file, "name")
         for node in tree.nodes if isinstance(node, SayText) and node.number not in knowledge.phrases]
-    return [fault for fault in dict.fromkeys(misfits + unsaid) if fault is not None] + foresee(tree, settings)
+    return [fault for fault in dict.fromkeys(unsupported + unsaid) if fault is not None] + foresee(tree, settings)
 
 
 def done_without(tree: Tree, robot: Interface) -> List[Fault]:
     """Return warnings about node types that do nothing since the robot lacks their service, each at its first place."""
     first = {spec.id: (element, spec) for element, spec in reversed(_mission_nodes(tree)) if spec.does_without}
-    found = [_misfit(_DOES_WITHOUT, element, spec, robot) for element, spec in first.values()]
+    found = [_unsupported(_DOES_WITHOUT, element, spec, robot) for element, spec in first.values()]
     return [fault for fault in found if fault is not None]
 
 
@@ -139,7 +139,7 @@ def _mission_nodes(tree: Tree) -> List[Tuple[Element, MissionSpec]]:
     return [(node.element, node.spec) for node in tree.nodes if isinstance(node.spec, MissionSpec)]
 
 
-def _misfit(rule: Rule, element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
+def _unsupported(rule: Rule, element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
     """Return a fault if the robot lacks what a node needs, or None."""
     lacking = ", ".join(_lacking(spec, robot))
     if not lacking:

@@ -381,6 +381,6 @@ def test_the_number_of_included_files_has_an_end(tmp_path, number, faults):
 def test_the_collector_is_left_as_it_was():
     for switch in (gc.disable, gc.enable):
         switch()
-        with document.collector_at_rest():
+        with document.garbage_collection_paused():
             assert not gc.isenabled()
         assert gc.isenabled() == (switch is gc.enable)

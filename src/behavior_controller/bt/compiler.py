@@ -17,7 +17,7 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.language.document import Document, Element, collector_at_rest, parse, read, with_includes
+from behavior_controller.bt.language.document import Document, Element, garbage_collection_paused, parse, read, with_includes
 from behavior_controller.bt.language.script import Script, ScriptSyntaxError, compile_script
 from behavior_controller.bt.language.values import TYPES, ValueFault
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
@@ -48,7 +48,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     ``enums`` are names of integers for scripts; ``rules`` are substitution rules; ``clock`` and ``wake`` are those of
     a tree that the new one replaces; ``with_lint`` adds the linter's warnings.
     """
-    with collector_at_rest():
+    with garbage_collection_paused():
         checked = check(documents, registry, main_tree, strict)
         compiler = _Compiler(checked, registry, Services(clock or Clock(), enums, wake), substitutions(rules or {}))
         compiler.services.clients = Clients(checked.main, compiler.blackboards, registry)

@@ -109,9 +109,9 @@ class Page:
                                idle_connection_timeout=LONGEST_IDLE, body_timeout=LONGEST_IDLE)
         self._server.connections = self.connections
         self._server.add_sockets(self._sockets)
-        asyncio.ensure_future(self._look_on())
+        asyncio.ensure_future(self._keep_board_current())
 
-    async def _look_on(self) -> None:
+    async def _keep_board_current(self) -> None:
         """Have the board process events also while no browser is connected."""
         while True:
             self.board.look()

@@ -210,7 +210,7 @@ def _states(messages: _Messages, is_watching: bool) -> Iterator[State]:
 def lines(state: State, is_all: bool) -> List[str]:
     """Return the board as text: the mission, the tree with a symbol for each node, what is wrong."""
     mission = state["mission"]
-    found = ["mission {}; {}".format(mission["file"], state["passes"]["text"])] + list(_doubts(state))
+    found = ["mission {}; {}".format(mission["file"], state["passes"]["text"])] + list(_why_outdated(state))
     tree = [row.text(row.depth) for row in _tree(mission["nodes"], state["statuses"]["letters"], is_all)]
     return [clean(line) for line in found] + tree + _troubles(state)
 
@@ -219,7 +219,7 @@ def in_window(state: State, is_all: bool, width: int, height: int) -> List[str]:
     """Return the same in at most ``height`` - 1 lines of ``width`` characters: of the tree, the part around what runs."""
     mission = state["mission"]
     found = ["{}  mission {}".format(time.strftime("%H:%M:%S"), os.path.basename(mission["file"])),
-             state["passes"]["text"] or "between two visits"] + list(_doubts(state))
+             state["passes"]["text"] or "between two visits"] + list(_why_outdated(state))
     found = [part for line in found for part in textwrap.wrap(clean(line), width)][:max(1, height - 2)]
     troubles = _troubles(state)
     troubles = troubles[:1] + troubles[1:][-max(1, height // 4):]
@@ -242,7 +242,7 @@ def _troubles(state: State) -> List[str]:
     return [clean(line) for line in found]
 
 
-def _doubts(state: State) -> Iterator[str]:
+def _why_outdated(state: State) -> Iterator[str]:
     """Yield the reasons why the display may be outdated."""
     silent = state.get("silent", 0.0)
     if silent >= LATE:

@@ -142,7 +142,7 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
         if "\x00" in text:
             raise MarkupFault(rules.NOT_TEXT, "a NUL character: the file is not UTF-8 text", text.index("\x00"),
                               "save the file as UTF-8")
-        with collector_at_rest():
+        with garbage_collection_paused():
             document.root = _parsed(repaired(text), document)
     except MarkupFault as fault:
         raise MissionError([document.fault(fault)]) from fault
@@ -164,7 +164,7 @@ def _decoded(data: bytes, file: str) -> str:
 
 
 @contextlib.contextmanager
-def collector_at_rest() -> Iterator[None]:
+def garbage_collection_paused() -> Iterator[None]:
     """Keep Python's garbage collector from scanning a growing mission, which has no garbage, again and again."""
     was_enabled = gc.isenabled()
     gc.disable()
