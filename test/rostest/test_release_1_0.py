@@ -222,7 +222,7 @@ class TestHearing(unittest.TestCase):
 
     def test_where_the_topic_is_published_no_goal_is_sent(self):
         robot = self.robot = Robot({"interface": "release-1.0", ACTION: "done"})
-        self.wait_until(lambda: self.latch._is_published)
+        self.wait_until(lambda: self.latch.connected_nodes)
         self.topics.listen(SPEECH, 3.0)
         wait = self.heard(lambda value: value == "by topic")
         robot.publish("/speechEvent/text", "by topic", hertz=10)

@@ -24,6 +24,7 @@ from behavior_controller.interface.records import AttentionStatus, Faces  # noqa
 from behavior_controller.ros.monitor import Monitor  # noqa: E402
 from behavior_controller.ros.probe import parts_of  # noqa: E402
 from behavior_controller.ros.topics import RosTopics  # noqa: E402
+from behavior_controller.ros.types import TYPES  # noqa: E402
 
 
 class TestTopics(unittest.TestCase):
@@ -53,9 +54,9 @@ class TestTopics(unittest.TestCase):
     def wait_until_heard(self, topic, values):
         """Publish until a message arrives: the publisher learns of a subscriber later than the subscriber of it."""
         latch = self.topics.latches[topic]
-        count = latch.count
+        heard = latch.last_arrival  # their count begins anew with the robot
         self.robot.publish(topic.name, *values, hertz=50)
-        self.wait_until(lambda: latch.count > count)
+        self.wait_until(lambda: latch.last_arrival > heard)
         self.robot.publish(topic.name, *values)
         time.sleep(0.1)  # what is under way arrives
 
@@ -88,17 +89,23 @@ class TestTopics(unittest.TestCase):
             self.assertLessEqual(sent, sample.arrived)
             self.assertLessEqual(sample.arrived, time.monotonic())
 
+    def publisher(self, topic):
+        """Return a publisher of ours, to be unregistered, when it has its only connection, which is to ``topics``."""
+        publisher = rospy.Publisher(topic.name, TYPES[topic], queue_size=10)
+        self.wait_until(lambda: publisher.get_num_connections() == 1)
+        return publisher
+
     def test_a_connection_that_breaks_is_made_again(self):
-        latch = self.topics.latches[SPEECH]
-        monitor = Monitor(INTERFACE, self.topics, Health(), lambda: True)
-        monitor.include(INTERFACE.offers)
-        monitor.start()
-        self.addCleanup(monitor.close)
-        for link in latch._links.values():
-            link._connection._socket.shutdown(socket.SHUT_RDWR)  # as a lost link does; the publisher stays registered
-        self.wait_until(lambda: not latch.is_connected)
-        self.wait_until(lambda: latch.is_connected)
-        self.assertEqual(self.publish(SPEECH, "heard")[0].value, "heard")
+        publisher = self.publisher(SPEECH)
+        broken, = publisher.impl.connections
+        broken.socket.shutdown(socket.SHUT_RDWR)  # as a lost link does; the publisher stays registered
+        self.wait_until(lambda: publisher.get_num_connections() and broken not in publisher.impl.connections)
+        self.wake.test_and_clear()
+        self.topics.wake_when("test", SPEECH, lambda text: text == "heard")
+        publisher.publish("heard")
+        self.wake.wait(10)
+        publisher.unregister()
+        self.assertEqual(self.topics.newest(SPEECH).value, "heard")
 
     def watch(self):
         """Run a monitor, and return the changes of health that it has told so far as a list that grows."""
@@ -144,16 +151,18 @@ class TestTopics(unittest.TestCase):
     def test_a_silent_connection_is_replaced(self):
         """As after a lost link whose other end does not know of it: the publisher answers, the connection is dead."""
         latch = self.topics.latches[FACES]
-        self.robot.publish("/faceDetection/data", [], [], [], hertz=20)
-        self.wait_until(lambda: latch.count > 20)
+        publisher = self.publisher(FACES)
+        while latch.count <= 20:
+            publisher.publish([], [], [])
+            time.sleep(0.05)
         self.watch()
-        link, = latch._links.values()
-        replaced, link._take = link._take, lambda data: None  # deaf, as far as the monitor can see
-        dead = link._connection
-        self.wait_until(lambda: link._connection is not dead)
-        link._take = replaced
+        dead = publisher.impl.connections.pop()  # rospy sends nothing through it any more, and it stays open
+        self.wait_until(lambda: publisher.get_num_connections() == 1)
         heard = latch.last_arrival
+        publisher.publish([], [], [])
         self.wait_until(lambda: latch.last_arrival > heard)
+        dead.close()
+        publisher.unregister()
 
     def test_what_a_latching_publisher_sends_first_is_no_news(self):
         latch = self.topics.latches[SPEECH]
@@ -197,9 +206,10 @@ class TestTopics(unittest.TestCase):
     def test_a_message_that_slips_in_between_the_look_and_the_alarm_rings_it(self):
         self.publish(SPEECH, "no")
         self.topics.newest(SPEECH)
+        self.topics.wake_when("it has come", SPEECH, lambda text: text == "yes")
         self.robot.publish("/speechEvent/text", "yes")
-        latch = self.topics.latches[SPEECH]
-        self.wait_until(lambda: latch._sample.value == "yes")
+        self.wake.wait(10)
+        self.assertTrue(self.wake.test_and_clear(), "nothing arrived")
         self.topics.wake_when("answer", SPEECH, lambda text: text == "yes")
         self.assertTrue(self.wake.test_and_clear())
 

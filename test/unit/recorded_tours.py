@@ -104,7 +104,6 @@ def recorded_day(folder, monkeypatch, runs, kinds=KINDS):
     record.show(rig.tree)
     rig.mission.gateway, rig.mission.topics = record.gateway(rig.gateway), record.topics(rig.topics)
     rig.run(day.step, runs=runs)
-    thread, _ = record._thread, record.close()
-    if thread is not None:
-        thread.join()
+    while record.is_kept:  # each call waits a second for what is not written yet
+        record.close()
     return record.path

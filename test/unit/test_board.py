@@ -7,8 +7,8 @@ import types
 import pytest
 
 from behavior_controller.cli import create_tree
-from behavior_controller.events import (HealthChanged, Noticed, PassFinished, PassStarted, RunFinished, RunStarted,
-                                        Sources)
+from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
+                                        RunStarted, Sources, Told)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.document import INTERFACE
@@ -313,3 +313,35 @@ def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_newest_statuses(mon
     board = board_of(rig)
     rig.tick()
     assert letters(board) == "RSR-"
+
+
+def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():
+    rig = Rig()
+    board = board_of(rig)
+    board.look()
+    before = dict(board.versions)
+    rig.mission.events.emit(PassStarted(2, 0.0))
+    board.look()
+    assert {"statuses", "passes", "timeline"} <= {part for part in PARTS if board.versions[part] != before[part]}
+
+
+def test_a_visit_has_the_time_of_the_arrival_and_until_then_that_of_its_begin(monkeypatch):
+    rig, now = Rig(), [1_000_000.0]
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
+        monotonic=time.monotonic, time=lambda: now[0], strftime=time.strftime, localtime=time.localtime))
+    board = board_of(rig)
+    for told in (None, Told("visit", "", "arrived")):
+        rig.mission.events.emit(PassStarted(1, 0.0) if told is None else
+                                LeafFinished(1, "x", "x", "SUCCESS", "", 0.0, None, told))
+        board.look()
+        assert board.part("story")["visit"]["time"] == time.strftime("%H:%M:%S", time.localtime(now[0]))
+        now[0] += 75.0
+
+
+def test_the_results_of_a_node_are_forgotten_with_its_tree():
+    rig, other = one_leaf("<WelcomeSpeech/>"), one_leaf("<FollowMeSpeech/>")
+    board = board_of(rig)
+    rig.tick()
+    assert len(board.node(1)["results"]) == 1
+    board.show(other.tree)
+    assert board.node(1)["type"] == "FollowMeSpeech" and board.node(1)["results"] == []

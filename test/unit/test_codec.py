@@ -10,6 +10,7 @@ from behavior_controller.interface.records import (Answer, AttentionStatus, Exhi
 from behavior_controller.text import Source
 from behavior_controller.watch.codec import (FORMAT, VERSION, Answered, Asked, Header, Line, Message, Tick, TreeNode,
                                              TreeShown, decode, encode)
+from behavior_controller.watch.plain import Count, Wrong, form, inside
 
 REQUESTS = [SetAnimation("enabled"), PerformGesture("deictic", 3, 2000, Point(1.0, -2.5, 0.0)), QueryKnowledge("home"),
             SetAttention("location", Point(0.1, 0.2, 1e300)), GoTo(Location(1.5, -0.0, 90.0)), Prompt(("yes", "no")),
@@ -53,3 +54,13 @@ def test_all_that_the_interface_asks_and_tells_can_be_recorded():
     assert {message.topic for message in MESSAGES} == {topic.name for topic in INTERFACE.topics}
     for message in MESSAGES[:-1]:
         assert type(message.value) is INTERFACE.topic(message.topic).value
+
+
+@pytest.mark.parametrize("value", [0, -1, 1.5, "1", True, None])
+def test_a_count_is_an_integer_from_1_on_and_what_is_not_has_a_name(value):
+    read = form(Count).read
+    assert read(1) == 1
+    for place, name in (("", "it"), (".call", "call"), ("[2]", "[2]")):
+        with pytest.raises(Wrong) as wrong:
+            inside(place, read, value)
+        assert str(wrong.value).startswith(name + " ") and "an integer from 1 on" in str(wrong.value)

@@ -9,7 +9,7 @@ from behavior_controller import folders
 from behavior_controller.bt import rules
 from behavior_controller.bt.language import document
 from behavior_controller.bt.language.document import parse, read, with_includes
-from behavior_controller.bt.language.markup import mended
+from behavior_controller.bt.language.markup import repaired
 from behavior_controller.errors import MissionError
 
 LEAF = "<AlwaysSuccess/>"
@@ -162,6 +162,8 @@ def test_a_fault_is_one_line_whatever_it_quotes():
     ("<root>\n <\x00/></root>", (2, 3), "NUL"),
     ("\ufeff x<root/>", (1, 3), "text before the first element"),
     ("\ufeff<root/>x", (1, 9), "text after the end of the first element"),
+    ("<root><!-- a --><A/></root>\nx", (2, 1), "text after the end of the first element"),
+    ("<root a=\"&\" b=\"\"><A></A><B/></root>\n<root/>", (2, 1), "an element after the end of the first element"),
     ('<!DOCTYPE r [\n<!ENTITY a "b">]><root/>', (1, 1), "declarations inside DOCTYPE"),
     ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root/>', (1, 1), "declarations inside DOCTYPE"),
 ])
@@ -253,7 +255,7 @@ def test_the_limits_of_the_markup(most, make, words):
 
 def test_the_number_of_tags_has_an_end():
     tags = "<root>{}</root>".format("<a/>" * 399_998)
-    assert mended(tags) == tags
+    assert repaired(tags) == tags
     with pytest.raises(MissionError, match="<text>:1:1: the file has more than 400000 tags"):
         parse(tags + "<a/>")
 

@@ -24,6 +24,16 @@ class Probe(ActionLeaf):
         self.halted += 1
 
 
+class Busy(Probe):
+    """Goes on until it is halted."""
+
+    def on_start(self):
+        return RUNNING
+
+    def on_running(self):
+        return RUNNING
+
+
 class Instant(SyncActionLeaf):
     """An action that breaks the rule that it must end within its tick."""
 
@@ -31,7 +41,8 @@ class Instant(SyncActionLeaf):
         return RUNNING
 
 
-SPECS = builtin_specs() + [NodeSpec("Probe", Kind.ACTION, Probe), NodeSpec("Instant", Kind.ACTION, Instant)]
+SPECS = builtin_specs() + [NodeSpec("Probe", Kind.ACTION, Probe), NodeSpec("Instant", Kind.ACTION, Instant),
+                           NodeSpec("Busy", Kind.ACTION, Busy)]
 
 
 def hooked(body):
@@ -118,3 +129,20 @@ def test_a_node_that_waits_before_its_work_has_none_to_halt(halt):
     assert tree.tick_exactly_once() is RUNNING
     getattr(tree.root, halt)()
     assert tree.is_idle and tree.root.halted == 0
+
+
+def test_a_node_that_works_is_halted_whatever_waits_for_its_end():
+    tree, hooks, _ = hooked("<Busy/>")
+    hooks.insert([Hook(1, AFTER, BREAKPOINT, True, False, "SUCCESS")])
+    assert tree.tick_exactly_once() is RUNNING
+    tree.root.halt_node()
+    assert tree.root.halted == 1 and tree.is_idle
+
+
+def test_the_operator_is_told_that_a_hook_is_removed():
+    tree, hooks, lines = hooked("<Busy/>")
+    hooks.insert([Hook(1, AFTER, BREAKPOINT, True, False, "SUCCESS")])
+    tree.tick_exactly_once()
+    hooks.remove(AFTER, 1)
+    tree.tick_exactly_once()
+    assert lines[-1] == "Groot2: breakpoint after {} is removed".format(tree.root.full_path)

@@ -76,11 +76,11 @@ CANNOT_BE_MEANT = {
         (2, 1), [
             "Fallback never fails"]),
     "endless repeat without waiting": ('<Repeat\n num_cycles="-1"><Script code="a:=1"/></Repeat>', (3, 2), [
-        "for ever and never waits", "Sleep"]),
+        "forever and never waits", "Sleep"]),
     "endless retry without waiting": ('<RetryUntilSuccessful\n num_attempts="-1"><Cond/></RetryUntilSuccessful>',
                                       (3, 2), [
         "without waiting", "ReactiveFallback"]),
-    "no round": ('<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), ["never run", "-1 is for ever"]),
+    "no round": ('<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), ["never run", "-1: no limit"]),
     "no attempt": ('<RetryUntilSuccessful num_attempts="-3"><Act/></RetryUntilSuccessful>', (2, 23), ["never run"]),
     "more successes than children": ('<Parallel success_count="3"><Act/><Act/></Parallel>', (2, 11),
                                      ["only 2 children"]),
@@ -219,6 +219,18 @@ def test_a_remapping_that_the_tree_has_no_use_for():
     assert "the entry target is read" in found[1][2]
 
 
+@pytest.mark.parametrize("calls, is_told", [(1, True), (2, False)])
+def test_an_entry_is_misspelt_if_it_is_named_once_only(calls, is_told):
+    found = warnings("<Sequence><Script code=\"place := 'lab'\"/>{}</Sequence>".format(
+        "<SubTree ID='Go' target='{plce}'/>" * calls), tree("Go", "<ScriptCondition code=\"target == 'lab'\"/>"))
+    assert len(found) == 1 and ("the entry plce is named nowhere else" in found[0][2]) is is_told
+
+
+@pytest.mark.parametrize("body", ["<In in='{ given}'/>", "<In in='{given }'/>", "<ScriptCondition code='and == 1'/>"])
+def test_an_entry_that_is_told_in_other_words_is_not_told_again_as_unwritten(body):
+    assert len(warnings(body)) == 1
+
+
 def test_a_mission_with_faults_is_not_linted():
     body = "<Fallback><Begin/><Nope/></Fallback>"
     documents = [parse('<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'.format(body))]
@@ -340,3 +352,11 @@ def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, words):
     inside = '<Drive target="{x}" speed="5"/>'
     found = warnings('<SubTree ID="Sub"\nx="{}"/>'.format(text), tree("Sub", inside))
     assert [(line, column, words in said) for line, column, said in found] == [(3, 1, True)] * (words is not None)
+
+
+@pytest.mark.parametrize("name", ["HandleFallBack", "HandleFallback"])
+def test_both_spellings_of_a_recovery_need_a_failure_before_them(tmp_path, name):
+    path = tmp_path / "m.xml"
+    path.write_text("""<root BTCPP_format="4"><BehaviorTree ID="Main"><Fallback><{}/><WelcomeSpeech/></Fallback></BehaviorTree>
+</root>""".format(name))
+    assert any("{} comes first".format(name) in fault.text for fault in load_tree(str(path)).warnings)

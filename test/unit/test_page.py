@@ -22,7 +22,7 @@ from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, Pa
                                         StepStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
-from behavior_controller.interface.records import Answer, GoTo, PerformGesture, QueryKnowledge, Say
+from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
 from behavior_controller.story import LEFT_OUT
 from behavior_controller.watch import board as board_module
@@ -424,6 +424,9 @@ def test_the_graph_is_drawn_coloured_zoomed_and_leads_to_nodes(show, browser):
     browser.execute_script("byId('all').click()")
     wait_until(lambda: browser.execute_script(DRAWN) == [node["uid"] for node in nodes], 30.0)
     assert browser.execute_script(COLOURED) == [[uid, letter] for uid, letter in enumerate(letters, 1)]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    assert browser.execute_script("return [byId('graph'), byId('tree')].map(one => one.offsetHeight > 0)") == [False, True]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     browser.execute_script("drawn[100].dispatchEvent(new MouseEvent('click', {bubbles: true}))")
     wait_until(lambda: text(browser, "#node-title") == "Navigate #101")
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
@@ -443,6 +446,7 @@ def test_a_drawing_is_made_once_for_a_tree(show, monkeypatch):
     shown = show(Rig())
     for count, path in enumerate(["graph.svg", "graph-operator.svg"], 1):
         assert [shown.fetch(path)[:2] for _ in range(3)] == [(200, "<svg/>")] * 3 and len(made) == count
+    assert made == 2 * [shown.rig.tree.root.name]  # no file has been told yet
     shown.page.show(one_leaf("<WelcomeSpeech/>").tree)
     assert shown.fetch("graph.svg")[0] == 200 and len(made) == 3
 
@@ -850,6 +854,13 @@ def test_changes_are_pushed_together(show):
             rig.clock.advance(0.001)
         parts = json.loads(stream.readline()[6:])
         assert "statuses" in parts and "mission" not in parts
+
+
+def test_what_happens_is_taken_also_while_no_browser_looks(show):
+    shown = show(one_leaf("<WelcomeSpeech/>"))
+    before = shown.page.board.versions["statuses"]
+    shown.rig.tick()
+    wait_until(lambda: shown.page.board.versions["statuses"] != before)
 
 
 def test_there_is_a_message_every_second_though_nothing_happens(show):

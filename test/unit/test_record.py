@@ -132,3 +132,11 @@ def test_old_records_make_room(tmp_path, there, kept):
     left = sorted(os.listdir(str(place))) if there else []
     assert len(left) == kept and os.path.dirname(folder) == str(place)
     assert left == ["20260101-0000{:02}_1".format(number) for number in range(there - kept, there)]
+
+
+def test_what_cannot_be_removed_to_make_room_is_left(tmp_path):
+    place = tmp_path / "behaviorController_records"
+    place.mkdir()
+    for number in range(30):
+        (place / "20260101-0000{:02}_1".format(number)).write_text("no folder")
+    assert os.path.dirname(new_folder(str(tmp_path))) == str(place)

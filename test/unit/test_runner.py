@@ -89,15 +89,10 @@ def test_stopping_halts_the_mission_and_leaves_the_robot_calm_once():
     "<Sequence _onHalted=\"x := 'a' * 2\"><LookUpHome/><Timeout msec='9000'><Navigate _onHalted=\"x := 'a' * 2\"/></Timeout>"
     "</Sequence>"])
 def test_a_script_that_fails_while_halting_leaves_nothing_running(mission):
-    dropped, stopped = [], []
+    stopped = []
     rig = one_leaf(mission, lambda request: None if isinstance(request, GoTo) else NotImplemented)
-
-    def stop(rig):
-        rig.gateway.calls[1]._abandon = lambda: dropped.append(True)
-        stopped.append(True)
-
-    rig.run(stop, runs=0, is_stopped=lambda: bool(stopped))
-    assert dropped == [True]
+    rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped))
+    assert rig.gateway.dropped == rig.requests[1:2]
     assert {node.status for node in rig.tree.nodes} == {IDLE}
     assert rig.clock.next_due() is None
     assert rig.requests[2:] == SAFE
@@ -263,19 +258,15 @@ def test_what_was_read_anew_runs_from_the_next_pass_on():
 
 
 def test_a_stop_while_another_mission_waits_halts_the_one_that_runs():
-    dropped, stopped = [], []
+    stopped = []
     rig = one_leaf("<Sequence><LookUpHome/><Navigate/></Sequence>",
                    lambda request: None if isinstance(request, GoTo) else NotImplemented)
     other = one_leaf("<FollowMeSpeech/>")
     other.mission.gateway = rig.gateway
     waiting = [Running(other.tree, other.mission, "other.xml", 0)]
-
-    def stop(rig):
-        rig.gateway.calls[1]._abandon = lambda: dropped.append(True)
-        stopped.append(True)
-
-    rig.run(stop, runs=0, is_stopped=lambda: bool(stopped), successor=lambda: waiting.pop() if waiting else None)
-    assert dropped == [True] and rig.tree.is_idle
+    rig.run(lambda rig: stopped.append(True), runs=0, is_stopped=lambda: bool(stopped),
+            successor=lambda: waiting.pop() if waiting else None)
+    assert rig.gateway.dropped == rig.requests[1:2] and rig.tree.is_idle
     assert rig.requests[2:] == SAFE
     assert other.of(RunStarted) == []
     assert len(rig.of(RunFinished)) == 1

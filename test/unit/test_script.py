@@ -369,3 +369,13 @@ def test_random_scripts_fail_cleanly_or_run():
             outcomes[type(error)] += 1
     assert time.process_time() - began < 20.0
     assert min(outcomes.values()) > 200  # else the mixture tests too little
+
+
+@pytest.mark.parametrize("script, hint", [
+    ("a =< b", "write <="), ("a => b", "write >="), ("a === b", "write =="), ("a !== b", "write !="),
+    ("a &&& b", "write &&"), ("a ||| b", "write ||"), ("a <> b", "write !="), ("a++", "write a += 1 or a -= 1"),
+    ("a--", "write a += 1 or a -= 1"), (")", ""), ("a * )", "")])
+def test_what_may_be_meant_where_an_operand_is_missing(script, hint):
+    with pytest.raises(ScriptSyntaxError) as raised:
+        compile_script(script)
+    assert raised.value.hint == hint

@@ -245,7 +245,10 @@ def test_a_wait_is_over_when_something_else_begins():
 
 @pytest.mark.parametrize("beside, limit", [
     ("<ForceFailure><Sleep msec='15000'/></ForceFailure>", 15.0), ("<Sleep msec='{@long}'/>", 0.0),
-    ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", 0.0)])
+    ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", 0.0),
+    ("<Repeat num_cycles='3'><Sleep msec='1000'/></Repeat>", 0.0),
+    ("<LoopInt queue='1;2'><Sleep msec='1000'/></LoopInt>", 0.0),
+    ("<Sequence><Sleep msec='1000'/><WelcomeSpeech/></Sequence>", 0.0)])
 def test_the_limit_of_a_wait_is_that_of_the_timer_beside_it(beside, limit):
     rig = one_leaf("<ReactiveFallback><IsVisitorDiscovered/>{}</ReactiveFallback>".format(beside))
     rig.tree.blackboard.set("long", 1)
@@ -288,6 +291,7 @@ POLLED = {  # a mission that asks again and again, and attempts × pause
     "rounds within rounds": (retried(3, "RetryUntilSuccessful num_attempts='2'", "Delay delay_msec='1000'", SEEN), 6.0),
     "without end": (retried(-1, "Delay delay_msec='1000'", SEEN), 0.0),
     "without end, with a Timeout": (within("Timeout msec='9000'", retried(-1, "Delay delay_msec='1000'", SEEN)), 9.0),
+    "a Timeout that is none": (within("Timeout msec='0'", retried(5, "Delay delay_msec='1000'", SEEN)), 5.0),
     "attempts in an entry": (retried("{@n}", "Delay delay_msec='1000'", SEEN), 0.0),
     "a pause in an entry": (retried(3, "Delay delay_msec='{@ms}'", SEEN), 0.0),
     "rounds while it is false": (within("Repeat num_cycles='7'", "Sequence", UNSEEN + SECOND), 7.0),
@@ -321,6 +325,10 @@ def test_a_condition_that_is_asked_again_after_a_pause_is_waited_for_attempts_ti
     retried(3, "Sequence", SEEN + SECOND),  # no pause where it is false
     retried(3, "Fallback", SEEN + SECOND),  # one round
     retried(3, "Delay delay_msec='1000'", UNSEEN),  # for a visitor to be gone
+    within("ReactiveFallback", SEEN + "<AlwaysFailure/>"),  # asked once
+    within("Timeout msec='3000'", "Sequence", SEEN + SECOND),
+    retried(3, "Delay delay_msec='1000'", "Parallel success_count='2' failure_count='1'", SEEN + "<WelcomeSpeech/>"),
+    retried(3, "Sequence", 100 * "<AlwaysSuccess/>" + SECOND + SEEN),  # too large to be looked at
     within("Repeat num_cycles='3'", "Sequence", SEEN + SECOND),  # as long as there is a visitor
     retried(3, "Sequence", "<WelcomeSpeech/>" + SECOND + SEEN)])  # each time after something else
 def test_a_question_that_a_loop_does_not_repeat_for_its_answer_is_no_wait(mission):
@@ -478,3 +486,12 @@ def test_an_exhibit_under_way_is_under_way():
     story.take(1.0, PassStarted(1, 0.0))
     story.take(1.0, TourAdvanced(1, "x", "x", 1, 2, "Arm", "begun"))
     assert story.exhibit.state == UNDER_WAY and story.now(1.0) == "exhibit 1 of 2, Arm"
+
+
+@pytest.mark.parametrize("why, severity", [(Cause.CONDITION_FALSE, "warning"), (Cause.REFUSED, "error"),
+                                           (Cause.NO_ANSWER, "error")])
+def test_to_give_up_is_an_error_unless_a_visitor_brought_it_about_and_belongs_to_what_failed(why, severity):
+    story, failure = Story(), Failure(why, "it is so", "/x")
+    story.take(1.0, LeafFinished(7, "Navigate", "tour/Navigate", "FAILURE", "", 1.0, failure))
+    told, = story.take(2.0, Recovered("Navigate", "tour/Navigate", failure, "-", 2, False, "given up", "", 5))
+    assert (told.severity, told.uid, told.path) == (severity, 7, "tour/Navigate")

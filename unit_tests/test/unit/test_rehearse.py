@@ -9,16 +9,24 @@ import shutil
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import pytest
 
 from behavior_controller import exits, folders
+from behavior_controller.events import Recovered
+from behavior_controller.gateway import Cause, Failure
+from behavior_controller.interface.records import Say
 
-from unit_tests import findings, rehearse, scenes
+from unit_tests import findings, rehearse, rehearse_page, scenes
 from unit_tests.faults import KINDS, PlannedFault
+from unit_tests.journal import Line
+from unit_tests.recoveries import SPECS
 from unit_tests.scenes import Outcome, Scene, Theatre
+from unit_tests.stage import BUSY, START, Played
 from unit_tests.survey import Share, Survey
-from unit_tests.visitor import BEHAVIOURS
+from unit_tests.visitor import BEHAVIOURS, ENGAGES
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ENGAGES, SILENT = ["--visitors", "engages"], ["--visitors", "silent"]
@@ -162,6 +170,21 @@ def test_the_page_stands_alone_and_has_the_plot(capsys, tmp_path):
     assert "http" not in page and "<script" not in page and "src=" not in page
 
 
+def test_a_share_of_the_plot_stands_where_the_axes_say():
+    plot = ElementTree.fromstring(rehearse_page.plot([Share(0.4, 10, 8, 1.0)]))
+    wide, high = (float(plot.get(name)) for name in ("width", "height"))
+    assert plot.get("viewBox") == "0 0 {:g} {:g}".format(wide, high)
+    labels = {label.text: label for label in plot.findall("text")}
+    assert list(labels) == [text for tenth in (0, 2, 4, 6, 8, 10) for text in (
+        "{} %".format(tenth * 10), "{:g}".format(tenth / 10))] + ["failure rate"]
+    assert all(0 < float(label.get("x")) < wide and 0 < float(label.get("y")) < high for label in labels.values())
+    point = plot.find("circle")
+    assert point.get("cx") == labels["0.4"].get("x")
+    lines = [line.get("d").replace("H", " ").split()[1] for line in plot.findall("path")]  # M<left> <y>H<right>
+    assert point.get("cy") == lines[4]  # of 0, 20, 40, 60 and 80 %
+    assert float(labels["80 %"].get("y")) - float(lines[4]) == float(labels["0 %"].get("y")) - float(lines[0])
+
+
 @pytest.mark.parametrize("words, told", [
     (["lab_tour", "--falts", "none"], "did you mean --faults?"),
     (["lab_tour", "--faults", "singel"], "did you mean single?"),
@@ -184,9 +207,12 @@ def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
     (["lab_tuor"], "did you mean lab_tour?"),
     (["no/such/file.xml"], "no/such/file.xml"),
     (["lab_tour", "asrEnabeld:=true"], "did you mean asrEnabled?"),
+    (["lab_tour", "asrEnabeld:=true"], "argument asrEnabeld:=true: this is not a key of the controller's configuration"),
     (["lab_tour", "asrEnabled:=perhaps"], "asrEnabled cannot be"),
     (["lab_tour", "--planned", "textToSpeach:1"], "did you mean textToSpeech?"),
+    (["lab_tour", "--planned", "x:1"], "argument --planned: the robot D5.4.3 has no node x (there are: "),
     (["lab_tour", "--silent", "/faces"], "/faceDetection/data"),
+    (["lab_tour", "--silent", "/x"], "argument --silent: the robot D5.4.3 has no topic /x (there are: "),
 ])
 def test_what_cannot_be_played_is_told(capsys, words, told):
     code, text = run(capsys, *words)
@@ -263,3 +289,31 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
 
 def test_all_visitors_are_played():
     assert [scene.visitor for scene in scenes.calm(BEHAVIOURS, [True])] == list(BEHAVIOURS)
+
+
+def a_look(nodes, **played):
+    """Return a look at a play of 100 s of leaves of these types, that had not ended when its time was up."""
+    told = dict(entries=[], journal=[], exit_code=None, cut_off="", error="", reached=frozenset(), waiting=(), seconds=100.0,
+                asked=[], presence=[])
+    tree = SimpleNamespace(nodes=[SimpleNamespace(spec=SPECS[node]) for node in nodes])
+    stage = SimpleNamespace(mission=SimpleNamespace(tree=tree, policy=SimpleNamespace(most=10, seconds=60.0)))
+    return findings.Look(stage, Played(**dict(told, **played)), ENGAGES, 0)
+
+
+@pytest.mark.parametrize("node, played, waits", [
+    ("IsVisitorDiscovered", {}, True), ("IsMutualGazeDiscovered", {}, False),
+    ("IsVisitorDiscovered", {"exit_code": 0}, False), ("IsVisitorDiscovered", {"cut_off": BUSY}, False),
+    ("IsVisitorDiscovered", {"asked": [(START + 79.0, Say("x"))]}, True),
+    ("IsVisitorDiscovered", {"asked": [(START + 81.0, Say("x"))]}, False)])
+def test_a_mission_waits_for_a_visitor_that_has_not_ended_and_asks_for_nothing_any_more(node, played, waits):
+    assert findings.waits_for_a_visitor(a_look([node], waiting=(1,), **played)) is waits
+
+
+@pytest.mark.parametrize("own, is_spent", [(0, False), (5, False), (6, True), (11, True)])
+def test_a_budget_is_told_as_spent_if_most_of_it_went_where_no_fault_was(own, is_spent):
+    resources = ["/calm"] * own + ["/faulty"] * (11 - own)
+    recovered = [(START + at, Recovered("Navigate", "x", Failure(Cause.REFUSED, "no", resource), "-", 0, True, "done"))
+                 for at, resource in enumerate(resources)]
+    faults = [Line(START, "a node", "/faulty", 1, {}, fault="refused")]
+    found = list(findings.BY_NAME["budget-spent"].see(a_look([], entries=recovered, journal=faults)))
+    assert found == is_spent * [("x", "more than 10 recoveries in 60 s: whatever fails from here on is given up")]

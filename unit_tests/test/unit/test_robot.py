@@ -1,4 +1,5 @@
 """Tests of what the simulated nodes answer and publish."""
+import json
 import os
 
 import pytest
@@ -6,13 +7,15 @@ import pytest
 from behavior_controller.errors import ConfigurationError
 from behavior_controller.interface import Sense, Service, Success, Topic, document
 from behavior_controller.interface.document import INTERFACE
-from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, PerformGesture, Prompt,
-                                                   QueryKnowledge, Request, Say, SetAnimation, SetAttention, SetPose,
-                                                   SetRecognition, SetRecognitionLanguage)
+from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
+                                                   PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
+                                                   SetAnimation, SetAttention, SetPose, SetRecognition,
+                                                   SetRecognitionLanguage)
 from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.settings import defaults
 
 from unit_tests import configuration, exhibits
+from unit_tests.exhibits import Knowledge
 from unit_tests.journal import Line
 from unit_tests.robot import NODES, SERVERS, SERVICES, TOPICS, World, nodes, nonsense
 from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, NO_GAZE, NOTHING_HEARD, SILENT, SMALL_TALK, Manners,
@@ -103,8 +106,8 @@ def test_exhibits_have_what_a_tour_needs():
     (PerformGesture, dict(GESTURE, gesture_duration=0), "gesture_duration is 0 ms"),
     (Say, {"message": " "}, "no text"),
     (Say, {"message": "Hello", "language": "english"}, "allowed: English, IsiZulu, Kinyarwanda"),
-    (GoTo, {"goal_x": float("nan"), "goal_y": 0.0, "goal_theta": 0.0}, "no place"),
-    (SetPose, {"x": float("inf"), "y": 0.0, "theta": 0.0}, "no place"),
+    (GoTo, {"goal_x": float("nan"), "goal_y": 0.0, "goal_theta": 0.0}, "not a place"),
+    (SetPose, {"x": float("inf"), "y": 0.0, "theta": 0.0}, "not a place"),
     (QueryKnowledge, {"parameters": "toilets"}, "allowed: exhibits, entrance, home"),
     (Prompt, {"message": ""}, "no text"),
     (SetRecognition, {"status": "enabled"}, "allowed: true, false"),
@@ -190,8 +193,15 @@ def test_a_file_of_places_that_cannot_be_used_is_named(tmp_path, text):
     path.write_text(text)
     with pytest.raises(ConfigurationError, match="exhibits.json: the exhibits cannot be read"):
         exhibits.load(str(path))
-    with pytest.raises(ConfigurationError, match="cannot be read"):
+    with pytest.raises(ConfigurationError, match="none.json: the exhibits cannot be read"):
         exhibits.load(str(tmp_path / "none.json"))
+
+
+def test_a_place_needs_no_descriptions_and_no_gesture(tmp_path):
+    place = {"name": "x", "location": [1, 2, 90]}
+    (tmp_path / "exhibits.json").write_text(json.dumps({"exhibits": [], "entrance": place, "home": place}))
+    known = Exhibit("x", "", "", Location(1.0, 2.0, 90.0), Point(0.0, 0.0, 0.0))
+    assert exhibits.load(str(tmp_path / "exhibits.json")) == Knowledge((), known, known)
 
 
 def test_a_file_of_places_may_begin_with_a_byte_order_mark_and_must_be_a_file(tmp_path):

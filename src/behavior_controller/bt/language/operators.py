@@ -294,7 +294,6 @@ def _origin(source: str, blackboard: Blackboard, enums: Enums) -> str:
 
 
 def _combined(sign: str, stored: Any, value: Any) -> Any:
-    _both_there(stored, value, sign)
     if is_number(stored) and is_number(value) or sign == "+=" and isinstance(stored, str) and isinstance(value, str):
         return _OPERATE[sign[0]](stored, value)
     raise _not_permitted(sign, stored, value)
