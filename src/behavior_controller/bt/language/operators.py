@@ -258,7 +258,7 @@ def value_of(name: str) -> Evaluate:
 def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Evaluate:
     """Return the closure of ``name sign right``, whose value is what is stored then.
 
-    The first value decides an entry's kind for good. ``source`` is the name that ``right`` is, if it is a bare one: a
+    The first value decides an entry's kind permanently. ``source`` is the name that ``right`` is, if it is a bare one: a
     copy keeps the type that the value had there.
     """
     def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
