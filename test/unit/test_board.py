@@ -156,6 +156,7 @@ def test_what_there_is_to_know_of_a_node():
     with open(node.element.document.file, encoding="utf-8") as file:
         line = file.read().split("\n")[int(before["place"].split(":")[1]) - 1]
     assert "<Navigate/>" in line and before["type"] == "Navigate"
+    assert before["description"] == registry().find("Navigate").summary != ""
     rig.run(visitor_who(says="yes"))
     found = board.node(node.uid)
     assert [(each["letter"], each["why"], each["times"]) for each in found["results"]] == [
