@@ -85,8 +85,8 @@ def _resources(spec: NodeSpec) -> str:
 
 
 def _robot(request: type) -> Interface:
-    """Return the interface of the first robot that has a service for a kind of request."""
-    return next(robot for robot in INTERFACES.values() if robot.serves(request))
+    """Return the first robot that has a service for a kind of request; the default, which names what it lacks, if none has."""
+    return next((robot for robot in INTERFACES.values() if robot.serves(request)), DEFAULT)
 
 
 def _uses(ports: Iterable[Port]) -> str:

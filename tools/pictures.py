@@ -25,7 +25,7 @@ MISSION = "data/lab_tour.xml"
 ANIMATED = "tour.webp"
 PAGE = (MISSION, "src/behavior_controller/watch/page_files/*")
 REPORT = (MISSION, "src/behavior_controller/watch/report*", "src/behavior_controller/watch/report*/*",
-          "src/behavior_controller/watch/page_files/colours.css")
+          "src/behavior_controller/watch/page_files/colours.css", "src/behavior_controller/watch/page_files/common.js")
 SOURCES: Dict[str, Tuple[str, ...]] = {
     ANIMATED: PAGE, "page_1280.webp": PAGE, "page_800.webp": PAGE, "page_400.webp": PAGE,
     "report.webp": REPORT, "lab_tour.svg": (MISSION,), "lab_tour_unfolded.svg": (MISSION,)}

@@ -1,4 +1,4 @@
-"""Runs what may hang (a frozen master, a dead disk) on a thread of its own, and waits for it as long as is sensible."""
+"""Runs work that may hang (a frozen master, a dead disk) on a separate thread, and waits for it with a limit."""
 import threading
 import time
 from typing import Any, Callable, Iterable, List
@@ -12,11 +12,11 @@ class Stopped(BehaviorControllerError):
 
 
 class Late(BehaviorControllerError):
-    """The work did not end in time; its thread hangs on."""
+    """The work did not end in time; its thread goes on."""
 
 
 PATIENCE = 2.0
-"""Seconds after which it is worth a word that work has not ended."""
+"""Seconds after which ``is_slow`` is called for work that has not ended."""
 
 
 def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bool], seconds: float,
@@ -33,7 +33,7 @@ def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bo
     def run() -> None:
         try:
             results.append(work())
-        except BaseException as error:  # raised again by the thread that waits
+        except BaseException as error:  # raised again in the waiting thread
             errors.append(error)
         wake.emit()
 

@@ -63,7 +63,7 @@ def _code(text: str) -> str:
 
 
 def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
-    """Print what is to be said of all files; return the exit code, and which files were read."""
+    """Print the faults and summaries of all files; return the exit code, and the files that were read."""
     validation = Validation(options.main, options.palette, options.ignore, options.folder)
     judgements = []
     for judgement in validation.judge(options.files):
@@ -80,7 +80,7 @@ def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
 
 
 def _watch(options: argparse.Namespace) -> None:
-    """Judge the files at each change of one of them, for ever."""
+    """Check the files again at each change of one of them, without end."""
     given = list(options.files) + list(options.palette)
     files: Set[str] = set()
     while True:
@@ -94,7 +94,7 @@ def _watch(options: argparse.Namespace) -> None:
 
 
 def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, int]]]:
-    """Return when each file was written, and its length; None for one that is not there."""
+    """Return the modification time and length of each file; None for a missing file."""
     state: Dict[str, Optional[Tuple[int, int]]] = {}
     for path in files.union(file for path in given for file in listed(path)):
         try:
@@ -106,7 +106,7 @@ def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, i
 
 
 def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
-    """Return the arguments but for those of the form ``name:=value``, which ROS tools add."""
+    """Return the arguments without those of the form ``name:=value``, which ROS tools add."""
     return [argument for argument in (sys.argv[1:] if argv is None else argv) if ":=" not in argument]
 
 
@@ -139,8 +139,8 @@ def _document(includes: List[str], attributes: str) -> str:
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:
     """Return the root of a mission to draw with ``py-trees-render behavior_controller.cli.create_tree``.
 
-    ``mission`` is a name in the data folder or the path of a file; ``subtree`` draws what is below the first call of that
-    tree alone. Nodes have the numbers that they have on the page and in Groot2.
+    ``mission`` is a name in the data folder or the path of a file; with ``subtree``, only the part below the
+    first call of that tree is drawn. Nodes have the same numbers as on the page and in Groot2.
     """
     path = mission if mission.endswith(".xml") or os.sep in mission else folders.mission(mission)
     try:
@@ -154,7 +154,7 @@ def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any
 
 
 def _root_of(path: str, subtree: str) -> Any:
-    """Return the root of a tree of the file: as the mission first calls it, or alone if the mission does not."""
+    """Return the root of a tree of the file: at its first call in the mission, or alone if the mission does not call it."""
     alone = load_tree(path, main_tree=subtree)
     try:
         whole = load_tree(path)

@@ -1,4 +1,4 @@
-"""Runs a command-line tool to its exit code, also where a standard stream is closed, full, or knows few letters."""
+"""Runs a command-line tool to its exit code, even if a standard stream is closed, full, or has a small character set."""
 import os
 import sys
 from typing import Callable, Optional
@@ -30,9 +30,9 @@ def run(name: str, main: Callable[[], int]) -> int:
 
 
 def open_closed_streams() -> None:
-    """Let standard streams that the process was started without lead to the null device.
+    """Open closed standard streams on the null device.
 
-    Modules expect them to be there, and a socket that got the number of one would be written to.
+    Modules expect them to be open, and would write to a socket that got the descriptor of a closed one.
     """
     spare = os.open(os.devnull, os.O_RDWR)
     while spare < 3:
@@ -44,7 +44,7 @@ def open_closed_streams() -> None:
 
 
 def _discard(descriptor: int) -> None:
-    """Have what is left in a buffer go nowhere: Python would try to write it once more and complain in its own way."""
+    """Discard the rest of a buffer: Python would try to write it again at exit and print its own error."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, descriptor)
     os.close(null)

@@ -15,8 +15,8 @@ from behavior_controller.text import clean
 class Fault(NamedTuple):
     """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not known.
 
-    ``code`` names the kind of a mistake in a mission (``bt.rules``). ``end_line`` and ``end_column`` are those of the
-    first character that does not belong to it any more.
+    ``code`` names the kind of a mistake in a mission (``bt.rules``). ``end_line`` and ``end_column`` are the position
+    after its last character.
     """
 
     file: str
@@ -37,14 +37,14 @@ class Fault(NamedTuple):
 
 
 class BehaviorControllerError(Exception):
-    """Whatever this package raises on purpose; its text is one line for an operator, or one line per fault."""
+    """The base of all errors that this package raises; its text is one line for an operator, or one line per fault."""
 
     origin: Optional[Tuple[Any, str]] = None
     """The element and the attribute of a mission with the script that failed, where that is known."""
 
 
 class FaultsFound(BehaviorControllerError):
-    """A file has mistakes. ``faults`` holds every one of them; the file was not used."""
+    """A file has mistakes. ``faults`` holds all of them; the file was not used."""
 
     def __init__(self, faults: Sequence[Fault]):
         super().__init__("\n".join(str(fault) for fault in faults))
@@ -60,4 +60,4 @@ class MissionError(FaultsFound):
 
 
 class NodesMissing(BehaviorControllerError):
-    """Robot nodes that the mission needs are not there (exit code 1)."""
+    """Robot nodes that the mission needs are missing (exit code 1)."""

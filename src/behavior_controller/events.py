@@ -1,4 +1,4 @@
-"""What happened during a mission, as records, and where they go.
+"""The events of a mission as records, and their distribution to sinks.
 
 Producers (leaves, the runner, the gateway's monitor) call ``Events.emit``; sinks (the terminal, the record file, the
 page) subscribe. A sink is called on the producer's thread and must be quick.
@@ -14,9 +14,9 @@ BEGUN, OVER, OMITTED = "begun", "over", "omitted"
 
 
 class Sources(NamedTuple):
-    """What a mission was made of besides its settings: texts of files, and the name of the interface.
+    """The sources of a mission besides its settings: texts of files, and the name of the interface.
 
-    ``documents`` are the mission file, which is the last, and what it includes. ``knowledge`` are the environment and
+    ``documents`` are the files that the mission file includes, and last the mission file itself. ``knowledge`` are the environment and
     the culture file; empty where the robot has a knowledge base.
     """
 
@@ -37,10 +37,10 @@ class RunStarted(NamedTuple):
 
 
 class StepStarted(NamedTuple):
-    """A mission leaf begins a request, or begins to wait for what it is asked again and again.
+    """A mission leaf begins a request, or begins to wait for a condition that is checked again and again.
 
-    ``words`` and ``what`` say in people's words what the robot does now: see ``records.Words``. ``limit`` is the seconds
-    that it may take; 0: there is none, or it is not known. A wait is over when something else begins.
+    ``words`` and ``what`` describe for people what the robot does now: see ``records.Words``. ``limit`` is the seconds
+    that it may take; 0: no limit, or an unknown one. A wait is over when something else begins.
     """
 
     uid: int
@@ -53,9 +53,9 @@ class StepStarted(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What people are to be told when a leaf ends: one line, and the ``kind`` of the sentence (``story.KINDS``).
+    """The sentence for people when a leaf ends: one line, and its ``kind`` (``story.KINDS``).
 
-    ``mark`` is what that means for the visit: the visitor ``arrived``, is ``engaged``, was ``asked``, answered ``yes`` or
+    ``mark`` is its meaning for the visit: the visitor ``arrived``, is ``engaged``, was ``asked``, answered ``yes`` or
     ``no``, or has ``left``; else empty. ``at`` is the time of the mission's clock when a visitor arrived.
     """
 
@@ -79,7 +79,7 @@ class LeafFinished(NamedTuple):
 
 
 class TourAdvanced(NamedTuple):
-    """An exhibit of the tour was begun, is over, or is not gone on with (``omitted``), as ``state`` says.
+    """An exhibit of the tour was begun, is over, or was abandoned (``omitted``), as ``state`` says.
 
     The ``Recovered`` that follows says why, and whether the tour goes on without it. ``number`` counts from 1.
     """
@@ -94,9 +94,9 @@ class TourAdvanced(NamedTuple):
 
 
 class Recovering(NamedTuple):
-    """HandleFallBack (``uid``) is about to try the step ``node`` again: attempt so many ``of`` the policy's.
+    """HandleFallBack (``uid``) is about to try the step ``node`` again: number ``attempt`` ``of`` the policy's retries.
 
-    Or it is about to do ``substitute`` in its place; ``attempt`` is 0 then.
+    Or it is about to run ``substitute`` instead; then ``attempt`` is 0.
     """
 
     uid: int
@@ -109,7 +109,7 @@ class Recovering(NamedTuple):
 
 
 class Retried(NamedTuple):
-    """HandleFallBack tried a failed step, or its substitute, once more and it failed again: which attempt, and why."""
+    """A retry of a failed step, or its substitute, failed too: which attempt, and why."""
 
     node: str
     path: str
@@ -136,10 +136,10 @@ class Recovered(NamedTuple):
 
 
 class HealthChanged(NamedTuple):
-    """Something of the robot went wrong while the mission ran, or is well again.
+    """A service, topic or the master failed while the mission ran, or works again.
 
     ``kind`` is ``service``, ``topic`` or ``master``; ``name`` the resolved name (the master's: its address); ``node``
-    the robot's node that offers it; ``consequence`` what it means for the mission, empty when all is well.
+    the robot's node that offers it; ``consequence`` its meaning for the mission, empty when it works.
     """
 
     kind: str
@@ -148,7 +148,7 @@ class HealthChanged(NamedTuple):
     is_well: bool
     status: str
     consequence: str
-    respect: str = ""  # what changed about it: see ``health``
+    respect: str = ""  # the respect that changed: see ``health``
 
 
 class PassStarted(NamedTuple):
@@ -193,10 +193,10 @@ class Events:
         self._sinks: List[Callable[[Event], None]] = []
 
     def subscribe(self, sink: Callable[[Event], None]) -> None:
-        """Have ``sink`` called with every later event."""
+        """Call ``sink`` with every later event."""
         self._sinks.append(sink)
 
     def emit(self, event: Event) -> None:
-        """Tell every sink."""
+        """Pass an event to every sink."""
         for sink in self._sinks:
             sink(event)

@@ -1,19 +1,19 @@
 """The exit codes of the node and of the tools; docs/reference.md explains them for each program."""
 
 SUCCESS = 0
-"""The last pass was a SUCCESS; a tool did what it was asked for."""
+"""The last pass was a SUCCESS; a tool did its work."""
 
 UNAVAILABLE = 1
-"""What is needed is not there: nodes of the robot, the master, a running mission, a Python package, an output."""
+"""Something required is missing: nodes of the robot, the master, a running mission, a Python package, an output."""
 
 WRONG_INPUT = 2
 """The configuration, a mission, a record or the command line is wrong."""
 
 FAILURE = 3
-"""The last pass was a FAILURE; a replay takes another path."""
+"""The last pass was a FAILURE; a replay took another path."""
 
 BROKEN = 4
-"""The node could not go on: no memory, threads or files left, or an error of its own."""
+"""The node could not go on: no memory, threads or files left, or an internal error."""
 
 FOUND = 4
-"""A rehearsal found something that its author should know."""
+"""A rehearsal has findings."""

@@ -1,7 +1,7 @@
 """Finds what other ROS packages add to the controller: the Python modules that they export to it in their package.xml.
 
 ``<export><cssr_system leaves="my_robot.leaves" interface="my_robot.interface" phrases="my_robot.phrases"/></export>``
-as rqt and pluginlib have it. Where there is no ROS there are no such packages.
+in the form of rqt and pluginlib. Without ROS no such packages are found.
 """
 import functools
 import importlib
@@ -13,11 +13,11 @@ from xml.etree import ElementTree
 TARGET = "cssr_system"
 
 KINDS = {"leaves": ("SPECS",), "interface": ("SERVICES", "TOPICS"), "phrases": ("SPEECHES",)}
-"""Attribute of the export -> the tuples that the module may have, of which it needs one."""
+"""Attribute of the export -> the tuples that the module may have; it needs at least one of them."""
 
 
 class BrokenExtension(ImportError):
-    """A package exports something to us that cannot be used; the text says which and what to do."""
+    """An export of another package cannot be used; the text names the package and says what to do."""
 
 
 class Extension(NamedTuple):
@@ -32,7 +32,7 @@ class Extension(NamedTuple):
         return tuple(getattr(self.module, name, ()))
 
     def broken(self, text: str) -> BrokenExtension:
-        """Return the error for what is wrong in the module."""
+        """Return an error that names the module."""
         return BrokenExtension("package {}, {}: {}".format(self.package, self.module.__name__, text))
 
 
@@ -46,7 +46,7 @@ def found(kind: str) -> Tuple[Extension, ...]:
 def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
     try:
         module = importlib.import_module(name)
-    except Exception as error:  # whatever a foreign module raises
+    except Exception as error:  # a foreign module may raise anything
         raise BrokenExtension("package {} exports {}=\"{}\", which cannot be imported: {}: {}".format(
             package, kind, name, type(error).__name__, error)) from error
     extension = Extension(package, folder, module)
@@ -85,9 +85,9 @@ def _export_elements(manifest: str) -> Iterator[ElementTree.Element]:
     try:
         with open(manifest, encoding="utf-8") as file:
             text = file.read()
-        # most packages have nothing to do with us, and need no parsing
+        # most packages export nothing to us, and need no parsing
         root = ElementTree.fromstring(text) if "<" + TARGET in text else None
     except (OSError, ValueError, ElementTree.ParseError):
-        return  # rospack tells of it
+        return  # rospack reports it
     if root is not None:
         yield from root.findall("export/" + TARGET)

@@ -62,7 +62,7 @@ def _example(rule: Rule, example: str) -> Iterator[str]:
 
 
 def told(text: str) -> List[Fault]:
-    """Return what is told of an example on the robot of the default configuration."""
+    """Return the messages about an example on the robot of the default configuration."""
     try:
         tree = build_tree(with_includes(parse(text, EXAMPLE_NAME)))
     except MissionError as error:

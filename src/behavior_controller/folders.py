@@ -37,7 +37,7 @@ RECORDS = "behaviorController_records"
 
 
 def records() -> str:
-    """Return the folder of the recorded runs, which is where ``rospkg.get_log_dir()`` would have it."""
+    """Return the folder of the recorded runs, below the folder that ``rospkg.get_log_dir()`` returns."""
     home = os.environ["ROS_HOME"] if "ROS_HOME" in os.environ else os.path.join(os.path.expanduser("~"), ".ros")
     logs = os.environ["ROS_LOG_DIR"] if "ROS_LOG_DIR" in os.environ else os.path.join(home, "log")
     return os.path.join(logs, RECORDS)

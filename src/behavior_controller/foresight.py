@@ -1,6 +1,6 @@
-"""What a mission cannot mean, seen by following every way through its tree: warnings beyond those of a node by itself.
+"""Warns of what cannot work in a mission, by following every path through its tree.
 
-A way is followed with the mode of attention that was set last, whether the visitor has left, and whether an answer is
+The state on a path is the mode of attention that was set last, whether the visitor has left, and whether an answer is
 stored. Where the file does not decide (scripts, the recovery policy), the visitor counts as present.
 """
 from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Set, Tuple
@@ -23,7 +23,7 @@ from behavior_controller.phrases import YES
 from behavior_controller.settings import Settings
 
 DEEPEST, LARGEST = 150, 2_000
-"""Levels and elements of a mission beyond which its ways are not followed: none that is drawn by hand has so many."""
+"""Levels and elements of a mission beyond which its paths are not followed: no mission drawn by hand has so many."""
 
 _CONDITIONS = frozenset(PRE_CONDITIONS)
 _MODE_MISSING = rules.warning(
@@ -31,7 +31,7 @@ _MODE_MISSING = rules.warning(
     "▸<IsMutualGazeDiscovered/>",
     "<Sequence>\n  <SocialOvertAttentionMode/>\n  ▸<IsMutualGazeDiscovered/>\n</Sequence>")
 _FAREWELL = rules.warning(
-    "farewell-to-nobody", "The mission bids farewell to a visitor who has left.",
+    "farewell-to-nobody", "The mission says goodbye to a visitor who has left.",
     "<Fallback>\n  <IsVisitorDiscovered/>\n  ▸<SayGoodByeSpeech/>\n</Fallback>")
 _NO_TOUR = rules.warning(
     "no-tour", "Without speech recognition no tour is ever given.",
@@ -41,15 +41,15 @@ _ENDS = (SUCCEEDS, FAILS, SKIPS)
 
 
 class State(NamedTuple):
-    """What was done on the way to a node. ``mode`` is empty before one was set."""
+    """The state on a path to a node. ``mode`` is empty before one was set."""
 
     mode: str = ""
-    missed_by: str = ""  # the node type that last asked for the visitor, if it did not find one
+    missed_by: str = ""  # the node type that last looked for the visitor, if it found none
     has_answer: bool = False
 
 
 class Way(NamedTuple):
-    """One of the ends of a node, as a flag of ``ends``, and what was done until then."""
+    """One of the ends of a node, as a flag of ``ends``, and the state then."""
 
     end: int
     state: State
@@ -59,7 +59,7 @@ Ways = FrozenSet[Way]
 
 
 def foresee(tree: Tree, settings: Settings) -> List[Fault]:
-    """Return the warnings about a mission on the robot of ``settings``. Speech recognition is looked at on and off."""
+    """Return the warnings about a mission on the robot of ``settings``. Speech recognition is considered on and off."""
     if not _is_drawn_by_hand(tree):
         return []
     found = _Follower(settings, is_heard=True)
@@ -83,7 +83,7 @@ def _once(nodes: Iterable[Any]) -> List[Any]:
 
 
 def _of_one(node: Any, states: Set[State], settings: Settings) -> Iterator[Fault]:
-    """Yield what is wrong with a mission leaf that is reached with ``states``."""
+    """Yield the warnings about a mission leaf that is reached with ``states``."""
     if isinstance(node, TopicCondition) and states and settings.interface.tells(node.sense):
         mode = settings.interface.evidence(node.sense).mode
         if mode and mode not in {state.mode for state in states}:
@@ -92,10 +92,10 @@ def _of_one(node: Any, states: Set[State], settings: Settings) -> Iterator[Fault
                 .format(node.registration_id, node.sense.value, mode),
                 "no node before it sets that mode, as {} does".format(
                     next(name for name, state, _, _ in MODES if state == mode)))
-    if isinstance(node, MissionLeaf) and node.spec.bids_farewell(node.name):
+    if isinstance(node, MissionLeaf) and node.spec.says_goodbye(node.name):
         for missed_by in sorted({state.missed_by for state in states} - {""})[:1]:
             yield node.element.fault(
-                _FAREWELL, "{} bids farewell to a visitor who has left: the mission goes on to it after {} failed"
+                _FAREWELL, "{} says goodbye to a visitor who has left: the mission goes on to it after {} failed"
                 .format(node.registration_id, missed_by), "end the mission, or the branch, with FAILURE before it")
 
 
@@ -113,7 +113,7 @@ def _without_recognition(tree: Tree, found: "_Follower", deaf: "_Follower") -> I
 
 
 class _Follower:
-    """Follows the ways through a tree; ``is_heard``: speech is recognised."""
+    """Follows the paths through a tree; ``is_heard``: speech is recognised."""
 
     def __init__(self, settings: Settings, is_heard: bool):
         self._is_heard = is_heard
@@ -161,7 +161,7 @@ class _Follower:
         return [Way(end, self._after(node, state, end)) for end in (SUCCEEDS, FAILS) if self._may(node, state, end)]
 
     def _may(self, node: MissionLeaf, state: State, end: int) -> bool:
-        """Return whether a mission leaf can end so."""
+        """Return whether a mission leaf can end with ``end``."""
         if isinstance(node, IsASREnabled):
             return (end == SUCCEEDS) == self._is_heard
         if end == SUCCEEDS and isinstance(node, (IsVisitorResponseYes, HasVisitorResponded)):
@@ -171,7 +171,7 @@ class _Follower:
         return not isinstance(node.spec.outcome, int) or bool(node.spec.outcome & end)
 
     def _after(self, node: MissionLeaf, state: State, end: int) -> State:
-        """Return what a mission leaf that ends so makes of ``state``."""
+        """Return ``state`` after a mission leaf has ended with ``end``."""
         if node.sense in (Sense.VISITOR, Sense.PRESENCE, Sense.GAZE):
             is_missed = end == FAILS and node.sense is not Sense.GAZE
             missed_by = node.registration_id if is_missed else "" if end == SUCCEEDS else state.missed_by
@@ -230,7 +230,7 @@ class _Follower:
         return found
 
     def _in_any_order(self, children: List[Any], state: State) -> Iterable[Way]:
-        """Follow a control of which the file does not tell which children are run, and in which order."""
+        """Follow a control that may run any of its children in any order."""
         modes, found = {state.mode}, set()
         for _ in children:
             found = {way for child in children for mode in modes for way in self.ways(child, state._replace(mode=mode))}

@@ -1,7 +1,7 @@
 """How requests go to the robot, and how answers and messages come back: the seam between the leaves and ROS.
 
 A leaf hands a request record to ``Gateway.start`` and gets a ``Call``, which is finished once with an ``Answer`` or a
-``Failure`` and then wakes the tree. Nothing here waits. ``ros.services`` and ``ros.topics`` are the real thing;
+``Failure`` and then wakes the tree. Nothing here waits. ``ros.services`` and ``ros.topics`` implement it for ROS;
 ``FakeGateway`` and ``FakeTopics`` are for tests, rendering and replay.
 """
 import enum
@@ -30,7 +30,7 @@ class Cause(enum.Enum):
     CONDITION_FALSE = "condition-false"
 
     def __new__(cls, word: str, text: str = "") -> "Cause":
-        """Make the cause called ``word``; without a ``text`` it reads as the word does."""
+        """Make the cause called ``word``; the default of ``text`` is the word."""
         cause = object.__new__(cls)
         cause._value_ = word
         cause.text = text or word.replace("-", " ")
@@ -38,7 +38,7 @@ class Cause(enum.Enum):
 
 
 class Failure(NamedTuple):
-    """Why a step was not done: the cause, a line for people, and the service or topic (empty: neither)."""
+    """Why a step failed: the cause, a line for people, and the service or topic (empty: neither)."""
 
     cause: Cause
     message: str
@@ -50,7 +50,7 @@ class Call:
 
     @tick_thread_only
     def __init__(self, request: Request, wake: Callable[[], None], abandon: Optional[Callable[[], object]] = None):
-        """``wake`` is called when the result is there; ``abandon`` gives back what the call holds when it is dropped."""
+        """``wake`` is called when the result has come; ``abandon`` releases the call's resources when it is dropped."""
         self.request = request
         self.result: Optional[Union[Answer, Failure]] = None
         self._wake = wake
@@ -65,7 +65,7 @@ class Call:
 
     @tick_thread_only
     def drop(self) -> None:
-        """Give up waiting for the result (the leaf was halted, or the deadline has passed)."""
+        """Stop waiting for the result (the leaf was halted, or the deadline has passed)."""
         if self._abandon is not None:
             abandon, self._abandon = self._abandon, None
             abandon()
@@ -80,7 +80,7 @@ class Sample(Generic[Value]):
 
 
 class Gateway:
-    """Carries requests to the robot. ``start`` never waits and never raises: what goes wrong finishes the call."""
+    """Sends requests to the robot. ``start`` never waits and never raises: a failure finishes the call."""
 
     def start(self, request: Request) -> Call:
         """Send ``request`` and return the call, which ends by its deadline at the latest."""
@@ -88,14 +88,14 @@ class Gateway:
 
 
 class FilesGateway(Gateway):
-    """Answers ``QueryKnowledge`` at once with ``places``, by what is asked for, and passes on all other requests."""
+    """Answers ``QueryKnowledge`` at once with the ``places`` of that query, and passes on all other requests."""
 
     def __init__(self, inner: Gateway, places: Mapping[str, Tuple[Exhibit, ...]]):
         self._inner = inner
         self._places = places
 
     def start(self, request: Request) -> Call:
-        """Return a call that has its answer, or the robot's."""
+        """Return a call that is already answered, or the robot's call."""
         if not isinstance(request, QueryKnowledge):
             return self._inner.start(request)
         call = Call(request, lambda: None)
@@ -118,9 +118,9 @@ class Topics:
         raise NotImplementedError
 
     def listen(self, topic: Topic, seconds: float) -> None:
-        """Have the robot listen for so long, from now; 0: no longer. What it hears arrives as messages of ``topic``.
+        """Have the robot listen for ``seconds`` from now; 0: stop. What it hears arrives as messages of ``topic``.
 
-        Only a robot that offers an action in place of the topic needs to be told.
+        Only a robot that offers an action instead of the topic needs this.
         """
 
 
@@ -128,9 +128,9 @@ class Topics:
 
 
 class FakeGateway(Gateway):
-    """Remembers what it was asked, in ``requests``; a test finishes the ``calls``, or gives ``reply`` to do it at once.
+    """Stores its ``requests``; a test finishes the ``calls``, or gives ``reply`` to finish them at once.
 
-    ``dropped`` are the requests whose results are waited for no longer.
+    ``dropped`` are the requests whose results are no longer awaited.
     """
 
     def __init__(self, wake: Callable[[], None] = lambda: None,
@@ -142,7 +142,7 @@ class FakeGateway(Gateway):
         self._reply = reply
 
     def start(self, request: Request) -> Call:
-        """Remember the request; finish the call if ``reply`` has a result for it."""
+        """Store the request; finish the call if ``reply`` has a result for it."""
         call = Call(request, self._wake, lambda: self.dropped.append(request))
         self.requests.append(request)
         self.calls.append(call)

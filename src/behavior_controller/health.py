@@ -1,7 +1,7 @@
-"""What is known of the robot's services and topics while the mission runs: what is gone, slow, failing or silent.
+"""The state of the robot's services and topics while the mission runs: gone, slow, failing or silent.
 
-The ROS edge reports, on any thread; the tick thread hands the changes on as events, so that nothing is told twice and
-recovery sees what the operator sees (D5.4.3 section 2, continuous monitoring).
+The ROS edge reports, on any thread; the tick thread emits the changes as events, so that nothing is reported twice and
+recovery and operator get the same information (D5.4.3 section 2, continuous monitoring).
 """
 import collections
 from typing import Callable, Deque, List, Mapping, NamedTuple, Set, Tuple
@@ -15,14 +15,14 @@ SLOW_SHARE = 0.5
 """A service is slow when a call has taken this share of its deadline."""
 
 FAILURES_IN_A_ROW = 3
-"""A service is failing after so many failed calls without a good one between them."""
+"""A service is failing after this number of failed calls in a row."""
 
 MOST_NEWS = 100
-"""Times at which topics were heard that are kept until the tick thread takes them; the newest count."""
+"""The most arrival times of messages that are kept until the tick thread takes them; the oldest are dropped."""
 
 
 class CallCount(NamedTuple):
-    """How a service has done so far: calls that ended, those that failed, and seconds of the last."""
+    """The calls of a service so far: how many ended, how many failed, and the seconds of the last."""
 
     calls: int = 0
     failures: int = 0
@@ -33,13 +33,13 @@ class CallCount(NamedTuple):
 class Health:
     """The state of each service and topic, by resolved name, in each respect that is monitored (``GONE`` …).
 
-    ``report`` and ``hear`` are for any thread and only queue what they are given, which ``publish`` takes. All else
-    belongs to the tick thread, but ``calls`` and ``heard`` are replaced as a whole: any thread may read them.
+    Any thread may call ``report`` and ``hear``, which only queue their arguments for ``publish``. All else belongs to
+    the tick thread, but ``calls`` and ``heard`` are replaced as a whole, so any thread may read them.
     """
 
     @tick_thread_only
     def __init__(self, wake: Callable[[], None] = lambda: None):
-        """``wake`` is called after each report, so that the tick thread comes and tells it."""
+        """``wake`` is called after each report, so that the tick thread publishes it."""
         self._wake = wake
         self._reports: Deque[HealthChanged] = collections.deque()
         self._news: Deque[Tuple[str, float]] = collections.deque(maxlen=MOST_NEWS)
@@ -48,27 +48,27 @@ class Health:
         self._changes: List[HealthChanged] = []
         self.calls: Mapping[str, CallCount] = {}
         self.heard: Mapping[str, float] = {}
-        """When each topic was heard last (monotonic seconds), as of the last look."""
+        """The time of each topic's last message (monotonic seconds), as of the last ``publish``."""
 
     def report(self, respect: str, change: HealthChanged) -> None:
-        """Tell how something is in one respect, from any thread; only a change is handed on."""
+        """Report a state in one respect, from any thread; only a change is passed on."""
         self._reports.append(change._replace(respect=respect))
         self._wake()
 
     def hear(self, topic: str, at: float) -> None:
-        """Tell when a topic was heard last, from any thread. That is not a reason to wake the tree."""
+        """Report the time of a topic's last message, from any thread. This does not wake the tree."""
         self._news.append((topic, at))
 
     @tick_thread_only
     def slow(self, service: str, deadline: float) -> None:
-        """Note that a call has taken ``SLOW_SHARE`` of its deadline (seconds) and is not answered."""
+        """Note that a call has taken ``SLOW_SHARE`` of its deadline (seconds) without an answer."""
         self._note(HealthChanged("service", service, "", False, "slow: no answer for {:g} s".format(
             deadline * SLOW_SHARE), "the call is given up after {:g} s".format(deadline), SLOW))
         self._wake()
 
     @tick_thread_only
     def ended(self, service: str, seconds: float, deadline: float, has_failed: bool) -> None:
-        """Count a call that ended after ``seconds``; its ``deadline`` tells whether that was slow."""
+        """Count a call that ended after ``seconds``; its ``deadline`` decides whether that was slow."""
         before = self.calls.get(service, CallCount())
         row = before.in_a_row + 1 if has_failed else 0
         self.calls = dict(self.calls, **{service: CallCount(before.calls + 1, before.failures + has_failed, row, seconds)})
@@ -81,7 +81,7 @@ class Health:
                 self._note(HealthChanged("service", service, "", True, "answers in time again", "", SLOW))
 
     def _note(self, change: HealthChanged) -> None:
-        """Keep what has changed, to be told."""
+        """Keep a change for the next ``publish``."""
         key = (change.name, change.respect)
         if (key in self._troubles) is change.is_well:
             self._changes.append(change)
@@ -94,7 +94,7 @@ class Health:
 
     @tick_thread_only
     def publish(self, events: Events) -> None:
-        """Take what was reported, and emit the changes since the last time."""
+        """Process the reports, and emit the changes since the last call."""
         while self._reports:
             self._note(self._reports.popleft())
         if self._news:

@@ -1,4 +1,4 @@
-"""Files of ``key value`` lines: what each key takes, and every fault in one pass.
+"""Files of ``key value`` lines: the allowed values of each key, and every fault in one pass.
 
 The controller's configuration, the languages and the test package's configuration are such files.
 """
@@ -13,13 +13,13 @@ from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.text import Source, Unreadable, read_text
 
 MOST_FAULTS = 100
-"""A file with more mistakes is not a configuration; the rest of it is not read."""
+"""The most mistakes of a file that are reported; the rest of it is not read."""
 
 REQUIRED: Any = object()
 """The default of a key that must be given."""
 
 LONGEST_WAIT = 86400.0
-"""Seconds: no time that a configuration gives is longer than a day."""
+"""The longest time that a configuration may give, in seconds: a day."""
 
 # float() and \d alone would also take "1_0" and the digits of other scripts
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?inf", re.IGNORECASE)
@@ -32,12 +32,12 @@ Value = TypeVar("Value")
 Record = TypeVar("Record")
 
 
-# ------------------------------------------------------------------------------------------------------ what a key takes
+# ---------------------------------------------------------------------------------------------------------- the readers
 
 
 @dataclass(frozen=True)
 class Reader(Generic[Value]):
-    """Turns text into a value. ``allowed`` says in words what it takes; it raises ValueError for anything else."""
+    """Parses text into a value. ``allowed`` describes the allowed texts; others raise ValueError."""
 
     allowed: str
     read: Callable[[str], Value]
@@ -54,11 +54,11 @@ def _boolean(text: str) -> bool:
 
 
 boolean = Reader("true or false", _boolean)
-"""Takes both words in any case."""
+"""Accepts both words in any case."""
 
 
 def number(low: float, high: float = math.inf, infinite: bool = False, of: str = "") -> Reader[float]:
-    """Return a reader of numbers from ``low`` to ``high``; only an ``infinite`` one takes ``inf``. ``of``: the unit."""
+    """Return a reader of numbers from ``low`` to ``high``; only an ``infinite`` one accepts ``inf``. ``of``: the unit."""
     def read(text: str) -> float:
         if not _NUMBER.fullmatch(text):
             raise ValueError(text)
@@ -114,9 +114,9 @@ def _mission_name(text: str) -> str:
 
 
 def _address(text: str) -> str:
-    """Return an address or name; what merely looks like one is refused.
+    """Return an address or name; unclear forms are refused.
 
-    The system's resolver takes an empty text, 0 and 0x0 for all addresses.
+    The system's resolver reads an empty text, 0 and 0x0 as all addresses.
     """
     labels = text.lower().split(".")
     if ":" in text or re.fullmatch("[0-9]*|0x[0-9a-f]*", labels[-1]):
@@ -138,9 +138,9 @@ folder = Reader("a folder, nothing, or none", str)
 
 @dataclass(frozen=True)
 class Key:
-    """One key: what turns its text into a value, its value where the file does not give it, and what it is for.
+    """One key: its reader, its default, and its meaning.
 
-    In ``meaning`` words of a file stand between backquotes, as in the README.
+    In ``meaning``, words of a file are in backquotes, as in the README.
     """
 
     name: str
@@ -150,22 +150,22 @@ class Key:
 
     @property
     def allowed(self) -> str:
-        """What the key takes, in words."""
+        """A description of the allowed values."""
         return self.read.allowed
 
     @property
     def default_text(self) -> str:
-        """The default as a person reads it."""
+        """The default, as the documents show it."""
         return "required" if self.default is REQUIRED else to_text(self.default) or "empty"
 
     @property
     def plain_meaning(self) -> str:
-        """The meaning where there is no Markdown."""
+        """The meaning without Markdown."""
         return self.meaning.replace("`", "")
 
 
 def to_text(value: object) -> str:
-    """Return a value as a configuration has it."""
+    """Return a value in the form of a configuration file."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
@@ -176,7 +176,7 @@ def to_text(value: object) -> str:
 
 
 def help_lines(keys: Iterable[Key], values: Mapping[str, str]) -> List[str]:
-    """Return a line for each key, with its name, what it is now or by default, and its meaning."""
+    """Return a line for each key, with its name, its current or default value, and its meaning."""
     return ["  {:<26} {:<12} {}".format(key.name, values[key.name] or "-", key.plain_meaning) for key in keys]
 
 
@@ -215,7 +215,7 @@ def read_configuration(path: str, keys: Sequence[Key], overrides: Optional[Mappi
 
 def configured(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
                arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
-    """As ``read_configuration``, for a file that was read already."""
+    """As ``read_configuration``, for the text of a file."""
     reader = Collector(source.file, {key.name: key for key in keys})
     read_lines(source, reader.faults, reader.line)
     for name, value in (overrides or {}).items():
@@ -226,7 +226,7 @@ def configured(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[
 
 
 def read_source(path: str, what: str) -> Source:
-    """Return a text file that a person writes. Raises ConfigurationError, which says ``what`` it is."""
+    """Return a text file that a person writes. Raises ConfigurationError; ``what`` describes the file in its text."""
     try:
         return Source(path, read_text(path))
     except Unreadable as error:
@@ -234,7 +234,7 @@ def read_source(path: str, what: str) -> Source:
 
 
 def read_lines(source: Source, faults: List[Fault], take: Callable[[int, str], None]) -> None:
-    """Have each line of a file taken, with its number. Raises ConfigurationError as soon as there are too many ``faults``."""
+    """Call ``take`` with each line of a file and its number. Raises ConfigurationError when there are too many ``faults``."""
     for number, line in enumerate(source.text.split("\n"), 1):
         take(number, line)
         if len(faults) > MOST_FAULTS:
@@ -257,7 +257,7 @@ class Collector:
         self.faults: List[Fault] = []
 
     def line(self, line_number: int, line: str) -> None:
-        """Take one line of the file."""
+        """Process one line of the file."""
         column = len(line) - len(line.lstrip()) + 1
         content = line.strip()
         name = content[:_NAME_END.search(content).start()]  # type: ignore[union-attr]
@@ -277,17 +277,17 @@ class Collector:
             self._value(name, text, line_number, column + len(content) - len(rest) if text else column)
 
     def override(self, name: str, value: object) -> None:
-        """Take one private ROS parameter."""
+        """Process one private ROS parameter."""
         where = "parameter ~{}".format(name)
         if name not in self.keys:
             hint = did_you_mean(name, self.keys)
-            if hint:  # other parameters below our name are none of our business
+            if hint:  # other parameters below our name belong to other programs
                 self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name), hint))
             return
         self.given_value(name, value, where)
 
     def given_value(self, name: str, value: Any, where: str) -> None:
-        """Take a value that is not in the file, but a parameter or in a record."""
+        """Process a value from a parameter or a record."""
         self.given.setdefault(name, 0)
         if name not in self.keys:
             self.faults.append(Fault(where, 0, 0, "unknown key {}".format(name)))
@@ -298,7 +298,7 @@ class Collector:
             self._value(name, str(value).lower() if isinstance(value, bool) else str(value), 0, 0, where)
 
     def argument(self, name: str, text: str) -> None:
-        """Take one argument of the command line."""
+        """Process one argument of the command line."""
         where = "argument {}".format(name)
         if name in self.keys:
             self.given.setdefault(name, 0)

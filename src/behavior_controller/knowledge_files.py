@@ -1,6 +1,6 @@
-"""Reads the environment and culture knowledge files of release 1.0, which stand for its missing knowledge base.
+"""Reads the environment and culture knowledge files of release 1.0, which replace the missing knowledge base.
 
-A line is ``key [id] values`` with white space between; empty lines and lines that begin with ``#`` say nothing.
+A line is ``key [id] values`` separated by white space; empty lines and lines that begin with ``#`` are ignored.
 """
 import os
 import re
@@ -21,7 +21,7 @@ UTILITY_PHRASES = range(1, 9)
 """The numbers of the utility phrases that missions say."""
 
 LAST_REQUIRED = 7
-"""A culture file may go without the phrases beyond it, as that of release 1.0 does."""
+"""The number of the last required phrase; the culture file of release 1.0 has no further ones."""
 
 _ENVIRONMENT, _CULTURE, _CONFIGURATION = "environment", "culture", "configuration"
 _CONFIGURATIONS = {kind: "{}KnowledgeBaseConfiguration.ini".format(kind) for kind in (_ENVIRONMENT, _CULTURE)}
@@ -36,14 +36,14 @@ _PHRASES = {language: {each: "utilityPhrase{}{}".format(language, each) for each
 _FORMS = {_POSE: "<id> <x in m> <y in m> <theta in degrees>", _TARGET: "<id> <x in m> <y in m> <z in m>",
           _NAME: "<id> <text>", "culturalKnowledge": "<id> <keys>",
           **{key: "<id> <text>" for keys in _MESSAGES.values() for key in keys}}
-"""What stands after each key of a location. Nothing asks for the cultural knowledge of a location."""
+"""The values of each key of a location. The cultural knowledge of a location is not used."""
 _TOUR_FORM = "<number of locations> <id of the first> … <id of the last>"
 _ENVIRONMENT_KEYS = (*_FORMS, _TOUR)
 _CULTURE_KEYS = (_LANGUAGE, *(key for keys in _PHRASES.values() for key in keys.values()))
 _ANY_PHRASE = re.compile("utilityPhrase({})[0-9]+".format("|".join(LANGUAGES)))
 
 _NEAR = 0.9
-"""How like a known key a mistyped one is: ``gestureArm`` of other releases is no ``gestureTarget``."""
+"""The similarity from which on an unknown key counts as mistyped: ``gestureArm`` of other releases does not."""
 
 _LANGUAGE_NAMES = "one of {}".format(", ".join(LANGUAGES))
 _ID = integer(0, 10 ** 9)
@@ -70,7 +70,7 @@ _CONFIGURATION_KEYS = (
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What both files say, in the ``language`` that the culture file chooses.
+    """The content of both files, in the ``language`` that the culture file chooses.
 
     ``tour``: the places in the order of ``tourSpecification``. Each of them is shown as an exhibit, the first and the
     last too: the published controller of release 1.0 visits the whole list, and the messages of these two places open
@@ -126,17 +126,17 @@ def _lines(text: str) -> Iterator[_Line]:
 
 
 class _File:
-    """The entries of one file, and all that is wrong with them."""
+    """The entries of one file, and their faults and warnings."""
 
     def __init__(self, source: Source):
         self.source = source
         self.faults: List[Fault] = []
         self.warnings: List[Fault] = []
         self.end: List[Fault] = []
-        self.line_of: Dict[str, int] = {}  # of each entry, whether it is right or not
+        self.line_of: Dict[str, int] = {}  # of each entry, valid or not
 
     def read(self) -> None:
-        """Take each line, then look for what is missing."""
+        """Process each line, then check for missing entries."""
         try:
             for line in _lines(self.source.text):
                 self.take(line)
@@ -145,7 +145,7 @@ class _File:
             self.end.append(too_many_faults(self.source.file, self.faults[-1].line))
 
     def found(self) -> List[Fault]:
-        """Return faults and warnings in the order of the file, then what is missing in it."""
+        """Return faults and warnings in the order of the file, then those about missing entries."""
         found = sorted(self.faults + self.warnings, key=lambda fault: (not fault.line, fault.line, fault.column))
         return found + self.end
 
@@ -167,7 +167,7 @@ class _File:
             self.warnings.append(Fault(self.source.file, *place, text, hint, True))
 
     def is_first(self, line: _Line, entry: str) -> bool:
-        """Note an entry; return False, with a fault, if it was there already."""
+        """Note an entry; return False, with a fault, if it is a duplicate."""
         if entry in self.line_of:
             self.fault((line.number, line.column(0)), "{} stands in line {} already".format(entry, self.line_of[entry]),
                        "keep one of them")
@@ -224,7 +224,7 @@ class _Culture(_File):
                        did_you_mean(language, LANGUAGES) or "allowed: {}".format(_LANGUAGE_NAMES))
 
     def finish(self) -> None:
-        """Tell what is missing in the language that was chosen."""
+        """Report the missing phrases of the chosen language."""
         if _LANGUAGE not in self.line_of:
             self.fault((0, 0), "the required key {} is missing".format(_LANGUAGE),
                        "add a line: {} <{}>".format(_LANGUAGE, _LANGUAGE_NAMES))
@@ -243,7 +243,7 @@ class _Culture(_File):
 
 
 class _Environment(_File):
-    """``languages`` are those in which the tour is given; by default each that the file has messages in."""
+    """``languages`` are those of the tour; by default all languages of the file's messages."""
 
     def __init__(self, source: Source, languages: Optional[Sequence[str]] = None):
         super().__init__(source)
@@ -304,7 +304,7 @@ class _Environment(_File):
             records[location] = record(*numbers)
 
     def finish(self) -> None:
-        """Tell what the tour needs and does not have."""
+        """Report what the tour needs and the file lacks."""
         if _TOUR not in self.line_of:
             self.fault((0, 0), "the required key {} is missing".format(_TOUR),
                        "add a line: {} {}".format(_TOUR, _TOUR_FORM))
@@ -356,21 +356,21 @@ def _locations(count: int) -> str:
 
 
 def load() -> Knowledge:
-    """Return what the files named in ``config`` say. Raises ConfigurationError with every fault of all four files."""
+    """Return the knowledge of the files named in ``config``. Raises ConfigurationError with every fault of all four files."""
     faults: List[Fault] = []
     environment, culture = (_named(folders.config(_CONFIGURATIONS[kind]), kind, faults) for kind in _CONFIGURATIONS)
     return _put_together(environment, culture, faults)
 
 
 def read(environment: Source, culture: Source) -> Knowledge:
-    """Return what two files that were read already say. Raises ConfigurationError with every fault."""
+    """Return the knowledge of two files, given their texts. Raises ConfigurationError with every fault."""
     return _put_together(environment, culture, [])
 
 
 def check(path: str) -> Optional[List[Fault]]:
-    """Return what is wrong with a knowledge file, or with a configuration and the file that it names.
+    """Return the faults of a knowledge file, or of a configuration and the file that it names.
 
-    None if the file is neither: its keys say what it is.
+    None if the file is neither: its keys decide.
     """
     try:
         source = Source(path, read_text(path))
@@ -411,7 +411,7 @@ def _named(configuration: str, kind: str, faults: List[Fault]) -> Optional[Sourc
 
 
 def _source(configuration: Source, kind: str) -> Source:
-    """As ``_named``, for a configuration that was read already. Raises ConfigurationError.
+    """As ``_named``, given the text of the configuration. Raises ConfigurationError.
 
     Without a ``kind`` it may name a file of either.
     """
@@ -430,7 +430,7 @@ def _source(configuration: Source, kind: str) -> Source:
 
 
 def _kind(text: str) -> Optional[str]:
-    """Return what a file is by its keys, None if it is none of ours."""
+    """Return the kind of a file by its keys, None for another kind of file."""
     keys = {line.key for line in _lines(text)}
     kinds = ((_ENVIRONMENT, _ENVIRONMENT_KEYS), (_CULTURE, _CULTURE_KEYS), (_CONFIGURATION, (_KNOWLEDGE_BASE,)))
     return next((kind for kind, known in kinds if not keys.isdisjoint(known)), None)

@@ -1,4 +1,4 @@
-"""Puts a mission together from its files, without ROS: for the node, a replay, a rehearsal and the tests."""
+"""Builds a mission from its files, without ROS: for the node, a replay, a rehearsal and the tests."""
 import os
 from dataclasses import dataclass
 from typing import Callable, Iterator, List, Optional, Sequence, Tuple, TypeVar, Union
@@ -38,9 +38,9 @@ Part = TypeVar("Part")
 
 @dataclass(frozen=True)
 class Mission:
-    """All that decides about a run, found right. ``file`` is the path of the mission.
+    """All inputs of a run, without faults. ``file`` is the path of the mission.
 
-    ``knowledge`` is there where files stand for the robot's knowledge base.
+    ``knowledge`` is set if files replace the robot's knowledge base.
     """
 
     settings: Settings
@@ -72,7 +72,7 @@ class Mission:
 
     def context(self, gateway: Gateway, topics: Topics, events: Events,
                 health: Optional[Health] = None) -> MissionContext:
-        """Return what the leaves share while the mission runs on ``gateway`` and ``topics``."""
+        """Return the leaves' shared context for a run on ``gateway`` and ``topics``."""
         known = self.knowledge
         if known is not None:
             gateway = FilesGateway(gateway, {"exhibits": known.tour, "home": (known.start,), "entrance": (known.end,)})
@@ -83,9 +83,9 @@ class Mission:
 
 def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeUp] = None,
          documents: Optional[Sequence[Document]] = None) -> Mission:
-    """Read all that ``settings`` name. Raises FaultsFound with every fault of all files.
+    """Read all files that ``settings`` name. Raises FaultsFound with every fault of all files.
 
-    ``documents`` are what to run instead of the mission file, the mission last. ``clock`` and ``wake``: see ``build``.
+    ``documents`` are run instead of the mission file; the mission is the last of them. ``clock`` and ``wake``: see ``build``.
     """
     file = documents[-1].file if documents else find(settings.scenario_specification)
     faults: List[Fault] = []
@@ -115,9 +115,9 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
 
 
 def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = None) -> List[Fault]:
-    """Return what a mission asks of the robot of ``settings`` that it has not, and what the mission cannot mean there.
+    """Return faults and warnings about a mission on the robot of ``settings``: what it lacks, and what cannot work there.
 
-    ``knowledge`` is that of the robot's files, if there are any.
+    ``knowledge`` is that of the robot's files, if it has any.
     """
     misfits = [_misfit(_ROBOT_LACKS, element, spec, settings.interface)
                for element, spec in _mission_nodes(tree) if not spec.does_without]
@@ -129,7 +129,7 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
 
 
 def done_without(tree: Tree, robot: Interface) -> List[Fault]:
-    """Return which node types do nothing, since the robot lacks what they ask for, each at its first place."""
+    """Return warnings about node types that do nothing since the robot lacks their service, each at its first place."""
     first = {spec.id: (element, spec) for element, spec in reversed(_mission_nodes(tree)) if spec.does_without}
     found = [_misfit(_DOES_WITHOUT, element, spec, robot) for element, spec in first.values()]
     return [fault for fault in found if fault is not None]
@@ -140,7 +140,7 @@ def _mission_nodes(tree: Tree) -> List[Tuple[Element, MissionSpec]]:
 
 
 def _misfit(rule: Rule, element: Element, spec: MissionSpec, robot: Interface) -> Optional[Fault]:
-    """Return what the robot lacks for a node, or None."""
+    """Return a fault if the robot lacks what a node needs, or None."""
     lacking = ", ".join(_lacking(spec, robot))
     if not lacking:
         return None
@@ -151,7 +151,7 @@ def _misfit(rule: Rule, element: Element, spec: MissionSpec, robot: Interface) -
 
 
 def _lacking(spec: MissionSpec, robot: Interface) -> Iterator[str]:
-    """Return what a node asks for that a robot does not offer."""
+    """Return what a node needs and a robot does not offer."""
     for request in spec.calls:
         if not robot.serves(request):
             yield "service for {}".format(request.__name__)
@@ -168,14 +168,14 @@ def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock]
 
 def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None, clock: Optional[Clock] = None,
                wake: Optional[WakeUp] = None, registry: Optional[Registry] = None) -> Tree:
-    """As ``load_tree``, for documents that were read already, the mission last, and perhaps with other node types."""
+    """As ``load_tree``, given documents, the mission last, and optionally other node types."""
     return build(documents, registry or leaves.registry(), clock, main_tree=main_tree, wake=wake, with_lint=True)
 
 
 def find(name: str) -> str:
-    """Return the path of a mission in our data folder, or that of a package with leaves of its own.
+    """Return the path of a mission in our data folder, or in that of a package that exports leaves.
 
-    Raises ConfigurationError, which names those that are there.
+    Raises ConfigurationError with the names of those that exist.
     """
     places = [folders.data("")] + [os.path.join(extension.folder, "data") for extension in extensions.found("leaves")]
     for place in places:

@@ -1,4 +1,4 @@
-"""What the recovery, the policy and the reports know of a node of the mission vocabulary, as fields of its NodeSpec."""
+"""Facts about a node of the mission vocabulary for recovery, policy and reports, as fields of its NodeSpec."""
 from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple, Union
 
@@ -11,18 +11,18 @@ class MissionSpec(NodeSpec):
     """A node of the mission vocabulary."""
 
     calls: Tuple[type, ...] = ()  # the kinds of requests that it makes
-    listens: Tuple[Union[Sense, Topic], ...] = ()  # what it learns of the visitor, or topics of another package's
-    does_without: bool = False  # on a robot that has no service for its request it succeeds and does nothing
+    listens: Tuple[Union[Sense, Topic], ...] = ()  # the signs of the visitor that it checks, or topics of other packages
+    does_without: bool = False  # on a robot without a service for its request it succeeds and does nothing
     is_indispensable: bool = False  # no policy may skip it
     leave_out: Optional[Callable[[Any], bool]] = None
     """Notes that the mission goes on without the node, through the ports of the leaf that recovers from its failure.
 
     Returns whether the mission may.
     """
-    is_farewell: bool = False  # it makes no sense to a visitor who is not there any more
-    farewells: Tuple[str, ...] = ()  # names of an instance that make it one
+    is_farewell: bool = False  # it makes no sense after the visitor has left
+    farewells: Tuple[str, ...] = ()  # names of an instance that make it a farewell
 
-    def bids_farewell(self, name: str) -> bool:
+    def says_goodbye(self, name: str) -> bool:
         """Return whether an instance of that name is a farewell."""
         return self.is_farewell or argument(name) in self.farewells
 

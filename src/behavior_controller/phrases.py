@@ -1,4 +1,4 @@
-"""What the robot says and shows in one language, and which words of a visitor mean yes or no.
+"""The robot's speech and labels in one language, and the words of a visitor that mean yes or no.
 
 A language is a file ``data/phrases_<language>.ini`` in the form of the configuration.
 """
@@ -93,7 +93,7 @@ KEYS = _keys_of(SPEECHES) + (
 class Phrases:
     """One language: the text of each speech, the labels of yes and no, and the phrases of visitors by what they mean.
 
-    ``source`` is the file that it was read from.
+    ``source`` is the file it was read from.
     """
 
     speeches: Mapping[str, str]
@@ -150,7 +150,7 @@ class Phrases:
 
 
 def is_error(utterance: str) -> bool:
-    """Return whether this is not what a visitor said, but an error that the speech recognition tells of."""
+    """Return whether this is an error of the speech recognition, and not a visitor's words."""
     return "Error" in utterance or _begins_with_error(utterance)
 
 

@@ -1,4 +1,4 @@
-"""The recovery policy: what to do about which failure, read from ``config/recoveryPolicy.ini``, checked as a whole."""
+"""The recovery policy: what to do about each failure, read from ``config/recoveryPolicy.ini`` and checked as a whole."""
 import itertools
 import re
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ SKIP, GIVE_UP = "skip", "giveUp"
 class Rule(NamedTuple):
     """One line of the policy. ``node`` and ``cause`` may be ``*``; ``back_off`` in seconds.
 
-    A ``substitute`` is done in place of the failed node; if that fails too, ``then`` decides.
+    A ``substitute`` is run instead of the failed node; if that fails too, ``then`` decides.
     """
 
     node: str
@@ -29,7 +29,7 @@ class Rule(NamedTuple):
     substitute: Optional[MissionSpec] = None
 
     def __str__(self) -> str:
-        """Return the rule as an operator reads it."""
+        """Return the rule in words."""
         retry = "retry {}x, then ".format(self.retries) if self.retries else ""
         instead = "{} instead, or ".format(self.substitute.id) if self.substitute else ""
         return retry + instead + ("skip" if self.then == SKIP else "give up")
@@ -37,7 +37,7 @@ class Rule(NamedTuple):
 
 @dataclass(frozen=True)
 class Policy:
-    """The rules in order, and the budget: at most ``most`` recoveries in ``seconds``; and the file that says so."""
+    """The rules in order, the budget (at most ``most`` recoveries in ``seconds``), and the file of both."""
 
     rules: Tuple[Rule, ...]
     most: int
@@ -45,7 +45,7 @@ class Policy:
     source: Source = Source("", "")
 
     def rule(self, node: MissionSpec, cause: Cause) -> Rule:
-        """Return the first rule that fits; without one, a failure is given up."""
+        """Return the first rule that matches; without one, the rule to give up."""
         for rule in self.rules:
             if rule.node in ("*", node.id) and rule.cause in ("*", cause.value):
                 if rule.then == SKIP and node.is_indispensable:
@@ -61,7 +61,7 @@ def load(path: str, specs: Iterable[MissionSpec]) -> Policy:
 
 
 def read(source: Source, specs: Iterable[MissionSpec]) -> Policy:
-    """As ``load``, for a file that was read already."""
+    """As ``load``, given the text of the file."""
     reader = _Reader(source.file, {spec.id: spec for spec in specs})
     read_lines(source, reader.faults, reader.line)
     if reader.budget is None:
@@ -118,11 +118,11 @@ class _Reader:
             self._keep(number, Rule(node, cause, int(retries), float(back_off), last, self.nodes.get(then)))
 
     def _is_request(self, node: str) -> bool:
-        """Return whether the node is one that asks a service for the same whatever it is called, and so can stand in."""
+        """Return whether the node can be a substitute: its request to a service does not depend on its name."""
         return node in self.nodes and bool(self.nodes[node].calls) and not self.nodes[node].names
 
     def _keep(self, number: int, rule: Rule) -> None:
-        """Append a rule that is right in itself, unless the rules before it leave it nothing to decide."""
+        """Append a valid rule, unless it can never decide because of the rules before it."""
         for fits in itertools.product((rule.node, "*"), (rule.cause, "*")):
             if fits in self.seen:
                 self.fault(number, "{} {} is never looked at: line {} decides before it".format(

@@ -12,36 +12,36 @@ from behavior_controller.interface import Interface, Service, Topic
 from behavior_controller.leaves.base import MissionContext
 
 SHORTEST_PASS = 1.0
-"""Seconds: a pass that ends sooner is followed by a pause of that length; a mission that fails at once must not busy-loop."""
+"""Seconds: after a pass that ends sooner, the runner pauses that long; a mission that fails at once must not busy-loop."""
 
 ROUNDS_AT_ONCE = 100
-"""Ticks that may follow each other without a wait."""
+"""The most ticks in a row without a wait."""
 
 PACE = 0.01
-"""Seconds between further ticks of a mission that changes something at every one (BT.CPP's default)."""
+"""Seconds between further ticks of a mission that changes something at every tick (BT.CPP's default)."""
 
 SAFE_STATE_LIMIT = 1.0
 """Seconds that the requests of the safe state may take when the node stops."""
 
 
 class Running(NamedTuple):
-    """What runs: ``mission`` is the leaves' context, whose gateway, events, health and settings the runner uses too."""
+    """The tree and its context: the runner also uses the gateway, events, health and settings of ``mission``."""
 
     tree: Tree
     mission: MissionContext
     mission_file: str
-    runs: int  # passes; 0 is for ever
+    runs: int  # passes; 0: no limit
 
 
 class Runner:
-    """Runs passes of a mission until ``is_stopped()``, or as many passes as it is to run."""
+    """Runs passes of a mission until ``is_stopped()``, or until their number is reached."""
 
     def __init__(self, running: Running, is_stopped: Callable[[], bool],
                  successor: Callable[[], Optional[Running]] = lambda: None,
                  stop_code: Callable[[], Optional[int]] = lambda: None):
-        """``successor`` gives what is to run from the next pass on (with the same clock and wake-up), or None.
+        """``successor`` returns what runs from the next pass on (with the same clock and wake-up), or None.
 
-        ``stop_code`` gives the exit code of a run that was stopped; None: the last pass decides.
+        ``stop_code`` returns the exit code of a run that was stopped; None: the last pass decides.
         """
         self.tree, self.mission, self.mission_file, self.runs = running
         self.clock = self.tree.clock
@@ -54,11 +54,11 @@ class Runner:
         self._rounds = 0  # ticks since the last wait
 
     def run(self) -> int:
-        """Run and return the exit code: ``stop_code``, or that of the last pass; if none ended, of a SUCCESS."""
+        """Run and return the exit code: ``stop_code``, or that of the last pass, or that of a SUCCESS if no pass ended."""
         self._begin()
         while not self.is_stopped() and (self.runs == 0 or self._number < self.runs):
             self._pass()
-            # what was running when the stop came must be halted, so nothing may take its place
+            # the plan that is running at a stop must be halted, so it must not be replaced
             following = None if self.is_stopped() else self._successor()
             if following is not None:
                 self.tree, self.mission, self.mission_file, self.runs = following
@@ -73,7 +73,7 @@ class Runner:
         return code
 
     def _begin(self) -> None:
-        """Make the tree ready and tell which mission runs."""
+        """Set up the tree and announce the mission."""
         self.tree.setup(mission=self.mission)
         self.mission.events.emit(RunStarted(
             self.mission_file, self.mission.leaves_of(self.tree), dict(self.mission.settings.values),
@@ -82,7 +82,7 @@ class Runner:
                     self.mission.knowledge.sources if self.mission.knowledge is not None else ())))
 
     def _pass(self) -> None:
-        """Run the mission once, for a visitor of whom nothing is known."""
+        """Run the mission once, with the data of earlier visitors cleared."""
         began = self.clock.now()
         self.mission.begin_visit(self.tree.blackboard, began)
         self.mission.events.emit(PassStarted(self._number + 1, began))
@@ -103,7 +103,7 @@ class Runner:
             self._pause(SHORTEST_PASS)
 
     def _tick(self) -> Result:
-        """Tell what has changed about the robot, and tick once; an exception in a node ends the pass, not the node."""
+        """Emit changes of the robot's health, and tick once; an exception in a tree node ends the pass, not the program."""
         self.mission.health.publish(self.mission.events)
         try:
             result = self.tree.tick_once()
@@ -124,8 +124,8 @@ class Runner:
     def _rest(self, has_changed: bool) -> None:
         """Wait for an event, unless the tick itself changed something that another tick may act on.
 
-        BehaviorTree.CPP ticks every 10 ms and so comes round; a KeepRunningUntilFailure, say, is RUNNING after each
-        round without a wake-up. A mission that changes something at every tick is ticked at that pace.
+        BehaviorTree.CPP ticks every 10 ms anyway; a KeepRunningUntilFailure, for example, is RUNNING after each round
+        without a wake-up. A mission that changes something at every tick is ticked at that pace.
         """
         if not has_changed:
             self._rounds = 0
@@ -137,8 +137,8 @@ class Runner:
             self.wait(PACE)
 
     def wait(self, seconds: Optional[float]) -> None:
-        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run what is posted or due."""
-        self.clock.run_posted()  # for a wake-up that is cleared already; a timer that is due must end the wait
+        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run posted callbacks and due timers."""
+        self.clock.run_posted()  # for a wake-up that is already cleared; a due timer must end the wait
         due = self.clock.next_due()
         limits = [limit for limit in (seconds, None if due is None else due - self.clock.now()) if limit is not None]
         self.tree.wake.wait(max(0.0, min(limits)) if limits else None)
@@ -161,7 +161,7 @@ class Runner:
                 node.interrupt()
 
     def _stop(self) -> None:
-        """Halt what runs and leave the robot in the safe state."""
+        """Halt the tree and leave the robot in the safe state."""
         self._halt()
         calls = [self.mission.gateway.start(request) for request in self.mission.interface.safe_state]
         end = self.clock.now() + SAFE_STATE_LIMIT
@@ -174,9 +174,9 @@ class Runner:
 
 
 def not_calm(calls: Iterable[Call], interface: Interface, used: Container[Union[Service, Topic]]) -> Iterator[str]:
-    """Drop what is not answered of the safe state, and yield a line for each part of it that is not reached.
+    """Drop unanswered calls of the safe state, and yield a line for each part of it that was not reached.
 
-    A service that no node offers, and that is not among the ``used`` ones, has nothing to make safe.
+    A service that no node offers and that the mission does not use (``used``) is ignored.
     """
     for call in calls:
         service = interface.service(type(call.request))

@@ -25,14 +25,15 @@ class Settings:
     verbose_mode: bool = key(boolean, REQUIRED, "`true`: a line for every leaf that finishes")
     asr_enabled: bool = key(boolean, REQUIRED, "`true`: visitors answer by voice; `false`: on the tablet")
     robot_interface: str = key(
-        one_of(*INTERFACES), DEFAULT.name, "what the robot's nodes speak: " + " or ".join(map("`{}`".format, INTERFACES)))
-    tablet_success_is: str = key(one_of("done", YES), "done", "release-1.0: `yes` takes what is pressed on the tablet "
-                                                              "for yes, `done` for no answer")
+        one_of(*INTERFACES), DEFAULT.name,
+        "the interface of the robot's nodes: " + " or ".join(map("`{}`".format, INTERFACES)))
+    tablet_success_is: str = key(one_of("done", YES), "done", "release-1.0: `yes` counts any press on the tablet as "
+                                                              "yes, `done` as no answer")
     language: str = key(language_name, "English", "the robot's phrases: `data/phrases_<language>.ini`")
-    mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0 is for ever")
+    mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0: no limit")
     startup_timeout: float = key(seconds(), 0.0, "seconds to wait for missing robot nodes at the start")
-    startup_check: str = key(one_of("mission", "all"), "mission", "what is checked at the start and monitored: what the "
-                                                                  "`mission` uses, or `all` that the robot offers")
+    startup_check: str = key(one_of("mission", "all"), "mission", "services and topics to check at the start and to monitor: "
+                                                                  "those of the `mission`, or `all` of the robot")
     topic_max_age: float = key(seconds(0.001), 2.0, "seconds after which a face or gaze message counts as absent")
     condition_wait: float = key(
         seconds(), 0.0, "seconds that a condition waits for its evidence, for missions that do not wait themselves")
@@ -41,11 +42,11 @@ class Settings:
     welcome_gesture_id: int = key(integer(0, 255), 1, "the iconic gesture of WelcomeGesture")
     goodbye_gesture_id: int = key(integer(0, 255), 3, "the iconic gesture of GoodbyeGesture")
     deictic_gesture_id: int = key(integer(0, 255), 1, "the gesture of PerformDeicticGesture")
-    gesture_duration: int = key(integer(1, 600000, "milliseconds"), 3000, "how long a gesture takes, in ms")
-    groot2_port: int = key(port(65534), 1667, "where Groot2 connects, with the port after it; 0: Groot2 cannot connect")
+    gesture_duration: int = key(integer(1, 600000, "milliseconds"), 3000, "duration of a gesture, in ms")
+    groot2_port: int = key(port(65534), 1667, "port for Groot2, which also uses the next one; 0: none")
     groot2_address: str = key(bind_address, "127.0.0.1", "bind address for Groot2: `127.0.0.1` serves this computer "
                                                          "alone, `0.0.0.0` all networks")
-    monitor_port: int = key(port(65535), 8080, "where a browser shows the mission; 0: there is no page")
+    monitor_port: int = key(port(65535), 8080, "port of the page that shows the mission; 0: no page")
     monitor_address: str = key(bind_address, "127.0.0.1", "bind address for the page, as `groot2Address`")
     record_directory: str = key(
         folder, "", "folder for the record `mission.jsonl`; empty: a new one among ROS' logs; `none`: no record")
@@ -83,7 +84,7 @@ def _settings(values: Mapping[str, object]) -> Settings:
 
 
 def defaults(**given: Plain) -> Settings:
-    """Return the settings of a configuration with nothing but the required keys, changed by ``given`` (camelCase)."""
+    """Return the settings of a configuration of the required keys alone, changed by ``given`` (camelCase)."""
     values = {each.name: each.default for each in KEYS}
     values.update(scenarioSpecification="lab_tour", verboseMode=False, asrEnabled=True)
     values.update(given)
@@ -91,9 +92,9 @@ def defaults(**given: Plain) -> Settings:
 
 
 def split_arguments(argv: Sequence[str]) -> Tuple[List[str], Dict[str, str]]:
-    """Return the arguments that rospy is to see, and key -> value of each ``_key:=value``.
+    """Return the arguments for rospy, and key -> value of each ``_key:=value``.
 
-    rospy would put the latter on the parameter server, where they outlive the process and a later one finds them.
+    rospy would put the latter on the parameter server, where they outlive the process and a later process reads them.
     """
     others: List[str] = []
     given: Dict[str, str] = {}
@@ -113,7 +114,7 @@ def load(path: str, overrides: Optional[Mapping[str, object]] = None,
 
 
 def recorded(values: Mapping[str, object], where: str) -> Settings:
-    """Return settings from their values as a record has them. Raises ConfigurationError with every fault."""
+    """Return settings from their values in a record. Raises ConfigurationError with every fault."""
     collector = Collector(where, {each.name: each for each in KEYS})
     for name, value in values.items():
         collector.given_value(name, value, where)

@@ -15,42 +15,42 @@ from typing import Any, Callable, Deque, Iterable, List
 from behavior_controller.text import LONGEST, clean
 
 COLOURS = re.compile(r"(?:\x1b\[[\d;]*m)*")
-"""What rospy begins a line with on a terminal."""
+"""The control sequences with which rospy begins a coloured line."""
 
 RESET = "\x1b[0m"
-"""What ends them. rospy writes it after the line's end, where it would wait for the next line of the same stream."""
+"""Their end. rospy writes it after the line's end, where it would stay in the buffer until the next line."""
 
 LONGEST_LINE = 2 * LONGEST
-"""Characters of a line: a text from outside, and what is told of it."""
+"""The most characters of a line: a text from outside, and the message around it."""
 
 MOST_WAITING = 1000
-"""Items that may wait for a sink that takes none."""
+"""The most items that wait for a blocked sink."""
 
 AT_ONCE = 10
-"""Items that a sink with a rest writes before it rests again."""
+"""The most items that a sink with a rest writes before it rests again."""
 
 INDENT = "    "
-"""What the second line and further ones begin with, where a line is broken to fit the terminal."""
+"""The indentation of continued lines, where a line is broken to fit the terminal."""
 
 LEFT_OUT = "%d lines left out: %s did not take them in time"
 
 
 class Sink:
-    """A daemon thread that writes what is put into its queue. ``put`` never waits; what does not fit is counted."""
+    """A daemon thread that writes the items of its queue. ``put`` never waits; items that do not fit are counted."""
 
     def __init__(self, name: str, write: Callable[[Any], object], left_out: Callable[[int], Any],
                  most: int = MOST_WAITING, rest: float = 0.0):
-        """``left_out`` makes the item that tells how many were lost. Raises RuntimeError if there is no thread.
+        """``left_out`` makes the item that reports how many were lost. Raises RuntimeError if no thread can be started.
 
-        With a ``rest`` in seconds ``put`` wakes no thread: the sink looks for itself each time that long has passed, and
-        then writes at most ``AT_ONCE`` items, so that it competes with nothing that the robot waits for.
+        With a ``rest`` in seconds ``put`` wakes no thread: the sink checks its queue at that interval and writes at most
+        ``AT_ONCE`` items each time, so that it delays nothing that the robot waits for.
         """
         self._write = write
         self._left_out = left_out
         self._most = most
         self._rest = rest
         self._since_rest = 0  # items written
-        self._is_drained = False  # somebody waits for the end of what is written
+        self._is_drained = False  # a thread waits until everything is written
         self._waiting: Deque[Any] = collections.deque()
         self._lost = 0
         self._is_busy = False
@@ -58,7 +58,7 @@ class Sink:
         threading.Thread(target=self._work, name=name, daemon=True).start()
 
     def put(self, item: Any) -> None:
-        """Have ``item`` written soon, in order; while the queue is full it is counted instead."""
+        """Queue ``item`` for writing; if the queue is full, count it as lost."""
         with self._news:
             if self._lost or len(self._waiting) >= self._most:
                 self._lost += 1
@@ -68,7 +68,7 @@ class Sink:
                     self._news.notify_all()
 
     def drain(self, seconds: float) -> None:
-        """Return when everything is written, after ``seconds`` at the latest; nothing rests meanwhile."""
+        """Return when everything is written, after ``seconds`` at the latest; the sink does not rest meanwhile."""
         with self._news:
             self._is_drained = True
             self._news.notify_all()
@@ -96,7 +96,7 @@ class Sink:
             return item
 
     def _wait_for_look(self) -> None:
-        """Return when there is something, and it is time to write it."""
+        """Return when there is an item, and it is time to write it."""
         while not self._waiting or self._since_rest >= AT_ONCE:
             self._news.wait_for(lambda: self._is_drained and self._waiting, self._rest)
             self._since_rest = 0
@@ -117,7 +117,7 @@ class LineStream(io.TextIOBase):
     """A text stream whose whole lines go into a sink as bytes."""
 
     def __init__(self, sink: Sink, original: Any):
-        """``original`` is the stream that this one stands for."""
+        """``original`` is the stream that this one replaces."""
         self._sink = sink
         self._original = original
         self._is_terminal = original.isatty()
@@ -125,7 +125,7 @@ class LineStream(io.TextIOBase):
         self._part = ""  # of a line that has not ended
 
     def write(self, text: str) -> int:
-        """Take ``text``; a character that the terminal does not have, or that would control it, gets its code."""
+        """Queue ``text``; characters that the terminal lacks, or that would control it, are escaped."""
         with self._lock:
             whole, newline, self._part = (self._part + text).rpartition("\n")
             for line in whole.split("\n") if newline else []:
@@ -146,7 +146,7 @@ class LineStream(io.TextIOBase):
 
 
 def take_over_streams() -> List[Sink]:
-    """Let ``sys.stdout`` and ``sys.stderr`` feed sinks, and return these: one if both are the same file."""
+    """Redirect ``sys.stdout`` and ``sys.stderr`` to sinks, and return these: a single one if both are the same file."""
     out, err = sys.stdout, sys.stderr
     sinks = [_stream_sink(out)]
     if not os.path.sameopenfile(out.fileno(), err.fileno()):
@@ -170,7 +170,7 @@ def _stream_sink(stream: Any) -> Sink:
 
 
 def columns(descriptor: int) -> int:
-    """Return the width of a terminal in characters; 0 if it does not tell."""
+    """Return the width of a terminal in characters; 0 if it is unknown."""
     try:
         return os.get_terminal_size(descriptor).columns
     except OSError:
@@ -191,7 +191,7 @@ def fitted(line: str, width: int) -> str:
 
 
 def _write_all(descriptor: int, data: bytes) -> None:
-    """Write ``data``, however long that takes; to a terminal that has gone away nothing is written."""
+    """Write ``data`` without a time limit; nothing if the terminal is gone."""
     try:
         while data:
             try:
@@ -206,12 +206,12 @@ def _write_all(descriptor: int, data: bytes) -> None:
 
 
 class Detached(logging.Handler):
-    """Hands records to another handler on a thread of its own."""
+    """Passes records to another handler on a separate thread."""
 
     def __init__(self, handler: logging.Handler) -> None:
         super().__init__(handler.level)
         self.path: str = getattr(handler, "baseFilename", "")
-        """Of the log file, if ``handler`` writes one."""
+        """The stream of the log file, if ``handler`` writes one."""
         name = self.path or "/rosout"
 
         def left_out(count: int) -> logging.LogRecord:
@@ -220,5 +220,5 @@ class Detached(logging.Handler):
         self.sink = Sink(name, handler.handle, left_out)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Have ``record`` handled soon."""
+        """Queue ``record``."""
         self.sink.put(record)

@@ -83,7 +83,6 @@ class Step(NamedTuple):
     began: float
     limit: float
     uid: int
-    path: str
     is_wait: bool = False
 
 
@@ -123,7 +122,7 @@ class Story:
         self._uids: Dict[str, int] = {}
         self._exhibit_began = 0.0
         self._has_left = False  # the visitor is not seen any more
-        self._clock = self._met_at = 0.0  # when the visit began and the visitor came, on the mission's clock
+        self._pass_began = self._met = 0.0  # when the pass began and the visitor came, on the mission's clock
         self._is_unclear = False  # the visitor has said what was neither yes nor no
         self._given_up: Optional[Recovered] = None  # the last one in this visit
         self._gave_up = ""  # why
@@ -206,7 +205,7 @@ class Story:
         self._recoveries.clear()
         self._has_left = self._is_unclear = False
         self._given_up, self._failed, self._stuck, self._handler = None, (0, ""), "", 0
-        self._clock = self._met_at = event.at
+        self._pass_began = self._met = event.at
 
     def _pass_finished(self, event: PassFinished) -> None:
         visit = self.visit
@@ -215,7 +214,7 @@ class Story:
         is_success = event.outcome == "SUCCESS"
         self._end_exhibit(self._why_broken_off() if is_success else self._why_failed())
         why = self._why_done() if is_success else self._why_failed()
-        waited = max(0.0, self._met_at - self._clock)
+        waited = max(0.0, self._met - self._pass_began)
         self._change(outcome=event.outcome, why=why, seconds=event.seconds - waited, waited=waited)
         outcome = self.visits[-1].outcome
         self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
@@ -251,14 +250,13 @@ class Story:
         retry = " (retry {} of {})".format(recovery.attempt, recovery.of) if recovery is not None else ""
         words = " ".join(filter(None, (event.words, "" if is_there else event.what)))
         self._uids[event.path] = event.uid
-        self._begin(Step(words + retry, self._at, event.limit, event.uid, event.path, event.is_wait))
+        self._begin(words + retry, event.limit, event.uid, event.is_wait)
 
-    def _begin(self, step: Step) -> None:
+    def _begin(self, words: str, limit: float, uid: int, is_wait: bool = False) -> None:
         """Have a step under way; a wait that another step follows is over."""
-        step = step._replace(words=clean(step.words), path=clean(step.path))
-        self._stuck = self._stuck if step.is_wait else ""
-        self._steps = {uid: other for uid, other in self._steps.items() if uid != step.uid and not other.is_wait}
-        self._steps[step.uid] = step
+        self._stuck = self._stuck if is_wait else ""
+        self._steps = {other: step for other, step in self._steps.items() if other != uid and not step.is_wait}
+        self._steps[uid] = Step(clean(words), self._at, limit, uid, is_wait)
 
     def _leaf_finished(self, event: LeafFinished) -> None:
         self._uids[event.path] = event.uid
@@ -283,13 +281,13 @@ class Story:
     def _note(self, event: LeafFinished) -> None:
         """Note what a leaf tells when it ends, and what that means for the visit."""
         assert event.told is not None
-        kind, text, mark, clock = event.told
+        kind, text, mark, at = event.told
         visit = self.visit
         if mark == "left":
             self._has_left = visit is not None and visit.arrived is not None
         elif mark == "arrived" or mark == "engaged":
             self._has_left = False
-            text = self._met(mark, clock) or text
+            text = self._meet(mark, at) or text
         elif mark == "asked":
             self._change(asked=self._at if visit is None or visit.asked is None else visit.asked)
         elif mark:
@@ -298,13 +296,13 @@ class Story:
         if text:
             self._tell(kind, "info", text, event.uid, event.path)
 
-    def _met(self, mark: str, clock: float) -> str:
+    def _meet(self, mark: str, at: float) -> str:
         """Note that the visitor was seen, or looked at the robot, for the first time; return what is told of it."""
         visit = self.visit
         if visit is None or getattr(visit, mark) is not None:
             return ""
         if visit.arrived is None:
-            self._met_at = clock
+            self._met = at
         self._change(arrived=self._at if visit.arrived is None else visit.arrived)
         self._change(**{mark: self._at})
         return "visitor {} {}".format(visit.number, "arrived" if mark == "arrived" else "looks at the robot")
@@ -329,14 +327,15 @@ class Story:
             self._tell("exhibit", "info", str(begun), event.uid, event.path)
 
     def _why_broken_off(self) -> str:
-        """Return why the exhibit was not shown to its end; empty if it was, or if a step came after the one that failed."""
+        """Return why the exhibit was not shown to its end; empty if it was: a step came after each that failed."""
         return LEFT if self._has_left else self._stuck
 
     def _end_exhibit(self, why: str, state: str = BROKEN_OFF) -> None:
         """Note that the exhibit under way ended so, or that it was shown if there is no ``why``."""
         exhibit = self.exhibit
         if exhibit is not None:
-            ended = exhibit._replace(state=state if why else SHOWN, why=clean(why), seconds=self._at - self._exhibit_began)
+            ended = exhibit._replace(state=state if why else SHOWN, why=clean(why),
+                                     seconds=self._at - self._exhibit_began)
             self._change(exhibits=self.visits[-1].exhibits[:-1] + (ended,))
 
     # ------------------------------------------------------------------------------------------------------- recovery
@@ -345,7 +344,7 @@ class Story:
         words = "doing {} in place of {}".format(event.substitute, event.node) if event.substitute else (
             "retrying {}, {} of {}".format(event.node, event.attempt, event.of))
         self._recoveries[event.path] = event
-        self._begin(Step(words, self._at, 0.0, event.uid, event.path))
+        self._begin(words, 0.0, event.uid)
         why = ": " + cause(event.failure) if event.attempt > 1 else ""  # the first failure has been told
         self._tell("recovery", "info", words + why, 0, event.path)
 

@@ -4,10 +4,10 @@ import stat
 from typing import NamedTuple
 
 LONGEST = 1000
-"""Characters of outside text that are shown: names, values and answers are as long as their sender wants."""
+"""The most characters of outside text that are shown: names, values and answers may have any length."""
 
 MOST_BYTES = 1_000_000
-"""Bytes of a text file that a person writes."""
+"""The most bytes of a text file that a person writes."""
 
 _TAIL = 36
 
@@ -27,7 +27,7 @@ def clean(text: str, longest: int = LONGEST) -> str:
     """Return ``text`` from outside as one line of at most ``longest`` characters, safe for a terminal and for a file.
 
     Control characters, escape sequences, line breaks, characters that change the direction of text or cannot be seen,
-    and lone surrogates are shown as Python escapes. What is too long is cut in the middle.
+    and lone surrogates are shown as Python escapes. A text that is too long is cut in the middle.
     """
     if len(text) > longest:
         text = text[:longest - _TAIL - 3] + " … " + text[-_TAIL:]
@@ -54,7 +54,7 @@ def read_text(path: str, most: int = MOST_BYTES) -> str:
 def read_bytes(path: str, most: int = MOST_BYTES) -> bytes:
     """Return the content of a regular file. Raises Unreadable; a FIFO or a device is refused without being read."""
     try:
-        # O_NONBLOCK: else a FIFO that nothing writes to blocks even open()
+        # O_NONBLOCK: else open() blocks on a FIFO without a writer
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
         try:
             size = _regular_size(descriptor)

@@ -1,4 +1,4 @@
-"""Judges files of missions as an author has them: alone, as a project, as a folder, with a palette of their own."""
+"""Checks an author's files: single missions, projects, folders, with palettes for other robots."""
 import os
 import re
 from dataclasses import dataclass, field
@@ -24,14 +24,14 @@ _PERHAPS_MISSION = re.compile(r"<(?:root|BehaviorTree|TreeNodesModel)\b")
 
 @dataclass
 class Judgement:
-    """What is to be said of one file and what it includes."""
+    """The result of checking one file and the files that it includes."""
 
     file: str
     faults: List[Fault] = field(default_factory=list)
     nodes: int = 0  # of the unfolded trees, if they have no fault
     stubs: Tuple[str, ...] = ()
-    mains: Tuple[str, ...] = ()  # more than one: each was checked as a main tree
-    palette: int = 0  # node types of a file that holds nothing else
+    mains: Tuple[str, ...] = ()  # if more than one, each was checked as a main tree
+    palette: int = 0  # node types of a file that contains only a palette
     part_of: str = ""
     is_mission: bool = True
 
@@ -41,7 +41,7 @@ class Judgement:
         return any(not fault.is_warning for fault in self.faults)
 
     def __str__(self) -> str:
-        """Return the line that sums it up."""
+        """Return the line that summarises the result."""
         if self.part_of:
             return "{}: a part of {}".format(clean(self.file), clean(self.part_of))
         warnings = sum(fault.is_warning for fault in self.faults)
@@ -73,8 +73,8 @@ def _count(number: int, what: str) -> str:
 
 
 class Validation:
-    """One look at files. ``main`` names the main tree, ``palettes`` are files with further node types, ``ignored`` are
-    codes of warnings that are left out; ``in_folder``: trees that a file lacks are taken from the files beside it.
+    """A check of files. ``main`` names the main tree, ``palettes`` are files with further node types, ``ignored`` are
+    codes of warnings that are left out; ``in_folder``: trees that a file lacks are taken from the other files of its folder.
     """
 
     def __init__(self, main: Optional[str] = None, palettes: Sequence[str] = (), ignored: Collection[str] = (),
@@ -88,7 +88,7 @@ class Validation:
         self._knowledge = _known(self._settings)
 
     def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
-        """Yield a judgement for each file; a folder stands for all its files."""
+        """Yield a judgement for each file; a folder means all its files."""
         read_ones: Dict[str, List[Document]] = {}
         done: Dict[str, Judgement] = {}  # without a mission
         files = list(dict.fromkeys(list(self.palettes) + [file for path in paths for file in expanded(path)]))
@@ -157,7 +157,7 @@ class Validation:
 
 
 def _configured() -> Settings:
-    """Return the configuration, or its defaults where it cannot be read: the node tells what is wrong with it."""
+    """Return the configuration, or its defaults if it cannot be read: the node reports its faults."""
     try:
         return settings.load(folders.config(settings.FILE_NAME))
     except ConfigurationError:
@@ -165,7 +165,7 @@ def _configured() -> Settings:
 
 
 def _known(chosen: Settings) -> Optional[Knowledge]:
-    """Return what the robot's knowledge files say; None if it has none, or they are wrong: the node tells what is."""
+    """Return the robot's knowledge files; None if it has none, or they have faults: the node reports those."""
     try:
         return knowledge_files.load() if chosen.interface.has_knowledge_files else None
     except ConfigurationError:
@@ -173,12 +173,12 @@ def _known(chosen: Settings) -> Optional[Knowledge]:
 
 
 def expanded(path: str) -> List[str]:
-    """Return a file as it is, and the missions, projects and palettes in a folder and its folders."""
+    """Return a file itself; for a folder, the missions, projects and palettes in it and its folders."""
     return [file for file in listed(path) if _may_be_a_mission(file)] if os.path.isdir(path) else [path]
 
 
 def listed(path: str) -> List[str]:
-    """Return a file as it is, and the files in a folder and its folders that may be missions by their names."""
+    """Return a file itself; for a folder, the files in it and its folders that may be missions by their names."""
     if not os.path.isdir(path):
         return [path]
     found = []
@@ -196,7 +196,7 @@ def _may_be_a_mission(path: str) -> bool:
 
 
 def _trees(documents: Iterable[Document]) -> Dict[str, List[str]]:
-    """Return the trees of ``documents``, and which others each calls."""
+    """Return the trees of ``documents``, and the trees that each calls."""
     return {tree.attributes.get("ID", ""): [call.attributes.get("ID", "") for call in below(tree)
                                             if call.tag == "SubTree"]
             for document in documents for tree in document.root.children if tree.tag == "BehaviorTree"}
@@ -220,14 +220,14 @@ def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
     owners: Dict[str, str] = {}
     for path in read_ones:
         for owner, files in included.items():
-            # files that include each other are both judged: each tells of the circle
+            # files that include each other are both judged: each reports the circle
             if os.path.realpath(path) in files and os.path.realpath(owner) not in included[path]:
                 owners.setdefault(path, owner)
     return owners
 
 
 def _completed(documents: List[Document]) -> List[Document]:
-    """Return ``documents`` after those files of the last one's folder that hold trees which they call and lack."""
+    """Return ``documents``, preceded by the files of the last one's folder that have the trees which they lack."""
     own = documents[-1].file
     known = {os.path.realpath(document.file) for document in documents}
     others: List[Document] = []
@@ -236,7 +236,7 @@ def _completed(documents: List[Document]) -> List[Document]:
             try:
                 others.append(read(path))
             except MissionError:
-                continue  # it is told when it is judged itself
+                continue  # reported when the file is judged itself
     while True:
         trees = _trees(documents)
         missing = {call for calls in trees.values() for call in calls} - set(trees)
@@ -261,7 +261,7 @@ def _near_misses(documents: Sequence[Document], found: List[NodeSpec]) -> Iterat
 
 
 def as_json(fault: Fault) -> Dict[str, Any]:
-    """Return a fault as ``--json`` has it (docs/faults.md)."""
+    """Return a fault in the form of ``--json`` (docs/faults.md)."""
     place = None
     if fault.line:
         place = {"start": {"line": fault.line, "column": fault.column},

@@ -269,7 +269,7 @@ class TestBlocked(unittest.TestCase):
         self.assertEqual(controller.wait(25), 1)
         waits, ends = [line for _, line in controller.lines.all]
         self.assertIn("waiting up to 15 s for the ROS master", waits)
-        self.assertIn("does not answer any more", ends)
+        self.assertIn("no longer answers", ends)
 
     # ---------------------------------------------------------------------------------------- another node of that name
 

@@ -228,3 +228,25 @@ def test_the_architecture_document_names_what_is_there():
               os.path.join("test", "unit"), os.path.join("unit_tests", "test", "unit"))
     assert len(named) > 20
     assert {name for name in named if not any(os.path.exists(os.path.join(ROOT, place, name)) for place in places)} == set()
+
+
+def members():
+    """Return the names in each class of ours, by its name, and in each module, by the last part of its name."""
+    found = {}
+    for name in OURS:
+        tree = parse(MODULES[name])
+        for head, body in [(name.split(".")[-1], tree.body)] + [
+                (node.name, node.body) for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]:
+            targets = [target for node in body for target in getattr(node, "targets", [getattr(node, "target", node)])]
+            found.setdefault(head, set()).update(getattr(target, "name", getattr(target, "id", "")) for target in targets)
+    return found
+
+
+def test_the_architecture_document_names_what_classes_and_modules_have():
+    with open(os.path.join(ROOT, "docs", "architecture.md"), encoding="utf-8") as file:
+        text = file.read()
+    have = dict(members(), ros={name.split(".")[-1] for name in OURS if name.startswith(PRODUCT + ".ros.")})
+    named = {(head, name) for head, name in re.findall(r"`(\w+)\.(\w+)(?:\(\))?`", text) if name not in ("json", "py")}
+    drawn = re.search(r"ros/: ([\w, ]+\w)", text).group(1).split(", ")
+    assert len(named) > 8 and len(drawn) > 5
+    assert {(head, name) for head, name in named | {("ros", name) for name in drawn} if name not in have.get(head, ())} == set()

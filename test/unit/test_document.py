@@ -9,7 +9,7 @@ from behavior_controller import folders
 from behavior_controller.bt import rules
 from behavior_controller.bt.language import document
 from behavior_controller.bt.language.document import parse, read, with_includes
-from behavior_controller.bt.language.markup import mended
+from behavior_controller.bt.language.markup import repaired
 from behavior_controller.errors import MissionError
 
 LEAF = "<AlwaysSuccess/>"
@@ -255,7 +255,7 @@ def test_the_limits_of_the_markup(most, make, words):
 
 def test_the_number_of_tags_has_an_end():
     tags = "<root>{}</root>".format("<a/>" * 399_998)
-    assert mended(tags) == tags
+    assert repaired(tags) == tags
     with pytest.raises(MissionError, match="<text>:1:1: the file has more than 400000 tags"):
         parse(tags + "<a/>")
 

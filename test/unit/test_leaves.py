@@ -5,6 +5,7 @@ import pytest
 
 from behavior_controller import leaves
 from behavior_controller.bt.compiler import load_text
+from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
@@ -15,7 +16,7 @@ from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Locati
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.interface.robots import INTERFACES
 from behavior_controller.leaves import registry
-from behavior_controller.leaves.base import FailureLog, MissionLeaf, ServiceLeaf, leaf_spec
+from behavior_controller.leaves.base import FailureLog, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
 from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
@@ -409,12 +410,12 @@ def test_a_leaf_that_does_not_say_what_it_asks_for_is_refused_at_load():
         load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Silent/></BehaviorTree></root>", types)
 
 
-def test_each_leaf_has_its_row():
+def test_each_leaf_and_decorator_has_its_row():
     def below(kind):
         return {kind}.union(*map(below, kind.__subclasses__()))
     made = {base for spec in leaves.SPECS for base in type(spec.factory((spec.names or ("name",))[0])).__mro__}
-    ours = {kind for kind in below(MissionLeaf) if kind.__module__.startswith(leaves.__name__ + ".")}
-    assert {kind.__qualname__ for kind in ours - made} == set(), "no leaf_spec in the SPECS of their modules"
+    ours = {kind for kind in below(Node) if kind.__module__.startswith(leaves.__name__ + ".")}
+    assert {kind.__qualname__ for kind in ours - made} == set(), "no row in the SPECS of their modules"
 
 
 @pytest.mark.parametrize("leaf", [partial(FixedSpeech, phrase="WelcomeSpeech"), DescribeExhibitSpeech])

@@ -76,11 +76,11 @@ CANNOT_BE_MEANT = {
         (2, 1), [
             "Fallback never fails"]),
     "endless repeat without waiting": ('<Repeat\n num_cycles="-1"><Script code="a:=1"/></Repeat>', (3, 2), [
-        "for ever and never waits", "Sleep"]),
+        "forever and never waits", "Sleep"]),
     "endless retry without waiting": ('<RetryUntilSuccessful\n num_attempts="-1"><Cond/></RetryUntilSuccessful>',
                                       (3, 2), [
         "without waiting", "ReactiveFallback"]),
-    "no round": ('<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), ["never run", "-1 is for ever"]),
+    "no round": ('<Repeat num_cycles="0"><Act/></Repeat>', (2, 9), ["never run", "-1: no limit"]),
     "no attempt": ('<RetryUntilSuccessful num_attempts="-3"><Act/></RetryUntilSuccessful>', (2, 23), ["never run"]),
     "more successes than children": ('<Parallel success_count="3"><Act/><Act/></Parallel>', (2, 11),
                                      ["only 2 children"]),

@@ -22,7 +22,7 @@ from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, Pa
                                         StepStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
-from behavior_controller.interface.records import Answer, GoTo, PerformGesture, QueryKnowledge, Say
+from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
 from behavior_controller.story import LEFT_OUT
 from behavior_controller.watch import board as board_module
@@ -424,6 +424,9 @@ def test_the_graph_is_drawn_coloured_zoomed_and_leads_to_nodes(show, browser):
     browser.execute_script("byId('all').click()")
     wait_until(lambda: browser.execute_script(DRAWN) == [node["uid"] for node in nodes], 30.0)
     assert browser.execute_script(COLOURED) == [[uid, letter] for uid, letter in enumerate(letters, 1)]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    assert browser.execute_script("return [byId('graph'), byId('tree')].map(one => one.offsetHeight > 0)") == [False, True]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     browser.execute_script("drawn[100].dispatchEvent(new MouseEvent('click', {bubbles: true}))")
     wait_until(lambda: text(browser, "#node-title") == "Navigate #101")
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []

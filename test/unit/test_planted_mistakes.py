@@ -152,7 +152,7 @@ def closing_tag_gone(text, draw):
     for token in TOKEN.finditer(text, 0, match.start() + 1):
         if token.lastgroup == "end":
             opened.pop()
-        elif token.lastgroup == "open" or (token.lastgroup == "mend" and not token.group("mend")):
+        elif token.lastgroup == "open" or (token.lastgroup == "repair" and not token.group("repair")):
             opened.append(token.start())
     return text[:match.start()] + text[match.end():], {line_of(text, opened[-1])}
 

@@ -581,9 +581,9 @@ def test_the_warnings_of_the_tour_stand_at_their_places():
     found = foresee(tree, settings.defaults(robotInterface=RELEASE))
     lines = TOUR.split("\n")
     assert [(lines[fault.line - 1].split(" name")[0].strip(), fault.text) for fault in found] == [
-        ("<Fallback><SayText", "SayText bids farewell to a visitor who has left: the mission goes on to it after "
+        ("<Fallback><SayText", "SayText says goodbye to a visitor who has left: the mission goes on to it after "
                                "IsVisitorPresent failed"),
-        ("<Fallback><PerformIconicGesture", "PerformIconicGesture bids farewell to a visitor who has left: the mission "
+        ("<Fallback><PerformIconicGesture", "PerformIconicGesture says goodbye to a visitor who has left: the mission "
                                             "goes on to it after IsVisitorPresent failed"),
         ("<IsVisitorResponseYes/>", "with asrEnabled false IsVisitorResponseYes never succeeds, and no tour is ever "
                                     "given")]
@@ -647,7 +647,7 @@ GONE = "<Fallback><IsVisitorPresent/><ForceFailure><Navigate target='1;2;3'/></F
 def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
     found = foreseen("<Sequence>{}{}</Sequence>".format(mode("social"), body.format(GONE)))
     assert [(line, text.split(":")[0].split(" ", 1)[1]) for line, text in found] == (
-        [(2, "bids farewell to a visitor who has left")] if is_told else [])
+        [(2, "says goodbye to a visitor who has left")] if is_told else [])
 
 
 @pytest.mark.parametrize("body, robot, how", [

@@ -232,21 +232,21 @@ NOTICED = HEADER + '{"event": "Noticed", "time": 1.5, "level": "info", "text": "
 
 
 @pytest.mark.parametrize("text, expected", [
-    ("", "the record has no mission in it"), ("{}\n{}\n{}\n", "1:1: this is no line of a record"),
-    (NOTICED + "[1]\n" + NOTICED, "3:1: this is no line of a record: it has no event"),
+    ("", "the record has no mission in it"), ("{}\n{}\n{}\n", "1:1: this is not a line of a record"),
+    (NOTICED + "[1]\n" + NOTICED, "3:1: this is not a line of a record: it has no event"),
     (NOTICED, "the record has no mission in it"), (None, "the record cannot be read: "),
-    (NOTICED + '{"event": "Dance"}\n', "3:1: this is no line of a record: the event Dance is unknown"),
-    (NOTICED + "\n", "3:1: this is no line of a record: it is not JSON"),
-    (NOTICED + "[" * 200_000 + "\n", "3:1: this is no line of a record: it is nested too deeply"),
-    (HEADER + NOTICED.replace("1.5", "9" * 100_000), "2:1: this is no line of a record: a whole number has more than 18 digits"),
-    (NOTICED.replace('"Noticed", "time": 1.5', '"Noticed", "time": NaN'), "2:1: this is no line of a record: time is "
+    (NOTICED + '{"event": "Dance"}\n', "3:1: this is not a line of a record: the event Dance is unknown"),
+    (NOTICED + "\n", "3:1: this is not a line of a record: it is not JSON"),
+    (NOTICED + "[" * 200_000 + "\n", "3:1: this is not a line of a record: it is nested too deeply"),
+    (HEADER + NOTICED.replace("1.5", "9" * 100_000), "2:1: this is not a line of a record: a whole number has more than 18 digits"),
+    (NOTICED.replace('"Noticed", "time": 1.5', '"Noticed", "time": NaN'), "2:1: this is not a line of a record: time is "
      "not a number"),
-    (HEADER + '{"event": "Noticed", "time": 1.5, "level": "info"}\n', "2:1: this is no line of a record: text is missing"),
+    (HEADER + '{"event": "Noticed", "time": 1.5, "level": "info"}\n', "2:1: this is not a line of a record: text is missing"),
     (NOTICED[len(HEADER):], "1:1: the record has no version; this release reads version 2 and 3 (replay it with the release that "
      "wrote it)"),
     (HEADER.replace('version": 3', 'version": 27'), "1:1: the record has the version 27; this release reads version 2 and 3 "
      "(replay it with the release that wrote it)"),
-    (HEADER.replace("behaviorController ", "other "), "1:1: this is no line of a record: format is not "),
+    (HEADER.replace("behaviorController ", "other "), "1:1: this is not a line of a record: format is not "),
 ])
 def test_what_is_no_record_is_named(tmp_path, text, expected):
     path = tmp_path / "r.jsonl"

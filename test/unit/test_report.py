@@ -115,6 +115,11 @@ def finished(when, status="SUCCESS", seconds=0.5, path="A::1", failure=None, uid
             "seconds": seconds, "failure": failure}
 
 
+def waits(when, words="a wait"):
+    return {"event": "StepStarted", "time": when, "uid": 1, "node": "A", "path": "A::1", "words": words, "what": "",
+            "limit": 0.0, "is_wait": True}
+
+
 # ------------------------------------------------------------------------------------------------------ all of it is told
 
 
@@ -208,10 +213,17 @@ def test_a_wait_lasts_until_its_condition_holds(day, told):
 
 
 def test_no_step_covers_another():
-    steps = [{"event": "StepStarted", "time": when, "uid": 1, "node": "A", "path": "A::1", "words": words, "what": "",
-              "limit": 0.0, "is_wait": True} for when, words in ((101.0, "a wait"), (101.5, "a word"), (102.0, "a wait"))]
-    page = Page(page_of(lines_of(*steps, gone(103.0))))
+    page = Page(page_of(lines_of(waits(101.0), waits(101.5, "a word"), waits(102.0), gone(103.0))))
     assert page.bars(0) == [(1000, 500, "d", 1, "a wait"), (1500, 500, "d", 1, "a word"), (2000, 1000, "d", 1, "a wait")]
+
+
+def test_a_wait_of_the_next_visit_is_another_bar():
+    visits = [({"event": "PassStarted", "time": when, "number": number, "at": 1.0}, waits(when),
+               finished(when, "FAILURE", 0.0, failure=dict(FAILED, cause="condition-false")),
+               {"event": "PassFinished", "time": when + 9.0, "number": number, "outcome": "FAILURE", "seconds": 9.0})
+              for number, when in ((1, 101.0), (2, 150.0))]
+    page = Page(page_of(lines_of(*visits[0], *visits[1])))
+    assert [bar[:3] for bar in page.bars(1)] == [(1000, 9000, "n"), (50000, 9000, "n")]
 
 
 def test_a_retry_that_failed_is_marked():
@@ -324,7 +336,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
             try:
                 text = page_of(lines)
             except MissionError as error:
-                named = re.match(r"the record:(\d+):1: this is no line of a record: ", str(error))
+                named = re.match(r"the record:(\d+):1: this is not a line of a record: ", str(error))
                 assert number + 2 <= int(named[1]) and "\n" not in str(error), (line, path)
             else:
                 assert Page(text).tags.count("script") == 2 and text.encode()
@@ -332,7 +344,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
 
 @pytest.mark.parametrize("lines, expected", [
     (lines_of({"event": "PassFinished", "time": 1, "number": EVIL, "outcome": "S", "seconds": 1}),
-     "r.jsonl:4:1: this is no line of a record: number is not an integer"),
+     "r.jsonl:4:1: this is not a line of a record: number is not an integer"),
     (lines_of({"event": "PassFinished", "time": 1, "number": True, "outcome": "S", "seconds": 1}), "number is not an int"),
     (lines_of({"event": "PassFinished", "time": 1, "number": 1, "outcome": "S"}), "seconds is missing"),
     (lines_of()[:1] + [changed(lines_of()[1], ("sources", "documents"), [])], "sources.documents is empty"),
@@ -340,7 +352,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
     (lines_of(tick([2, "S"])), "the tree has only 1 nodes"),
     (lines_of(tick([1, "s"])), "changes[0][1] is not one of -, R, S, F"),
     (lines_of(tick([1])), "changes[0] has 1 entries, not 2"),
-    (lines_of(dict(tick(), time=1e12)), "time is no time"),
+    (lines_of(dict(tick(), time=1e12)), "time is not a time"),
     (lines_of(dict(tick(), at=float("inf"))), "at is not a number"),
     (lines_of(nodes=(["A", "A", "A", 1],)), "a node's parent does not come before it"),
     (lines_of(nodes=(["A", "A", "A", 0], ["A", "A", "A", 0])), "a node's parent does not come before it"),
@@ -502,7 +514,7 @@ def test_a_node_opens_with_what_stands_in_the_file_and_all_its_results(report, d
     assert "Navigate: " + registry().find("Navigate").description in panel.text
     assert panel.find_element("css selector", "dd a").get_attribute("href").endswith("#f0-" + panel.text.split(
         "lab_tour.xml:")[1].split()[0])
-    assert "not given, means {@targetLocation}" in panel.find_element("tag name", "table").text
+    assert panel.find_element("css selector", "tbody tr").text == "target not given, means {@targetLocation}"
     button = panel.find_element("css selector", ".node > button")
     shown = [row.text for row in panel.find_elements("css selector", ".results li")]
     assert button.text == "Show {} older ones".format(len(events) - len(shown))
@@ -522,7 +534,7 @@ def test_paper_is_white_and_has_all_visits_and_all_of_the_timeline(report):
         "media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]})
     report.execute_script("dispatchEvent(new Event('beforeprint')); byId('lanes').style.width = '450px'")
     assert run(report, "visits.every(visit => visit.open)")
-    assert run(report, "getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert run(report, "getComputedStyle(document.querySelector('.told span')).color") == "rgb(22, 32, 43)"  # as in light mode
     ends = run(report, "[lanes[0].track.lastChild, byId('lanes')].map(each => each.getBoundingClientRect().right)")
     assert abs(ends[0] - ends[1]) < 1.0  # the last visit ends where the run does
     report.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})

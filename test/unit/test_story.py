@@ -245,7 +245,10 @@ def test_a_wait_is_over_when_something_else_begins():
 
 @pytest.mark.parametrize("beside, limit", [
     ("<ForceFailure><Sleep msec='15000'/></ForceFailure>", 15.0), ("<Sleep msec='{@long}'/>", 0.0),
-    ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", 0.0)])
+    ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", 0.0),
+    ("<Repeat num_cycles='3'><Sleep msec='1000'/></Repeat>", 0.0),
+    ("<LoopInt queue='1;2'><Sleep msec='1000'/></LoopInt>", 0.0),
+    ("<Sequence><Sleep msec='1000'/><WelcomeSpeech/></Sequence>", 0.0)])
 def test_the_limit_of_a_wait_is_that_of_the_timer_beside_it(beside, limit):
     rig = one_leaf("<ReactiveFallback><IsVisitorDiscovered/>{}</ReactiveFallback>".format(beside))
     rig.tree.blackboard.set("long", 1)
@@ -288,6 +291,7 @@ POLLED = {  # a mission that asks again and again, and attempts × pause
     "rounds within rounds": (retried(3, "RetryUntilSuccessful num_attempts='2'", "Delay delay_msec='1000'", SEEN), 6.0),
     "without end": (retried(-1, "Delay delay_msec='1000'", SEEN), 0.0),
     "without end, with a Timeout": (within("Timeout msec='9000'", retried(-1, "Delay delay_msec='1000'", SEEN)), 9.0),
+    "a Timeout that is none": (within("Timeout msec='0'", retried(5, "Delay delay_msec='1000'", SEEN)), 5.0),
     "attempts in an entry": (retried("{@n}", "Delay delay_msec='1000'", SEEN), 0.0),
     "a pause in an entry": (retried(3, "Delay delay_msec='{@ms}'", SEEN), 0.0),
     "rounds while it is false": (within("Repeat num_cycles='7'", "Sequence", UNSEEN + SECOND), 7.0),
@@ -321,6 +325,10 @@ def test_a_condition_that_is_asked_again_after_a_pause_is_waited_for_attempts_ti
     retried(3, "Sequence", SEEN + SECOND),  # no pause where it is false
     retried(3, "Fallback", SEEN + SECOND),  # one round
     retried(3, "Delay delay_msec='1000'", UNSEEN),  # for a visitor to be gone
+    within("ReactiveFallback", SEEN + "<AlwaysFailure/>"),  # asked once
+    within("Timeout msec='3000'", "Sequence", SEEN + SECOND),
+    retried(3, "Delay delay_msec='1000'", "Parallel success_count='2' failure_count='1'", SEEN + "<WelcomeSpeech/>"),
+    retried(3, "Sequence", 100 * "<AlwaysSuccess/>" + SECOND + SEEN),  # too large to be looked at
     within("Repeat num_cycles='3'", "Sequence", SEEN + SECOND),  # as long as there is a visitor
     retried(3, "Sequence", "<WelcomeSpeech/>" + SECOND + SEEN)])  # each time after something else
 def test_a_question_that_a_loop_does_not_repeat_for_its_answer_is_no_wait(mission):

@@ -1,8 +1,8 @@
-"""BehaviorTree.CPP version 4 on py_trees. Knows neither ROS nor this robot; docs/engine.md shows how to use it alone.
+"""BehaviorTree.CPP version 4 on py_trees, independent of ROS and of this robot; docs/engine.md shows how to use it alone.
 
 A file goes through ``language`` (XML with places, scripts), ``checking`` (every fault), ``compiler`` (the tree); a tree
 runs through ``engine`` (the tick pipeline that all nodes share). ``registry`` declares the node types. The names in
-``__all__`` are for use outside of the project; a change of what they mean is told in the changelog.
+``__all__`` are for use outside of the project; changes of their meaning are listed in the changelog.
 """
 import importlib.util
 import os
@@ -14,7 +14,7 @@ OLDEST_PY_TREES = (2, 2)
 def _refuse_older_py_trees() -> None:
     """Raise ImportError with one line for an operator if the py_trees that Python finds first is too old.
 
-    ROS Noetic has a 0.7 of its own. Its version is read, not imported: an old one may not even load.
+    ROS Noetic installs version 0.7. The version is read, not imported: an old one may fail to load.
     """
     spec = importlib.util.find_spec("py_trees")
     for folder in spec.submodule_search_locations or () if spec is not None else ():

@@ -1,7 +1,7 @@
-"""The entries of a tree as py_trees' tools look for them: a py_trees blackboard client for each node, and the values.
+"""The entries of a tree for py_trees' tools: a py_trees blackboard client for each node, and the values.
 
 py_trees' blackboard is one dictionary of the process, ours are typed and one for each tree instance. So py_trees gets a
-copy, under ``/tree/path/entry``, of the entries of those nodes whose clients a tool asks for: py-trees-render -b, say.
+copy, under ``/tree/path/entry``, of the entries of those nodes whose clients a tool uses, such as py-trees-render -b.
 """
 from typing import Any, Dict, Iterable, List, NamedTuple, Tuple
 

@@ -1,4 +1,4 @@
-"""A checked mission to a tree: a node for each element, SubTrees unfolded, entries and scripts bound (BT.CPP section 10)."""
+"""Builds a tree from a checked mission: a node for each element, SubTrees unfolded, entries and scripts bound."""
 import sys
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -46,7 +46,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
 
     ``blackboard`` is the root's, with entries of the host; ``strict`` and ``main_tree``: see ``checks.check``;
     ``enums`` are names of integers for scripts; ``rules`` are substitution rules; ``clock`` and ``wake`` are those of
-    a tree whose place the new one takes; ``with_lint`` adds the linter's warnings.
+    a tree that the new one replaces; ``with_lint`` adds the linter's warnings.
     """
     with collector_at_rest():
         checked = check(documents, registry, main_tree, strict)
@@ -79,7 +79,7 @@ class _Place(NamedTuple):
 
 
 class _Compiler:
-    """Makes the nodes of one mission and collects what only shows when they are made."""
+    """Makes the nodes of one mission and collects the faults that only their making shows."""
 
     def __init__(self, checked: Checked, registry: Registry, services: Services, rules: Substitutions):
         self.checked = checked
@@ -107,7 +107,7 @@ class _Compiler:
             self._deepest = max(self._deepest, place.depth)
             node = None if id(place.element) in self.checked.faulty else self._node(place)
             if node is None:
-                # it cannot be made, but what is inside may have mistakes of its own
+                # it cannot be made, but its content may have mistakes too
                 waiting.extend(place._replace(element=child, parent=None, depth=place.depth + 1)
                                for child in reversed(place.element.children))
                 continue
@@ -146,7 +146,7 @@ class _Compiler:
 
     def _made(self, type_id: str, name: str, path: str, element: Element) -> Tuple[NodeSpec, Optional[Node]]:
         spec = self.registry.find(type_id)
-        assert spec is not None  # the checks have seen to it
+        assert spec is not None  # guaranteed by the checks
         if self.rules.rules:
             target = self.rules.target(name, type_id, path)
             if target in self.rules.configs:
@@ -166,7 +166,7 @@ class _Compiler:
             if not isinstance(node, Node):
                 raise TypeError("its factory returned {!r}, which is not a {}".format(
                     node, "node" if not isinstance(node, Behaviour) else "node of ours: a py_trees behaviour is a leaf"))
-        except Exception as error:  # whatever a leaf's author got wrong
+        except Exception as error:  # a leaf may raise anything
             self._broken(element, spec, error)
             return spec, None
         return spec, node
@@ -196,7 +196,7 @@ class _Compiler:
             self.faults.append(element.fault(rules.NODE_REFUSES, str(error), attribute=error.attribute))
         except (ValueFault, ScriptSyntaxError) as error:
             self.faults.append(element.fault(rule, str(error), attribute=attribute))
-        except Exception as error:  # in ``configure``, whatever a leaf's author got wrong
+        except Exception as error:  # ``configure`` of a leaf may raise anything
             self._broken(element, spec, error)
 
     def _declare(self, attribute: str, spec: NodeSpec, node: Node) -> None:

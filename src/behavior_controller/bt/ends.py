@@ -1,6 +1,6 @@
 """How nodes can end, as flags, and how the end of a node follows from the ends of its children.
 
-An estimate to the safe side: what a node may do as far as the file tells counts as possible.
+A safe estimate: whatever a node may do according to the file counts as possible.
 """
 from typing import Callable, List, Mapping, Union
 
@@ -51,7 +51,7 @@ def in_fallback(_attributes: Attributes, children: List[int]) -> int:
 
 
 def in_sequence_before_the_last(attributes: Attributes, children: List[int]) -> int:
-    """Return how a Sequence can end whose last child has no say."""
+    """Return how a Sequence can end whose last child does not count."""
     return in_sequence(attributes, children[:-1])
 
 

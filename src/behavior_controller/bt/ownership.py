@@ -1,6 +1,6 @@
-"""The debug check of the thread rule: what belongs to the tick thread fails in the hands of another, at that line.
+"""The debug check of the thread rule: an object of the tick thread fails if another thread uses it, at that line.
 
-On if ``BEHAVIOR_CONTROLLER_CHECK_THREADS`` is set in the environment when this is imported, as the tests do; else free.
+On if ``BEHAVIOR_CONTROLLER_CHECK_THREADS`` is set in the environment when this is imported, as in the tests.
 """
 import functools
 import os
@@ -14,7 +14,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class WrongThread(AssertionError):
-    """A mistake in the program: a thread uses what belongs to another, which it should ``post`` to."""
+    """A mistake in the program: a thread uses an object of another thread, which it should ``post`` to."""
 
 
 def tick_thread_only(method: Method) -> Method:

@@ -11,7 +11,7 @@ from behavior_controller.bt.language.values import TYPES, PortType
 
 
 class Kind(enum.Enum):
-    """What a node type is, as Groot2 names it."""
+    """The kind of a node type, in Groot2's terms."""
 
     ACTION = "Action"
     CONDITION = "Condition"
@@ -21,7 +21,7 @@ class Kind(enum.Enum):
 
 
 class Direction(enum.Enum):
-    """Which way data flows through a port, as Groot2 names it."""
+    """The direction of a port, in Groot2's terms."""
 
     IN = "input_port"
     OUT = "output_port"
@@ -44,10 +44,10 @@ class Role(enum.Enum):
 class Port(NamedTuple):
     """A typed attribute of a node type.
 
-    ``type`` is a name of ``values.TYPES`` or a PortType, ``literal`` the type of a literal if that is another. ``default``
-    is text as it would stand in the file, or None for no default. ``is_optional``: the node does without a value. ``names``
-    are names of an instance that stand for a value where none is given; all other names mean nothing. ``if_zero`` says
-    what a number of children that is 0 leads to.
+    ``type`` is a name of ``values.TYPES`` or a PortType, ``literal`` the type of a literal if that differs. ``default``
+    is text as it would stand in the file, or None for no default. ``is_optional``: the node needs no value. ``names``
+    are names of an instance that replace a missing value; all other names have no meaning. ``if_zero`` describes the
+    effect of 0 for a number of children.
     """
 
     name: str
@@ -64,10 +64,10 @@ class Port(NamedTuple):
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One node type, and what the checks know of it. ``factory(name)`` makes a node and needs nothing running.
+    """One node type, with facts for the checks. ``factory(name)`` makes a node without anything that runs.
 
-    ``warning`` is told to the author of a mission that uses it. ``names`` are what an instance must be called, since its
-    name is its argument; see ``argument``. A default says nothing of a node type, so that the linter is silent about it.
+    ``warning`` is shown to the author of a mission that uses it. ``names`` are the allowed names of an instance if its
+    name is its argument; see ``argument``. With the defaults, nothing is known of a node type, and the linter is silent.
     """
 
     id: str
@@ -88,7 +88,7 @@ class NodeSpec:
     at_most_one: str = ""  # the type of which only one child may be
     rounds: str = ""  # the port with the number of times that the child is run
     repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
-    is_recovery: bool = False  # it looks at the failure of a node before it
+    is_recovery: bool = False  # it recovers from the failure of a node before it
     is_stub: bool = False  # only a palette has it: it can be checked, not run
 
     @property
@@ -98,12 +98,12 @@ class NodeSpec:
 
 
 def argument(name: str) -> str:
-    """Return the argument that the name of an instance stands for: case and blanks around it are no difference."""
+    """Return the argument that an instance's name means: case and surrounding blanks are ignored."""
     return name.strip().lower()
 
 
 class Registry:
-    """Node types by name. A name that is there already, and a port of an unknown type, raise ``ValueError``."""
+    """Node types by name. A duplicate name and a port of an unknown type raise ``ValueError``."""
 
     def __init__(self, specs: Iterable[NodeSpec] = ()):
         self._specs: Dict[str, NodeSpec] = {}
@@ -139,9 +139,9 @@ class Registry:
 
 
 def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
-    """Return ``did you mean X?`` for the nearest of ``known`` (case is no difference), or an empty text.
+    """Return ``did you mean X?`` for the nearest of ``known`` (case is ignored), or an empty text.
 
-    ``likeness`` says how near, from 0 to 1, the same word.
+    ``likeness`` is the required similarity, from 0 to 1 (equal).
     """
     by_lower = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), list(by_lower), n=1, cutoff=likeness)

@@ -422,7 +422,7 @@ NEVER_REACHED = warning("never-reached", "A node is never ticked, because of how
 NEVER_REPEATS = warning("never-repeats", "A repeat or retry whose child never ends as it would have to.",
                         '▸<RetryUntilSuccessful num_attempts="3"><Sleep msec="5"/></RetryUntilSuccessful>',
                         '▸<Repeat num_cycles="3"><AlwaysFailure/></Repeat>')
-NEVER_WAITS = warning("never-waits", "A node is repeated for ever, and nothing in it waits.",
+NEVER_WAITS = warning("never-waits", "A node repeats forever, and nothing in it waits.",
                       '<Repeat ▸num_cycles="-1"><AlwaysSuccess/></Repeat>',
                       '<RetryUntilSuccessful ▸num_attempts="-1"><IsVisitorDiscovered/></RetryUntilSuccessful>')
 RECOVERY_MISPLACED = warning("recovery-misplaced", "A recovery stands where there is no failure before it.",

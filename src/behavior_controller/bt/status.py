@@ -1,6 +1,6 @@
 """The five results of a tick, under BehaviorTree.CPP's names.
 
-IDLE is py_trees' INVALID, so that py_trees' display and visitor tools read our nodes. SKIPPED is only ever returned:
+IDLE is py_trees' INVALID, so that py_trees' display and visitor tools work with our nodes. SKIPPED is only ever returned:
 it is never stored as the status of a node (BT.CPP, ``TreeNode::executeTick``), and py_trees has no such status.
 """
 import enum

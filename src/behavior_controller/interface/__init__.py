@@ -1,7 +1,7 @@
 """What a robot offers, one declaration for each service and topic.
 
-The ROS edge, the start-up check, the monitoring, the configuration's deadlines and the simulated robot take from these
-declarations all that they need to know of a service or topic.
+The ROS edge, the start-up check, the monitoring, the configuration's deadlines and the simulated robot use only these
+declarations for their knowledge of a service or topic.
 """
 import copy
 import enum
@@ -12,22 +12,22 @@ from behavior_controller.interface.records import Answer, QueryKnowledge, Reques
 
 
 Message = Any  # type: ignore
-"""A message or response as ROS makes it; these classes are generated and have no types."""
+"""A ROS message or response; these classes are generated and have no types."""
 
 Asked = TypeVar("Asked", bound=Request)
 Value = TypeVar("Value")
 Plain = Union[bool, int, float, str]
 
 KNOWLEDGE_FILES = "the knowledge files"
-"""What answers ``QueryKnowledge`` where the robot has no such service."""
+"""The name of the source that answers ``QueryKnowledge`` if the robot has no such service."""
 
 
 class Unusable(ValueError):
-    """A positive answer has content that cannot be used; the text says which."""
+    """A positive answer has unusable content; the text says which."""
 
 
 class Success(NamedTuple):
-    """The response's field that tells the outcome, and its values for done and refused. Any other is unusable."""
+    """The response's field with the outcome, and its values for done and refused. Any other value is unusable."""
 
     field: str
     done: Plain
@@ -42,7 +42,7 @@ def _nothing(response: Message) -> Answer:
 class Service(Generic[Asked]):
     """A service of the robot.
 
-    ``request`` is the kind of record that it carries out, ``fields`` gives the values of the srv request in order;
+    ``request`` is the kind of record that it carries out, ``fields`` returns the values of the srv request in order;
     ``answer`` reads a positive response and raises ``Unusable``. ``name`` is the canonical name, ``node`` the robot's
     node that offers it, ``type`` its ``package/Type``. ``deadline`` is the default, in seconds. ``absence`` says what
     the robot cannot do without it; ``is_optional``: a mission starts on a robot without it, where its leaves then
@@ -71,10 +71,10 @@ class Service(Generic[Asked]):
 
 @dataclass(frozen=True, eq=False)
 class Action(Generic[Value]):
-    """An action that a robot may offer in place of a topic, one goal for one message.
+    """An action that a robot may offer instead of a topic, one goal for one message.
 
-    ``goal`` gives the values of the goal's fields for the seconds that it may take; ``read`` turns a result into the
-    topic's plain data, None for a result that says nothing. ``type`` is the ``package/Type`` of the action file.
+    ``goal`` returns the values of the goal's fields for the seconds that it may take; ``read`` turns a result into the
+    topic's plain data, None for an empty result. ``type`` is the ``package/Type`` of the action file.
     """
 
     name: str
@@ -87,8 +87,8 @@ class Action(Generic[Value]):
 class Topic(Generic[Value]):
     """A topic of the robot. ``read`` turns a message into plain data of the kind ``value``.
 
-    ``is_continuous``: it is published all the time, so that silence means something and an old message counts as
-    absent. ``action``: what a robot may offer instead. The other fields: see ``Service``.
+    ``is_continuous``: it is published all the time, so that silence is a fault and an old message counts as
+    absent. ``action``: an action that a robot may offer instead. The other fields: see ``Service``.
     """
 
     name: str
@@ -102,10 +102,10 @@ class Topic(Generic[Value]):
 
 
 class Sense(enum.Enum):
-    """What a mission can learn of its visitor while it runs.
+    """A kind of information about the visitor that a mission can get while it runs.
 
-    ``awaiting`` says in people's words what a robot does that waits for it; ``given`` and ``absent`` are what it means
-    for a visit that it was learned, or not: marks of ``events.Told``.
+    ``awaiting`` is a phrase for a robot that waits for it; ``given`` and ``absent`` are the marks of ``events.Told`` for a
+    visit in which it was observed, or not.
     """
 
     awaiting: str
@@ -127,11 +127,11 @@ class Sense(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class Evidence(Generic[Value]):
-    """What tells a robot of its visitor: a message of ``topic`` for which ``is_given`` holds.
+    """The evidence for a sense: a message of ``topic`` for which ``is_given`` holds.
 
-    ``is_given`` takes the message's value and the value of /overtAttention/mode that means mutual gaze. ``wait`` is how
-    many seconds a condition waits for the evidence, infinity for no limit; None: as long as ``conditionWait`` says.
-    ``is_given_up``: the robot looks no longer, so that a condition waits no longer. ``mode`` is the mode of attention
+    ``is_given`` takes the message's value and the value of /overtAttention/mode that means mutual gaze. ``wait`` is the
+    seconds that a condition waits for the evidence, infinity for no limit; None: those of ``conditionWait``.
+    ``is_given_up``: the robot has stopped looking, so a condition stops waiting. ``mode`` is the mode of attention
     without which the robot does not look; empty: any.
     """
 
@@ -143,12 +143,12 @@ class Evidence(Generic[Value]):
 
 
 class Interface:
-    """All services and topics of one robot, what they tell of a visitor, and the requests that make the robot safe.
+    """All services and topics of one robot, their evidence about a visitor, and the requests that make the robot safe.
 
-    ``name`` tells it from others in the configuration and in a record. ``gaze_value`` is the value of
+    ``name`` identifies it in the configuration and in a record. ``gaze_value`` is the value of
     /overtAttention/mode that means mutual gaze; None: the configuration says it. ``has_knowledge_files``: files answer
     ``QueryKnowledge`` and hold the language and the phrases. ``tells_pressed``: the tablet's answer says which button
-    was pressed. Raises ValueError where two services carry out the same kind of request.
+    was pressed. Raises ValueError if two services carry out the same kind of request.
     """
 
     def __init__(self, name: str, services: Tuple[Service, ...], topics: Tuple[Topic, ...],
@@ -192,17 +192,17 @@ class Interface:
         return request in self._by_request or self.has_knowledge_files and request is QueryKnowledge
 
     def resource(self, request: type) -> str:
-        """Return what answers a kind of request: the service's canonical name. Raises LookupError as ``service``."""
+        """Return the canonical name of the service for a kind of request, or ``FILES``. Raises LookupError as ``service``."""
         if self.has_knowledge_files and request is QueryKnowledge:
             return KNOWLEDGE_FILES
         return self.service(request).name
 
     def tells(self, sense: Union[Sense, Topic]) -> bool:
-        """Return whether the robot tells of ``sense``, or publishes that topic."""
+        """Return whether the robot has evidence of ``sense``, or publishes that topic."""
         return sense in self.topics if isinstance(sense, Topic) else sense in self._evidence
 
     def evidence(self, sense: Sense) -> Evidence:
-        """Return what tells of ``sense``. Raises LookupError if this robot cannot tell."""
+        """Return the evidence of ``sense``. Raises LookupError if this robot has none."""
         try:
             return self._evidence[sense]
         except KeyError:

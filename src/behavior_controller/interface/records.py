@@ -1,4 +1,4 @@
-"""What leaves ask of the robot and what they learn from it, as plain records that know no ROS types."""
+"""Requests of leaves to the robot, its answers and messages, as plain records without ROS types."""
 from dataclasses import dataclass
 from typing import NamedTuple, Optional, Tuple
 
@@ -20,7 +20,7 @@ class Point(NamedTuple):
 
 
 class Exhibit(NamedTuple):
-    """What the knowledge base knows of one place (D5.4.3 section 3.2.5)."""
+    """One place of the knowledge base (D5.4.3 section 3.2.5)."""
 
     name: str
     description1: str
@@ -33,9 +33,9 @@ class Exhibit(NamedTuple):
 
 
 class Words(NamedTuple):
-    """A step in people's words: what the robot is ``doing``, what it has ``done``, and with what, if that matters.
+    """Phrases for a step: what the robot is ``doing``, what it has ``done``, and with what, if that matters.
 
-    ``kind`` is that of the sentence at the end: see ``story.KINDS``. Nothing is told at the end if ``done`` is empty.
+    ``kind`` is that of the sentence at the end: see ``story.KINDS``. Without ``done`` there is no sentence at the end.
     """
 
     doing: str
@@ -46,11 +46,11 @@ class Words(NamedTuple):
 
 @dataclass(frozen=True)
 class Request:
-    """What a service of the robot is asked to do."""
+    """A request to a service of the robot."""
 
     @property
     def words(self) -> Optional[Words]:
-        """What an operator is told of it; None: the name of the node that asks."""
+        """Phrases for the operator; None: the name of the node is used."""
         return None
 
 
@@ -62,7 +62,7 @@ class SetAnimation(Request):
 
     @property
     def words(self) -> Words:
-        """Lifelike movement is nothing to tell of when it is done."""
+        """The end of switching lifelike movement has no sentence."""
         return Words("starting lifelike movement" if self.state == "enabled" else "stopping lifelike movement")
 
 
@@ -78,7 +78,7 @@ class PerformGesture(Request):
 
     @property
     def words(self) -> Words:
-        """Where it points, or the number of an iconic gesture."""
+        """Phrases with the target, or with the number of an iconic gesture."""
         if self.type == "deictic":
             return Words("pointing", "pointed", "at {:g}, {:g}, {:g}".format(*self.target), "moved")
         return Words("making", "made", "{} gesture {}".format(self.type, self.id), "moved")
@@ -92,7 +92,7 @@ class QueryKnowledge(Request):
 
     @property
     def words(self) -> Words:
-        """What is asked for."""
+        """Phrases with the subject."""
         return Words("looking up the {}".format(self.what))
 
 
@@ -105,7 +105,7 @@ class SetAttention(Request):
 
     @property
     def words(self) -> Words:
-        """Where the robot looks, or its mode of attention."""
+        """Phrases with the target, or with the mode of attention."""
         if self.state == "location":
             return Words("looking", "looked", "at {:g}, {:g}, {:g}".format(*self.target), "moved")
         return Words("setting attention to {}".format(self.state))
@@ -119,7 +119,7 @@ class GoTo(Request):
 
     @property
     def words(self) -> Words:
-        """Where it drives."""
+        """Phrases with the goal."""
         return Words("driving", "drove", "to {:g}, {:g}, {:g}°".format(*self.goal), "moved")
 
 
@@ -131,20 +131,20 @@ class Prompt(Request):
 
     @property
     def words(self) -> Words:
-        """What may be pressed."""
+        """Phrases with the options."""
         return Words("asking", "asked", "on the tablet: {}".format(" or ".join(self.options)), "asked")
 
 
 @dataclass(frozen=True)
 class Say(Request):
-    """Speak ``text``; answered when it has been spoken. A robot of release 1.0 is told its ``language``."""
+    """Speak ``text``; answered when it has been spoken. A robot of release 1.0 needs its ``language``."""
 
     text: str
     language: str = "English"
 
     @property
     def words(self) -> Words:
-        """What is said."""
+        """Phrases with the text."""
         return Words("saying", "said", "“{}”".format(self.text), "said")
 
 
@@ -153,13 +153,13 @@ class Say(Request):
 
 @dataclass(frozen=True)
 class SetPose(Request):
-    """Tell the localization that the robot stands at ``pose``."""
+    """Set the robot's pose at the localization."""
 
     pose: Location
 
     @property
     def words(self) -> Words:
-        """It is nothing to tell of when it is done; so it is with recognition."""
+        """Its end has no sentence."""
         return Words("telling the localization where the robot stands")
 
 

@@ -1,4 +1,4 @@
-"""The robot of the project's release 1.0, by its published software: what differs from D5.4.3 stands here."""
+"""The robot of the project's release 1.0, by its published software: the differences from D5.4.3."""
 import math
 from typing import Callable, Optional
 
@@ -8,10 +8,10 @@ from behavior_controller.interface.records import (AttentionStatus, GoTo, Perfor
                                                    SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
 
 FOUND = 2
-"""The value of /overtAttention/mode with which a mode says that it has found what it looks for."""
+"""The value of /overtAttention/mode that means that a mode has found what it looks for."""
 
 GIVEN_UP = 3
-"""The value with which the mode seeking says that it has found no mutual gaze."""
+"""The value that means that the mode seeking has found no mutual gaze."""
 
 WAIT = 10.0
 """Seconds that the release's nodes wait for a visitor's presence and for an answer."""

@@ -1,6 +1,6 @@
-"""The mission vocabulary in one visible list: D5.4.3 table 4, the documented extensions, and release 1.0's words.
+"""The mission vocabulary in one visible list: D5.4.3 table 4, the documented extensions, and release 1.0's nodes.
 
-What other packages add to it comes after these: see ``extensions``.
+The nodes of other packages follow them: see ``extensions``.
 """
 import functools
 from typing import Dict, List, Tuple
@@ -61,6 +61,6 @@ def registry() -> Registry:
 
 
 def beyond_builtins() -> List[NodeSpec]:
-    """Return the node types of ``registry()`` that BehaviorTree.CPP does not have: what Groot2 has to be told."""
+    """Return the node types of ``registry()`` that BehaviorTree.CPP does not have, for Groot2's palette."""
     builtins = {spec.id for spec in builtin_specs()}
     return [spec for spec in registry().all() if spec.id not in builtins]

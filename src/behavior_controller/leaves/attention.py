@@ -1,4 +1,4 @@
-"""Leaves of the robot's attention and lifelike movement, and what its cameras see of a visitor."""
+"""Leaves for the robot's attention and lifelike movement, and for what its cameras see of a visitor."""
 from typing import Any, Optional, Set, Tuple
 
 from behavior_controller.bt.registry import Port
@@ -12,13 +12,13 @@ from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET, Pl
 
 SEEKING = "seeking"
 OF_THE_ROBOT = (2, 3)
-"""Values of /overtAttention/mode that only the robot's own node has: mutual gaze and failed; 1 is still seeking there.
+"""Values of /overtAttention/mode that only the robot's own node publishes: mutual gaze and failed; there 1 is seeking.
 
-In D5.4.3 value 1 means mutual gaze, and others are not known.
+In D5.4.3 value 1 means mutual gaze, and no others are defined.
 """
 
 SEARCHES = 3
-"""So many searches that went no further than value 1 are a sign of the document's convention."""
+"""This number of searches with value 1 alone indicates the document's convention."""
 
 
 class AnimateBehavior(ServiceLeaf):
@@ -46,7 +46,7 @@ class OvertAttentionMode(ServiceLeaf):
         self.state = state
 
     def request(self) -> Optional[Request]:
-        """Set the mode; a target of exactly (0, 0, 0) is nothing to look at."""
+        """Set the mode; a target of exactly (0, 0, 0) means none."""
         if self.state != "location":
             return SetAttention(self.state)
         target = self.get_input("target")
@@ -70,15 +70,15 @@ class IsVisitorDiscovered(TopicCondition):
 
 
 class GazeValues:
-    """What the values seen so far say about the convention of this robot; the gaze leaves of a mission share it."""
+    """Detects the robot's convention from the values seen so far; the gaze leaves of a mission share it."""
 
     def __init__(self) -> None:
         self.has_robots_value = False
-        self.searches: Set[float] = set()  # when those began in which value 1 was seen
+        self.searches: Set[float] = set()  # start times of the searches with value 1
         self.is_told = False
 
     def sign(self, configured: int) -> str:
-        """Return what speaks against the ``configured`` value; empty if nothing does, or it has been told."""
+        """Return the evidence against the ``configured`` value; empty if there is none, or it was reported."""
         sign = ""
         if configured == 1 and self.has_robots_value:
             sign = "2 or 3, as the robot's own node does, where 1 is still seeking and 2 mutual gaze"
@@ -95,7 +95,7 @@ class GazeValues:
 class IsMutualGazeDiscovered(TopicCondition):
     """``<IsMutualGazeDiscovered/>``: SUCCESS if /overtAttention/mode reports mutual gaze since the mode was set.
 
-    Mutual gaze is the value ``mutualGazeValue`` and no other. A sign that the robot has the other convention is told
+    Only the value ``mutualGazeValue`` means mutual gaze. Evidence that the robot has the other convention is reported
     once.
     """
 
@@ -105,7 +105,7 @@ class IsMutualGazeDiscovered(TopicCondition):
     values: GazeValues
 
     def setup(self, **kwargs: Any) -> None:
-        """Find what the mission's gaze leaves share."""
+        """Get the object that the mission's gaze leaves share."""
         super().setup(**kwargs)
         if "mission" in kwargs:
             self.values = self.mission.shared(GazeValues)
@@ -121,7 +121,7 @@ class IsMutualGazeDiscovered(TopicCondition):
         return self.get_input_or("attentionSetAt", float("-inf"))
 
     def judged(self, sample: Optional[Sample]) -> None:
-        """Tell of a sign that the robot has the other convention."""
+        """Report evidence that the robot has the other convention."""
         values = self.values
         if (len(values.searches) < SEARCHES and sample is not None and sample.value == (SEEKING, 1)
                 and self._counts(sample)):
@@ -132,7 +132,7 @@ class IsMutualGazeDiscovered(TopicCondition):
             self.mission.events.emit(Noticed("warning", sign))
 
 
-# name, mode, what it does, ports beside those of all
+# name, mode, description, additional ports
 MODES: Tuple[Tuple[str, str, str, Tuple[Port, ...]], ...] = (
     ("DisabledOvertAttentionMode", "disabled", "Switches attention off.", ()),
     ("SocialOvertAttentionMode", "social", "Looks at people.", ()),

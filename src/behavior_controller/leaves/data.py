@@ -24,7 +24,7 @@ _EXHIBITS = PortType("Exhibits", list)
 
 
 class Datum(NamedTuple):
-    """One entry; it belongs to one visitor and goes when the next pass begins."""
+    """One entry; it belongs to one visitor and is cleared when the next pass begins."""
 
     name: str
     type: str
@@ -35,7 +35,7 @@ class Datum(NamedTuple):
                     is_optional=is_optional)
 
     def read(self, port: str = "", is_optional: bool = False) -> Port:
-        """Return a port that reads it, called as the entry or ``port``; for ``is_optional`` see Port."""
+        """Return a port that reads it, with the entry's name or ``port``; for ``is_optional`` see Port."""
         return self._port(Direction.IN, port, is_optional)
 
     def written(self, port: str = "") -> Port:
@@ -48,17 +48,17 @@ class Datum(NamedTuple):
 
 
 class Places:
-    """What people call the places that the robot was told of; the leaves of a mission share it."""
+    """The names of the places that the robot knows; the leaves of a mission share it."""
 
     def __init__(self) -> None:
         self._names: Dict[Union[Location, Point], str] = {}
 
     def learn(self, name: str, place: Exhibit) -> None:
-        """Take in where a place is, and what is pointed at there."""
+        """Store the names of a place's location and of its gesture target."""
         self._names[place.location] = self._names[place.gesture] = name
 
     def named(self, words: Words, preposition: str, target: Union[Location, Point]) -> Words:
-        """Return ``words`` with the name of ``target``, if it has one, in place of its coordinates."""
+        """Return ``words`` with the name of ``target``, if it has one, instead of its coordinates."""
         name = self._names.get(target)
         return words if name is None else words._replace(what="{} {}".format(preposition, name))
 

@@ -12,14 +12,14 @@ from behavior_controller.phrases import YES
 
 
 def heard(utterance: str, answer: Optional[str]) -> Told:
-    """Return what is told of an utterance, and of the answer that it is."""
+    """Return the sentence about an utterance and its answer."""
     return Told("heard", "heard “{}”: {}".format(utterance, answer or "neither yes nor no"), answer or "")
 
 
 class IsYesNoUttered(TopicCondition):
     """``<IsYesNoUttered/>``: SUCCESS for a yes or a no that was said after the question.
 
-    It moves the question's time on, so that one utterance answers one question.
+    It advances the question's time, so that one utterance answers only one question.
     """
 
     sense = Sense.UTTERANCE
@@ -27,7 +27,7 @@ class IsYesNoUttered(TopicCondition):
     otherwise = "neither yes nor no was heard"
 
     def is_evidence(self, value: Any) -> bool:
-        """Return whether it is an answer."""
+        """Return whether the utterance is an answer."""
         return self.mission.phrases.spoken_answer(value) is not None
 
     def not_before(self) -> float:
@@ -35,14 +35,14 @@ class IsYesNoUttered(TopicCondition):
         return self.get_input_or("questionAskedAt", float("-inf"))
 
     def use(self, sample: Sample) -> None:
-        """Keep the answer."""
+        """Store the answer."""
         answer = self.mission.phrases.spoken_answer(sample.value)
         self.set_output("visitorResponse", answer)
         self.set_output("questionAskedAt", sample.arrived)
         self.told = heard(sample.value, answer)
 
     def unused(self, sample: Sample) -> None:
-        """Tell what was heard instead of an answer."""
+        """Report an utterance that is not an answer."""
         self.told = heard(sample.value, None)
 
 
@@ -68,7 +68,7 @@ class PressYesNoDialogue(ServiceLeaf):
         return Prompt(self.mission.phrases.tablet_options)
 
     def accept(self, answer: Answer) -> Optional[Failure]:
-        """Keep what was pressed; where the robot does not tell, ``tabletSuccessIs`` says what a press means."""
+        """Store the pressed answer; if the robot does not report it, ``tabletSuccessIs`` decides the meaning of a press."""
         if not self.mission.interface.tells_pressed:
             if self.mission.settings.tablet_success_is == YES:
                 self.set_output("visitorResponse", YES)

@@ -7,7 +7,7 @@ from behavior_controller.leaves.data import GESTURE_TARGET, Places
 
 
 class IconicGesture(ServiceLeaf):
-    """``<WelcomeGesture/>``: the iconic gesture whose number is the setting ``setting``."""
+    """``<WelcomeGesture/>``: the iconic gesture with the number in the setting ``setting``."""
 
     asks = PerformGesture
 
@@ -20,12 +20,12 @@ class IconicGesture(ServiceLeaf):
         return PerformGesture("iconic", getattr(settings, self.setting), settings.gesture_duration)
 
     def words(self, request: Request) -> Words:
-        """Say which gesture, in place of its number."""
+        """Name the gesture instead of its number."""
         return super().words(request)._replace(what="the {} gesture".format(self.setting.partition("_")[0]))
 
 
 class PerformDeicticGesture(ServiceLeaf):
-    """``<PerformDeicticGesture/>``: points at the target; exactly (0, 0, 0) is nothing to point at."""
+    """``<PerformDeicticGesture/>``: points at the target; exactly (0, 0, 0) means none."""
 
     asks = PerformGesture
     PORTS = (GESTURE_TARGET.read("target"),)

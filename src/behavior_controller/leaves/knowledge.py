@@ -1,4 +1,4 @@
-"""Leaves of the knowledge base (/knowledgeBase/query) and of the list of exhibits."""
+"""Leaves for the knowledge base (/knowledgeBase/query) and the list of exhibits."""
 from typing import Optional, Sequence
 
 from behavior_controller.events import BEGUN, OMITTED, OVER, TourAdvanced
@@ -10,7 +10,7 @@ from behavior_controller.leaves.data import (CURRENT_EXHIBIT, DESCRIPTION_1, DES
 
 
 def advance(leaf: MissionLeaf, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
-    """Tell how it stands with the exhibit ``index`` (from 0) of the tour."""
+    """Emit the state of the exhibit ``index`` (from 0) of the tour."""
     leaf.mission.events.emit(TourAdvanced(leaf.uid, leaf.registration_id, leaf.full_path, index + 1, len(exhibits),
                                           exhibits[index].name, state))
 
@@ -25,7 +25,7 @@ class RetrieveListOfExhibits(ServiceLeaf):
         return QueryKnowledge("exhibits")
 
     def accept(self, answer: Answer) -> Optional[Failure]:
-        """Keep the list; an empty one is a failure."""
+        """Store the list; an empty list is a failure."""
         if not answer.exhibits:
             return Failure(Cause.MISSING_DATA, "the knowledge base has no exhibits", self.resource)
         for exhibit in answer.exhibits:
@@ -77,16 +77,16 @@ LEAVING_OUT = (EXHIBITS.read(is_optional=True), TARGET_LOCATION.read(is_optional
 
 
 def leave_out_exhibit(leaf: MissionLeaf) -> bool:
-    """Note that the exhibit under way is left out; return whether the tour may still be called one without it.
+    """Note that the current exhibit is left out; return whether the tour is still a tour without it.
 
-    It may not if every exhibit has been left out. The last one then goes back to the list, once: IsListWithExhibit asks
-    for exhibits that have not been visited, and a mission must not take such a tour for a finished one.
+    It is not if every exhibit has been left out. Then the last one goes back to the list, once: IsListWithExhibit asks
+    for exhibits that have not been visited, and a mission must not treat such a tour as finished.
 
     Raises PortError.
     """
     exhibits, index = leaf.get_input_or("exhibits", ()), leaf.get_input_or("nextExhibit", 0) - 1
     if not 0 <= index < len(exhibits) or leaf.get_input_or("targetLocation", None) != exhibits[index].location:
-        return True  # the robot is on no exhibit's behalf under way
+        return True  # no exhibit is under way
     advance(leaf, exhibits, index, OMITTED)
     before = leaf.get_input_or("leftOutExhibits", [])
     left_out = sorted({index}.union(before))
@@ -99,7 +99,7 @@ def leave_out_exhibit(leaf: MissionLeaf) -> bool:
 
 
 class LookUp(ServiceLeaf):
-    """``<LookUpEntrance/>``: asks where a place is, and for some what to point at there."""
+    """``<LookUpEntrance/>``: looks up the location of a place and, for some, its gesture target."""
 
     asks = QueryKnowledge
     PORTS = (TARGET_LOCATION.written(), GESTURE_TARGET.written())
@@ -113,7 +113,7 @@ class LookUp(ServiceLeaf):
         return QueryKnowledge(self.place)
 
     def accept(self, answer: Answer) -> Optional[Failure]:
-        """Keep the place."""
+        """Store the place."""
         if len(answer.exhibits) != 1:
             return Failure(Cause.UNUSABLE_ANSWER, "the knowledge base has {} places for {}; exactly 1 is needed".format(
                 len(answer.exhibits), self.place), self.resource)

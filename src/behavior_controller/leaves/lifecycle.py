@@ -1,4 +1,4 @@
-"""Leaves of the mission itself."""
+"""Leaves about the mission itself."""
 from typing import Optional
 
 from behavior_controller.bt.ends import SUCCEEDS
@@ -8,16 +8,16 @@ from behavior_controller.leaves.base import InstantAction, InstantCondition, Mis
 
 
 def begin_pass(leaf: MissionLeaf) -> None:
-    """Tell that a pass begins, and forget the last visitor."""
+    """Announce that a pass begins, and clear the last visitor's data."""
     leaf.mission.events.emit(Noticed("info", "a pass begins"))
     leaf.mission.begin_visit(leaf.blackboard.root(), leaf.mission.clock.now())
 
 
 class StartOfTree(InstantAction):
-    """``<START_OF_TREE/>``: shows that a pass begins, and forgets the last visitor, as the beginning of a pass does."""
+    """``<START_OF_TREE/>``: announces a pass, and clears the last visitor's data, as the beginning of a pass does."""
 
     def act(self) -> Optional[Failure]:
-        """Tell, and forget."""
+        """Announce and clear."""
         begin_pass(self)
         return None
 

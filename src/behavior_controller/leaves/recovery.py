@@ -1,4 +1,4 @@
-"""HandleFallBack: looks at the failure that brought it there and does what the recovery policy says (D5.4.3 §3.2.4)."""
+"""HandleFallBack: finds the failure that led to it and does what the recovery policy says (D5.4.3 §3.2.4)."""
 from typing import Any, List, Optional
 
 from behavior_controller.bt.engine.clock import Timer
@@ -14,15 +14,15 @@ from behavior_controller.mission_spec import MissionSpec
 from behavior_controller.recovery import GIVEN_UP, End, Recovery, Retry, Step
 
 RETURN_LIMIT = 15.0
-"""Seconds that a retry waits for the return of a service that is known to be gone, if the tour cannot do without."""
+"""Seconds that a retry waits for the return of a service that is known to be gone, if the tour needs the step."""
 
 
 class HandleFallBack(MissionLeaf, ActionLeaf):
-    """``<HandleFallBack/>``: retries the failed step, does another instead, goes on without it, or gives up.
+    """``<HandleFallBack/>``: retries the failed step, runs a substitute, goes on without it, or gives up.
 
-    The failure is the newest one of the leaves before this node below their common parent. Only a step that is itself
-    the neighbour can be retried: of a whole SubTree, redoing one leaf would not do the rest. SUCCESS only if the step
-    was done after all or may be skipped. A visit may be skipped only if that does not leave out every exhibit of the
+    The failure is the newest one of the leaves before this node below their common parent. Only a step that is a sibling
+    can be retried: in a whole SubTree, repeating one leaf would not repeat the rest. SUCCESS only if the step was done
+    after all or may be skipped. A visit may be skipped only if that does not leave out every exhibit of the
     tour.
     """
 
@@ -31,7 +31,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
     _last_number = 0
 
     def on_start(self) -> Result:
-        """Find the failure and begin to recover from it."""
+        """Find the failure and start to recover from it."""
         self.started_at = self.mission.clock.now()
         steps = self._steps()
         failed = self.mission.failures.newest(steps[0].uid if steps else self.uid, self.uid, self._last_number)
@@ -91,13 +91,13 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
                                            outcome != GIVEN_UP, outcome, reason, self.uid))
 
     def _finished(self, outcome: str, failure: Optional[Failure]) -> Result:
-        # a failed recovery is not a failure of its own: what an outer HandleFallBack looks for is the first one
+        # a failed recovery is not recorded as a failure: an outer HandleFallBack looks for the original one
         result = FAILURE if outcome == GIVEN_UP else SUCCESS
         self.report(result, failure if result is FAILURE else None)
         return result
 
     def on_halted(self) -> None:
-        """Drop what is under way."""
+        """Drop the recovery."""
         if self._round is not None:
             self._round.drop()
             self._round = None
@@ -105,7 +105,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
 
 
 class _Round:
-    """One recovery under way: does on the tree what ``Recovery`` decides."""
+    """One recovery under way: carries out the decisions of ``Recovery``."""
 
     def __init__(self, leaf: HandleFallBack, failed: Failed, recovery: Recovery):
         self.failed = failed
@@ -138,7 +138,7 @@ class _Round:
                                              self.recovery.failure, attempt, self.recovery.retries, substitute))
 
     def told(self) -> Optional[Told]:
-        """Return what people are to be told of the attempt that did it."""
+        """Return the sentence about the attempt that succeeded."""
         told, self._doing.told = self._doing.told, None
         return told
 
@@ -151,7 +151,7 @@ class _Round:
         return leaf
 
     def go_on(self) -> Optional[str]:
-        """Return the outcome, or None while there is something to wait for."""
+        """Return the outcome, or None while the recovery waits."""
         while not isinstance(self._step, End):
             if self._waits():
                 return None
@@ -167,7 +167,7 @@ class _Round:
         return self._step.outcome
 
     def _waits(self) -> bool:
-        """Return whether to put the attempt off: for the pause, or for the return of what cannot be done without."""
+        """Return whether to delay the attempt: for the pause, or for the return of a service that the tour needs."""
         if self._attempt is not None or not isinstance(self._step, Retry):
             return False
         if self._pause is not None and self._pause.callback is not None:
@@ -191,7 +191,7 @@ class _Round:
                 timer.cancel()
 
     def drop(self) -> None:
-        """Give up what is under way."""
+        """Drop the requests under way."""
         self._cancel_timers()
         for call in self._safe_state:
             call.drop()

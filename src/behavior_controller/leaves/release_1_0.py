@@ -1,4 +1,4 @@
-"""The words of release 1.0's missions that D5.4.3 has not: their argument is the name of the instance.
+"""The nodes of release 1.0's missions that D5.4.3 lacks: their argument is the name of the instance.
 
 Most are a leaf of D5.4.3 with the argument as its constant.
 """
@@ -29,17 +29,17 @@ ANSWER_WAIT = 10.0
 
 
 class StartOfTree(OptionalServiceLeaf):
-    """``<StartOfTree/>``: shows that a pass begins, and has speech recognised in the mission's language."""
+    """``<StartOfTree/>``: announces a pass, and sets the language of speech recognition."""
 
     asks = SetRecognitionLanguage
 
     def on_start(self) -> Result:
-        """Begin the pass, once however often the language is tried again."""
+        """Begin the pass, only once even if the language is retried."""
         begin_pass(self)
         return super().on_start()
 
     def wanted(self) -> Optional[Request]:
-        """Set the language, if speech is recognised at all."""
+        """Set the language, if speech is recognised."""
         return SetRecognitionLanguage(self.mission.language) if self.mission.settings.asr_enabled else None
 
 
@@ -57,13 +57,13 @@ class SetSpeechEvent(OptionalServiceLeaf):
 
 
 class SetRobotPose(OptionalServiceLeaf):
-    """``<SetRobotPose/>``: tells the localization that the robot is where the tour starts."""
+    """``<SetRobotPose/>``: sets the robot's pose to the start of the tour."""
 
     asks = SetPose
     PORTS = (EXHIBITS.read(is_optional=True),)
 
     def wanted(self) -> Union[Request, Failure]:
-        """Tell the first location of the tour."""
+        """Send the first location of the tour."""
         exhibits = self.get_input_or("exhibits", ())
         if not exhibits:
             return Failure(Cause.MISSING_DATA, "there is no tour yet, whose first location it would be", self.resource)
@@ -73,7 +73,7 @@ class SetRobotPose(OptionalServiceLeaf):
 class SayText(Question):
     """``<SayText name="4"/>``: says a utility phrase.
 
-    It ends the time of older answers, as a question does: some of the phrases are questions.
+    Like a question, it invalidates older answers: some of the phrases are questions.
     """
 
     def __init__(self, name: str, number: int):
@@ -91,7 +91,7 @@ class SayText(Question):
 
 
 class IsVisitorPresent(TopicCondition):
-    """``<IsVisitorPresent/>``: SUCCESS if the visitor is seen; since the mode of attention was set, if it tells."""
+    """``<IsVisitorPresent/>``: SUCCESS if the visitor is seen; if attention reports that, since its mode was set."""
 
     sense = Sense.PRESENCE
     PORTS = (ATTENTION_SET_AT.read(is_optional=True),)
@@ -109,12 +109,12 @@ class HasVisitorResponded(InstantCondition):
     otherwise = "the visitor has not answered"
 
     def holds(self) -> bool:
-        """Return whether there is one that is not empty."""
+        """Return whether a non-empty answer is stored."""
         return bool(self.get_input_or("visitorResponse", ""))
 
 
 class GetVisitorResponse(MissionLeaf, ActionLeaf):
-    """``<GetVisitorResponse/>``: listens for a yes or a no that is said from now on, and stores it.
+    """``<GetVisitorResponse/>``: listens for a yes or a no from now on, and stores it.
 
     SUCCESS with an empty answer if none was understood in ``ANSWER_WAIT``; FAILURE at an error of the recognition.
     """
@@ -126,14 +126,14 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
     _patience: Optional[Timer] = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Find the topic of utterances."""
+        """Get the topic of utterances."""
         super().setup(**kwargs)
         if "mission" in kwargs:
             self.topic = self.mission.interface.evidence(self.sense).topic
             self.resource = self.topic.name
 
     def on_start(self) -> Result:
-        """Forget an older answer and listen."""
+        """Clear an older answer and listen."""
         self.started_at = self.mission.clock.now()
         self.begin_wait(self.sense.awaiting, ANSWER_WAIT)
         self._patience = self.mission.clock.call_after(ANSWER_WAIT, self.wake)
@@ -170,7 +170,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
         return self.succeeded() if failure is None else self.failed(failure)
 
     def on_halted(self) -> None:
-        """Listen no longer."""
+        """Stop listening."""
         self._stop()
         self.report(IDLE)
 

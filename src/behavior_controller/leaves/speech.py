@@ -15,7 +15,7 @@ from behavior_controller.phrases import SPEECHES, Speech
 
 
 class FixedSpeech(ServiceLeaf):
-    """``<WelcomeSpeech/>``: says the text that the language's phrases have under ``phrase``."""
+    """``<WelcomeSpeech/>``: says the language's text for ``phrase``."""
 
     asks = Say
 
@@ -29,17 +29,17 @@ class FixedSpeech(ServiceLeaf):
 
 
 class Question(FixedSpeech):
-    """``<QueryTourSpeech/>``: a speech that asks the visitor, and notes when it has been spoken.
+    """``<QueryTourSpeech/>``: a speech with a question; it notes when it has been spoken.
 
-    Not earlier: the robot must not take its own voice for an answer. A question that failed, at the first attempt or
-    at a retry, ends the time of older answers all the same.
+    Not earlier: the robot must not treat its own voice as an answer. A question that failed, at the first attempt or
+    at a retry, also invalidates older answers.
     """
 
     PORTS = (QUESTION_ASKED_AT.written(),)
-    is_question = True  # in people's eyes
+    is_question = True  # in sentences for people
 
     def words(self, request: Request) -> Words:
-        """Tell a question from what is only said."""
+        """Describe it as a question."""
         words = super().words(request)
         return words._replace(doing="asking", done="asked", kind="asked") if self.is_question else words
 
@@ -54,7 +54,7 @@ class Question(FixedSpeech):
         return None
 
     def attempt_failed(self, failure: Failure) -> Failure:
-        """Note when the attempt was over."""
+        """Note when the attempt ended."""
         try:
             self.set_output("questionAskedAt", self.mission.clock.now())
         except PortError as error:
@@ -70,7 +70,7 @@ class DescribeExhibitSpeech(ServiceLeaf):
 
     asks = Say
     PARTS = {"1": ("description1",), "2": ("description2",), "both": ("description1", "description2")}
-    """The ports whose texts are said."""
+    """The ports with the texts to say."""
 
     PORTS = (CURRENT_EXHIBIT.read(),)
     PART = Port("part", TEXT, is_optional=True, names=("1", "2"),
@@ -89,7 +89,7 @@ class DescribeExhibitSpeech(ServiceLeaf):
                                  self.PART.name)
 
     def request(self) -> Union[Request, Failure, None]:
-        """Say what there is to say; an exhibit without that description is passed over."""
+        """Say the descriptions; a missing one is skipped."""
         self.get_input("currentExhibit")
         part = self.get_input(self.PART.name) if self.PART.name in self.attributes else self.part
         if part not in self.PARTS:
@@ -99,7 +99,7 @@ class DescribeExhibitSpeech(ServiceLeaf):
 
 
 def specs(speeches: Iterable[Speech]) -> Tuple[MissionSpec, ...]:
-    """Return the node types that say these."""
+    """Return the node types of these speeches."""
     return tuple(leaf_spec(speech.node, Question if speech.asks else FixedSpeech, speech.description,
                            arguments={"phrase": speech.node}, is_farewell=speech.is_farewell) for speech in speeches)
 

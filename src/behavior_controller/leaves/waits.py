@@ -30,17 +30,16 @@ def is_asked_again(node: Any) -> bool:
 def wait_for(condition: Any) -> Optional[float]:
     """Return for how many seconds the mission asks ``condition`` again and again while that is false.
 
-    0: without a limit, or the file does not say it as numbers; None: the mission does not wait for it. A ReactiveFallback
-    waits as long as the nodes after the condition take, a loop for the pauses of all its rounds. What the robot does
-    besides in a round ends the search.
+    inf: without a limit, or the file does not say it as numbers; None: the mission does not wait for it. A
+    ReactiveFallback waits as long as the nodes after the condition take, a loop for the pauses of all its rounds. A loop
+    in whose rounds the robot does something else is not a wait.
     """
     node, end = condition, FAILS
     round_takes, wait, does_more = 0.0, None, False
     while node.parent is not None and not does_more:
         parent, place = node.parent, node.parent.children.index(node)
-        before, rest = parent.children[:place], parent.children[place + 1:]
-        later = rest if not parent.spec.next_after or end & parent.spec.next_after else []
-        takes, does_more = _in_turn(before + later)
+        later = parent.children[place + 1:] if not parent.spec.next_after or end & parent.spec.next_after else []
+        takes, does_more = _in_turn(parent.children[:place] + later)
         round_takes += takes + _pause(parent)
         if isinstance(parent, ReactiveFallback) and _in_turn(later)[0]:
             wait = round_takes
@@ -50,10 +49,9 @@ def wait_for(condition: Any) -> Optional[float]:
             round_takes = min(round_takes, _number(parent, "msec") / 1000.0)
             wait = None if wait is None else round_takes
         if not does_more:
-            ends_later = [_end_of(each) for each in later] or [OF_A_LEAF] * len(rest)
-            end = _end(parent, [_end_of(each) for each in before] + [end] + ends_later)
+            end = _end(parent, [end] + [_end_of(each) for each in later])
         node = parent
-    return wait if wait is None or wait < math.inf else 0.0
+    return wait
 
 
 def _in_turn(siblings: List[Any]) -> Tuple[float, bool]:

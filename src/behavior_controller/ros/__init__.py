@@ -1,5 +1,5 @@
 """The robot's side of the seam: the only folder that imports rospy and the generated messages.
 
-Reading order: ``connection`` (one conversation with a peer, bounded in time), ``services`` and ``topics`` (what leaves
-ask for), ``probe`` (the start-up check), ``console`` (what an operator sees) and ``node`` (the main program).
+Reading order: ``connection`` (a connection with a peer, bounded in time), ``services`` and ``topics`` (for the leaves),
+``probe`` (the start-up check), ``console`` (the operator's terminal) and ``node`` (the main program).
 """

@@ -1,7 +1,7 @@
-"""Conversations with ROS peers of which every step ends in bounded time, or at once when another thread says so.
+"""Connections with ROS peers: every step ends in bounded time, or at once when another thread closes the connection.
 
-``rospy.ServiceProxy`` cannot do this: it looks up, connects and shakes hands without a time limit, keeps its socket out
-of reach while it does, and does not tell whether the request had left when the connection broke. So this module speaks
+``rospy.ServiceProxy`` cannot do this: it looks up, connects and shakes hands without a time limit, does not expose its
+socket meanwhile, and does not report whether the request was sent before the connection broke. So this module implements
 the protocols itself, with ROS's own functions for their formats: TCPROS (https://wiki.ros.org/ROS/TCPROS) and the
 XML-RPC interface of the master and of nodes (https://wiki.ros.org/ROS/Master_API, .../Slave_API).
 """
@@ -21,17 +21,17 @@ from behavior_controller.gateway import Cause
 from behavior_controller.text import clean
 
 CONNECT_LIMIT = 4.0
-"""Seconds to look up, connect and shake hands: a peer on the robot's network that takes longer is not there."""
+"""Seconds to look up, connect and shake hands: a peer on the robot's network that takes longer counts as unreachable."""
 
 MOST_BYTES = 64 * 1024 * 1024
-"""A longer header or answer is taken for a broken stream; the longest real one is the list of exhibits."""
+"""The most bytes of a header or answer; a longer one counts as a broken stream. The longest real one lists exhibits."""
 
 _XMLRPC_TROUBLE = (OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError, ValueError,
                    TypeError)
 
 
 class Trouble(BehaviorControllerError):
-    """A conversation failed: why, in the terms of the mission, and a line for an operator without the peer's name."""
+    """A connection failed: the cause, in the terms of the mission, and a line for an operator without the peer's name."""
 
     def __init__(self, cause: Cause, text: str):
         super().__init__(clean(" ".join(text.split()), 500))
@@ -53,7 +53,7 @@ class _TimedTransport(xmlrpc.client.Transport):
 
 
 def _reason(error: Optional[Exception]) -> str:
-    """Return why something failed, as short as the system can say it."""
+    """Return why something failed, in the system's shortest words."""
     if isinstance(error, socket.gaierror):
         return ("the name of its computer cannot be resolved here: enter it in /etc/hosts, or set ROS_IP where the node "
                 "starts")
@@ -61,7 +61,7 @@ def _reason(error: Optional[Exception]) -> str:
 
 
 def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> Any:
-    """Call ``method`` of the master or node at ``uri`` in our name and return its value; None if it has none to give.
+    """Call ``method`` of the master or node at ``uri`` in our name and return its value; None if it reports a failure.
 
     Raises ``Trouble`` (not reachable) if nothing at ``uri`` answers as a ROS node does.
     """
@@ -84,7 +84,7 @@ def ask_master(method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> 
 class Connection:
     """One TCPROS connection. Used by one thread; ``close`` may be called from any other and ends what it waits for.
 
-    Whatever goes wrong is raised as ``Trouble``; then the connection is no longer open, and may be opened again.
+    Every failure is raised as ``Trouble``; then the connection is closed, and may be opened again.
     """
 
     def __init__(self) -> None:
@@ -102,7 +102,7 @@ class Connection:
             return True
         except OSError:
             pass
-        # the end of the stream, or unrequested bytes: of no use either way
+        # the end of the stream, or unrequested bytes: unusable either way
         self.hang_up()
         return False
 
@@ -116,11 +116,11 @@ class Connection:
             if trouble.cause is Cause.NO_ANSWER:
                 raise Trouble(trouble.cause, "{}:{} takes the connection but does not answer; nothing was asked of it"
                               .format(host, port))
-            # what is lost before the handshake is over never stood
+            # a connection lost before the end of the handshake never existed
             raise Trouble(Cause.NOT_REACHABLE, "{}:{}: {}".format(host, port, trouble))
 
     def _connect(self, host: str, port: int, seconds: float) -> None:
-        """Connect to the first of the host's addresses that takes the connection."""
+        """Connect to the first of the host's addresses that accepts the connection."""
         error: Optional[Exception] = None
         try:
             for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
@@ -136,7 +136,7 @@ class Connection:
         self._socket = sock
         try:
             sock.settimeout(seconds)
-            # looked at only now that the socket is in reach of ``close``: one of the two threads sees the other
+            # checked only after ``close`` can reach the socket: one of the two threads sees the other
             if self.closed:
                 raise OSError("closed")
             sock.connect(address)
@@ -146,7 +146,7 @@ class Connection:
         return None
 
     def _read_header(self) -> Dict[str, str]:
-        """Read and decode the peer's half of the handshake; raises ``Trouble`` if it is none."""
+        """Read and decode the peer's half of the handshake; raises ``Trouble`` if it is invalid."""
         length = self.receive(4)
         body = self.receive(struct.unpack("<I", length)[0])
         try:
@@ -158,7 +158,7 @@ class Connection:
     def notice_a_dead_host(self) -> None:
         """Have an idle connection end after about three seconds without a sign of life from the peer's host.
 
-        A host that is switched off or out of reach says no goodbye.
+        A host that is switched off or unreachable does not close its connections.
         """
         if self._socket is not None:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -166,12 +166,12 @@ class Connection:
                 self._socket.setsockopt(socket.IPPROTO_TCP, option, value)
 
     def wait_without_limit(self) -> None:
-        """Let later readings take as long as they need: from here on ``close`` is the limit."""
+        """Remove the time limit of later reads: from here on only ``close`` ends them."""
         if self._socket is not None:
             self._socket.settimeout(None)
 
     def send(self, data: bytes) -> None:
-        """Send ``data``. After ``Trouble`` it is not known whether the peer has got it."""
+        """Send ``data``. After ``Trouble`` it is unknown whether the peer has received it."""
         try:
             self._connected().sendall(data)
         except OSError as error:
@@ -187,7 +187,7 @@ class Connection:
         return bytes(data)
 
     def receive_some(self, most: int) -> bytes:
-        """Read what is there, at least one byte and ``most`` at the most."""
+        """Read the available bytes, at least one and at most ``most``."""
         try:
             chunk = self._connected().recv(most)
         except OSError as error:
@@ -200,20 +200,20 @@ class Connection:
         return self._socket or self._lose("it is not open")
 
     def _lose(self, reason: Any) -> NoReturn:
-        """Give the socket back and raise."""
+        """Close the socket and raise ``Trouble``."""
         self.hang_up()
         # a limit of ours has no error number; from Python 3.10 on, an ETIMEDOUT of the system is of the same class
         is_late = isinstance(reason, socket.timeout) and reason.errno is None
         raise Trouble(Cause.NO_ANSWER if is_late else Cause.CONNECTION_LOST, "the connection broke ({})".format(reason))
 
     def hang_up(self) -> None:
-        """Give the socket back; from the thread that uses the connection only."""
+        """Close the socket; only for the thread that uses the connection."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def close(self) -> None:
-        """End the connection for good, from any thread: what its user waits for fails at once, and the user frees it.
+        """End the connection permanently, from any thread: the wait of its user fails at once, and the user frees it.
 
         The socket is shut down but not closed here: its number must not be reused while the other thread reads from it.
         """
@@ -223,4 +223,4 @@ class Connection:
             try:
                 sock.shutdown(socket.SHUT_RDWR)
             except OSError:
-                pass  # not connected yet, or given back a moment ago
+                pass  # not connected yet, or already closed

@@ -1,4 +1,4 @@
-"""What an operator sees: the story of the run as lines on the terminal and on /rosout, and never a traceback.
+"""The operator's lines: the story of the run on the terminal and on /rosout, and never a traceback.
 
 Normal mode: start-up lines, the story's sentences, and a heartbeat. Verbose mode: also a line for each leaf that finishes
 and for each attempt that failed. Each line is handed to the threads of its sinks (terminal, log file, /rosout).
@@ -21,16 +21,16 @@ from behavior_controller.story import Story
 from behavior_controller.text import clean
 
 FORMAT = "ROSCONSOLE_FORMAT"
-"""The variable of the environment that says how rospy writes a line."""
+"""The environment variable with rospy's format of a line."""
 
 FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
-"""Its value on a terminal, if it has none: the time of day, where rospy's own has seconds since 1970."""
+"""Its default on a terminal: the time of day; rospy's own default has seconds since 1970."""
 
 REST = 0.05
-"""Seconds between two times that lines are made of what has happened, so that nothing the robot does waits for them."""
+"""Seconds between two rounds of formatting lines, so that nothing the robot does waits for them."""
 
 MOST_WAITING = 10_000
-"""Events and lines that may wait to be told."""
+"""The most events and lines that wait to be formatted."""
 
 HEARTBEAT = 10.0
 """Seconds between two ``running`` lines (the project's standard, D3.2)."""
@@ -42,18 +42,18 @@ FILE_ONLY = "behavior_controller"
 """The logger that reaches the log file alone."""
 
 SHORTAGES = (errno.ENOMEM, errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOSPC)
-"""What the system says when it gives no more memory, threads, files or room on the disk."""
+"""The system's error numbers for a shortage of memory, threads, files or disk space."""
 
 
 SHORTAGE_SPAN = 1.0
-"""Seconds in which a shortage is told once: it meets many threads at the same moment."""
+"""Seconds in which a shortage is reported only once: it hits many threads at the same moment."""
 
 
 class Console:
-    """Writes events as lines. A sink of ``Events``. No thread that tells something waits for it to be written."""
+    """Writes events as lines. A sink of ``Events``. No thread that reports something waits for the writing."""
 
     def __init__(self) -> None:
-        """Take over the standard streams. Raises RuntimeError if no thread can be started."""
+        """Redirect the standard streams. Raises RuntimeError if no thread can be started."""
         self.is_verbose = False  # until the configuration is known
         if sys.stdout.isatty():
             os.environ.setdefault(FORMAT, FOR_PEOPLE)
@@ -64,13 +64,13 @@ class Console:
         self._logger = logging.getLogger(ROSOUT)
         self._shortage_told = -SHORTAGE_SPAN
         logging.getLogger("rosout").addFilter(_make_safe)  # of rospy's own lines; ours go by ``tell``
-        logging.raiseExceptions = False  # a log that cannot be written is not a reason for a traceback on the terminal
+        logging.raiseExceptions = False  # no traceback on the terminal for a log that cannot be written
         self.attach()
 
     def attach(self) -> None:
-        """Have lines written by threads of ours. To be called again when rospy has set up its logging.
+        """Have lines written by our threads. To be called again when rospy has set up its logging.
 
-        rospy sets up none when it has nowhere for its log file.
+        rospy sets up none if it cannot write its log file.
         """
         rosout = logging.getLogger("rosout")
         if not any(isinstance(handler, RosStreamHandler) for handler in rosout.handlers):
@@ -89,7 +89,7 @@ class Console:
         return detached
 
     def keep_details(self, text: str) -> str:
-        """Have ``text`` written to the log file alone, or to a file of its own while there is none; return the path."""
+        """Have ``text`` written only to the log file, or to a separate file if there is none; return the path."""
         root = logging.getLogger()
         paths = [handler.path for handler in root.handlers if isinstance(handler, Detached) and handler.path]
         if not paths:
@@ -103,11 +103,11 @@ class Console:
         drain(self._sinks, seconds)
 
     def __call__(self, event: Event) -> None:
-        """Have written what the story tells of ``event``."""
+        """Have the story's sentences about ``event`` written."""
         self._lines.put((time.time(), event, self.is_verbose))
 
     def tell(self, severity: str, text: str) -> None:
-        """Write ``text`` as one line, whatever it quotes, at ``info``, ``warning`` or ``error``; from any thread."""
+        """Write ``text`` as one clean line at ``info``, ``warning`` or ``error``; from any thread."""
         self._lines.put((severity, text))
 
     def _write(self, told: Union[Tuple[str, str], Tuple[float, Event, bool]]) -> None:
@@ -132,7 +132,7 @@ class Console:
         getattr(self._logger, severity)("behaviorController: %s", text)
 
     def tell_shortage(self, error: BaseException) -> None:
-        """Tell in one line that memory, threads or files are used up, unless that was said a moment ago."""
+        """Report in one line that memory, threads or files are used up, at most once in ``SHORTAGE_SPAN`` seconds."""
         now = time.monotonic()
         if now - self._shortage_told >= SHORTAGE_SPAN:
             self._shortage_told = now
@@ -149,7 +149,7 @@ class Console:
 
 
 def _make_safe(record: logging.LogRecord) -> bool:
-    """Make a message of rospy's one clean line; a traceback goes to the log file alone. A filter of its logger."""
+    """Turn a message of rospy's into one clean line; a traceback goes only to the log file. A filter of its logger."""
     head, found, _ = record.getMessage().partition("\nTraceback (most recent call last)")
     if found:
         logging.getLogger(FILE_ONLY).error("%s", record.getMessage())
@@ -163,7 +163,7 @@ def reason(failure: Any) -> str:
 
 
 def report_internal_error(console: Console, error: BaseException) -> None:
-    """Tell in one line of a mistake of ours, and where its traceback is; or that a resource is used up."""
+    """Report in one line an internal error and the place of its traceback, or that a resource is used up."""
     if is_shortage(error):
         console.tell_shortage(error)
         return
@@ -174,6 +174,6 @@ def report_internal_error(console: Console, error: BaseException) -> None:
 
 
 def is_shortage(error: BaseException) -> bool:
-    """Whether ``error`` says that the machine, or a limit set on it, is the cause."""
+    """Whether the cause of ``error`` is a shortage of the machine, or a limit set on it."""
     return (isinstance(error, MemoryError) or isinstance(error, OSError) and error.errno in SHORTAGES
             or isinstance(error, RuntimeError) and "start new thread" in str(error))

@@ -1,8 +1,8 @@
-"""Where services and publishers are: what the ROS master says, and what it said before it went away or was replaced.
+"""The addresses of services and publishers, from the ROS master, also after it stopped answering or was replaced.
 
-A restarted master knows none of the running nodes. What it has forgotten is looked for where it was last,
-and this node's registrations are made again. Every contact is bounded in time, and rospy's own registrations are not
-used for it: they wait for a master without a limit, and hold rospy's locks while they do.
+A restarted master knows none of the running nodes. For what it has forgotten the last address is used, and this node
+registers again. Every contact is bounded in time. rospy's own registrations are not used for it: they wait for a master
+without a limit, and hold rospy's locks meanwhile.
 """
 import threading
 import time
@@ -17,25 +17,25 @@ LOOK_LIMIT = 1.5
 """Seconds after which a master that has not answered counts as away."""
 
 FAREWELL_LIMIT = 0.2
-"""Seconds that the master has at the end of the process to forget each subscription."""
+"""Seconds to unregister each subscription at the end of the process."""
 
 
 class Place(NamedTuple):
-    """The address of a service, and whether the master lists it: else it is where the service was last."""
+    """The address of a service, and whether the master lists it; otherwise it is the last known address."""
 
     uri: str
     is_listed: bool
 
 
 class _Entry(NamedTuple):
-    """Addresses, and the number of the registration under which the master told them."""
+    """Addresses, and the number of the registration under which the master listed them."""
 
     registration: int
     uris: Tuple[str, ...]
 
 
 class Directory:
-    """Asks the master, and remembers. Any thread may ask; ``look`` belongs to one."""
+    """Asks the master, and remembers its answers. Any thread may ask; ``look`` belongs to one thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -45,18 +45,18 @@ class Directory:
         self._publishing: Mapping[str, Any] = {}  # topic: names of the nodes that publish it
         self._offered: FrozenSet[str] = frozenset()
         self._is_registered = False
-        self._registration = 0  # grows whenever the master turns out to have forgotten this node
-        self._asked_at: Optional[float] = None  # when the question that is not answered yet was asked
+        self._registration = 0  # grows whenever the master has forgotten this node
+        self._asked_at: Optional[float] = None  # when the unanswered question was asked
         self._unanswered = 0  # questions since the last answer
 
     @property
     def is_away(self) -> bool:
-        """Whether the master did not answer when it was looked at last, or has not answered for too long."""
+        """Whether the master did not answer at the last ``look``, or has not answered for too long."""
         return self._unanswered + self._is_late >= 1
 
     @property
     def is_lost(self) -> bool:
-        """Whether that was so twice in a row: over a poor link one question in a hundred is lost."""
+        """Whether it failed to answer twice in a row: over a poor link one question in a hundred is lost."""
         return self._unanswered + self._is_late >= 2
 
     @property
@@ -75,9 +75,9 @@ class Directory:
     # -------------------------------------------------------------------------------------------------------- services
 
     def service(self, name: str, seconds: float, seconds_if_known: float = LOOK_LIMIT) -> Place:
-        """Return where the service ``name`` is, or was last if the master does not answer.
+        """Return the address of the service ``name``, or the last one if the master does not answer.
 
-        ``seconds`` bounds each step of asking; ``seconds_if_known`` does so for a service that was found before.
+        ``seconds`` bounds each step of the lookup; ``seconds_if_known`` replaces it for a service that was found before.
         Raises ``Trouble`` if no node offers it, or if the master does not answer and the service was never found.
         """
         with self._lock:
@@ -99,11 +99,11 @@ class Directory:
 
     @staticmethod
     def _is_unknown_to_master() -> bool:
-        """Return whether the master is one that ``look`` has not met yet."""
+        """Return whether the master is a new one, which ``look`` has not seen yet."""
         return ask_master("lookupNode", rospy.get_name(), seconds=LOOK_LIMIT) is None
 
     def _settle(self, entries: Dict[str, _Entry], name: str, found: Tuple[str, ...]) -> Tuple[str, ...]:
-        """Return ``found``; if it is empty and the master has forgotten this node since, what was found before."""
+        """Return ``found``; if it is empty and the master has forgotten this node since, the earlier result."""
         with self._lock:
             before = entries.get(name)
             if found:
@@ -111,7 +111,7 @@ class Directory:
             elif before is not None and before.registration != self._registration:
                 return before.uris
             else:
-                entries.pop(name, None)  # its node has signed off
+                entries.pop(name, None)  # its node has unregistered
         return found
 
     # ---------------------------------------------------------------------------------------------------------- topics
@@ -123,7 +123,7 @@ class Directory:
     def publishers(self, topic: str, known: Mapping[str, str]) -> Tuple[str, ...]:
         """Return the addresses of the nodes that published ``topic`` at the last ``look``.
 
-        ``known`` has addresses of nodes that need not be asked for. Raises ``Trouble`` if the master does not answer.
+        ``known`` has addresses of nodes that need no lookup. Raises ``Trouble`` if the master does not answer.
         """
         uris = [known.get(node) or self._ask("lookupNode", node) for node in self._publishing.get(topic, ())]
         return self._settle(self._topics, topic, tuple(uri for uri in uris if uri))
@@ -133,7 +133,7 @@ class Directory:
         return topic in self._publishing
 
     def look(self) -> None:
-        """See how things stand, and register what the master does not know. Raises ``Trouble`` without an answer."""
+        """Read the master's state, and register what it does not know. Raises ``Trouble`` without an answer."""
         publishers, subscribers, services = self._ask("getSystemState") or ([], [], [])
         ours = {topic for topic, nodes in subscribers if rospy.get_name() in nodes}
         if not ours.issuperset(self._subscriptions):
@@ -141,10 +141,10 @@ class Directory:
         with self._lock:
             self._publishing = dict(publishers)
             self._offered = frozenset(name for name, _ in publishers + services)
-        self._unanswered = 0  # only now is it known whether the master is a new one
+        self._unanswered = 0  # only now it is known whether the master is a new one
 
     def _ask(self, method: str, *arguments: Any) -> Any:
-        """Call the master, and note if it does not answer; that it does again is noted when a whole ``look`` is over."""
+        """Call the master, and note if it does not answer; its return is noted only after a whole ``look``."""
         self._asked_at = time.monotonic()
         try:
             return ask_master(method, *arguments, seconds=LOOK_LIMIT)
@@ -158,7 +158,7 @@ class Directory:
         """Register the subscriptions; with a master that has forgotten this node, also what rospy had registered."""
         me, uri = rospy.get_name(), rospy.core.get_node_uri()
         if self._ask("lookupNode", me) not in (None, uri) or rospy.core.is_shutdown_requested():
-            return  # a newer node has taken our name: it must not lose it to us
+            return  # a newer node has our name and must keep it
         if self._is_registered:
             self._is_registered = False
             with self._lock:
@@ -171,7 +171,7 @@ class Directory:
         self._is_registered = True
 
     def sign_off(self) -> None:
-        """Have the master forget the subscriptions, if it answers."""
+        """Unregister the subscriptions, if the master answers."""
         try:
             for topic in self._subscriptions if self._is_registered and not self.is_away else ():
                 ask_master("unregisterSubscriber", topic, rospy.core.get_node_uri(), seconds=FAREWELL_LIMIT)
@@ -180,4 +180,4 @@ class Directory:
 
 
 DIRECTORY = Directory()
-"""The one of this process, as rospy has one node for each process."""
+"""The directory of this process, as rospy has one node for each process."""

@@ -1,8 +1,8 @@
-"""Hears what visitors say by an action, where the robot offers one in place of the topic of utterances.
+"""Gets the visitors' utterances by an action, if the robot offers one instead of the topic.
 
-While a mission listens and the topic has no publisher, the action gets one goal after the other, and what a result
-brings is taken for a message of the topic. actionlib's client registers with the master and may wait for it, so all of
-it is used on a thread of its own.
+While a mission listens and the topic has no publisher, the action gets one goal after the other, and each result
+becomes a message of the topic. actionlib's client registers with the master and may wait for it, so it is only used on
+a separate thread.
 """
 import math
 import threading
@@ -19,32 +19,32 @@ from behavior_controller.ros.directory import DIRECTORY
 from behavior_controller.ros.types import TYPES
 
 ROUND = 0.5
-"""Seconds between two looks for the action's server."""
+"""Seconds between two searches for the action's server."""
 
 ROUND_WHEN_LISTENING = 0.05
 """The same while a mission listens."""
 
 REST = 0.25
-"""Seconds between a goal that brought nothing and the next: a server may refuse each at once."""
+"""Seconds between a goal without a result and the next: a server may refuse each at once."""
 
 PATIENCE = 2.0
-"""Seconds in which a server acknowledges a goal, and sends the result of one that has ended."""
+"""Seconds within which a server acknowledges a goal, and sends the result of an ended one."""
 
 
 class Hearing:
-    """The action of ``topic``: ``listen`` is for the tick thread and never waits; results come on rospy's threads."""
+    """The action of ``topic``: ``listen`` is for the tick thread and never waits; results arrive on rospy's threads."""
 
     def __init__(self, topic: Topic, action: Action, is_published: Callable[[], bool],
                  take: Callable[[Any], None], warn: Callable[[str], None]):
-        """``is_published`` tells whether the topic itself has a publisher; ``take`` gets what was heard."""
+        """``is_published`` returns whether the topic itself has a publisher; ``take`` gets each utterance."""
         self.name = rospy.resolve_name(action.name)
         self._action = action
         self._type = TYPES[action]
         self._is_published = is_published
         self._take = take
         self._warn = warn
-        self._told = ""  # the last failure that was warned of
-        self._until = -math.inf  # when the mission listens no longer
+        self._told = ""  # the last failure with a warning
+        self._until = -math.inf  # when the listening ends
         self._again_at = -math.inf  # when the next goal may be sent
         self._client: Optional[actionlib.ActionClient] = None
         self._goal: Any = None  # the handle of the goal under way
@@ -64,7 +64,7 @@ class Hearing:
             client.pub_goal, client.pub_cancel, client.status_sub, client.result_sub))
 
     def listen(self, seconds: float) -> None:
-        """Have goals sent for so long, from now; 0: no longer, and the one under way is cancelled."""
+        """Have goals sent for ``seconds`` from now; 0: stop, and cancel the current goal."""
         self._until = time.monotonic() + seconds if seconds > 0 else -math.inf
         self._changed.set()
 
@@ -77,12 +77,12 @@ class Hearing:
             try:
                 self._go_on()
             except (rospy.ROSException, OSError):
-                pass  # the node ends, or the master is away: it is tried again
+                pass  # the node ends, or the master does not answer: it is tried again
             self._changed.wait(ROUND_WHEN_LISTENING if self._is_listening else ROUND)
             self._changed.clear()
 
     def _go_on(self) -> None:
-        """Do what is due: meet the server, send a goal, or give one up."""
+        """Do what is due: connect to the server, send a goal, or abandon one."""
         if self._client is None:
             if DIRECTORY.is_published("{}/status".format(self.name)):
                 self._client = actionlib.ActionClient(self._action.name, self._type)
@@ -101,7 +101,7 @@ class Hearing:
             self._goal = client.send_goal(goal, self._moved)
 
     def _look_after(self, goal: Any) -> None:
-        """Give up a goal that the server cannot end any more, and send one again that it has not taken."""
+        """Abandon a goal that the server can no longer end, and resend one that it has not accepted."""
         state = goal.get_comm_state()
         if state != CommState.WAITING_FOR_RESULT:
             self._result_due = time.monotonic() + PATIENCE
@@ -110,7 +110,7 @@ class Hearing:
         elif time.monotonic() > self._result_due:
             self._fail(goal, "its result did not come")
         elif state == CommState.WAITING_FOR_GOAL_ACK and time.monotonic() > self._sent_at + PATIENCE:
-            self._cancel(goal)  # rospy may have sent it to a server that is no more, and takes that for a success
+            self._cancel(goal)  # rospy may have sent it to a server that has ended, and counts that as a success
 
     def _cancel(self, goal: Any) -> None:
         if self._end_goal(goal) is not None:
@@ -125,7 +125,7 @@ class Hearing:
             return goal
 
     def _moved(self, goal: Any) -> None:
-        """Take the result of a goal that is done; on a thread of rospy's."""
+        """Process the result of a goal; on one of rospy's threads."""
         if goal.get_comm_state() != CommState.DONE or self._end_goal(goal) is None:
             return
         self._again_at = time.monotonic() + REST
@@ -146,7 +146,7 @@ class Hearing:
             self._tell(reason)
 
     def _tell(self, reason: str) -> None:
-        """Have the mission hear that the action failed, as a topic says an error of its node, and warn once."""
+        """Publish that the action failed, in the form of an error on the topic, and warn once."""
         text = "Error: {} {}".format(self.name, reason)
         if text != self._told:
             self._told = text

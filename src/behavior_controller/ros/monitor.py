@@ -1,8 +1,8 @@
-"""Monitors the robot while the mission runs: which node is gone or back, which topic silent, whether a master answers.
+"""Monitors the robot while the mission runs: nodes that go or return, silent topics, the master.
 
-Each service has a thread that holds an idle connection to its server: its end tells at once that the server is gone,
-and costs nothing while it is there. Topics and master are judged four times a second by what ``RosTopics`` and ``Directory``
-have found, so that no judgement waits for a master. What changes goes to ``Health``.
+Each service has a thread with an idle connection to its server: the end of the connection shows at once that the server
+is gone, and the wait costs nothing. Topics and master are judged four times a second by the state of ``RosTopics`` and
+``Directory``, so that no judgement waits for a master. Changes go to ``Health``.
 """
 import threading
 import time
@@ -21,7 +21,7 @@ from behavior_controller.ros.subscription import STEP_LIMIT
 from behavior_controller.ros.topics import Latch, RosTopics
 
 LOOK = 0.25
-"""Seconds between two looks at topics and master: what happens to them is to be told within two."""
+"""Seconds between two checks of topics and master: their changes must be reported within two seconds."""
 
 ROUND = 0.5
 """Seconds between two attempts to reach a server that is gone."""
@@ -30,15 +30,15 @@ SILENCE = 1.25
 """Seconds without a message after which a continuous topic is silent, unless its messages are rare."""
 
 GAPS = 12
-"""A topic is silent only after so many times its usual gap: where messages arrive at random, one gap may be long."""
+"""A topic is silent only after this many times its usual gap: with random arrivals a single gap may be long."""
 
 FIRST_SILENCE = 10.0
-"""The same as ``SILENCE`` while fewer than ``ENOUGH`` messages have told how often the topic speaks."""
+"""The same as ``SILENCE`` until ``ENOUGH`` messages have shown the topic's rate."""
 
 ENOUGH = 5
 
 LONELY = 0.9
-"""Seconds without a connection after which a topic is gone: a connection that broke is first made again.
+"""Seconds without a connection after which a topic is gone: a broken connection is first made again.
 
 Over a link of 100 ms that takes 0.85 s.
 """
@@ -49,12 +49,12 @@ RECONNECT = 3.0
 RETURN_LIMIT = 1.3
 """Seconds for each step of a connection to a server whose last one broke; then it is gone.
 
-Long enough for one lost packet; and with the three seconds and a half after which the connection to a host out of
-reach breaks, that is told within five.
+It is long enough for one lost packet. The connection to an unreachable host breaks after three and a half seconds, so
+that is reported within five.
 """
 
 RETRY = 0.05
-"""Seconds between a connection that broke and the next one: a server may end each."""
+"""Seconds between a broken connection and the next one: a server may end each at once."""
 
 NO_MASTER = ("the mission goes on with the nodes where they were last, but finds none that is started now")
 
@@ -63,26 +63,26 @@ NEW_MASTER = ("the mission goes on with them where they were last, as long as th
 
 
 class Monitor:
-    """Monitors what is ``include``d of what the robot's nodes offer, and the master, until ``close``."""
+    """Monitors the ``include``d services and topics, and the master, until ``close``."""
 
     def __init__(self, interface: Interface, topics: RosTopics, health: Health, is_asr_enabled: Callable[[], bool]):
-        """While ``is_asr_enabled()`` is false speech is of no use, and its topic is not monitored."""
+        """While ``is_asr_enabled()`` is false, speech is not used, and its topic is not monitored."""
         self._parts: Tuple[Part, ...] = ()
         self._topics = topics
         self._speech = interface.evidence(Sense.UTTERANCE).topic
         self._health = health
         self._is_asr_enabled = is_asr_enabled
         self._connections: Dict[Part, Connection] = {}
-        self._reported: Dict[Tuple[str, str], bool] = {}  # whether it was well, by name and respect
+        self._reported: Dict[Tuple[str, str], bool] = {}  # whether it was all right, by name and respect
         self._closed = threading.Event()
         self._was_there: Set[Part] = set()  # the services that the robot has
         self._may_lack: FrozenSet[Part] = frozenset()
         self._lonely: Dict[Part, float] = {}  # since when a topic has had no connection
-        # when a topic that is silent was heard last, and after how much silence it is connected to again
+        # of a silent topic: time of its last message, and the silence after which to reconnect
         self._silent: Dict[Part, Tuple[float, float]] = {}
 
     def include(self, offers: Iterable[Union[Service, Topic]], may_lack: bool = False) -> None:
-        """Monitor these services and topics too. ``may_lack``: nothing is told of what was never there."""
+        """Monitor these services and topics too. ``may_lack``: those that never existed are not reported."""
         parts = parts_of(offers)
         added = [part for part in parts if part not in self._parts]
         self._parts += tuple(added)
@@ -92,7 +92,7 @@ class Monitor:
                 threading.Thread(target=self._watch, args=(part,), daemon=True, name="monitor " + part.name).start()
 
     def start(self) -> None:
-        """Start to look at topics and the master."""
+        """Start monitoring topics and the master."""
         threading.Thread(target=self._look_around, daemon=True, name="monitor topics and master").start()
 
     def close(self) -> None:
@@ -104,7 +104,7 @@ class Monitor:
     # -------------------------------------------------------------------------------------------------------- services
 
     def _watch(self, part: Part) -> None:
-        """Hold a connection to a server and report when there is none, and when there is one again."""
+        """Keep a connection to a server and report its loss and return."""
         while not self._closed.is_set():
             try:
                 self._hold(part)
@@ -137,7 +137,7 @@ class Monitor:
         connection.hang_up()
 
     def _report(self, respect: str, change: HealthChanged) -> None:
-        """Tell the health what has changed, and only that: it wakes the tree. Each thread has parts of its own."""
+        """Report a changed state to the health; only changes, since each wakes the tree. Each thread has its own parts."""
         if self._reported.get((change.name, respect), True) is not change.is_well:
             self._reported[change.name, respect] = change.is_well
             self._health.report(respect, change)
@@ -159,7 +159,7 @@ class Monitor:
                     self._look_at(part, self._topics.latches[part.offer])
 
     def _look_at_master(self) -> None:
-        """Tell whether the master answers, and whether it is one that does not know the robot's nodes."""
+        """Report whether the master answers, and whether it has forgotten the robot's nodes."""
         name, forgotten = rosgraph.get_master_uri(), DIRECTORY.forgotten
         if DIRECTORY.is_lost:
             self._report(GONE, HealthChanged("master", name, "", False, "does not answer", NO_MASTER))
@@ -172,7 +172,7 @@ class Monitor:
                 ", ".join(nodes)) if nodes else "knows the robot's nodes again", NEW_MASTER if nodes else ""))
 
     def _look_at(self, part: Part, latch: Latch) -> None:
-        """Tell whether a topic is published at all, and whether it has been silent for too long."""
+        """Report whether a topic is published, and whether it has been silent for too long."""
         if latch.count:
             self._health.hear(part.name, latch.last_arrival)
         now = time.monotonic()
@@ -186,9 +186,9 @@ class Monitor:
             self._look_at_silence(part, latch, now - latch.last_arrival)
 
     def _look_at_silence(self, part: Part, latch: Latch, silence: float) -> None:
-        """Tell when a continuous topic falls silent, and reconnect to its publisher while it stays so."""
+        """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""
         heard, again_at = self._silent.get(part, (0.0, 0.0))
-        if heard == latch.last_arrival:  # still: a new connection alone is not a sign of life
+        if heard == latch.last_arrival:  # still silent: a new connection alone proves nothing
             if silence >= again_at:
                 self._silent[part] = heard, silence + RECONNECT
                 latch.reconnect()
@@ -204,7 +204,7 @@ class Monitor:
 
 
 def _absence(latch: Latch) -> str:
-    """Return why a topic is not connected, as far as that is known."""
+    """Return why a topic is not connected, if that is known."""
     if latch.wrong_publishers:
         return "published by {}; expected is {}".format(", ".join(latch.wrong_publishers), latch.type_name)
     if latch.unreachable:

@@ -1,7 +1,7 @@
 """The main program: checks everything, then runs the mission until it is over or stopped.
 
-Nothing moves before the configuration, the mission and the robot's nodes have been found right. Whatever is wrong is
-told in full, in lines for an operator, and the exit code says of which kind it was.
+Nothing moves before the configuration, the mission and the robot's nodes have been checked. Every fault is reported in
+lines for an operator, and the exit code says which kind it was.
 """
 import collections
 import os
@@ -47,7 +47,7 @@ NAME = "behaviorController"
 NO_TOPICS_IN_ROSOUT = "/rosout_disable_topics_generation"
 
 NO_RECORD = "none"
-"""The value of ``recordDirectory`` that has nothing recorded."""
+"""The value of ``recordDirectory`` that turns recording off."""
 
 USAGE = """usage: rosrun cssr_system behaviorController [_key:=value ...] [name:=other_name ...]
 
@@ -57,26 +57,26 @@ A SIGHUP (kill -HUP) has it read configuration and mission again, for the next v
 
 exit codes: 0 the last pass was a SUCCESS, or another node was started under the same name; 3 it was a FAILURE;
             1 nodes of the robot are missing; 2 the configuration or the mission is wrong;
-            4 the node could not go on: no memory, threads or files left, or an error of its own"""
+            4 the node could not go on: no memory, threads or files left, or an internal error"""
 
 START_LIMIT = 15.0
-"""Seconds that each step of the start may take which asks the master or a disk."""
+"""Seconds that each step of the start may take that uses the master or a disk."""
 
 LAST_LINES = 0.2
-"""Seconds for lines that are not written yet. Twice this, the safe state and ``CLOSING`` fit into STOP_LIMIT."""
+"""Seconds to write the remaining lines. Twice this, the safe state and ``CLOSING`` fit into STOP_LIMIT."""
 
 CLOSING = 0.4
-"""Seconds at the end to part from the master and to close what monitors the mission."""
+"""Seconds at the end to unregister from the master and to close the monitoring."""
 
 CLOSING_UNHURRIED = 2.0
 """The same if no stop was requested."""
 
 PARTING = "the node ends"
 REQUESTED = "external shutdown request"
-"""How rospy's reason begins when another node or the master asked us to end."""
+"""The beginning of rospy's reason when another node or the master asked this node to end."""
 
 NAME_IS_TAKEN = "same name"
-"""Part of the reason for which the master ends a node when another one registers under its name."""
+"""A part of the master's reason when it ends a node because another registers under its name."""
 
 
 def main(argv: List[str]) -> int:
@@ -103,7 +103,7 @@ def leave(code: int) -> None:
 
 
 def _explain(arguments: List[str]) -> int:
-    """Print what can be said on the command line; the exit code tells whether that was asked for."""
+    """Print the usage; the exit code says whether it was requested."""
     is_asked = arguments[0] in ("-h", "--help")
     if is_asked:
         print("\n".join([USAGE, "", "keys, their defaults and meanings:"] + help_lines(
@@ -117,7 +117,7 @@ def _explain(arguments: List[str]) -> int:
 
 
 def _join_ros(argv: List[str]) -> None:
-    """Become a ROS node, or say in one line why that is not possible; rospy alone would wait for ever for a master."""
+    """Become a ROS node, or say in one line why that is not possible; rospy alone would wait for a master without end."""
     try:
         is_silent = ask_master("getParam", NO_TOPICS_IN_ROSOUT)
     except Trouble:
@@ -135,7 +135,7 @@ def _join_ros(argv: List[str]) -> None:
 
 
 def _part_from_ros() -> None:
-    """Have the master forget us. rospy then waits for threads of its own, which we need not do."""
+    """Unregister from the master. Unlike rospy's own shutdown, this does not wait for rospy's threads."""
     is_forgotten = threading.Event()
     rospy.core.add_shutdown_hook(lambda reason: is_forgotten.set())
     threading.Thread(target=rospy.signal_shutdown, args=(PARTING,), daemon=True).start()
@@ -153,11 +153,11 @@ class _Node:
         self._console = console
         self._signals = signals
         self._wake = WakeUp()
-        self._stop_code: Optional[int] = None  # of a stop that has one of its own
+        self._stop_code: Optional[int] = None  # of a stop with a special exit code
         self._run: Optional[_Run] = None
 
     def run(self) -> int:
-        """Do everything, and return the exit code. Raises nothing."""
+        """Run the node, and return the exit code. Raises nothing."""
         console = self._console
         threading.excepthook = lambda failed: report_internal_error(console, failed.exc_value or failed.exc_type())
         self._signals.wake(self._wake.emit)
@@ -178,11 +178,11 @@ class _Node:
             return exits.BROKEN
 
     def _carry_out(self) -> int:
-        """Take the steps of the start in order, which raise what is wrong; run the mission and return the exit code."""
+        """Do the steps of the start, each of which raises its faults; run the mission and return the exit code."""
         console, wake, clock = self._console, self._wake, Clock()
         master = "the ROS master at {}".format(rosgraph.get_master_uri())
         files = "configuration and mission (their files, or the parameters of the ROS master)"
-        silent_master = NodesMissing("{} does not answer any more: start it again".format(master))
+        silent_master = NodesMissing("{} no longer answers: start it again".format(master))
         rospy.core.add_preshutdown_hook(self._ros_ends)
         self._apart(lambda: _join_ros(self._argv), master, silent_master)
         console.attach()
@@ -200,7 +200,7 @@ class _Node:
         return self._run.carry_out(lambda: self._stop_code)
 
     def _apart(self, step: Callable[[], Any], what: str, late: Exception) -> Any:
-        """Take a step of the start, which may hang on ``what``; raises ``late`` if it does, and ``Stopped``."""
+        """Do a step of the start that may hang on ``what``; raises ``late`` if it does, and ``Stopped``."""
         try:
             return run_apart(step, self._wake, self._is_stopped, START_LIMIT, lambda: self._console.tell(
                 "info", "waiting up to {:g} s for {}".format(START_LIMIT, what)))
@@ -211,11 +211,11 @@ class _Node:
         return self._signals.stop_requested
 
     def _ros_ends(self, reason: str) -> None:
-        """Stop too: ``rosnode kill``, a node that took our name, or an error in rospy. On a thread of rospy's."""
+        """Stop after ``rosnode kill``, a new node of the same name, or an error in rospy. On one of rospy's threads."""
         if reason == PARTING:
             return
         if NAME_IS_TAKEN in reason:
-            self._stop_code = exits.SUCCESS  # no supervisor shall start this one again: it would end the other
+            self._stop_code = exits.SUCCESS  # a supervisor must not restart this node: it would end the other
             self._console.tell("warning", "another node was started under the name {}: that one stays, this one ends"
                                .format(rospy.get_name()))
         elif not reason.startswith(REQUESTED):
@@ -224,7 +224,7 @@ class _Node:
         self._signals.request_stop()
 
     def close(self) -> None:
-        """End what runs beside the mission, as far as that does not hang."""
+        """End recording and monitoring, within a time limit."""
         self._console.drain(LAST_LINES)
         closers = self._run.closers() if self._run is not None else []
         try:
@@ -241,7 +241,7 @@ def _no_answer(what: str) -> ConfigurationError:
 
 
 class _Run:
-    """A mission under way, and the one that was reloaded to follow it."""
+    """The running mission, and the reloaded one that follows it."""
 
     def __init__(self, plan: Mission, topics: RosTopics, console: Console, signals: Signals):
         self._plan = plan
@@ -271,7 +271,7 @@ class _Run:
             self._monitor.start()
             self._signals.reload = self._reload
             return runner.run()
-        except Exception as error:  # a mistake of ours must not leave the robot as it happens to be
+        except Exception as error:  # an internal error must not leave the robot in an arbitrary state
             report_internal_error(console, error)
             self._calm()
             return exits.BROKEN
@@ -282,11 +282,11 @@ class _Run:
                 console.tell("info", "record of this run: {}".format(self._record.path))
 
     def closers(self) -> List[Callable[[], None]]:
-        """Return what ends the monitoring of the robot and of the mission; each may take its time."""
+        """Return the functions that end the monitoring of the robot and of the mission; each may take long."""
         return [self._monitor.close] + [watcher.close for watcher in self._watchers]
 
     def open_watchers(self) -> None:
-        """Open what shows and records the mission, once for the whole run."""
+        """Open monitoring and record, once for the whole run."""
         chosen, tell = self._plan.settings, self._console.tell
 
         def warn(text: str) -> None:
@@ -311,19 +311,19 @@ class _Run:
             self._gateway, self._topics = record.gateway(self._gateway), record.topics(self._topics)
 
     def _running(self) -> Running:
-        """Return the plan as the runner wants it, and show it to the monitoring."""
+        """Return the plan in the runner's form, and pass it to the monitoring."""
         plan = self._plan
         for watcher in self._watchers:
             watcher.show(plan.tree)
         robot = plan.settings.interface
         self._monitor.include(plan.offers)
-        # a stop asks for the safe state also where the master hangs: where its services are must be known before
+        # a stop requests the safe state even if the master hangs: the addresses of its services must be known before
         self._monitor.include(robot.used({type(request) for request in robot.safe_state}, ()), may_lack=True)
         context = plan.context(self._gateway, self._topics, self._events, self._health)
         return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
 
     def _reload(self) -> None:
-        """Reload the files on a thread of its own: a disk or the master may hang. On the signals' thread."""
+        """Reload the files on a separate thread: a disk or the master may hang. On the signals' thread."""
         if self._reading is not None and self._reading.is_alive():
             self._console.tell("warning", "SIGHUP ignored: the files are still being read since the one before; "
                                "if that does not end, a disk or the master hangs")
@@ -335,7 +335,7 @@ class _Run:
             report_internal_error(self._console, error)
 
     def _read_again(self) -> None:
-        """Read the files; what is right follows the running mission after its pass."""
+        """Read the files; a valid mission follows the running one after its pass."""
         try:
             following = read_plan(self._clock, self._wake, self._console.tell)
             chosen, now = following.settings.robot_interface, self._plan.settings.robot_interface
@@ -349,11 +349,11 @@ class _Run:
             tell_faults(found, self._console.tell, "refused, the running mission stays")
         except NodesMissing as missing:
             self._console.tell("error", "refused, the running mission stays: {}".format(missing))
-        except Exception as error:  # a mistake of ours in reading a file is not a reason to lose the running mission
+        except Exception as error:  # an internal error in reading a file must not end the running mission
             report_internal_error(self._console, error)
 
     def _successor(self) -> Optional[Running]:
-        """Return what was reloaded since the last pass."""
+        """Return the plan that was reloaded since the last pass, or None."""
         if not self._following:
             return None
         following = self._following.pop()
@@ -363,7 +363,7 @@ class _Run:
         return self._running()
 
     def _calm(self) -> None:
-        """Give up every call and ask for the safe state, for a second at the most."""
+        """Drop every call and request the safe state, for a second at most."""
         self._robot.close()
         calls = [self._robot.start(request) for request in self._plan.settings.interface.safe_state]
         ends = time.monotonic() + 1.0
@@ -376,6 +376,6 @@ class _Run:
 
 
 def _url(address: str, port: int) -> str:
-    """Return where the page is to be found: by the host's name if it is served at all of its addresses."""
+    """Return the address of the page, with the host's name if it is served at all of its addresses."""
     host = rosgraph.network.get_host_name() if address in ("0.0.0.0", "::") else address
     return "http://{}:{}/".format("[{}]".format(host) if ":" in host else host, port)

@@ -1,4 +1,4 @@
-"""Puts the mission together that the node is to run: the files, overridden by the node's parameters and arguments."""
+"""Builds the mission for the node: its files, overridden by the node's parameters and arguments."""
 import sys
 from typing import Any, Callable, Dict
 
@@ -24,7 +24,7 @@ TABLET = {
 
 
 def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Mission:
-    """Read everything and tell what is going to run. Raises FaultsFound with all that is wrong, or NodesMissing."""
+    """Read everything and announce the run. Raises FaultsFound with every fault, or NodesMissing."""
     parameters, given = _private_parameters(), settings.split_arguments(sys.argv)[1]
     chosen = settings.load(folders.config(settings.FILE_NAME), parameters, given)
     overrides = {**parameters, **given}
@@ -37,7 +37,7 @@ def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Mission:
 
 
 def tell_faults(found: FaultsFound, tell: Tell, consequence: str) -> None:
-    """Tell each fault, and the sum with what follows from it."""
+    """Report each fault, and their number with the consequence."""
     for fault in found.faults:
         tell("warning" if fault.is_warning else "error", str(fault))
     count = sum(not fault.is_warning for fault in found.faults)
@@ -47,7 +47,7 @@ def tell_faults(found: FaultsFound, tell: Tell, consequence: str) -> None:
 def _private_parameters() -> Dict[str, Any]:
     """Return the parameters below our own name; they override the configuration file.
 
-    Raises NodesMissing if the master does not answer: the file alone may say something else than they do.
+    Raises NodesMissing if the master does not answer: without the parameters the file's values may be wrong.
     """
     try:
         values = ask_master("getParam", rospy.get_name())
@@ -57,7 +57,7 @@ def _private_parameters() -> Dict[str, Any]:
 
 
 def _announce(plan: Mission, tell: Tell) -> None:
-    """Tell what is going to run, and what is odd about it."""
+    """Announce the run, and warn of unusual settings."""
     chosen = plan.settings
     tell("info", "mission {}: {} nodes; language {}; speech recognition {}; verbose mode {}".format(
         plan.file, len(plan.tree.nodes), plan.language, *("on" if switch else "off" for switch in (

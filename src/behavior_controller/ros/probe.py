@@ -1,7 +1,7 @@
-"""The start-up check: are the robot's nine nodes there, does each answer, and does it speak our types.
+"""The start-up check: do the robot's nine nodes run, do they answer, and do they have our types.
 
-A master's entry proves nothing: it outlives its node. So each service and each publisher is connected to and shakes
-hands, all at once and each bounded in time; whatever is missing is told in one go.
+A master's entry proves nothing: it outlives its node. So the check connects to each service and each publisher and shakes
+hands, all at once and each bounded in time; all that is missing is reported together.
 """
 import collections
 import threading
@@ -23,10 +23,10 @@ from behavior_controller.ros.types import TYPES
 from behavior_controller.text import clean
 
 PROBE_LIMIT = 3.0
-"""Seconds after which whatever has not answered is counted as missing."""
+"""Seconds after which a part without an answer counts as missing."""
 
 ROUND = 0.5
-"""Seconds between two looks at what is still missing, while the start waits (``startupTimeout``)."""
+"""Seconds between two checks of the missing parts, while the start waits (``startupTimeout``)."""
 
 
 class Part(NamedTuple):
@@ -56,22 +56,22 @@ class Part(NamedTuple):
 
     @property
     def absence(self) -> str:
-        """What it means for the robot when this is not there."""
+        """What the robot cannot do without it."""
         return self.offer.absence
 
 
 def parts_of(offers: Iterable[Union[Service, Topic]]) -> Tuple[Part, ...]:
-    """Return the parts that are declared so."""
+    """Return a part for each declaration."""
     return tuple(map(Part, offers))
 
 
 def _key(part: Part) -> Tuple[str, str]:
-    """Return what tells a part from others on the network."""
+    """Return what identifies a part on the network."""
     return part.name, TYPES[part.offer]._md5sum
 
 
 def _common_keys() -> FrozenSet[Tuple[str, str]]:
-    """Return the keys of what more than one of the robots has."""
+    """Return the keys of the parts that several robots have."""
     count = collections.Counter(
         key for interface in INTERFACES.values() for key in set(map(_key, parts_of(interface.offers))))
     return frozenset(key for key, robots in count.items() if robots > 1)
@@ -85,12 +85,12 @@ class Missing(NamedTuple):
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether another robot may have it under another name or type: what hangs is this one's."""
+        """Whether another robot may have it under another name or type: a part that hangs exists on this robot."""
         return self.is_mismatch or self.reason.startswith(Cause.NOT_ADVERTISED.text)
 
     @property
     def is_mismatch(self) -> bool:
-        """Whether it is there with another type."""
+        """Whether it exists with another type."""
         return self.reason.startswith(Cause.TYPE_MISMATCH.text)
 
     def __str__(self) -> str:
@@ -112,7 +112,7 @@ def _examine(part: Part) -> Optional[str]:
 
 
 def _examine_service(part: Part) -> Optional[str]:
-    """Connect to a service as a probe does, which its server answers without running anything."""
+    """Connect to a service as a probe, which its server answers without running anything."""
     connection = Connection()
     answer = open_service(connection, part.name, "*", STEP_LIMIT, probe="1")
     connection.hang_up()
@@ -120,7 +120,7 @@ def _examine_service(part: Part) -> Optional[str]:
 
 
 def _examine_topic(part: Part) -> Optional[str]:
-    """Connect to each publisher until one is right; else tell of the first. An action may take the topic's place."""
+    """Connect to each publisher until one is right; else report the first. An action may replace the topic."""
     publishers, _, _ = ask_master("getSystemState", seconds=STEP_LIMIT) or ([], [], [])
     wanted = [(part.name, TYPES[part.offer])]
     action = part.offer.action if isinstance(part.offer, Topic) else None
@@ -138,13 +138,13 @@ def _examine_topic(part: Part) -> Optional[str]:
 
 
 def _examine_publisher(topic: str, kind: Any, node: str) -> Optional[str]:
-    """Connect to the topic at ``node`` as a subscriber of any type does, and compare what it says that it publishes."""
+    """Connect to the topic at ``node`` as a subscriber of any type, and compare the type that it publishes."""
     connection = Connection()
     try:
         uri = ask_master("lookupNode", node, seconds=STEP_LIMIT)
         if not uri:
-            return "node {} does not publish it any more".format(node)
-        # under a name of its own: a publisher drops the older of two connections from the same node, our subscription
+            return "node {} no longer publishes it".format(node)
+        # under another name: a publisher drops the older of two connections from the same node, our subscription
         answer = open_publisher(connection, uri, topic, {
             "type": "*", "callerid": rospy.get_name() + "_start_up_check"})
     except Trouble as trouble:
@@ -170,7 +170,7 @@ def _compare(answer: Any, wanted: Any, peer: str) -> Optional[str]:
 def find_missing(parts: Sequence[Part], wake: WakeUp, is_stopped: Callable[[], bool]) -> List[Missing]:
     """Examine ``parts`` in parallel and return those that cannot be used, in their order.
 
-    Ends within ``PROBE_LIMIT``, or when ``wake`` says that the operator has stopped us.
+    Ends within ``PROBE_LIMIT``, or when ``wake`` signals that the operator has stopped the node.
     """
     reasons: Dict[Part, Optional[str]] = {}
 
@@ -201,9 +201,9 @@ class StartUpCheck:
         self._tell = tell
 
     def run(self, wake: WakeUp, is_stopped: Callable[[], bool]) -> bool:
-        """Return whether every part that the mission needs is there: False only if the operator stopped the waiting.
+        """Return True when the mission has every part that it needs, False if the operator stopped the wait.
 
-        Raises ``NodesMissing``, which lists all that is not there.
+        Raises ``NodesMissing``, which lists all missing parts.
         """
         ends = time.monotonic() + self._patience
         missing = find_missing(self._parts, wake, is_stopped)
@@ -225,11 +225,11 @@ class StartUpCheck:
         return True
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
-        """Return those without which the mission does not start."""
+        """Return the missing parts without which the mission does not start."""
         return [part for part in missing if not self._reason_to_go_on(part)]
 
     def _reason_to_go_on(self, missing: Missing) -> str:
-        """Return why the mission starts without a part; empty if it does not."""
+        """Return why the mission can start without a part; empty if it cannot."""
         offer = missing.part.offer
         if offer is self._speech:
             return "" if self._asr_enabled else "asrEnabled is false: going on"
@@ -240,9 +240,9 @@ class StartUpCheck:
         return "going on: a step that asks for it fails" if self._asr_enabled else ""
 
     def _look_for_another_robot(self, missing: List[Missing], wake: WakeUp, is_stopped: Callable[[], bool]) -> None:
-        """Raise ``NodesMissing`` if what is there is another robot's than the configured one.
+        """Raise ``NodesMissing`` if the robot is not the configured one.
 
-        That is so if nothing is there that only the configured robot has, but something that only the other has.
+        That is so if no part exists that only the configured robot has, but one that only another robot has.
         """
         there = set(map(_key, self._parts)).difference(_key(each.part) for each in missing)
         common = _common_keys()
@@ -259,7 +259,7 @@ class StartUpCheck:
                                        sorted("{} as {}".format(part.name, part.offer.type) for part in found))))
 
     def _report(self, missing: List[Missing]) -> None:
-        """Warn of what can be done without, and raise for the rest."""
+        """Warn of missing parts that are not needed, and raise for the others."""
         needed = self._needed(missing)
         for part in missing:
             if part not in needed:

@@ -1,7 +1,7 @@
 """The robot's services: a request record goes out as a srv message, and comes back as an Answer or a Failure.
 
-Each call under way has a daemon thread of its own with one persistent connection, a ``ServiceThread``. After an answer
-it waits for the next call to that service. When its call is given up (deadline passed, leaf halted) it is cut: thread
+Each call under way has its own daemon thread with one persistent connection, a ``ServiceThread``. After an answer
+it waits for the next call to that service. When its call is dropped (deadline passed, leaf halted) it is cut: thread
 and socket are freed at once. So a server that hangs costs nothing, blocks no later call and does not hold the process.
 A request is sent once: only a connection found dead before the sending is opened again.
 """
@@ -25,9 +25,9 @@ from behavior_controller.ros.directory import DIRECTORY, Place
 from behavior_controller.ros.types import TYPES
 
 HURRY = 0.3
-"""Seconds that the master has at a call to tell where a service is that was found before; then it is where it was.
+"""Seconds that the lookup of a known service at the master may take; then the last address is used.
 
-The safe state has a second, in which the master may freeze. ``Monitor`` looks up patiently what was started again.
+The safe state has one second, in which the master may freeze. ``Monitor`` looks up restarted services without haste.
 """
 
 
@@ -93,7 +93,7 @@ def encode(service: Service, request: Request) -> bytes:
 
 
 def receive_response(service: Service, connection: Connection) -> genpy.Message:
-    """Read the server's answer: a byte that tells whether its handler ran through, a length, a message or an error."""
+    """Read the server's answer: a byte for success of its handler, a length, a message or an error."""
     ok, length = struct.unpack("<BI", connection.receive(5))
     body = connection.receive(length)
     if not ok:
@@ -106,7 +106,7 @@ def receive_response(service: Service, connection: Connection) -> genpy.Message:
 
 
 def read_answer(service: Service, response: genpy.Message) -> Answer:
-    """Return what a response says; raises ``Trouble`` if it is a refusal, or cannot be used."""
+    """Return the answer in a response; raises ``Trouble`` if it is a refusal, or unusable."""
     field, done, refused = service.success
     success = getattr(response, field)
     if success == refused:
@@ -142,7 +142,7 @@ class ServiceThread:
         self._jobs.put((request, done))
 
     def cut(self) -> None:
-        """Give up what is under way; the thread and the socket are freed at once. Any thread may call it."""
+        """Abort the request under way; the thread and the socket are freed at once. Any thread may call it."""
         self._connection.close()
         self._jobs.put(None)
 
@@ -156,7 +156,7 @@ class ServiceThread:
         self._connection.hang_up()
 
     def _ask(self, request: Request) -> Union[Answer, Failure]:
-        """Return the answer, or why there is none. What a robot may lack is done where no node offers it."""
+        """Return the answer, or why there is none. An optional service that no node offers counts as done."""
         try:
             data = encode(self._service, request)
             self._connect()
@@ -170,7 +170,7 @@ class ServiceThread:
             return Failure(trouble.cause, str(trouble), self._name)
 
     def _connect(self) -> None:
-        """See to it that the connection stands before anything is sent."""
+        """Make sure that the connection is open before anything is sent."""
         if not self._connection.is_open:
             open_service_at(DIRECTORY.service(self._name, CONNECT_LIMIT, HURRY), self._connection, self._name,
                             TYPES[self._service]._md5sum, CONNECT_LIMIT, persistent="1")
@@ -178,14 +178,14 @@ class ServiceThread:
 
 
 class _UnderWay(NamedTuple):
-    """What a call holds until it ends."""
+    """The resources of a call until it ends."""
 
     thread: ServiceThread
     timers: Tuple[Timer, ...]
     since: float
 
     def end(self) -> None:
-        """Let nothing more fall due."""
+        """Cancel the timers."""
         for timer in self.timers:
             timer.cancel()
 
@@ -195,9 +195,9 @@ class RosGateway(Gateway):
 
     def __init__(self, interface: Interface, deadline: Callable[[Service], float], clock: Clock,
                  wake: Callable[[], None], health: Optional[Health] = None):
-        """``deadline`` gives the seconds that a service may take; ``wake`` is told of each result.
+        """``deadline`` returns the seconds that a service may take; ``wake`` is called for each result.
 
-        ``health`` is told how the services do.
+        ``health`` gets reports about the services.
         """
         self.deadline = deadline
         self._interface = interface
@@ -230,7 +230,7 @@ class RosGateway(Gateway):
         self._wake()
 
     def close(self) -> None:
-        """Give up every call under way and give back every thread and connection."""
+        """Drop every call under way and free every thread and connection."""
         for call in list(self._under_way):
             self._give_up(call)
         for threads in self._spare.values():
@@ -238,7 +238,7 @@ class RosGateway(Gateway):
                 threads.pop().cut()
 
     def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
-        """Finish ``call``, which was answered ``at`` that time, unless it was given up meanwhile."""
+        """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
         held = self._under_way.pop(call, None)
         if held is not None:
             held.end()
@@ -246,13 +246,13 @@ class RosGateway(Gateway):
             self._finish(call, result, at - held.since)
 
     def _finish(self, call: Call, result: Union[Answer, Failure], seconds: float) -> None:
-        """Finish ``call``, which took so many seconds, and tell the health of the service."""
+        """Finish ``call``, which took that many seconds, and report it to the health."""
         service = self._interface.service(type(call.request))
         self._health.ended(self._names[service], seconds, self.deadline(service), isinstance(result, Failure))
         call.finish(result)
 
     def _give_up(self, call: Call) -> Optional[_UnderWay]:
-        """Cut the thread of ``call`` and return what it held; None if the call has ended before."""
+        """Cut the thread of ``call`` and return its resources; None if the call has ended already."""
         held = self._under_way.pop(call, None)
         if held is None:
             return None

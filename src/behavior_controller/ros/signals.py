@@ -1,8 +1,8 @@
-"""Takes the signals: requests to stop the node, or to read its files again.
+"""Handles the signals: requests to stop the node, or to read its files again.
 
-The signals are blocked and taken by a thread that does nothing else. A Python signal handler would not do: it runs on
-the main thread, and not before that thread wakes if the signal comes in the moment before it falls asleep. Nothing on
-this thread may hang: no file is read here, and lines are only handed to the console.
+The signals are blocked, and a separate thread waits for them. A Python signal handler is not enough: it runs on the main
+thread, and if the signal comes just before that thread sleeps, not until it wakes. Nothing on this thread may hang: it
+reads no file, and lines are only queued at the console.
 """
 import os
 import signal
@@ -14,7 +14,7 @@ from behavior_controller import exits
 from behavior_controller.ros.console import Console
 
 STOP_LIMIT = 1.8
-"""Seconds after the first signal at which the process ends, whatever it is doing (the limit is 2 s)."""
+"""Seconds after the first signal at which the process ends in any case (the limit is 2 s)."""
 
 NOT_STOPPED = "did not stop in time: ending now; make sure that the robot has stopped too"
 
@@ -22,12 +22,12 @@ TAKEN = {signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP}
 
 
 def block_signals() -> None:
-    """Let no thread be interrupted. To be called before any thread is started: threads inherit it."""
+    """Block the signals. To be called before any thread is started: threads inherit it."""
     signal.pthread_sigmask(signal.SIG_BLOCK, TAKEN)
 
 
 class Signals:
-    """SIGINT, SIGTERM and SIGQUIT ask for a stop; SIGHUP to read the files again, unless the terminal has gone."""
+    """SIGINT, SIGTERM and SIGQUIT request a stop; SIGHUP to read the files again, unless the terminal is gone."""
 
     def __init__(self, console: Console):
         self.stop_requested = False
@@ -41,14 +41,14 @@ class Signals:
         self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
 
     def listen(self) -> None:
-        """Take the signals from now on. Raises RuntimeError if no thread can be started."""
+        """Handle the signals from now on. Raises RuntimeError if no thread can be started."""
         # an ignored signal would never reach sigwait
         for number in TAKEN:
             signal.signal(number, signal.SIG_DFL)
         threading.Thread(target=self._take, name="signals", daemon=True).start()
 
     def wake(self, callback: Callable[[], None]) -> None:
-        """Have ``callback`` called, on another thread, at the first request to stop; at once if there was one."""
+        """Have ``callback`` called, on another thread, at the first request to stop; at once if that has come already."""
         with self._lock:
             self._wakes.append(callback)
             is_late = self.stop_requested
@@ -57,7 +57,7 @@ class Signals:
 
     @staticmethod
     def request_stop() -> None:
-        """Ask to stop, as a signal from outside does."""
+        """Request a stop, as a signal from outside does."""
         os.kill(os.getpid(), signal.SIGTERM)
 
     def _take(self) -> None:
@@ -67,11 +67,11 @@ class Signals:
         self._stop()
 
     def _is_hang_up(self) -> bool:
-        """Whether the terminal that the operator started us from has gone away, and ``nohup`` was not used."""
+        """Whether the terminal in which the node was started is gone, and ``nohup`` was not used."""
         return self._has_terminal and not self._outlives_terminal and not _terminal_answers()
 
     def _stop(self) -> None:
-        """Pass the wish on, and end the process if it has not ended ``STOP_LIMIT`` seconds later."""
+        """Pass the request on, and end the process if it has not ended ``STOP_LIMIT`` seconds later."""
         with self._lock:
             self.stop_requested = True
             wakes = list(self._wakes)
@@ -85,7 +85,7 @@ class Signals:
 
 
 def _terminal_answers() -> bool:
-    """Return whether this process has a controlling terminal that is still there."""
+    """Return whether the controlling terminal of this process still exists."""
     try:
         os.close(os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
     except OSError:

@@ -1,6 +1,6 @@
 """The connection to one publisher of a topic, with every step bounded, made again whenever it breaks.
 
-``rospy.Subscriber`` cannot do this: it holds a connection whose other end is gone for as long as TCP takes, retries
+``rospy.Subscriber`` cannot do this: it keeps a connection whose other end is gone until TCP's timeout, retries
 with pauses of up to half a minute, and contacts the master without a limit.
 """
 import struct
@@ -14,16 +14,16 @@ from behavior_controller.gateway import Cause
 from behavior_controller.ros.connection import MOST_BYTES, Connection, Trouble, ask
 
 STEP_LIMIT = 2.0
-"""Seconds that a publisher has for each step: to say where it is, to take the connection, to shake hands."""
+"""Seconds that a publisher has for each step: to answer with its address, to accept the connection, to shake hands."""
 
 RETRY = 0.5
 """Seconds between an attempt to connect and the next one."""
 
 AGAIN = 0.05
-"""Seconds between a connection that broke and the next attempt: a publisher may end each."""
+"""Seconds between a broken connection and the next attempt: a publisher may end each at once."""
 
 BUFFER_BYTES = 65536
-"""What is read in one go; far more than a pause lets pile up."""
+"""The most bytes of one read; far more than arrive during a pause."""
 
 
 def open_publisher(connection: Connection, uri: str, topic: str, header: Dict[str, str]) -> Dict[str, str]:
@@ -36,12 +36,12 @@ def open_publisher(connection: Connection, uri: str, topic: str, header: Dict[st
         _, host, port = offer
         host, port = str(host), int(port)
     except (TypeError, ValueError):
-        raise Trouble(Cause.NOT_ADVERTISED, "{} does not publish it any more".format(uri))
+        raise Trouble(Cause.NOT_ADVERTISED, "{} no longer publishes it".format(uri))
     return connection.open(host, port, dict(header, topic=topic, md5sum="*"), STEP_LIMIT)
 
 
 def split(buffer: bytearray) -> List[bytes]:
-    """Take the complete messages out of ``buffer`` and return them without their lengths."""
+    """Remove the complete messages from ``buffer`` and return them without their lengths."""
     found, start = [], 0
     while len(buffer) - start >= 4:
         length, = struct.unpack_from("<I", buffer, start)
@@ -60,7 +60,7 @@ class Link:
 
     def __init__(self, uri: str, topic: str, message_type: Any, met: Callable[[Dict[str, str]], bool],
                  take: Callable[[bytes], None]):
-        """``uri`` is the publisher's node. ``met`` judges each handshake: only if it is true are messages taken.
+        """``uri`` is the publisher's node. ``met`` checks each handshake: only if it returns true, messages are read.
 
         ``take`` gets the newest of the messages that arrived together; it is called on the link's thread.
         """
@@ -74,16 +74,16 @@ class Link:
         self.header: Optional[Dict[str, str]] = None
         """The publisher's handshake, while connected."""
         self.is_right = False
-        """Whether there is a connection whose messages are taken."""
+        """Whether there is a connection whose messages are used."""
         threading.Thread(target=self._work, daemon=True, name="topic " + topic).start()
 
     def end(self) -> None:
-        """Give everything back."""
+        """Close the connection and end the thread."""
         self._ended.set()
         self._connection.close()
 
     def reconnect(self) -> None:
-        """End the connection that stands, and make another one."""
+        """End the current connection, and make a new one."""
         if self.header is not None:
             self._connection.close()
 
@@ -96,7 +96,7 @@ class Link:
                 has_stood = True
                 self._listen()
             except Trouble:
-                pass  # the monitor tells what it means when it lasts
+                pass  # the monitor reports it if it lasts
             finally:
                 self.is_right, self.header = False, None
                 self._connection.hang_up()
@@ -115,9 +115,9 @@ class Link:
         self.is_right = self._met(header)
 
     def _listen(self) -> None:
-        """Take messages until the connection ends.
+        """Read messages until the connection ends.
 
-        What a latching publisher sends first may be as old as the publisher: it is evidence of nothing.
+        The first message of a latching publisher may be as old as the publisher: it is not used as evidence.
         """
         is_old = self.header is not None and self.header.get("latching") == "1"
         buffer = bytearray()

@@ -1,8 +1,8 @@
-"""The newest message of the robot's topics, as plain data with its time of arrival, at next to no cost.
+"""The newest message of the robot's topics, as plain data with its time of arrival, at very low cost.
 
-The real overtAttention publishes the same status thousands of times per second. So messages are taken undecoded and
-decoded only when their bytes differ from those before, and in such a flood the receiving thread pauses a moment after
-each message: what piles up meanwhile is read in one go, and all of it but the newest is skipped unread.
+The real overtAttention publishes the same status thousands of times per second. So messages are
+decoded only when their bytes differ from the last ones. In such a flood the receiving thread pauses a moment after each
+message: the messages that arrive meanwhile are read at once, and all but the newest are skipped.
 """
 import threading
 import time
@@ -20,23 +20,23 @@ from behavior_controller.ros.subscription import Link
 from behavior_controller.ros.types import TYPES
 
 ROUND = 0.5
-"""Seconds between two looks at what the master knows."""
+"""Seconds between two reads of the master's state."""
 
 FLOOD_GAP = 0.006
-"""Seconds: the same message again within so short a time is a flood."""
+"""Seconds: the same message repeated within this time is a flood."""
 
 PAUSE = 0.004
-"""Seconds that a flood is left alone after a message without an alarm."""
+"""Seconds of pause in a flood after a message without an alarm."""
 
 PAUSE_WHEN_AWAITED = 0.001
-"""The same while an alarm is set: the longest delay of the message that rings it."""
+"""The same while an alarm is set: the longest delay of the message that triggers it."""
 
 
 class Latch:
-    """The newest message of one topic, and the alarms that wait for one. Messages come on the threads of its links."""
+    """The newest message of one topic, and the alarms that wait for one. Messages arrive on the threads of its links."""
 
     def __init__(self, topic: Topic, wake: Callable[[], None], warn: Callable[[str], None]):
-        """``wake`` is called when an alarm rings; ``warn`` once for each publisher of unusable messages."""
+        """``wake`` is called when an alarm is triggered; ``warn`` once for each publisher of unusable messages."""
         self._topic = topic
         self._type = TYPES[topic]
         self._wake = wake
@@ -69,7 +69,7 @@ class Latch:
 
     @property
     def is_connected(self) -> bool:
-        """Whether any node publishes the expected type to us, or offers the action that takes the topic's place."""
+        """Whether any node publishes the expected type to us, or offers the action that replaces the topic."""
         return self._is_published or self._hearing is not None and self._hearing.is_there
 
     @property
@@ -84,12 +84,12 @@ class Latch:
 
     @property
     def no_action(self) -> str:
-        """What is missing besides a publisher."""
+        """What is missing in addition to a publisher."""
         return "" if self._hearing is None else ", and none offers the action {}".format(self._hearing.name)
 
     @property
     def unreachable(self) -> List[str]:
-        """The addresses of the publishers that are known and not connected."""
+        """The addresses of the known publishers that are not connected."""
         return [uri for uri, link in self._links.items() if link.header is None]
 
     @property
@@ -99,7 +99,7 @@ class Latch:
         return {_sender(header): uri for uri, header in headers if header}
 
     def meet(self, uris: Sequence[str]) -> None:
-        """Connect to the publishers at ``uris``, and try no longer to reach any other. One thread calls this."""
+        """Connect to the publishers at ``uris``, and stop trying to reach others. Only one thread calls this."""
         links = {uri: link for uri, link in self._links.items() if uri in uris or link.header is not None}
         for uri in set(self._links).difference(links):
             self._links[uri].end()
@@ -108,7 +108,7 @@ class Latch:
         self._links = links
 
     def reconnect(self) -> None:
-        """Replace the connections: one that looks alive may have been given up by the other side."""
+        """Replace the connections: the other side may have dropped one that looks alive."""
         for link in self._links.values():
             link.reconnect()
 
@@ -117,7 +117,7 @@ class Latch:
         wanted = self._type
         if header.get("md5sum") == wanted._md5sum:
             if not self._is_published:
-                self.count = 0  # how often the topic speaks is learned again: the silence before was none of its gaps
+                self.count = 0  # the rate of the topic is measured again, without the silence before
             return True
         sender = _sender(header)
         self._warn_once(sender, "ignoring what {} publishes on {}: it is {} (md5 {}), expected is {} (md5 {})".format(
@@ -137,7 +137,7 @@ class Latch:
         return (self.last_arrival - self._since) / max(1, self.count - 1)
 
     def _receive(self, data: bytes) -> None:
-        """Take in one message, and slow down if it is one of a flood."""
+        """Process one message, and slow down if it is one of a flood."""
         arrived = time.monotonic()
         if not self.count:
             self._since = arrived
@@ -148,7 +148,7 @@ class Latch:
             time.sleep(PAUSE_WHEN_AWAITED if self._alarms else PAUSE)
 
     def _store(self, data: bytes, arrived: float) -> bool:
-        """Keep the newest message and ring its alarms; return whether it says something new."""
+        """Keep the newest message and trigger its alarms; return whether its content is new."""
         with self._lock:
             newest = self._sample
             is_news = data != self._bytes
@@ -165,14 +165,14 @@ class Latch:
         return is_news
 
     def hear(self, value: Any) -> None:
-        """Take what came by the action for the newest message. Any thread."""
+        """Use the action's result as the newest message. Any thread may call this."""
         with self._lock:
             self._bytes = None
             self._sample = Sample(value, time.monotonic())
             self._ring(value)
 
     def listen(self, seconds: float) -> None:
-        """Have the action listen for so long, if there is one."""
+        """Have the action listen for ``seconds``, if there is one."""
         if self._hearing is not None:
             self._hearing.listen(seconds)
 
@@ -193,7 +193,7 @@ class Latch:
                 self._wake()
 
     def newest(self) -> Optional[Sample]:
-        """Return the newest message, or None; the next alarm takes it for seen."""
+        """Return the newest message, or None; the next alarm counts it as seen."""
         self._seen = self._sample
         return self._seen
 
@@ -216,7 +216,7 @@ def _sender(header: Dict[str, str]) -> str:
 
 
 class RosTopics(Topics):
-    """Subscribes to the robot's topics when it is made, and keeps them subscribed on a thread of its own."""
+    """Subscribes to the robot's topics when it is made, and keeps them subscribed on a separate thread."""
 
     def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None]):
         """See ``Latch``."""
@@ -227,14 +227,14 @@ class RosTopics(Topics):
         threading.Thread(target=self._keep_up, daemon=True, name="publishers of topics").start()
 
     def _keep_up(self) -> None:
-        """Follow what the master says of the publishers; without a master, the links look after themselves."""
+        """Follow the master's list of publishers; without a master, the links reconnect by themselves."""
         while not rospy.is_shutdown():
             try:
                 DIRECTORY.look()
                 for latch in self.latches.values():
                     latch.meet(DIRECTORY.publishers(latch.name, latch.connected_nodes))
             except (Trouble, RuntimeError):
-                pass  # the directory has noted it; or there was no thread for a link, and there may be one next time
+                pass  # the directory has noted it; or a link got no thread, and may get one next time
             time.sleep(ROUND)
 
     def newest(self, topic: Topic) -> Optional[Sample]:
@@ -242,7 +242,7 @@ class RosTopics(Topics):
         return self.latches[topic].newest()
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
-        """Set the alarm ``key``. ``wanted`` must depend on the value alone: the same one is not asked about again."""
+        """Set the alarm ``key``. ``wanted`` must depend on the value alone: it is not called again for the same value."""
         for latch in self.latches.values():
             latch.clear_alarm(key)
         self.latches[topic].set_alarm(key, wanted)

@@ -128,7 +128,7 @@ def decode(data: bytes, file: str) -> Iterator[Line]:
             else:
                 yield order.checked(_line(plain, order.interface))
         except ValueError as error:
-            raise MissionError([Fault(file, number, 1, "this is no line of a record: {}".format(error),
+            raise MissionError([Fault(file, number, 1, "this is not a line of a record: {}".format(error),
                                       "a record is written by the node")]) from error
     if not order.has_mission:
         raise MissionError([Fault(file, 0, 0, "the record has no mission in it",
@@ -177,7 +177,7 @@ def _line(plain: Dict[str, Any], interface: Interface) -> Line:
     entry = form(kind).read(plain)
     time = inside(".time", form(float).read, plain.get("time"))
     if not 0 <= time <= LATEST:
-        raise Wrong("is no time", "time")
+        raise Wrong("is not a time", "time")
     if isinstance(entry, Message):
         entry = entry._replace(value=_value(entry, interface))
     return Line(time, entry)

@@ -50,7 +50,7 @@ def _drawable(root: Node, title: str, left_out: Collection[int]) -> Node:
 
 
 def svg(tree: Tree, title: str, left_out: Collection[int] = ()) -> bytes:
-    """Return the drawing of a tree without the nodes below its root whose uids are ``left_out``. Raises NotDrawn.
+    """Return the drawing of a tree as SVG, without the nodes below the root whose uids are ``left_out``. Raises NotDrawn.
 
     It may take seconds: not for a thread that must not wait.
     """

@@ -20,7 +20,6 @@ from behavior_controller.events import (EVENTS, LeafFinished, PassFinished, Pass
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.mission import build_tree
 from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit, cause
-from behavior_controller.text import clean
 from behavior_controller.watch.board import clock, is_bare, port_texts, title
 from behavior_controller.watch.codec import LETTERS, Entry, Letter, Line, Lost, Tick, TreeNode, TreeShown
 from behavior_controller.watch.lanes import Bar, Lanes
@@ -152,7 +151,8 @@ def to_html(lines: Iterable[Line]) -> str:
     written, doubt = _written(run)
     body = "".join([_header(run, earlier), "<main>", _story(run), _timeline(run), _tree(run, written, doubt),
                     _documents(run), _settings(run), "</main>"])
-    style, script = _file("page_files", "colours.css") + _file("report_files", "report.css"), _file("report_files", "report.js")
+    style = _file("page_files", "colours.css") + _file("report_files", "report.css")
+    script = _file("page_files", "common.js") + _file("report_files", "report.js")
     return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, 
                        data=_data(run, written), allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
 
@@ -362,7 +362,7 @@ def _data(run: Run, written: Dict[str, Written]) -> str:
     offset = datetime.datetime.fromtimestamp(run.began).astimezone().utcoffset()
     data = {"began": round(1000 * run.began), "offset": round(1000 * offset.total_seconds()) if offset else 0,
             "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
-            "lanes": lanes, "changes": _numbers((each for each in run.changes if each[0] not in run.lanes), notes),
+            "lanes": lanes, "changes": _numbers(run.changes, notes),
             "notes": list(notes), "nodes": [[node.type, written[node.path].ports if node.path in written else []]
                                             for node in run.nodes],
             "types": {spec.id: spec.summary for spec in leaves.registry().all() if spec.id in types},
@@ -438,4 +438,4 @@ def story_lines(lines: Iterable[Line]) -> Iterator[str]:
     for time, entry in lines:
         if isinstance(entry, EVENTS):
             for sentence in story.take(time, entry):
-                yield "{} {}".format(clock(sentence.at), clean(sentence.text))
+                yield "{} {}".format(clock(sentence.at), sentence.text)

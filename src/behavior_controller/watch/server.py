@@ -64,14 +64,14 @@ class LoopThread:
         except RuntimeError:
             pass  # the loop has ended
 
-    def close(self, farewell: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
-        """End the loop after ``farewell``, and wait for its end for a second at most."""
-        self.call(self._loop.stop if farewell is None else lambda: self._loop.create_task(self._end_after(farewell)))
+    def close(self, finish: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
+        """End the loop after ``finish``, and wait for its end for a second at most."""
+        self.call(self._loop.stop if finish is None else lambda: self._loop.create_task(self._end_after(finish)))
         self._thread.join(1.0)
 
-    async def _end_after(self, farewell: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    async def _end_after(self, finish: Callable[[], Coroutine[Any, Any, None]]) -> None:
         try:
-            await farewell()
+            await finish()
         finally:
             self._loop.stop()
 

@@ -48,7 +48,7 @@ PARTS: Dict[str, Any] = {
 """The parts of the board that are printed."""
 
 EXIT_CODES = """exit code: 0: the mission was shown (with --watch: until it ended); 1: no mission answers there, what
-answers is no mission, the connection is lost, or nothing can be printed; 2: wrong arguments"""
+answers is not a mission, the connection is lost, or nothing can be printed; 2: wrong arguments"""
 
 State = Dict[str, Any]
 
@@ -97,7 +97,7 @@ def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
 
 def _port(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 65535:
-        raise argparse.ArgumentTypeError("{!r} is no port: 1 to 65535".format(text))
+        raise argparse.ArgumentTypeError("{!r} is not a port: 1 to 65535".format(text))
     return int(text)
 
 

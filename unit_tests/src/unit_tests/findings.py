@@ -72,13 +72,13 @@ def _busy(look: Look) -> Iterator[Seen]:
 
 
 def _endless(look: Look) -> Iterator[Seen]:
-    if _is_cut_off(look) and _goes_round(look):
+    if _is_cut_off(look) and _repeats_itself(look):
         last = [event for _, event, _ in look.of_leaves()][-1]
-        yield last.path, "after {:.0f} s it still goes round".format(look.played.seconds)
+        yield last.path, "after {:.0f} s it still repeats itself".format(look.played.seconds)
 
 
 def _waits(look: Look) -> Iterator[Seen]:
-    if _is_cut_off(look) and not _goes_round(look) and not waits_for_a_visitor(look):
+    if _is_cut_off(look) and not _repeats_itself(look) and not waits_for_a_visitor(look):
         yield _where_it_waits(look), "after {:.0f} s it still waits here".format(look.played.seconds)
 
 
@@ -86,13 +86,13 @@ def _is_cut_off(look: Look) -> bool:
     return look.played.exit_code is None and look.played.cut_off != BUSY
 
 
-def _goes_round(look: Look) -> bool:
+def _repeats_itself(look: Look) -> bool:
     return any(at > START + look.played.seconds * (1 - END_SHARE) for at, _ in look.played.asked)
 
 
 def waits_for_a_visitor(look: Look) -> bool:
     """Return whether no visitor has been seen to the end: a robot may wait for a visitor without a limit."""
-    if not _is_cut_off(look) or _goes_round(look):
+    if not _is_cut_off(look) or _repeats_itself(look):
         return False
     nodes = look.stage.mission.tree.nodes
     seekers = [(event, spec) for _, event, spec in look.of_leaves() if Sense.VISITOR in spec.listens]
@@ -197,7 +197,7 @@ def _abandoned(look: Look) -> Iterator[Seen]:
 def _goodbye(look: Look) -> Iterator[Seen]:
     for at, event, spec in look.of_leaves():
         name = event.path.rpartition("/")[2]
-        if spec.bids_farewell(name) and event.status == "SUCCESS" and not look.is_someone_here(at - event.seconds):
+        if spec.says_goodbye(name) and event.status == "SUCCESS" and not look.is_someone_here(at - event.seconds):
             yield event.path, "the visitor had left {:.0f} s before".format(at - event.seconds - _left(look, at))
 
 

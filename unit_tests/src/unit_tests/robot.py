@@ -60,7 +60,7 @@ def _object_to_gesture(request: Fields) -> Optional[str]:
 
 
 def _object_to_place(request: Fields) -> Optional[str]:
-    return None if all(map(math.isfinite, request.values())) else "{} is no place".format(request)
+    return None if all(map(math.isfinite, request.values())) else "{} is not a place".format(request)
 
 
 def _object_to_query(request: Fields) -> Optional[str]:

@@ -304,7 +304,7 @@ def _waved_after(a_pass: Pass) -> Iterator[str]:
 
 def _is_goodbye(event: Event) -> bool:
     name = event["path"].rpartition("/")[2]
-    return any(spec.id == event["node"] and spec.bids_farewell(name) for spec in leaves.mission_specs())
+    return any(spec.id == event["node"] and spec.says_goodbye(name) for spec in leaves.mission_specs())
 
 
 def _left_out(case: Case, a_pass: Pass, is_excused: bool, number: int) -> Iterator[str]:

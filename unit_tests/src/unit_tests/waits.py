@@ -122,10 +122,10 @@ def _asked_before(node: Any) -> Iterator[Any]:
 def _seconds(node: TopicCondition) -> Optional[float]:
     """Return how long messages may take to come; None: for ever, or the mission file does not tell."""
     seconds = wait_for(node)
-    if seconds is None and not is_asked_again(node):
+    if seconds is None:
+        if is_asked_again(node):
+            return None
         seconds = node.wait
-    elif not seconds:
-        return None
     if node.topic.is_continuous:  # a message that came before the question still counts for so long
         seconds = max(seconds, node.mission.settings.topic_max_age)
     return seconds if 0 < seconds < math.inf else None

@@ -5,6 +5,9 @@ import os
 import pytest
 
 from behavior_controller import folders
+from behavior_controller.bt.registry import Kind, Port
+from behavior_controller.interface.records import Request
+from behavior_controller.mission_spec import MissionSpec
 
 
 @pytest.fixture(scope="module")
@@ -33,3 +36,17 @@ def test_a_part_that_is_not_marked_is_named(derive):
     assert derive.with_parts(text, parts) == "a\n# derived: keys\nb\nmore\n# derived: end\nc\n"
     with pytest.raises(ValueError, match="derived: keys"):
         derive.with_parts("a\n# derived: others\nb\n# derived: end\n", parts)
+
+
+def test_a_port_is_shown_with_its_default(derive, monkeypatch):
+    ports = tuple(Port(name, default=default) for name, default in (
+        ("entry", "{@entry}"), ("other", "{@entry}"), ("local", "{there}"), ("literal", "45"), ("needed", None)))
+    monkeypatch.setattr(derive.leaves, "beyond_builtins", lambda: [MissionSpec("Bow", Kind.ACTION, None, ports, "Bows.")])
+    assert derive.nodes().splitlines()[2:] == [
+        "| Bow | Bows. | – | reads `entry`, `other` (`{@entry}`), `local` (`{there}`), `literal` (`45`), `needed` |"]
+
+
+def test_a_request_that_no_robot_has_a_service_for_is_named(derive, monkeypatch):
+    monkeypatch.setattr(derive.leaves, "beyond_builtins", lambda: [MissionSpec("Ask", Kind.ACTION, None, calls=(Request,))])
+    with pytest.raises(LookupError, match="no service is declared for the request Request"):
+        derive.nodes()

@@ -1,1 +1,1 @@
-"""What is wrong with a mission, or cannot be meant, seen without running it."""
+"""Finds faults and likely mistakes of a mission without running it."""

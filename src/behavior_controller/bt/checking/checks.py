@@ -1,7 +1,7 @@
-"""What is wrong with a mission, seen without building it: structure, names, ports, literals, scripts (BT.CPP 12.3).
+"""Finds faults of a mission without building it: structure, names, ports, literals, scripts (BT.CPP 12.3).
 
-``check`` accepts what BehaviorTree.CPP's loader accepts, says everything wrong in one pass, and warns of what loads but
-is likely a mistake. What depends on an instance (types of entries, paths of SubTrees) is the compiler's to find.
+``check`` accepts what BehaviorTree.CPP's loader accepts, reports every fault in one pass, and warns of what loads but
+is likely a mistake. The compiler finds what depends on an instance (types of entries, paths of SubTrees).
 """
 import difflib
 import itertools
@@ -46,7 +46,7 @@ ELSEWHERE = {
     "include": "it stands directly below <root>",
     "TreeNodesModel": "it stands directly below <root>",
 }
-"""What other versions and other tools call a node type, and what it is here."""
+"""Names of a node type in other versions and tools -> its name here."""
 _PORTS_ELSEWHERE = {
     ("Parallel", "threshold"): "version 4 writes success_count",
     ("Parallel", "success_threshold"): "version 4 writes success_count",
@@ -79,9 +79,9 @@ def check(documents: Sequence[Document], registry: Registry, main_tree: Optional
           strict: bool = False) -> Checked:
     """Check ``documents``, included ones first, the mission itself last. ``main_tree`` overrides the file's choice.
 
-    Without ``strict`` two things load that BehaviorTree.CPP refuses: where nothing names the main tree, the only one
-    that no other tree calls is it (Groot2 drops the attribute when it saves); and the ID of a tree may contain blanks
-    and dots (the published lab tour has such), with a warning.
+    Without ``strict`` two things load that BehaviorTree.CPP refuses. If nothing names the main tree, it is the only one
+    that no other tree calls (Groot2 drops the attribute when it saves). The ID of a tree may contain blanks and dots
+    (as in the published lab tour), with a warning.
     """
     index = _Index(registry, "" if strict else " .")
     for document in documents:
@@ -138,7 +138,7 @@ class _Faults:
                    *_instead_of_id(element, hint))
 
     def all(self, file: str) -> List[Fault]:
-        """Return every fault in the order of the files; the last may say that there are more in ``file``."""
+        """Return the faults in the order of the files; the last may say that ``file`` has more."""
         faults = sorted(self.errors + self.warnings, key=lambda fault: (fault.file, fault.line, fault.column))
         if self.unrecorded:
             faults.append(Fault(file, 0, 0, "{} more faults are not shown".format(self.unrecorded),
@@ -163,7 +163,7 @@ class _Index(_Faults):
     def __init__(self, registry: Registry, tolerated: str):
         super().__init__()
         self.registry = registry
-        self.tolerated = tolerated  # letters in the ID of a tree that only earn a warning
+        self.tolerated = tolerated  # characters in the ID of a tree that only cause a warning
         self.trees: Dict[str, Element] = {}
         self.bodies: List[Tuple[str, Element]] = []  # every <BehaviorTree>, also those that another replaces
         self.models: Dict[str, List[Port]] = {}
@@ -311,7 +311,7 @@ class _Index(_Faults):
                    "name the main tree in <root main_tree_to_execute=\"…\">")
 
     def check_calls(self, main: str) -> None:
-        """Note which trees are used; find SubTrees that contain themselves, and missions that are too large."""
+        """Note the used trees; find SubTrees that contain themselves, and missions that are too large."""
         sizes: Dict[str, int] = {}
         for start in [main] if main else list(self.trees):
             self._unfold(start, sizes, self.fault)
@@ -361,7 +361,7 @@ class _Known(NamedTuple):
 
     @property
     def minds_children(self) -> bool:
-        """Return whether it has rules about its children beside their number."""
+        """Return whether it has rules about its children in addition to their number."""
         return self.spec.refuses_explicit or bool(self.spec.at_most_one)
 
 
@@ -406,7 +406,7 @@ class _Nodes:
         (self.fault if self.is_used else self.warn)(rule, element, text, hint, attribute, at)
 
     def _identified(self, element: Element) -> Optional[_Known]:
-        """Return the node type that an element names; None if there is nothing more to check."""
+        """Return the node type that an element names; None if nothing more can be checked."""
         if element.tag == "SubTree":
             self._subtree(element)
             return None
@@ -504,7 +504,7 @@ class _Nodes:
             self._unread(element, port, text, port.literal or port.type)
 
     def _unread(self, element: Element, port: Port, text: str, type_name: str) -> None:
-        """Warn of a number that is followed by more than blanks: BehaviorTree.CPP reads it no further."""
+        """Warn of a number that is followed by more than blanks: BehaviorTree.CPP ignores the rest."""
         said = read_in_part(text, port, type_name)
         if said:
             self.warn(rules.NUMBER_CUT_SHORT, element, "{}=\"{}\" {}".format(port.name, text, said[0]), said[1],
@@ -638,6 +638,6 @@ def _script_fault(text: str) -> Optional[ScriptSyntaxError]:
 
 
 def is_port_name(name: str) -> bool:
-    """Return whether an attribute is taken for a port: others, like ``_uid`` or ``xmlns:x``, mean nothing."""
+    """Return whether an attribute counts as a port: others, like ``_uid`` or ``xmlns:x``, have no meaning."""
     return (name[0].isalpha() and name[0].isascii() and name not in ("name", "ID")
             and not any(letter in FORBIDDEN for letter in name))

@@ -1,4 +1,4 @@
-"""Which blackboard entries a mission reads and writes, and which are one: through remapping, ``@`` and SubTrees."""
+"""Which blackboard entries a mission reads and writes, and which are the same: by remapping, ``@`` and SubTrees."""
 from typing import Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
 
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
@@ -20,7 +20,7 @@ class Read(NamedTuple):
 
 
 class Use(NamedTuple):
-    """A script, and where it stands. ``is_condition``: its value decides something."""
+    """A script and its place. ``is_condition``: its value decides something."""
 
     tree: str
     element: Element
@@ -40,8 +40,8 @@ class Flow:
         self.is_known = True
         self.scripts: List[Use] = []
         self.readers: Dict[Key, Port] = {}  # the first port that reads an entry
-        self.created: Set[Key] = set()  # what exists without a script, or by := in one
-        self.touched: Set[Key] = set()  # what not only scripts write
+        self.created: Set[Key] = set()  # entries that exist without a script, or by := in one
+        self.touched: Set[Key] = set()  # entries that not only scripts write
         self.mentions: Dict[Key, int] = {}  # how often a tree names an entry
         self.used: Dict[str, Set[str]] = {}  # tree -> names that it uses itself; not what its callers give it
         self._same: Dict[Key, Key] = {}
@@ -90,24 +90,24 @@ class Flow:
             self.created.add(key)
 
     def created_first(self) -> Set[Key]:
-        """Return those of ``created`` by the names that stand for them; not before all is noted."""
+        """Return those of ``created`` by their representative names; only after everything is noted."""
         if self._created is None:
             self._created = {self.first(key) for key in self.created}
         return self._created
 
     def join(self, one: Key, other: Key) -> None:
-        """Note that two names mean one entry."""
+        """Note that two names mean the same entry."""
         self._same[self.first(one)] = self.first(other)
 
     def first(self, key: Key) -> Key:
-        """Return the name that stands for all that mean the same entry."""
+        """Return the representative of all names of the same entry."""
         while key in self._same and self._same[key] != key:
             self._same[key] = self._same.get(self._same[key], self._same[key])  # halves the way for the next time
             key = self._same[key]
         return key
 
     def never_written(self, given: Set[str]) -> List[Read]:
-        """Return the reads of what nothing writes; ``given`` are entries of the root that come from elsewhere."""
+        """Return the reads of entries that nothing writes; ``given`` are entries of the root that the host provides."""
         written = {self.first(key) for key in self.written}
         written |= {self.first((self.main, name)) for name in given}
         return [read for key, read in self.reads.items() if self.first(key) not in written]

@@ -1,7 +1,7 @@
-"""Warnings beyond BehaviorTree.CPP: what loads, but cannot be what its author meant.
+"""Warnings beyond BehaviorTree.CPP: what loads, but is probably a mistake.
 
-What nodes do is told by their NodeSpec alone. A warning must be worth reading: where the file and the node types cannot
-tell, there is none.
+Only the NodeSpecs say what nodes do. A warning must be worth reading: if the file and the node types do not decide,
+there is none.
 """
 import itertools
 import re
@@ -23,7 +23,7 @@ from behavior_controller.bt.status import BY_NAME
 from behavior_controller.errors import Fault
 
 IGNORED_ON_PURPOSE = ("_uid", "_fullpath", "_description", "__shared_blackboard", "__autoremap")
-_REPEATS = {SUCCEEDS: ("repeats", "succeeds", "goes round for ever and never waits", "put a Sleep inside"),
+_REPEATS = {SUCCEEDS: ("repeats", "succeeds", "repeats forever and never waits", "put a Sleep inside"),
             FAILS: ("retries", "fails", "asks again and again without waiting",
                     "a ReactiveFallback of the condition and a Sleep waits for it")}
 _ODD_BRACES = re.compile(r"^\{[^{}]*$|^[^{}]*\}$|\$\{|\{=?[A-Za-z_@][A-Za-z0-9_]*\}")
@@ -33,7 +33,7 @@ _COMPARISONS = 20_000  # names compared for suggestions, in all
 
 def lint(documents: Sequence[Document], checked: Checked, registry: Registry,
          given: Collection[str] = ()) -> List[Fault]:
-    """Return warnings about a mission whose check found no error, in the order of the files.
+    """Return warnings about a mission without errors, in the order of the files.
 
     ``given`` are entries of the root's blackboard that the host provides, and names of enums.
     """
@@ -109,7 +109,7 @@ class _Linter:
             self._call(element, tree)
             return
         spec = self.registry.find(element.type_id)
-        assert spec is not None  # the check has seen to it
+        assert spec is not None  # guaranteed by the check
         for port in spec.ports:
             self._port(element, spec, port, tree)
         if element.tag in EXPLICIT and element.tag != spec.kind.value:
@@ -195,7 +195,7 @@ class _Linter:
                 self.warn(rules.CONDITION_MISSPELT, element, "{} is ignored".format(name), near, name)
 
     def _chain(self, element: Element, spec: NodeSpec) -> None:
-        """Apply the rules of a control that ticks its next child when one has ended as it should."""
+        """Apply the rules of a control that ticks its next child after a certain end of the last one."""
         children = element.children[:-1] if spec.last_is_apart else element.children
         is_sequence = spec.next_after == SUCCEEDS
         self._unreachable(children, spec.next_after | SKIPS, "succeeds" if is_sequence else "fails")
@@ -228,7 +228,7 @@ class _Linter:
             self.warn(rules.NEVER_WAITS, element, "{} {}".format(spec.id, endlessly), hint, spec.rounds)
         if rounds == "0" or (rounds[:1] == "-" and rounds[1:].isdigit() and rounds != "-1"):
             self.warn(rules.NEVER_RUN, element, "{}=\"{}\": the child is never run".format(spec.rounds, rounds),
-                      "-1 is for ever", spec.rounds)
+                      "-1: no limit", spec.rounds)
 
     def _is_instant(self, element: Element) -> bool:
         """Return whether all below and including ``element`` is known to be done as soon as it is ticked."""
@@ -279,7 +279,7 @@ class _Linter:
                 name, text, port.type, port.name), wrong, name)
 
     def _remapped(self, element: Element, name: str, text: str, tree: str) -> None:
-        """Warn of an entry that is named nowhere else in the tree, but nearly so."""
+        """Warn of an entry that occurs only here in the tree, if a similar name occurs."""
         outer = ports.reference(text, name)
         key = self.flow.key(tree, outer) if outer is not None else None
         if key is None or self.flow.mentions.get(key, 0) > 1:
@@ -304,14 +304,14 @@ class _Linter:
                           "the main tree is {}".format(self.checked.main))
 
     def unwritten(self) -> None:
-        """Warn of entries that are read and that nothing writes; of those that a node reads by default, of one."""
+        """Warn of entries that are read and never written; of those that a node reads by default, only of one."""
         if not self.flow.is_known:
             return
         told: Set[int] = set()  # elements
         for read in self.flow.never_written(self.defaults.given)[:_MOST_WARNINGS]:
             tree, name = read.key
             if self.flow.first(read.key) in self.misspelt or name in WORDS or name != name.strip() or "{" in name:
-                continue  # it has been told in other words
+                continue  # reported already by another warning
             if read.attribute not in read.element.attributes:
                 if id(read.element) in told:
                     continue
@@ -336,7 +336,7 @@ class _Linter:
             elsewhere[0], name) if elsewhere else ""
 
     def scripts(self) -> None:
-        """Warn of scripts that hardly do what is meant."""
+        """Warn of scripts that are probably mistakes."""
         for remark in itertools.islice(remarks(self.flow, self.defaults.known), _MOST_WARNINGS):
             if remark.rule is rules.NOT_CREATED and not self.is_host_known:
                 continue
@@ -346,7 +346,7 @@ class _Linter:
 def is_misspelling(word: str, other: str) -> bool:
     """Return whether two names differ by one letter left out, added or changed, or two exchanged.
 
-    A digit or an s at the end makes another name.
+    Names that differ by a digit or an s at the end count as different on purpose.
     """
     if word == other or word.rstrip("s0123456789") == other.rstrip("s0123456789"):
         return False

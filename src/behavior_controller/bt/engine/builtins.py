@@ -95,7 +95,7 @@ class SetBlackboard(SyncActionLeaf):
         if entry is None or entry.type == TEXT:
             self.blackboard.set_any(key, text, TEXT)
         else:
-            # an entry of generic type knows no conversion and becomes empty, as in the library
+            # an entry of generic type has no conversion and becomes empty, as in the library
             self.blackboard.set_any(key, self._converted(text, entry), entry.type)
         return SUCCESS
 
@@ -123,7 +123,7 @@ class SetBlackboard(SyncActionLeaf):
 
 
 class UnsetBlackboard(SyncActionLeaf):
-    """Remove an entry from the blackboard of this tree instance; SUCCESS even if there is none."""
+    """Remove an entry from the blackboard of this tree instance; SUCCESS even if it does not exist."""
 
     def update(self) -> Result:
         """Remove it."""
@@ -168,7 +168,7 @@ class Sleep(ActionLeaf):
 
 
 class WasEntryUpdated(SyncActionLeaf):
-    """SUCCESS if ``entry`` was written since this node looked last, else FAILURE."""
+    """SUCCESS if ``entry`` was written since this node's last tick, else FAILURE."""
 
     seen = 0
     key = ""
@@ -178,7 +178,7 @@ class WasEntryUpdated(SyncActionLeaf):
         self.key = decorators.entry_key(self)
 
     def update(self) -> Result:
-        """Look at the entry's write counter."""
+        """Compare the entry's write counter."""
         entry = self.blackboard.find(self.key)
         if entry is None or entry.sequence == self.seen:
             return FAILURE
@@ -263,9 +263,9 @@ _SPECS = (
     _decorator(decorators.ForceSuccess, (), ends.forced(ends.SUCCEEDS)),
     _decorator(decorators.ForceFailure, (), ends.forced(ends.FAILS)),
     _decorator(decorators.KeepRunningUntilFailure, (), ends.until_failure, is_instant=False),
-    _decorator(decorators.Repeat, (_in("num_cycles", "int", None, "rounds; -1 is for ever"),), ends.repeated,
+    _decorator(decorators.Repeat, (_in("num_cycles", "int", None, "rounds; -1: no limit"),), ends.repeated,
                rounds="num_cycles", repeats_on=ends.SUCCEEDS),
-    _decorator(decorators.RetryUntilSuccessful, (_in("num_attempts", "int", None, "attempts; -1 is for ever"),),
+    _decorator(decorators.RetryUntilSuccessful, (_in("num_attempts", "int", None, "attempts; -1: no limit"),),
                ends.retried, rounds="num_attempts", repeats_on=ends.FAILS),
     _decorator(decorators.RunOnce, (
         _in("then_skip", "bool", "true", "later ticks are SKIPPED, else they repeat the result"),),
@@ -275,7 +275,7 @@ _SPECS = (
         _in("else", "NodeStatus", "FAILURE", "the result if it is not")), ends.with_precondition),
     _decorator(decorators.Delay, (_in("delay_msec", "uint", None, "wait that long, in ms"),), ends.of_any_child,
                is_instant=False),
-    _decorator(decorators.Timeout, (_in("msec", "uint", None, "give the child that long, in ms; 0 is for ever"),),
+    _decorator(decorators.Timeout, (_in("msec", "uint", None, "the longest time of the child, in ms; 0: no limit"),),
                ends.of_any_child_or(ends.FAILS)),
     _loop(decorators.LoopInt, "int", "vec_int"), _loop(decorators.LoopBool, "bool"),
     _loop(decorators.LoopDouble, "double", "vec_double"), _loop(decorators.LoopString, TEXT),

@@ -1,8 +1,8 @@
-"""One clock for everything that waits: what time it is, and what the tick thread runs when it is due.
+"""One clock for everything that waits: the time, and the callbacks that the tick thread runs when they are due.
 
-Timers run between ticks and never on a thread of their own, so what they do needs no lock and is exact under a
-``ManualClock``. The runner and ``Tree.sleep`` wait until ``next_due()`` at the longest. What other threads
-have to say they ``post``, and wake the tree: it is carried out before the next traversal.
+Timers run between ticks and only on the tick thread, so their callbacks need no lock and are exact under a
+``ManualClock``. The runner and ``Tree.sleep`` wait until ``next_due()`` at the longest. Other threads ``post``
+callbacks and wake the tree: these run before the next traversal.
 """
 import collections
 import heapq
@@ -23,7 +23,7 @@ class Timer:
 
     @tick_thread_only
     def cancel(self) -> None:
-        """Make sure that the callback does not run (any more)."""
+        """Make sure that the callback does not run from now on."""
         self.callback = None
 
 
@@ -42,11 +42,11 @@ class Clock:
         return time.monotonic() if held is None else held
 
     def hold(self) -> None:
-        """Let time stand still until ``release``: within one traversal all happens at once, and can be replayed."""
+        """Stop the time until ``release``: all of one traversal has the same time, so that it can be replayed."""
         self._held = time.monotonic()
 
     def release(self) -> None:
-        """Let time go on."""
+        """Let the time go on."""
         self._held = None
 
     @tick_thread_only
@@ -57,7 +57,7 @@ class Clock:
         return timer
 
     def post(self, callback: Callable[[], None]) -> None:
-        """Have ``callback`` run soon on the tick thread, in the order of posting. The caller wakes the tree after it."""
+        """Have ``callback`` run soon on the tick thread, in the order of posting. Then the caller must wake the tree."""
         self._posted.append(callback)
 
     @tick_thread_only
@@ -74,7 +74,7 @@ class Clock:
 
     @tick_thread_only
     def run_due(self) -> None:
-        """Run what was posted, then every timer that is due, the earliest first."""
+        """Run the posted callbacks, then every due timer, the earliest first."""
         self.run_posted()
         if not self._queue:
             return
@@ -94,14 +94,14 @@ class ManualClock(Clock):
         self._now = now
 
     def hold(self) -> None:
-        """It stands still anyway."""
+        """Do nothing: the time stands still anyway."""
 
     def now(self) -> float:
         """Return the time that was set."""
         return self._now
 
     def set_to(self, moment: float) -> None:
-        """Let it be ``moment``; timers that are due then wait for ``run_due``."""
+        """Set the time to ``moment``; due timers wait for ``run_due``."""
         self._now = moment
 
     def advance(self, seconds: float) -> None:

@@ -14,7 +14,7 @@ from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCE
 
 
 class Control(Node):
-    """A node with one child or more."""
+    """A node with one or more children."""
 
     def __init__(self, name: str):
         Node.__init__(self, name)
@@ -39,7 +39,7 @@ class Control(Node):
             if index != kept and child.status is not IDLE:
                 halt_child(child)
 
-    # py_trees' composites bring generators and statuses of their own: the tick of a Node is used instead
+    # py_trees' composites have their own generators and statuses: the tick of a Node is used instead
     stop = Node.stop
     tick = Node.tick
 
@@ -62,7 +62,7 @@ class Control(Node):
 
 
 class _InOrder(Control):
-    """What Sequence and Fallback share: they are mirror images in ``ends_at``, the child's result that ends them."""
+    """The base of Sequence and Fallback, which differ in ``ends_at``, the child's result that ends them."""
 
     ends_at = FAILURE
     goes_on_at = SUCCESS
@@ -99,7 +99,7 @@ class _InOrder(Control):
         return self.exhausted()
 
     def yields(self) -> bool:
-        """Return whether to give way after a child that completed at once."""
+        """Return whether to yield after a child that completed at once."""
         return False
 
     def ended(self) -> Result:
@@ -116,7 +116,7 @@ class _InOrder(Control):
         return SKIPPED if all_skipped else self.goes_on_at
 
     def halt(self) -> None:
-        """Forget how far the round came."""
+        """Reset the position in the round."""
         self.index = self.skipped = 0
         super().halt()
 
@@ -126,7 +126,7 @@ class Sequence(_InOrder, composites.Sequence):
 
 
 class AsyncSequence(Sequence):
-    """A Sequence that gives way (RUNNING and a wake-up) after each child that succeeded at once."""
+    """A Sequence that yields (RUNNING and a wake-up) after each child that succeeded at once."""
 
     def yields(self) -> bool:
         """Give way."""
@@ -135,7 +135,7 @@ class AsyncSequence(Sequence):
 
 
 class SequenceWithMemory(AsyncSequence):
-    """A Sequence that goes on at the child that failed or was halted. It gives way like AsyncSequence."""
+    """A Sequence that resumes at the child that failed or was halted. It yields like AsyncSequence."""
 
     def ended(self) -> Result:
         """Halt only the children from here on; keep the place."""
@@ -157,13 +157,13 @@ class Fallback(_InOrder, composites.Selector):
 
 
 class AsyncFallback(Fallback):
-    """A Fallback that gives way (RUNNING and a wake-up) after each child that failed at once."""
+    """A Fallback that yields (RUNNING and a wake-up) after each child that failed at once."""
 
     yields = AsyncSequence.yields
 
 
 class _Reactive(Control):
-    """What ReactiveSequence and ReactiveFallback share: every tick begins at the first child."""
+    """The base of ReactiveSequence and ReactiveFallback: every tick begins at the first child."""
 
     ends_at = FAILURE
     goes_on_at = SUCCESS
@@ -189,18 +189,18 @@ class _Reactive(Control):
 
 
 class ReactiveSequence(_Reactive, composites.Sequence):
-    """A Sequence that asks its first children again at every tick."""
+    """A Sequence that ticks its first children again at every tick."""
 
 
 class ReactiveFallback(_Reactive, composites.Selector):
-    """A Fallback that asks its first children again at every tick."""
+    """A Fallback that ticks its first children again at every tick."""
 
     ends_at = SUCCESS
     goes_on_at = FAILURE
 
 
 class _Side(Control, composites.Parallel):
-    """What Parallel and ParallelAll share: which children have completed, and how."""
+    """The base of Parallel and ParallelAll: which children have completed, and how."""
 
     policy = ParallelPolicy.SuccessOnAll(synchronise=False)
 
@@ -215,7 +215,7 @@ class _Side(Control, composites.Parallel):
         self.failures = 0
 
     def threshold(self, port: str) -> int:
-        """Return the count that a port asks for: negative ones count from the end, -1 is all."""
+        """Return the count of a port: negative values count from the end, -1 is all."""
         value = self.get_input(port)
         return value if value >= 0 else max(len(self.children) + value + 1, 0)
 
@@ -237,7 +237,7 @@ class _Side(Control, composites.Parallel):
         return result
 
     def halt(self) -> None:
-        """Forget how far the round came."""
+        """Reset the position in the round."""
         self.clear()
         Control.halt(self)
 
@@ -290,7 +290,7 @@ class ParallelAll(_Side):
 
 
 class _Branches(Control, composites.Composite):
-    """What IfThenElse and WhileDoElse share."""
+    """The base of IfThenElse and WhileDoElse."""
 
     def require_two_or_three(self) -> None:
         """Raise NodeError unless there are two or three children."""
@@ -304,14 +304,14 @@ class _Branches(Control, composites.Composite):
 
 
 class IfThenElse(_Branches):
-    """The second child if the first succeeds, else the third (or FAILURE); the first is not asked again meanwhile."""
+    """The second child if the first succeeds, else the third (or FAILURE); the first is not ticked again meanwhile."""
 
     def __init__(self, name: str):
         super().__init__(name)
         self.branch = 0
 
     def update(self) -> Result:
-        """Ask the condition once, then tick the branch that it chose."""
+        """Tick the condition once, then the branch that it chose."""
         self.require_two_or_three()
         self.begin()
         if self.branch == 0:
@@ -330,16 +330,16 @@ class IfThenElse(_Branches):
         return self.finished(result)
 
     def halt(self) -> None:
-        """Ask the condition again next time."""
+        """Tick the condition again next time."""
         self.branch = 0
         super().halt()
 
 
 class WhileDoElse(_Branches):
-    """As IfThenElse, but the condition is asked at every tick and a change of answer changes the branch."""
+    """As IfThenElse, but the condition is ticked at every tick, and a new result changes the branch."""
 
     def update(self) -> Result:
-        """Ask the condition, halt the other branch, tick the chosen one."""
+        """Tick the condition, halt the other branch, tick the chosen one."""
         self.require_two_or_three()
         self.begin()
         condition = self.children[0].execute()
@@ -394,7 +394,7 @@ class Switch(Control, composites.Composite):
             return None
 
     def halt(self) -> None:
-        """Forget the running child."""
+        """Reset the running child."""
         self.running = None
         super().halt()
 

@@ -13,7 +13,7 @@ from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCE
 
 
 class Decorator(Node, decorators.Decorator):
-    """A node with exactly one child. A completed child is reset after every tick, whatever decided the result."""
+    """A node with exactly one child. A completed child is reset after every tick, also if a hook decided the result."""
 
     decorated: Any = None
 
@@ -66,10 +66,10 @@ class Decorator(Node, decorators.Decorator):
 
 
 class Inverter(Decorator):
-    """SUCCESS and FAILURE change places."""
+    """Exchanges SUCCESS and FAILURE."""
 
     def update(self) -> Result:
-        """Tick the child and turn its result round."""
+        """Tick the child and invert its result."""
         self.begin()
         result = self.tick_child()
         if result is SUCCESS:
@@ -78,7 +78,7 @@ class Inverter(Decorator):
 
 
 class ForceSuccess(Decorator):
-    """Whatever the child completes with is SUCCESS."""
+    """SUCCESS when the child completes."""
 
     forced = SUCCESS
 
@@ -90,13 +90,13 @@ class ForceSuccess(Decorator):
 
 
 class ForceFailure(ForceSuccess):
-    """Whatever the child completes with is FAILURE."""
+    """FAILURE when the child completes."""
 
     forced = FAILURE
 
 
 class KeepRunningUntilFailure(Decorator):
-    """The child again and again, a tick each, until it fails."""
+    """Repeats the child, one tick each, until it fails."""
 
     def update(self) -> Result:
         """Tick the child."""
@@ -105,7 +105,7 @@ class KeepRunningUntilFailure(Decorator):
 
 
 class Repeat(Decorator):
-    """The child ``num_cycles`` times while it succeeds; -1 is for ever."""
+    """The child ``num_cycles`` times while it succeeds; -1: no limit."""
 
     port = "num_cycles"
     goes_on_at = SUCCESS
@@ -119,7 +119,7 @@ class Repeat(Decorator):
         return self.required(self.port)
 
     def update(self) -> Result:
-        """Tick the child; give way after a round that was done at once, go on within the tick after a longer one."""
+        """Tick the child; yield after a round that was done at once, go on within the tick after a longer round."""
         limit = self._limit()
         go = self.count < limit or limit == -1
         self.begin()
@@ -155,7 +155,7 @@ class Repeat(Decorator):
 
 
 class RetryUntilSuccessful(Repeat):
-    """The child up to ``num_attempts`` times until it succeeds; -1 is for ever. A failure reads the port again."""
+    """The child up to ``num_attempts`` times until it succeeds; -1: no limit. A failure reads the port again."""
 
     port = "num_attempts"
     goes_on_at = FAILURE
@@ -184,7 +184,7 @@ class RunOnce(Decorator):
 
 
 class Precondition(Decorator):
-    """The child if the script ``if`` is true, else the status ``else``. It is not asked again while the child runs."""
+    """The child if the script ``if`` is true, else the status ``else``. It is not evaluated again while the child runs."""
 
     def __init__(self, name: str):
         super().__init__(name)
@@ -205,7 +205,7 @@ class Precondition(Decorator):
             self.script = compile_script(text, allow_empty=True)
 
     def update(self) -> Result:
-        """Ask the script unless the child is under way, then tick the child or return ``else``."""
+        """Evaluate the script unless the child is under way, then tick the child or return ``else``."""
         self._parse(self.get_input("if"))
         otherwise = self.required("else")
         if not self.latched:
@@ -253,7 +253,7 @@ class Delay(Decorator):
 
 
 class Timeout(Decorator):
-    """The child for ``msec`` at the longest, then it is halted and the node fails. 0 is for ever."""
+    """The child for at most ``msec``, then it is halted and the node fails. 0: no limit."""
 
     def __init__(self, name: str):
         super().__init__(name)
@@ -298,7 +298,7 @@ class Timeout(Decorator):
 
 
 class Loop(Decorator):
-    """The child once for each item of ``queue``, a tick each; ``if_empty`` is the result when nothing is left."""
+    """The child once for each item of ``queue``, a tick each; ``if_empty`` is the result of an empty queue."""
 
     item_type = "string"
 
@@ -372,7 +372,7 @@ class LoopString(Loop):
 
 
 class SkipUnlessUpdated(Decorator):
-    """The child if ``entry`` was written since this node looked last, else SKIPPED."""
+    """The child if ``entry`` was written since this node's last tick, else SKIPPED."""
 
     otherwise: Result = SKIPPED
 
@@ -387,7 +387,7 @@ class SkipUnlessUpdated(Decorator):
         self.key = entry_key(self)
 
     def update(self) -> Result:
-        """Go on with a running child, else look at the entry's write counter."""
+        """Go on with a running child, else compare the entry's write counter."""
         if not self.child_runs:
             entry = self.blackboard.find(self.key)
             sequence = entry.sequence if entry is not None else None
@@ -400,19 +400,19 @@ class SkipUnlessUpdated(Decorator):
         return result
 
     def halt(self) -> None:
-        """Forget that the child was running, but not the counter."""
+        """Reset the running child, but not the counter."""
         self.child_runs = False
         super().halt()
 
 
 class WaitValueUpdate(SkipUnlessUpdated):
-    """The child if ``entry`` was written since this node looked last, else RUNNING."""
+    """The child if ``entry`` was written since this node's last tick, else RUNNING."""
 
     otherwise = RUNNING
 
 
 class SubTree(Decorator):
-    """Another tree of the file in this place, with a blackboard of its own (BT.CPP section "SubTree")."""
+    """Another tree of the file in this place, with its own blackboard (BT.CPP section "SubTree")."""
 
     def __init__(self, name: str):
         super().__init__(name)

@@ -8,7 +8,7 @@ from behavior_controller.bt.engine.node import Node, NodeError, Result
 from behavior_controller.bt.status import IDLE, RUNNING
 
 POLLING = 0.01
-"""Seconds until a RUNNING py_trees behaviour, which knows no wake-up, is ticked again (BT.CPP's default)."""
+"""Seconds until a RUNNING py_trees behaviour, which has no wake-up, is ticked again (BT.CPP's default)."""
 
 
 class ActionLeaf(Node):
@@ -18,15 +18,15 @@ class ActionLeaf(Node):
     """
 
     def on_start(self) -> Result:
-        """Begin a round of work."""
+        """Start the action."""
         raise NotImplementedError
 
     def on_running(self) -> Result:
-        """Go on with the round."""
+        """Continue the action."""
         raise NotImplementedError
 
     def on_halted(self) -> None:
-        """Drop the round; called only when the leaf is RUNNING."""
+        """Abort the action; called only when the leaf is RUNNING."""
 
     def update(self) -> Result:
         """Start, go on, or repeat the result."""
@@ -44,7 +44,7 @@ class ActionLeaf(Node):
         return result
 
     def halt(self) -> None:
-        """Tell the leaf if it is RUNNING, then reset it."""
+        """Call ``on_halted`` if the leaf is RUNNING, then reset it."""
         if self.status is RUNNING:
             self.on_halted()
         self.reset()
@@ -57,17 +57,17 @@ class SyncActionLeaf(Node):
 
 
 class ConditionLeaf(Node):
-    """A question that is asked again at every tick, whatever the answer was before (BT.CPP ``ConditionNode``)."""
+    """A condition that is evaluated at every tick (BT.CPP ``ConditionNode``)."""
 
 
 class BehaviourLeaf(Node):
-    """An ordinary py_trees behaviour as a leaf, with all that is below it. What happens to it is what py_trees does.
+    """An ordinary py_trees behaviour as a leaf, with all that is below it. py_trees' rules apply to it.
 
     To py_trees' tools the leaf is that behaviour: its id, its message, its blackboard clients.
     """
 
     def __init__(self, name: str, behaviour: Behaviour):
-        """Raises ValueError if the behaviour has a place in a tree already."""
+        """Raises ValueError if the behaviour is in a tree already."""
         super().__init__(name)
         if behaviour.parent is not None:
             raise ValueError("its factory returned the same behaviour twice")

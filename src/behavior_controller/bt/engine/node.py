@@ -2,7 +2,7 @@
 
 The rules are BehaviorTree.CPP's (``TreeNode::executeTick`` and ``haltNode``); the classes are py_trees behaviours, so
 that py_trees' display and visitor tools read them. ``execute`` ticks a node; py_trees' generator ``tick`` only adapts it.
-What comes between a node's ticks and its rule (conditions, a hook, what py_trees' visitors are to be told) is its
+Conditions, a hook and the results for py_trees' visitors intervene between a node's tick and its rule: that is its
 ``Interception``; most nodes have none.
 """
 import logging
@@ -30,7 +30,7 @@ POST_CONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 
 
 class ConfigureError(BehaviorControllerError):
-    """A node cannot be made as the file wants it; ``attribute`` names the place, or is None for the whole element."""
+    """A node cannot be made from its element; ``attribute`` names the place, or is None for the whole element."""
 
     def __init__(self, text: str, attribute: Optional[str] = None):
         super().__init__(text)
@@ -59,32 +59,32 @@ class Services:
         self.clock = clock
         self.wake = wake or WakeUp()
         self.enums = enums or {}
-        self.changes = 0  # what nodes have done, beside writing to entries, that may change what another tick would do
+        self.changes = 0  # actions of nodes, other than writes to entries, that may change the effect of a tick
         self.tree: Any = None
         self.clients: Any = None  # shows py_trees' tools the entries that a node uses
 
 
 class NodeHook:
-    """What may decide in place of a node's rule, or instead of its result, while it is the node's ``hook``."""
+    """May replace a node's rule or its result, while it is the node's ``hook``."""
 
     is_holding = False
-    """Whether the node is RUNNING because the hook says so."""
+    """Whether the node is RUNNING because of the hook."""
 
     def before(self, node: "Node") -> Optional[Result]:
-        """Return what is the result in place of the rule's, or None: the rule is run."""
+        """Return the result that replaces the rule's, or None: the rule is run."""
         raise NotImplementedError
 
     def after(self, node: "Node", result: Result) -> Result:
-        """Return the result of the tick, which would be ``result``."""
+        """Return the result of the tick, given the node's own ``result``."""
         raise NotImplementedError
 
     def halt(self, node: "Node") -> bool:
-        """Note that the node is halted; return whether it has begun anything that is to be halted."""
+        """Note that the node is halted; return whether it has started work that must be halted."""
         raise NotImplementedError
 
 
 class Interception:
-    """What comes between the ticks of one node and its rule: pre- and post-conditions, and inside these a hook.
+    """Intervenes between the ticks of one node and its rule: pre- and post-conditions, and inside these a hook.
 
     Two calls around the rule and none around both: a deep tree needs no more Python frames for it.
     """
@@ -97,7 +97,7 @@ class Interception:
         self._asks_hook = False  # after this tick's rule: no pre-condition has decided
 
     def before(self, node: "Node") -> Optional[Result]:
-        """Return what a pre-condition or the hook decides, or None: the rule is run."""
+        """Return the result that a pre-condition or the hook decides, or None: the rule is run."""
         result = self._check_before(node)
         self._asks_hook = result is None and self.hook is not None
         if self._asks_hook:
@@ -152,7 +152,7 @@ def _run(script: Script, node: "Node", attribute: str) -> Any:
 
 
 def place_of(error: BehaviorControllerError) -> str:
-    """Return ``file:line:column`` of what in a mission made a tick fail; "" if the tree is not from a file."""
+    """Return ``file:line:column`` of the node at which a tick failed; "" if the tree is not from a file."""
     node = error.node if isinstance(error, TickError) else None
     cause = error.cause if isinstance(error, TickError) else error
     element, attribute = cause.origin if isinstance(cause, BehaviorControllerError) and cause.origin else (
@@ -227,7 +227,7 @@ class Node(Behaviour):
     # ------------------------------------------------------------------------------------------------------ life cycle
 
     def configure(self) -> None:
-        """Check what BT.CPP's constructors check. Called once, when all attributes are bound; raises ConfigureError."""
+        """Make the checks of BT.CPP's constructors. Called once, when all attributes are bound; raises ConfigureError."""
 
     def set_conditions(self, before: Sequence[Tuple[str, Script]], after: Dict[str, Script]) -> None:
         """Use these pre- and post-condition scripts, by attribute name; ``before`` in the order of PRE_CONDITIONS."""
@@ -236,7 +236,7 @@ class Node(Behaviour):
 
     @property
     def hook(self) -> Optional[NodeHook]:
-        """What is run in place of the node's rule, or None. On the tick thread only."""
+        """The hook that may replace the node's rule, or None. On the tick thread only."""
         return self.interception.hook if self.interception is not None else None
 
     @hook.setter
@@ -271,7 +271,7 @@ class Node(Behaviour):
         return result
 
     def store(self, status: Status) -> None:
-        """Make ``status`` the node's status and tell the observer. Raises TickError for what is none."""
+        """Make ``status`` the node's status and tell the observer. Raises TickError for an invalid one."""
         old = self.status
         if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
             raise self._refusal(status)
@@ -302,7 +302,7 @@ class Node(Behaviour):
         self.reset()
 
     def interrupt(self) -> None:
-        """Halt without a script; a node that its hook kept from beginning has nothing to halt."""
+        """Halt without a script; a node whose hook prevented its start has nothing to halt."""
         if self.hook is None or self.hook.halt(self):
             self.halt()
         else:
@@ -324,7 +324,7 @@ class Node(Behaviour):
     # ------------------------------------------------------------------------------------------------------------ ports
 
     def get_input(self, name: str) -> Any:
-        """Return the value of an input port. Raises PortError if it has none or a wrong one."""
+        """Return the value of an input port. Raises PortError if it has no value or a wrong one."""
         port = self._port(name)
         text = self.attributes.get(name, port.default)
         if text is None:
@@ -340,7 +340,7 @@ class Node(Behaviour):
         ports.write(text, port, self.blackboard, value)
 
     def clear_output(self, name: str) -> None:
-        """Empty the entry of an output port. Raises PortError if there is no such port."""
+        """Empty the entry of an output port. Raises PortError if the port does not exist."""
         ports.clear(self.attributes.get(name, ""), self._port(name), self.blackboard)
 
     def _port(self, name: str) -> Port:
@@ -376,7 +376,7 @@ class Node(Behaviour):
 
 
 def label(node: Any) -> Tuple[str, str]:
-    """Return a node's name, and what tells it from others of that name: its type, if that is another, and its uid."""
+    """Return a node's name, its type if that differs, and its uid."""
     if node.full_path.rsplit("/", 1)[-1] == "{}::{}".format(node.name, node.uid):
         return clean(node.name), "#{}".format(node.uid)
     return clean(node.name), "({}) #{}".format(node.registration_id, node.uid)

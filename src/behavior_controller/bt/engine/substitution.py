@@ -16,13 +16,13 @@ _STATUS_BY_NUMBER = {number: BY_NAME[name] for name, number in STATUS_NUMBERS.it
 
 
 class Substitutions(NamedTuple):
-    """``rules``: filter to target; ``configs``: target name to what its TestNode does."""
+    """``rules``: filter to target; ``configs``: target name to the configuration of its TestNode."""
 
     rules: Dict[str, Any]
     configs: Dict[str, Dict[str, Any]]
 
     def target(self, name: str, registration_id: str, path: str) -> Optional[str]:
-        """Return the target of the first rule that fits a node, or None. Filters know ``*`` and ``?``."""
+        """Return the target of the first rule that matches a node, or None. Filters may have ``*`` and ``?``."""
         for pattern, target in self.rules.items():
             if pattern in (name, registration_id) or _matches(pattern, path):
                 return target

@@ -10,7 +10,7 @@ from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCE
 from behavior_controller.errors import Fault
 from behavior_controller.text import Source
 
-# tick_once goes round at most so often before it hands control back, so that a mission that busy-loops can be stopped
+# the most traversals of one tick_once, so that a mission that busy-loops can be stopped
 ROUNDS_PER_TICK = 1000
 
 
@@ -33,13 +33,13 @@ class Tree:
         self.sources = sources
         self.busy_loops = False  # the last tick_once was cut short: the mission never waits
         self.traversals: Any = None
-        """Told of each traversal, ``begin(is_first)`` and ``end()``: the record listens."""
+        """Called for each traversal, ``begin(is_first)`` and ``end()``: the record uses it."""
         self._observers: List[Observer] = []
         self._ticked: Optional[Dict[Node, Result]] = None  # by the last traversal, if py_trees' tools ask for it
         self._hidden: Dict[Node, Status] = {}  # the statuses of nodes that show another between two ticks
 
     def setup(self, **kwargs: Any) -> None:
-        """Let each node meet what it needs at run time (py_trees' ``setup``)."""
+        """Give each node what it needs at run time (py_trees' ``setup``)."""
         for node in self.nodes:
             node.setup(**kwargs)
 
@@ -57,12 +57,12 @@ class Tree:
     def changes(self) -> int:
         """A number that grows when a tick changes what the next one may do: an action completed, an entry was written.
 
-        A RUNNING tree whose tick changed nothing does the same again until a wake-up: it need not be ticked before.
+        A RUNNING tree whose tick changed nothing would do the same again: it needs no tick before a wake-up.
         """
         return self.services.changes + self.blackboard.writes
 
     def tick_exactly_once(self) -> Result:
-        """Traverse the tree once; the wake-up signal is not looked at."""
+        """Traverse the tree once; the wake-up signal is ignored."""
         return self._completed(self._traverse(True))
 
     def tick_once(self) -> Result:
@@ -80,9 +80,9 @@ class Tree:
 
     @tick_thread_only
     def _traverse(self, is_first: bool, root: Optional[Node] = None) -> Result:
-        """Traverse the tree, or what is below ``root``, at one moment of its clock.
+        """Traverse the tree, or the part below ``root``, at one moment of its clock.
 
-        What was posted, and at first what is due, runs before.
+        Posted callbacks run before the nodes; in the first traversal of a tick, due timers too.
         """
         if self._ticked is not None:
             self._ticked.clear()
@@ -111,7 +111,7 @@ class Tree:
             self.sleep(sleep_seconds)
 
     def sleep(self, seconds: float) -> bool:
-        """Wait for the wake-up signal, running timers as they fall due. Return whether it came within ``seconds``."""
+        """Wait for the wake-up signal, and run timers when they are due. Return whether it came within ``seconds``."""
         end = self.clock.now() + seconds
         while True:
             self.clock.run_due()
@@ -150,7 +150,7 @@ class Tree:
         yield from ticked
 
     def show_own_statuses(self) -> None:
-        """Give back to the nodes the statuses that the engine goes by."""
+        """Restore the statuses that the engine uses."""
         for node, status in self._hidden.items():
             node.status = status
         self._hidden.clear()

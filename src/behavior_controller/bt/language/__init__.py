@@ -1,1 +1,1 @@
-"""What mission files and scripts say: documents with places, scripts, typed values and the entries that hold them."""
+"""Mission files and scripts: documents with places, scripts, typed values and the entries that hold them."""

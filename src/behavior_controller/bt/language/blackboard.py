@@ -6,7 +6,7 @@ from behavior_controller.bt.language.values import ANY, BT_ANY, GENERIC, TEXT, V
 
 
 class WriteCount:
-    """How often entries of one tree were written: a tick that writes may change what another tick would do."""
+    """The number of writes to entries of one tree: a tick that writes may change the effect of another tick."""
 
     __slots__ = ("number",)
 
@@ -28,17 +28,17 @@ class Entry:
 
     @property
     def is_generic(self) -> bool:
-        """Return whether any type of value is welcome."""
+        """Return whether the entry accepts values of any type."""
         return self.type in GENERIC
 
     def replace(self, value: Any, origin: str = "") -> None:
-        """Store ``value`` as it is; ``origin`` is its type if another than what the value shows."""
+        """Store ``value`` unchanged; ``origin`` is its type if that differs from the value's own."""
         self.value = values.stored(value)
         self.origin = origin or values.origin_of(self.value)
         self._written()
 
     def update(self, value: Any, origin: str = "") -> None:
-        """Store ``value`` in the kind that is stored already, or as it is in an empty entry. Raises ValueFault."""
+        """Store ``value`` in the kind of the stored value, or unchanged in an empty entry. Raises ValueFault."""
         if self.value is None:
             self.replace(value, origin)
         else:
@@ -112,7 +112,7 @@ class Blackboard:
         return board, key
 
     def create(self, key: str, entry_type: str = ANY) -> Entry:
-        """Return the entry, made where the chain of remappings ends if it is new. Raises ValueFault on a type clash."""
+        """Return the entry; a new one is made at the end of the chain of remappings. Raises ValueFault on a type conflict."""
         board, key = self.home(key)
         entry = board.local.get(key)
         if entry is None:
@@ -123,7 +123,7 @@ class Blackboard:
         return entry
 
     def get(self, key: str, default: Any = None) -> Any:
-        """Return the value of ``key``, or ``default`` if there is none."""
+        """Return the value of ``key``, or ``default`` if it has none."""
         entry = self.find(key)
         return default if entry is None or entry.value is None else entry.value
 
@@ -162,7 +162,7 @@ class Blackboard:
             entry.replace(value, origin)
 
     def unset(self, key: str) -> None:
-        """Remove ``key`` from the storage here, and from nowhere else; nothing happens if it is not there."""
+        """Remove ``key`` from the storage here only; nothing happens if it does not exist."""
         if self.local.pop(key, None) is not None:
             self._count.number += 1
 
@@ -190,7 +190,7 @@ def _fitting(key: str, entry: Entry, value: Any, value_type: str) -> Tuple[Any, 
 def _fits(entry_type: str, value: Any) -> bool:
     """Return whether ``value`` survives the way into a type of other size or kind and back, or has the right items.
 
-    An entry that the host made without a type has the name of a Python class for its type.
+    An entry that the host made without a type has the name of a Python class as its type.
     """
     target = values.find_type(entry_type)
     if target is None:

@@ -1,4 +1,4 @@
-"""A mission file as elements that know where they stand, and the files that it includes. The only user of lxml."""
+"""A mission file as elements with their places, and the files that it includes. The only user of lxml."""
 import bisect
 import contextlib
 import gc
@@ -11,7 +11,7 @@ from lxml import etree
 
 from behavior_controller.bt import rules
 from behavior_controller.bt.language.markup import (ATTRIBUTE, CHARACTER, STARTS, TAG_NAME, TOKEN, MarkupFault,
-                                                    diagnosis, mended, stray_text)
+                                                    diagnosis, repaired, stray_text)
 from behavior_controller.bt.language.packages import package_folder
 from behavior_controller.bt.rules import Rule
 from behavior_controller.errors import Fault, MissionError
@@ -47,10 +47,10 @@ class Element:
 
     def fault(self, rule: Rule, text: str, hint: str = "", attribute: Optional[str] = None,
               is_warning: Optional[bool] = None, at: int = 0) -> Fault:
-        """Return a fault at this place, on one line whatever names and values the text quotes.
+        """Return a fault at this place; its text is made one line.
 
-        ``is_warning``: if it is another than the rule says. ``at`` is the character of the attribute's value that it is
-        about, which matters if the value has several lines.
+        ``is_warning`` overrides the rule. ``at`` is the index of the character in the attribute's value, which matters if
+        the value has several lines.
         """
         begin, end = self.document.span(self.number, attribute, at)
         return self.document.fault_between(rule, begin, end, text, hint, is_warning)
@@ -132,7 +132,7 @@ def read(path: str) -> Document:
 
 
 def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
-    """Parse text or bytes. Raises MissionError with what is wrong with the markup, at its place in ``data``."""
+    """Parse text or bytes. Raises MissionError with the faults of the markup, at their places in ``data``."""
     document = Document(file, data if isinstance(data, str) else _decoded(data, file))
     text = document.text
     try:
@@ -143,7 +143,7 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
             raise MarkupFault(rules.NOT_TEXT, "a NUL character: the file is not UTF-8 text", text.index("\x00"),
                               "save the file as UTF-8")
         with collector_at_rest():
-            document.root = _parsed(mended(text), document)
+            document.root = _parsed(repaired(text), document)
     except MarkupFault as fault:
         raise MissionError([document.fault(fault)]) from fault
     except (etree.XMLSyntaxError, UnicodeError) as error:
@@ -165,7 +165,7 @@ def _decoded(data: bytes, file: str) -> str:
 
 @contextlib.contextmanager
 def collector_at_rest() -> Iterator[None]:
-    """Keep Python's collector from walking a growing mission, of which nothing is garbage, again and again."""
+    """Keep Python's garbage collector from scanning a growing mission, which has no garbage, again and again."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -176,7 +176,7 @@ def collector_at_rest() -> Iterator[None]:
 
 
 class _Target:
-    """lxml's parser target: makes Elements without a tree of lxml's own."""
+    """lxml's parser target: makes Elements without lxml's tree."""
 
     def __init__(self, start: Callable[[str, Any], None], end: Callable[[str], None],
                  close: Callable[[], Optional[Element]]):
@@ -219,7 +219,7 @@ def _not_well_formed(document: Document, error: Exception) -> MissionError:
 def with_includes(document: Document) -> List[Document]:
     """Return the document after all that it includes, each file once, in the order in which their trees count.
 
-    What cannot be included is a fault of the document that wants it (``Document.faults``).
+    A failed include is a fault of the including document (``Document.faults``).
     """
     found: List[Document] = []
     _include(document, found, {os.path.realpath(document.file)}, ())

@@ -1,9 +1,8 @@
-"""The markup of a mission as people write it: what is mended before lxml reads it, and what is wrong if lxml cannot.
+"""The markup of a mission as people write it: repairs before lxml reads it, and the faults if lxml cannot.
 
-BehaviorTree.CPP's reader takes what is not XML: raw ``&&`` and ``<`` inside attributes, line breaks in attributes that
-are kept, ``&`` in text. ``mended`` makes XML of it without changing what it means, and keeps from lxml what has no
-meaning in a mission: comments, the declared encoding, DOCTYPE, namespaces. So no entity is ever declared, let alone
-expanded.
+BehaviorTree.CPP's reader accepts what is not XML: raw ``&&`` and ``<`` inside attributes, line breaks in attributes that
+are kept, ``&`` in text. ``repaired`` makes XML of it with the same meaning, and removes what has no meaning in a mission:
+comments, the declared encoding, DOCTYPE, namespaces. So no entity is ever declared or expanded.
 Every pattern here is linear in the length of the file, also where it does not match.
 """
 import re
@@ -26,20 +25,20 @@ _NAME = r"""[^ \t\r\n=/>"'<]+"""
 # repetitions are bounded: that keeps the memory of Python's pattern engine bounded too
 _ATTRIBUTE = r"""{0}{{1,{2}}}{1}*={1}*(?:"[^"]{{0,{3}}}"|'[^']{{0,{3}}}')""".format(
     _NAME[:-1], _BLANK, LONGEST_NAME, LONGEST_VALUE)
-# what lxml may read as it stands
+# pieces that lxml may read unchanged
 _PLAIN_ATTRIBUTE = r"""(?!xmlns)[^ \t\r\n=/>"'<:]{{1,{0}}}="[^"&<\n\t\r]{{0,{1}}}\"""".format(LONGEST_NAME,
                                                                                               LONGEST_VALUE)
 ATTRIBUTE = re.compile(r"""({0}){1}*={1}*("[^"]*"|'[^']*')""".format(_NAME, _BLANK))
 TOKEN = re.compile(r"""
     <{0}{{1,{5}}}(?:{1}+{2}){{0,{4}}}{1}*(?:(?P<leaf>/>)|(?P<open>>))
   | (?P<end></[^<>]*>)
-  | <(?P<tag>{0}{{1,{5}}})(?P<attributes>(?:{1}+{3}){{0,{4}}}){1}*(?P<mend>/?)>
+  | <(?P<tag>{0}{{1,{5}}})(?P<attributes>(?:{1}+{3}){{0,{4}}}){1}*(?P<repair>/?)>
   | (?P<blank><!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*>)
   | (?P<instruction><\?.*?\?>)
   | (?P<text>&[^<]*|\]\]>)
   | (?P<other><)
 """.format(_TAG[:-1], _BLANK, _PLAIN_ATTRIBUTE, _ATTRIBUTE, MOST_ATTRIBUTES, LONGEST_NAME), re.VERBOSE | re.DOTALL)
-STARTS = ("leaf", "open", "mend")
+STARTS = ("leaf", "open", "repair")
 _OUTSIDE = re.compile(r"""
     {0}+ | <!--.*?--> | <!\[CDATA\[.*?\]\]> | <!DOCTYPE[^\[<>]*> | <\?.*?\?> | (?P<wrong>.)
 """.format(_BLANK), re.VERBOSE | re.DOTALL)
@@ -59,7 +58,7 @@ _REST_OF_TAG = re.compile(r"""({0}*)({1})?({0}*=)?{0}*(["']?)""".format(_BLANK, 
 
 
 class MarkupFault(Exception):
-    """What is wrong with the markup, and the offset of the character where it is."""
+    """A fault of the markup, and the offset of its character."""
 
     def __init__(self, rule: Rule, text: str, offset: int, hint: str = ""):
         self.rule = rule
@@ -68,11 +67,11 @@ class MarkupFault(Exception):
         self.hint = hint
 
 
-# ------------------------------------------------------------------------------------------------------------- mending
+# ------------------------------------------------------------------------------------------------------------- repairs
 
 
-def mended(text: str) -> str:
-    """Return ``text`` as XML, each element on its line. Raises MarkupFault where the pieces cannot be told apart."""
+def repaired(text: str) -> str:
+    """Return ``text`` as XML, each element on its line. Raises MarkupFault where the pieces cannot be separated."""
     if text.count("<") > MOST_TAGS:
         raise MarkupFault(rules.TOO_LARGE, "the file has more than {} tags".format(MOST_TAGS), 0,
                           "split the mission into several files")
@@ -85,43 +84,43 @@ def mended(text: str) -> str:
         elif kind == "open":
             depth += 1
         elif kind != "leaf":
-            pieces += (text[done:match.start()], _mended(match, depth))
+            pieces += (text[done:match.start()], _repaired(match, depth))
             done = match.end()
-            depth += kind == "mend" and not match.group("mend")
+            depth += kind == "repair" and not match.group("repair")
         if depth > DEEPEST:
             raise MarkupFault(rules.TOO_LARGE, "elements are nested deeper than {} levels".format(DEEPEST),
                               match.start(), "split the tree into SubTrees")
-        if depth == 0 and not end and kind in ("end", "leaf", "mend"):
+        if depth == 0 and not end and kind in ("end", "leaf", "repair"):
             end = match.end()
     _check_outside(text, end)
     return "".join(pieces) + text[done:]
 
 
-def _mended(match: "re.Match[str]", depth: int) -> str:
-    """Return what lxml is to read in place of a token."""
+def _repaired(match: "re.Match[str]", depth: int) -> str:
+    """Return the text that lxml reads instead of a token."""
     kind, token = match.lastgroup, match.group()
-    if kind == "mend":
-        return _mended_tag(match)
+    if kind == "repair":
+        return _repaired_tag(match)
     if kind == "other" or (kind == "instruction" and depth > 0):
         raise _refusal(match.string, match.start())
     return "\n" * token.count("\n")
 
 
-def _mended_tag(match: "re.Match[str]") -> str:
-    tag, attributes, closed = match.group("tag", "attributes", "mend")
-    clean = "".join(_mended_attribute(name, value) for name, value in ATTRIBUTE.findall(attributes))
+def _repaired_tag(match: "re.Match[str]") -> str:
+    tag, attributes, closed = match.group("tag", "attributes", "repair")
+    clean = "".join(_repaired_attribute(name, value) for name, value in ATTRIBUTE.findall(attributes))
     return "<{}{}{}{}>".format(tag, clean, "\n" * match.group().count("\n"), closed)
 
 
-def _mended_attribute(name: str, value: str) -> str:
+def _repaired_attribute(name: str, value: str) -> str:
     if ":" in name or name == "xmlns":
-        return ""  # BehaviorTree.CPP ignores such names; XML takes them for namespaces
+        return ""  # BehaviorTree.CPP ignores such names; XML treats them as namespaces
     inner = _RAW_AMPERSAND.sub("&amp;", value[1:-1]).replace("<", "&lt;").replace("\r\n", "\n").replace("\r", "\n")
     return " {}={}{}{}".format(name, value[0], inner.replace("\n", "&#10;").replace("\t", "&#9;"), value[0])
 
 
 def _check_outside(text: str, end: int) -> None:
-    """Refuse what stands before the first element and after its ``end``, unless it is a comment or the like."""
+    """Refuse text before the first element and after its ``end``, except comments and similar."""
     first = next((match.start() for match in TOKEN.finditer(text) if match.lastgroup in STARTS), None)
     if first is None:
         raise MarkupFault(rules.NO_ELEMENT, "there is no element", 0, "a mission begins with <root BTCPP_format=\"4\">")
@@ -152,7 +151,7 @@ def stray_text(text: str) -> Iterator[MarkupFault]:
                 yield from _dropped(text, match.start() + len("<![CDATA["), match.end() - len("]]>"))
         if kind == "end":
             del opened[-1:]
-        elif kind == "open" or (kind == "mend" and not match.group("mend")):
+        elif kind == "open" or (kind == "repair" and not match.group("repair")):
             opened.append(_tag_name(match))
         end = match.end()
 
@@ -176,7 +175,7 @@ _UNENDED = (
 
 
 def _refusal(text: str, offset: int) -> MarkupFault:
-    """Return why the ``<`` at ``offset`` begins nothing."""
+    """Return why the ``<`` at ``offset`` does not begin a tag."""
     if text.startswith("<?", offset):
         closed = text.find("?>", offset) >= 0
         if not closed:
@@ -214,7 +213,7 @@ def _unfinished_tag(text: str, offset: int, tag: str, at: int) -> MarkupFault:
 
 
 def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
-    """Return what is wrong at ``at``, where the tag at ``offset`` should go on with an attribute or end."""
+    """Return the fault at ``at``, where the tag at ``offset`` should continue with an attribute or end."""
     rest: Any = _REST_OF_TAG.match(text, at)
     blank, name, equals, quote = rest.groups()
     at = rest.end(1)
@@ -235,7 +234,7 @@ def _no_attribute(text: str, offset: int, tag: str, at: int) -> MarkupFault:
 
 
 def diagnosis(text: str) -> List[MarkupFault]:
-    """Return what lxml may have meant when it refused the mended text, in the order of the file."""
+    """Return the likely faults for which lxml refused the repaired text, in the order of the file."""
     faults: List[MarkupFault] = []
     opened: List[Tuple[str, int]] = []
     for match in TOKEN.finditer(text):
@@ -243,12 +242,12 @@ def diagnosis(text: str) -> List[MarkupFault]:
         if kind in STARTS:
             if not _GOOD_TAG.fullmatch(match.group()):
                 faults.extend(_tag_faults(match))
-            if kind == "open" or (kind == "mend" and not match.group("mend")):
+            if kind == "open" or (kind == "repair" and not match.group("repair")):
                 opened.append((_tag_name(match), match.start()))
         elif kind == "end":
             name = match.group()[2:-1].rstrip(BLANKS)
             if not opened or opened[-1][0] != name:
-                # nothing after it can be told from what follows from it
+                # later faults may be consequences of it
                 return faults[:MOST_FAULTS] + [_mismatch(name, match.start(), opened)]
             opened.pop()
     if opened:

@@ -147,10 +147,11 @@ function showTimeline() {
   seeUntil(Math.max(1000, ...bars.map(each => each.end)));
   const shown = bars.filter(each => each.end >= stretch.from && each.begin <= stretch.to);
   const lanes = [...new Set(bars.map(each => each.lane))].filter(lane => shown.some(each => each.lane === lane)).slice(-MOST_LANES);
-  const made = shape("svg", {role: "img", height: AXIS + lanes.length * LANE, "aria-label": "Timeline of visitor "
+  const height = AXIS + lanes.length * LANE;
+  const made = shape("svg", {role: "img", viewBox: "0 0 " + (stretch.track().width + 2 * EDGE) + " " + height, "aria-label": "Timeline of visitor "
                      + visit.number + ": " + bars.length + " steps in " + duration(stretch.length)});
   const {scale, tick} = stretch;
-  made.append(...axis(scale, tick, AXIS + lanes.length * LANE), ...marks(scale));
+  made.append(...axis(scale, tick, height), ...marks(scale));
   lanes.forEach((lane, number) => {
     const y = AXIS + number * LANE;
     made.append(shape("text", {x: EDGE, y: y + 12}, lane));

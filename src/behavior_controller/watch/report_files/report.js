@@ -1,15 +1,7 @@
 "use strict";
 // Finds sentences in the story, draws the timeline, folds the tree. What is told stands in the page without it.
 
-const byId = id => document.getElementById(id);
 const data = JSON.parse(byId("data").textContent);
-
-function element(tag, className, text) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text !== undefined) made.textContent = text;
-  return made;
-}
 
 // ----------------------------------------------------------------------------------------------------------------- story
 
@@ -40,22 +32,15 @@ document.querySelector("form").addEventListener("submit", event => event.prevent
 // -------------------------------------------------------------------------------------------------------------- timeline
 
 const NEAR = 3;       // pixels between two bars of a kind that are drawn as one
-const SHORTEST = 50;  // milliseconds that may fill the timeline
 const INSTANT = 50;   // milliseconds; what takes less is done at once
 const NEWEST = 10;    // results of an open node that are shown at first
 const lanes = [];     // {name, bars: [{begin, end, kind, count, text, link}], row, track}
-let from = 0, to = Math.max(data.length, SHORTEST);
+const stretch = new Stretch(byId("lanes"), data.length, () => document.querySelector(".axis").getBoundingClientRect(), draw);
+let from = 0, to = 0;   // the stretch as drawn
 
 function clock(time, step = 1000) {
   const text = new Date(data.began + data.offset + time).toISOString();
   return text.slice(11, step < 1000 ? 23 : 19);
-}
-
-function duration(length) {
-  const seconds = length / 1000;
-  if (seconds < 60) return seconds.toFixed(seconds < 10 ? 1 : 0) + " s";
-  const minutes = Math.floor(Math.round(seconds) / 60);
-  return minutes < 60 ? minutes + " min " + Math.round(seconds) % 60 + " s" : Math.floor(minutes / 60) + " h " + minutes % 60 + " min";
 }
 
 function barsOf(numbers) {
@@ -161,8 +146,7 @@ function barElement(lane, bar, scale) {
 }
 
 function drawAxis(width, scale) {
-  const steps = [10, 20, 50, 100, 200, 500, 1e3, 2e3, 5e3, 1e4, 3e4, 6e4, 12e4, 3e5, 6e5, 18e5, 36e5, 72e5, 216e5, 864e5];
-  const step = steps.find(each => each * scale > 95) || (to - from);
+  const step = stretch.tick;
   const axis = document.querySelector(".axis");
   axis.replaceChildren();
   const origin = (data.began + data.offset) % step;
@@ -175,7 +159,9 @@ function drawAxis(width, scale) {
 
 function draw() {
   if (!lanes.length) return;
-  const width = document.querySelector(".axis").clientWidth, scale = width / (to - from);
+  ({from, to} = stretch);
+  if (stretch.isWhole) byId("range").value = "";
+  const {width} = stretch.track(), {scale} = stretch;
   let hidden = 0;
   for (const lane of lanes) {
     const bars = merged(lane.bars, scale);
@@ -188,54 +174,15 @@ function draw() {
     (hidden ? "; " + hidden + " lanes have nothing here" : "");
 }
 
-function show(begin, end) {
-  const length = Math.min(Math.max(end - begin, SHORTEST), Math.max(data.length, SHORTEST));
-  from = Math.min(Math.max(begin, 0), Math.max(data.length, SHORTEST) - length);
-  to = from + length;
-  draw();
-}
-
-function zoom(factor, around = (from + to) / 2) { show(around - (around - from) * factor, around + (to - around) * factor); }
-function move(part) { show(from + (to - from) * part, to + (to - from) * part); }
 function showVisit(number) {
   const visit = data.visits.find(each => String(each[0]) === String(number));
   byId("range").value = visit ? visit[0] : "";
-  if (visit) show(visit[1], visit[3]);
-  else show(0, data.length);
+  if (visit) stretch.show(visit[1], visit[3]);
+  else stretch.showAll();
 }
-
-function timeAt(event) {
-  const box = document.querySelector(".axis").getBoundingClientRect();
-  return from + (event.clientX - box.left) / box.width * (to - from);
-}
-
-function drag(event) {
-  if (event.button !== 0 || event.target.closest("a")) return;
-  const begin = event.clientX, first = from, last = to, perPixel = (to - from) / document.querySelector(".axis").clientWidth;
-  const follow = moved => { if (Math.abs(moved.clientX - begin) > 3) show(first - (moved.clientX - begin) * perPixel, last - (moved.clientX - begin) * perPixel); };
-  addEventListener("pointermove", follow);
-  addEventListener("pointerup", () => removeEventListener("pointermove", follow), {once: true});
-}
-
-const KEYS = {ArrowLeft: () => move(-.25), ArrowRight: () => move(.25), "+": () => zoom(.5), "=": () => zoom(.5), "-": () => zoom(2),
-              Home: () => showVisit("")};
 
 function listenToTimeline() {
-  for (const [id, act] of [["in", () => zoom(.5)], ["out", () => zoom(2)], ["earlier", () => move(-.5)], ["later", () => move(.5)]])
-    byId(id).addEventListener("click", act);
   byId("range").addEventListener("input", () => showVisit(byId("range").value));
-  byId("lanes").addEventListener("keydown", event => {
-    if (!KEYS[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
-    event.preventDefault();
-    KEYS[event.key]();
-  });
-  byId("lanes").addEventListener("pointerdown", drag);
-  byId("lanes").addEventListener("dblclick", event => zoom(.5, timeAt(event)));
-  byId("lanes").addEventListener("wheel", event => {
-    if (!event.ctrlKey) return;  // else the page scrolls
-    event.preventDefault();
-    zoom(event.deltaY > 0 ? 1.25 : .8, timeAt(event));
-  }, {passive: false});
   for (const button of document.querySelectorAll("[data-visit]")) button.addEventListener("click", () => {
     showVisit(button.dataset.visit);
     byId("timeline").scrollIntoView();
