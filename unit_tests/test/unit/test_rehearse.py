@@ -26,7 +26,7 @@ from unit_tests.recoveries import SPECS
 from unit_tests.scenes import Outcome, Scene, Theatre
 from unit_tests.stage import BUSY, START, Played
 from unit_tests.survey import Share, Survey
-from unit_tests.visitor import BEHAVIOURS, ENGAGES
+from unit_tests.visitor import BEHAVIOURS
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ENGAGES, SILENT = ["--visitors", "engages"], ["--visitors", "silent"]
@@ -297,7 +297,7 @@ def a_look(nodes, **played):
                 asked=[], presence=[])
     tree = SimpleNamespace(nodes=[SimpleNamespace(spec=SPECS[node]) for node in nodes])
     stage = SimpleNamespace(mission=SimpleNamespace(tree=tree, policy=SimpleNamespace(most=10, seconds=60.0)))
-    return findings.Look(stage, Played(**dict(told, **played)), ENGAGES, 0)
+    return findings.Look(stage, Played(**dict(told, **played)), "", 0)
 
 
 @pytest.mark.parametrize("node, played, waits", [
