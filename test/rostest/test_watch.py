@@ -57,7 +57,7 @@ class TestWatch(unittest.TestCase):
         self.node.lines.wait_for(lambda line: line.endswith(" record: " + record), 10)
         self.node.stop()
         told = self.node.lines.text()
-        self.assertIn("page of this run, which ends with it: {}\n".format(page), told)
+        self.assertIn("page of this run, closed now: {}\n".format(page), told)
         self.assertTrue(told.endswith("record of this run: " + record), told)
         with open(record) as file:
             self.assertEqual(json.loads(file.read().splitlines()[-1])["event"], "RunFinished")

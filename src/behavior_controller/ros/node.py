@@ -277,7 +277,7 @@ class _Run:
             return exits.BROKEN
         finally:
             if self._page:
-                console.tell("info", "page of this run, which ends with it: {}".format(self._page))
+                console.tell("info", "page of this run, closed now: {}".format(self._page))
             if self._record is not None and self._record.is_kept:
                 console.tell("info", "record of this run: {}".format(self._record.path))
 

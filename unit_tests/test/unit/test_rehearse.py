@@ -19,7 +19,7 @@ from behavior_controller.events import Recovered
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.records import Say
 
-from unit_tests import findings, rehearse, rehearse_page, scenes
+from unit_tests import findings, rehearse, rehearse_page, scenes, visitor
 from unit_tests.faults import KINDS, PlannedFault
 from unit_tests.journal import Line
 from unit_tests.recoveries import SPECS
@@ -297,7 +297,7 @@ def a_look(nodes, **played):
                 asked=[], presence=[])
     tree = SimpleNamespace(nodes=[SimpleNamespace(spec=SPECS[node]) for node in nodes])
     stage = SimpleNamespace(mission=SimpleNamespace(tree=tree, policy=SimpleNamespace(most=10, seconds=60.0)))
-    return findings.Look(stage, Played(**dict(told, **played)), "", 0)
+    return findings.Look(stage, Played(**dict(told, **played)), visitor.ENGAGES, 0)
 
 
 @pytest.mark.parametrize("node, played, waits", [
