@@ -1,5 +1,5 @@
 """The reference of all mistakes as docs/faults.md has it; ``make derived`` writes it."""
-from typing import Iterator, List, Sequence
+from typing import Iterator, List
 
 from behavior_controller import settings
 from behavior_controller.bt.language.document import parse, with_includes
@@ -34,12 +34,12 @@ a test checks each example.
 """
 
 
-def page(rules: Sequence[Rule] = tuple(RULES.values())) -> str:
+def page() -> str:
     """Return the page as Markdown."""
     lines = [_HEAD, "| code | severity | meaning |", "|---|---|---|"]
     lines += ["| [{0}](#{0}) | {1} | {2} |".format(rule.code, _severity(rule), _escaped(rule.meaning))
-              for rule in rules]
-    for rule in rules:
+              for rule in RULES.values()]
+    for rule in RULES.values():
         lines += ["", "### {}".format(rule.code), "", "{}: {}".format(_severity(rule), _escaped(rule.meaning))]
         for example in rule.examples[:1]:
             lines += list(_example(rule, example))

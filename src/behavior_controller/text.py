@@ -37,13 +37,13 @@ def clean(text: str, longest: int = LONGEST) -> str:
     return text
 
 
-def read_text(path: str, most: int = MOST_BYTES) -> str:
+def read_text(path: str) -> str:
     """Return the text of a regular file: UTF-8, or UTF-16 with its byte order mark, with any line ends.
 
-    Raises Unreadable, also for a file of more than ``most`` bytes.
+    Raises Unreadable, also for a file of more than ``MOST_BYTES``.
     """
     try:
-        text = decode(read_bytes(path, most))
+        text = decode(read_bytes(path))
     except UnicodeDecodeError as error:
         raise Unreadable("it is not UTF-8 text") from error
     if "\0" in text:

@@ -56,7 +56,7 @@ def test_a_policy_of_mistakes_is_told_as_far_as_a_person_reads_it(tmp_path):
     for mistakes, told, last in ((100, 101, "budget"), (101, 101, "more than 100 mistakes"), (500, 101, "more than 100")):
         path.write_text("one two\n" * mistakes)
         with pytest.raises(ConfigurationError) as caught:
-            policy.load(str(path), leaves.SPECS)
+            policy.load(str(path), leaves.mission_specs())
         assert len(caught.value.faults) == told and last in str(caught.value.faults[-1])
     assert "policy.ini:101:1: " in str(caught.value.faults[-1])
 
@@ -69,10 +69,10 @@ def test_the_numbers_of_a_policy(tmp_path, line, is_taken):
     path = tmp_path / "policy.ini"
     path.write_text(line + ("\n" if line.startswith("budget") else "\nbudget 5 60\n"))
     if is_taken:
-        policy.load(str(path), leaves.SPECS)
+        policy.load(str(path), leaves.mission_specs())
     else:
         with pytest.raises(ConfigurationError, match="policy.ini:1:1: "):
-            policy.load(str(path), leaves.SPECS)
+            policy.load(str(path), leaves.mission_specs())
 
 
 def test_a_service_fails_after_three_failures_without_a_success_between():

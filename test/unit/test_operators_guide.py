@@ -10,7 +10,7 @@ from test_leaves import TABLE_4
 GUIDE = os.path.join(os.path.dirname(folders.config("")), os.pardir, "docs", "operators_guide.md")
 SPEC = {spec.id: spec for spec in leaves.SPECS}
 NODES = list(SPEC)
-POLICY = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
+POLICY = policy.load(folders.config("recoveryPolicy.ini"), leaves.mission_specs())
 COLUMNS = ((Cause.REFUSED,), (Cause.NOT_REACHABLE,), (Cause.NO_ANSWER, Cause.CONNECTION_LOST), (Cause.TYPE_MISMATCH,))
 
 

@@ -16,7 +16,7 @@ from mission_rig import EXHIBITS, one_leaf, refusal, service_of, write
 
 SPEC = {spec.id: spec for spec in leaves.SPECS}
 NODES = list(SPEC)
-DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
+DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), leaves.mission_specs())
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
 
@@ -405,7 +405,7 @@ def test_halting_a_recovery_drops_the_safe_state():
 def read(tmp_path, text):
     path = tmp_path / "policy.ini"
     path.write_text(text, encoding="utf-8")
-    return policy.load(str(path), leaves.SPECS)
+    return policy.load(str(path), leaves.mission_specs())
 
 
 @pytest.mark.parametrize("line, expected", [

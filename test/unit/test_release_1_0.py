@@ -217,7 +217,7 @@ def test_a_misspelt_word_is_answered_with_the_nearest(typed, meant):
 
 def test_a_word_with_an_argument_cannot_stand_in_for_a_failed_node():
     with pytest.raises(ConfigurationError, match="the last word cannot be SayText"):
-        policy.read(Source("p.ini", "budget 1 1\nNavigate refused 0 0 SayText\n"), leaves.SPECS)
+        policy.read(Source("p.ini", "budget 1 1\nNavigate refused 0 0 SayText\n"), leaves.mission_specs())
 
 
 # ------------------------------------------------------------------------------------------------- what a visitor tells

@@ -169,7 +169,7 @@ def test_a_file_of_mistakes_is_told_as_far_as_a_person_reads_it(tmp_path):
     assert found[99].startswith("test.ini:100:1: unknown key nsense (")
 
 
-@pytest.mark.parametrize("reads", [settings.load, lambda path: policy.load(path, leaves.SPECS)])
+@pytest.mark.parametrize("reads", [settings.load, lambda path: policy.load(path, leaves.mission_specs())])
 def test_only_a_file_of_text_is_read_and_not_for_ever(tmp_path, reads):
     os.mkfifo(str(tmp_path / "fifo.ini"))
     (tmp_path / "large.ini").write_text("#" * 1_000_001)
@@ -185,8 +185,8 @@ def test_a_policy_is_read_as_the_configuration_is(tmp_path, encoding):
     with open(folders.config("recoveryPolicy.ini"), encoding="utf-8") as file:
         text = file.read()
     (tmp_path / "policy.ini").write_bytes(text.replace("\n", "\r\n").encode(encoding))
-    expected = policy.load(folders.config("recoveryPolicy.ini"), leaves.SPECS)
-    found = policy.load(str(tmp_path / "policy.ini"), leaves.SPECS)
+    expected = policy.load(folders.config("recoveryPolicy.ini"), leaves.mission_specs())
+    found = policy.load(str(tmp_path / "policy.ini"), leaves.mission_specs())
     assert found == dataclasses.replace(expected, source=found.source) and found.source.text == text
 
 

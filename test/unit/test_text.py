@@ -53,9 +53,9 @@ def test_what_is_not_utf_8_text_is_refused(tmp_path, data):
 def test_the_limit_is_the_last_size_that_is_read(tmp_path):
     path = tmp_path / "a.ini"
     path.write_text("12345")
-    assert read_text(str(path), 5) == "12345"
+    assert read_bytes(str(path), 5) == b"12345"
     with pytest.raises(Unreadable, match="^it has 5 bytes; at most 4 are read$"):
-        read_text(str(path), 4)
+        read_bytes(str(path), 4)
 
 
 def test_a_huge_file_is_not_read(tmp_path):
