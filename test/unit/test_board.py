@@ -156,6 +156,7 @@ def test_what_there_is_to_know_of_a_node():
     with open(node.element.document.file, encoding="utf-8") as file:
         line = file.read().split("\n")[int(before["place"].split(":")[1]) - 1]
     assert "<Navigate/>" in line and before["type"] == "Navigate"
+    assert before["description"] == registry().find("Navigate").summary != ""
     rig.run(visitor_who(says="yes"))
     found = board.node(node.uid)
     assert [(each["letter"], each["why"], each["times"]) for each in found["results"]] == [
@@ -345,3 +346,14 @@ def test_the_results_of_a_node_are_forgotten_with_its_tree():
     assert len(board.node(1)["results"]) == 1
     board.show(other.tree)
     assert board.node(1)["type"] == "FollowMeSpeech" and board.node(1)["results"] == []
+
+
+def test_a_change_of_health_is_shown_at_once(monkeypatch):
+    monkeypatch.setattr(board_module, "PULSE", 1000.0)
+    rig = Rig()
+    board = board_of(rig)
+    board.look()
+    before = board.versions["health"]
+    rig.mission.events.emit(GONE_AWAY)
+    board.look()
+    assert board.versions["health"] != before

@@ -175,7 +175,7 @@ class Recoveries:
             is_told = each.outcome == DONE or each.outcome != SUBSTITUTED and not names & calm
             if not names or not each.failures or not is_told or self._is_shared(each, names):
                 continue
-            done = sum(line.resource in names and line.done and line.call > 0 and
+            done = sum(line.resource in names and line.done and
                        each.failures[0]["time"] < line.time <= each.recovered["time"] for line in self._facts.journal)
             if done != (each.outcome == DONE):
                 yield "the recovery of {} is on record as {}, and its request was carried out {}".format(
