@@ -5,6 +5,7 @@ visits and never looks at a clock: each event comes with its time (unix seconds)
 show, whatever they quote: see ``text.clean``.
 """
 import collections
+import os
 from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.events import (BEGUN, OMITTED, Event, HealthChanged, LeafFinished, Noticed, PassFinished,
@@ -102,6 +103,11 @@ def why_failed(node: str, failure: Failure, tries: int = 1) -> str:
     return "{} failed{}: {}".format(node, " {} times".format(tries) if tries > 1 else "", cause(failure))
 
 
+def title(mission: str) -> str:
+    """Return the name of a mission, from its file."""
+    return os.path.splitext(os.path.basename(mission))[0]
+
+
 def ordinal(number: int) -> str:
     """Return 1st, 2nd, 3rd, 4th …"""
     ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th") if number // 10 % 10 != 1 else "th"
@@ -188,7 +194,7 @@ class Story:
     def _run_started(self, event: RunStarted) -> None:
         self._steps.clear()
         self._uids.clear()
-        self._tell("notice", "info", "mission {} starts, {} mission leaves".format(event.mission, len(event.leaves)))
+        self._tell("notice", "info", "mission {} starts, {} mission leaves".format(title(event.mission), len(event.leaves)))
 
     def _run_finished(self, event: RunFinished) -> None:
         visit = self.visit

@@ -1,7 +1,6 @@
 """The state of a running mission as plain data: the page and ``missionStatus`` show it."""
 import collections
 import itertools
-import os
 import time
 from functools import partial
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
@@ -19,7 +18,7 @@ from behavior_controller.health import Health
 from behavior_controller.interface import Interface
 from behavior_controller.interface.robots import DEFAULT
 from behavior_controller.story import KEPT as VISITS
-from behavior_controller.story import Sentence, Step, Story, Visit, cause
+from behavior_controller.story import Sentence, Step, Story, Visit, cause, title
 from behavior_controller.text import clean
 from behavior_controller.watch.codec import LETTERS
 
@@ -318,11 +317,6 @@ class Board:
                 "description": spec.summary if spec is not None else "", "place": node.place_in_file().rstrip(": "),
                 "ports": [dict(zip(("name", "text", "value"), row)) for row in _ports(node)],
                 "results": [_result(result) for result in reversed(list(self._results.get(uid, ())))]}
-
-
-def title(mission: str) -> str:
-    """Return the name of a mission, from its file."""
-    return os.path.splitext(os.path.basename(mission))[0]
 
 
 def port_texts(node: Node) -> Dict[str, str]:

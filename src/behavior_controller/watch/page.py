@@ -22,8 +22,9 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler, StaticFileHandler
 
 from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.story import title
 from behavior_controller.text import clean
-from behavior_controller.watch.board import PARTS, Board, title
+from behavior_controller.watch.board import PARTS, Board
 from behavior_controller.watch.drawing import NotDrawn, svg
 from behavior_controller.watch.server import Connections, LoopThread
 
@@ -238,7 +239,6 @@ class _State(_Quiet):
     def get(self) -> None:
         """Answer with all parts as JSON."""
         board = self.page.board
-        board.look()
         self.set_header("Content-Type", "application/json; charset=utf-8")
         self.write(json.dumps({name: board.part(name) for name in PARTS}))
 
@@ -307,7 +307,6 @@ class _Stream(_Quiet):
     def _message(self, known: Dict[str, int]) -> str:
         """Return the parts that are newer than ``known``, as one event; an empty text if there are none."""
         board = self.page.board
-        board.look()
         newer = {name: version for name, version in board.versions.items() if known.get(name) != version}
         if not newer:
             return ""

@@ -19,8 +19,8 @@ from behavior_controller.events import (EVENTS, LeafFinished, PassFinished, Pass
                                         RunStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.mission import build_tree
-from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit, cause
-from behavior_controller.watch.board import clock, is_bare, port_texts, title
+from behavior_controller.story import SHOWN, UNDER_WAY, Sentence, Step, Story, Visit, cause, title
+from behavior_controller.watch.board import clock, is_bare, port_texts
 from behavior_controller.watch.codec import LETTERS, Entry, Letter, Line, Lost, Tick, TreeNode, TreeShown
 from behavior_controller.watch.lanes import Bar, Lanes
 
