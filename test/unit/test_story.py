@@ -2,6 +2,7 @@
 
 The runs are real ones of the engine, in virtual time; each is told twice, as it happens and from its record.
 """
+import py_trees
 import pytest
 
 from behavior_controller.events import (EVENTS, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
@@ -318,6 +319,16 @@ def test_a_condition_that_is_asked_again_after_a_pause_is_waited_for_attempts_ti
         ("waiting for a visitor", limit, True)]
     assert times[-1] == (limit or times[-1])
     assert "waiting for a visitor, 2 s" + (" of at most {:g} s".format(limit) if limit else "") in teller.now
+
+
+def test_a_wait_is_told_of_a_mission_that_is_a_part_of_a_tree_of_py_trees():
+    rig = one_leaf(retried(30, "Delay delay_msec='500'", SEEN))
+    py_trees.composites.Sequence("outer", True, [rig.tree.root])
+    rig.tree.setup(mission=rig.mission)
+    rig.tick()
+    rig.clock.advance(0.5)
+    rig.tick()
+    assert [event.limit for event in rig.of(StepStarted)] == [15.0]
 
 
 @pytest.mark.parametrize("mission", [

@@ -7,6 +7,7 @@ from behavior_controller.bt.ends import FAILS, OF_A_LEAF, SUCCEEDS, of_any_child
 from behavior_controller.bt.engine.builtins import Sleep
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
 from behavior_controller.bt.engine.decorators import Delay, KeepRunningUntilFailure, Timeout
+from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.registry import Kind
 
 MOST_BESIDE = 100
@@ -36,7 +37,7 @@ def wait_for(condition: Any) -> Optional[float]:
     """
     node, end = condition, FAILS
     round_takes, wait, does_more = 0.0, None, False
-    while node.parent is not None and not does_more:
+    while isinstance(node.parent, Node) and not does_more:  # the mission may be a part of a tree of py_trees
         parent, place = node.parent, node.parent.children.index(node)
         later = parent.children[place + 1:] if not parent.spec.next_after or end & parent.spec.next_after else []
         takes, does_more = _in_turn(parent.children[:place] + later)
