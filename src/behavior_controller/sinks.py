@@ -26,7 +26,7 @@ LONGEST_LINE = 2 * LONGEST
 MOST_WAITING = 1000
 """The most items that wait for a blocked sink."""
 
-AT_ONCE = 10
+AT_ONCE = 100
 """The most items that a sink with a rest writes before it rests again."""
 
 INDENT = "    "

@@ -193,7 +193,7 @@ class TestMonitor(unittest.TestCase):
         self.package.write("data/other.xml", MISSION.format("<FollowMeSpeech/><Sleep msec=\"200\"/>"))
         self.package.configure(scenarioSpecification="other", verboseMode="true")
         controller.process.send_signal(signal.SIGHUP)
-        controller.lines.wait_for(lambda line: "other.xml starts" in line, 5)
+        controller.lines.wait_for(lambda line: "mission other starts" in line, 5)
         controller.lines.wait_for(lambda line: "FollowMeSpeech" in line and "SUCCESS" in line, 5)
         self.assertEqual(controller.stop()[0], 0)
         self.assertEqual(controller.lines.text().count("reloaded:"), 1)

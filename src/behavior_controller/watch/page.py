@@ -307,6 +307,7 @@ class _Stream(_Quiet):
     def _message(self, known: Dict[str, int]) -> str:
         """Return the parts that are newer than ``known``, as one event; an empty text if there are none."""
         board = self.page.board
+        board.look()
         newer = {name: version for name, version in board.versions.items() if known.get(name) != version}
         if not newer:
             return ""
