@@ -140,7 +140,7 @@ class TestLivingMaster(unittest.TestCase):
                                         "outputFile:=" + self.report)
         self.assertIn("\nargument failurRate:=0.9: unknown (did you mean failureRate?)\nnothing was tested\n", printed)
         self.assertNotIn("PASSED", printed)
-        self.assertNotIn("lab_tour.xml starts", printed)
+        self.assertNotIn("mission lab_tour starts", printed)
         self.assertFalse(os.path.exists(self.report))
         self.assertNotIn("Traceback", printed)
 
