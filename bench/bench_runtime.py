@@ -54,13 +54,14 @@ class Bench:
         """
         self.robot = Robot(modes)
         self.package.write("data/m.xml", MISSION.format(mission))
-        keys = {"groot2Port": "21667", "monitorPort": "28080", "recordDirectory": os.path.join(self.folder, "record")}
-        self.package.configure(scenarioSpecification="m", **keys if is_watched else {})
+        ports = {"groot2Port": "21667", "monitorPort": "28080"}
+        keys = dict(ports, recordDirectory=os.path.join(self.folder, "record")) if is_watched else {}
+        self.package.configure(scenarioSpecification="m", **keys)
         self.node = Controller(self.package)
         self.node.lines.wait_for(lambda line: " starts, " in line, 20)
         if is_watched:
-            self.clients = subprocess.Popen([sys.executable, os.path.join(HERE, "monitoring_clients.py"), "21667", "28080"],
-                                            stdout=subprocess.PIPE)
+            clients = os.path.join(HERE, "monitoring_clients.py")
+            self.clients = subprocess.Popen([sys.executable, clients] + list(ports.values()), stdout=subprocess.PIPE)
             self.clients.stdout.readline()
         time.sleep(0.5)
 

@@ -16,8 +16,8 @@ BEGUN, OVER, OMITTED = "begun", "over", "omitted"
 class Sources(NamedTuple):
     """The sources of a mission besides its settings: texts of files, and the name of the interface.
 
-    ``documents`` are the files that the mission file includes, and last the mission file itself. ``knowledge`` are the environment and
-    the culture file; empty where the robot has a knowledge base.
+    ``documents`` are the files that the mission file includes, and last the mission file itself. ``knowledge`` are the
+    environment and the culture file; empty where the robot has a knowledge base.
     """
 
     documents: Tuple[Source, ...]

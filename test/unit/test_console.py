@@ -10,8 +10,7 @@ from behavior_controller.ros import console as module
 from behavior_controller.ros.connection import Trouble
 from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console, report_internal_error
 from behavior_controller.text import Source
-from mission_rig import Rig
-from test_story import RUNS, Teller
+from test_story import RUNS, Teller, rig_of
 
 ODD = "\x1b[2J\n[INFO] behaviorController: pass 1: SUCCESS\r\t\x9b\u202e\ud800"
 FAILURE = Failure(Cause.HANDLER_EXCEPTION, ODD, ODD)
@@ -76,8 +75,8 @@ def test_in_verbose_mode_a_leaf_is_told_with_what_it_said(told, console):
 
 @pytest.mark.parametrize("kind", RUNS)
 def test_the_terminal_tells_each_kind_of_visit_in_the_sentences_of_the_story(told, console, kind):
-    visitor, answer, by_voice, runs, _ = RUNS[kind]
-    rig = Rig(answer=answer or (lambda request: NotImplemented), asrEnabled=by_voice)
+    visitor, _, _, runs, _ = RUNS[kind]
+    rig = rig_of(kind)
     rig.mission.events.subscribe(console)
     sentences = Teller(rig).run(visitor, runs).lines
     console.drain(10)

@@ -32,7 +32,7 @@ from behavior_controller.watch.board import PARTS, TOLD, Board
 from behavior_controller.watch.page import Page
 from browser import axe, findings, open_browser, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, visitor_who
-from test_story import RUNS, Teller
+from test_story import RUNS, Teller, rig_of
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 
@@ -187,8 +187,8 @@ ALARMS = "return [...document.querySelectorAll('#alarms li')].map(one => one.inn
 
 @pytest.mark.parametrize("kind", RUNS)
 def test_the_page_tells_each_kind_of_visit_in_the_sentences_of_the_story(show, browser, rig_s_time, kind):
-    visitor, answer, by_voice, runs, _ = RUNS[kind]
-    rig = Rig(answer=answer or (lambda request: NotImplemented), asrEnabled=by_voice)
+    visitor, _, _, runs, _ = RUNS[kind]
+    rig = rig_of(kind)
     rig_s_time(rig)
     shown, teller = show(rig), Teller(rig)
     open_page(browser, shown)

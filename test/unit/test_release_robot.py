@@ -198,6 +198,16 @@ class IsPresent(TopicCondition):
     sense = Sense.PRESENCE
 
 
+def faults_of(monkeypatch, node, leaf):
+    """Return the faults of a mission with this leaf for the robot of D5.4.3."""
+    registry = leaves.registry()
+    registry.extend([base.leaf_spec(node, leaf, "A leaf that the robot cannot serve.")])
+    monkeypatch.setattr(leaves, "registry", lambda: registry)
+    with pytest.raises(FaultsFound) as raised:
+        loaded("\n<{}/>".format(node), robotInterface="D5.4.3")
+    return [str(fault) for fault in raised.value.faults]
+
+
 @pytest.mark.parametrize("leaf, lacking", [
     (TellPose, "service for SetPose"), (IsPresent, "message about the visitor's presence")])
 def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch, files, leaf, lacking):
@@ -205,12 +215,7 @@ def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch,
     evidence = {sense: whole.evidence(sense) for sense in Sense if sense is not Sense.PRESENCE and whole.tells(sense)}
     monkeypatch.setitem(robots.INTERFACES, whole.name, Interface(
         whole.name, whole.services, whole.topics, whole.safe_state, evidence))
-    registry = leaves.registry()
-    registry.extend([base.leaf_spec("Other", leaf, "A leaf of release 1.0.")])
-    monkeypatch.setattr(leaves, "registry", lambda: registry)
-    with pytest.raises(FaultsFound) as raised:
-        loaded("\n<Other/>", robotInterface="D5.4.3")
-    assert [str(fault) for fault in raised.value.faults] == [
+    assert faults_of(monkeypatch, "Other", leaf) == [
         "m.xml:2:1: Other cannot work with the robot D5.4.3: it has no {} (set robotInterface release-1.0)".format(lacking)]
     assert loaded("\n<Other/>").tree is not None
 
@@ -218,12 +223,7 @@ def test_a_node_that_the_robot_cannot_serve_is_a_fault_at_its_place(monkeypatch,
 def test_what_no_robot_offers_has_to_be_declared(monkeypatch, files):
     class IsLit(TopicCondition):
         own_evidence = Evidence(Topic("/lamp/text", "lamp", "std_msgs/String", str, str, "", is_continuous=False))
-    registry = leaves.registry()
-    registry.extend([base.leaf_spec("IsLit", IsLit, "A condition on a topic that is not declared.")])
-    monkeypatch.setattr(leaves, "registry", lambda: registry)
-    with pytest.raises(FaultsFound) as raised:
-        loaded("\n<IsLit/>", robotInterface="D5.4.3")
-    assert [str(fault) for fault in raised.value.faults] == [
+    assert faults_of(monkeypatch, "IsLit", IsLit) == [
         "m.xml:2:1: IsLit cannot work with the robot D5.4.3: it has no topic /lamp/text "
         "(no robot has one; declare it in the robot's interface)"]
 

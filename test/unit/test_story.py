@@ -142,10 +142,16 @@ RUNS = {
 }
 
 
+def rig_of(kind):
+    """Return the rig of one of the ``RUNS``."""
+    _, answer, by_voice, _, _ = RUNS[kind]
+    return Rig(answer=answer or (lambda request: NotImplemented), asrEnabled=by_voice)
+
+
 @pytest.mark.parametrize("kind", RUNS)
 def test_each_kind_of_visit_is_told_with_its_causes_and_the_record_tells_the_same(kind, tmp_path):
-    visitor, answer, by_voice, runs, expected = RUNS[kind]
-    teller = Teller(Rig(answer=answer or (lambda request: NotImplemented), asrEnabled=by_voice), tmp_path)
+    visitor, _, _, runs, expected = RUNS[kind]
+    teller = Teller(rig_of(kind), tmp_path)
     teller.run(visitor, runs)
     rest = iter(teller.lines)
     assert [line for line in expected if not any(told.startswith(line) for told in rest)] == []

@@ -15,6 +15,11 @@ Outcome = Union[int, Callable[[Attributes, List[int]], int]]
 BY_NAME = {"SUCCESS": SUCCEEDS, "FAILURE": FAILS, "SKIPPED": SKIPS}
 
 
+def by(outcome: Outcome, attributes: Attributes, children: List[int]) -> int:
+    """Return how a node can end, by its ``outcome``."""
+    return outcome(attributes, children) if callable(outcome) else outcome
+
+
 def of_any_child(_attributes: Attributes, children: List[int]) -> int:
     """Return the ends of all children."""
     result = 0

@@ -3,7 +3,7 @@ import itertools
 import math
 from typing import Any, List, Optional, Tuple
 
-from behavior_controller.bt.ends import FAILS, OF_A_LEAF, SUCCEEDS, of_any_child
+from behavior_controller.bt.ends import FAILS, OF_A_LEAF, SUCCEEDS, by, of_any_child
 from behavior_controller.bt.engine.builtins import Sleep
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
 from behavior_controller.bt.engine.decorators import Delay, KeepRunningUntilFailure, Timeout
@@ -94,7 +94,7 @@ def _end(node: Any, children: List[int]) -> int:
     outcome = node.spec.outcome
     if outcome is None:
         return of_any_child(node.attributes, children) if children else OF_A_LEAF
-    return outcome(node.attributes, children) if callable(outcome) else outcome
+    return by(outcome, node.attributes, children)
 
 
 def _end_of(node: Any) -> int:

@@ -267,16 +267,16 @@ class Board:
         return {"step": None if step is None else dict(
                     _step(step), age=max(0.0, round(time.time() - step.began, 1)), limit=step.limit),
                 "visit": None if visit is None else _visit(visit),
-                "sentences": [dict(_sentence(each), number=number) for number, each in list(self._told)]}
+                "sentences": [dict(_sentence(each), number=number) for number, each in self._told]}
 
     def _part_visits(self) -> Dict[str, Any]:
         """Return the newest visits that ended, and how often each outcome was there among all."""
         return {"outcomes": dict(self._story.outcomes),
-                "newest": [dict(_visit(visit), told=text) for visit, text in reversed(list(self._visits))]}
+                "newest": [dict(_visit(visit), told=text) for visit, text in reversed(self._visits)]}
 
     def _part_timeline(self) -> Dict[str, Any]:
         """Return the steps of the visit that ended: when each began, in unix seconds, and how long it took."""
-        return {"steps": [dict(_step(step), seconds=round(ended - step.began, 2)) for step, ended in list(self._steps)]}
+        return {"steps": [dict(_step(step), seconds=round(ended - step.began, 2)) for step, ended in self._steps]}
 
     def _part_alive(self) -> Dict[str, Any]:
         """Return how long ago, in seconds, the tick thread gave its last sign of life, and whether that is too long."""
@@ -294,11 +294,11 @@ class Board:
                 for key, entry in sorted(dict(board.local).items()) if entry.value is not None]
 
     def _part_trouble(self) -> List[Dict[str, Any]]:
-        return [_sentence(each) for each in list(self._trouble)]
+        return [_sentence(each) for each in self._trouble]
 
     def _part_health(self) -> List[Dict[str, Any]]:
         found = []
-        for entry in list(self._health.values()):
+        for entry in self._health.values():
             calls, heard = self._state.calls.get(entry["name"]), self._state.heard.get(entry["name"])
             found.append(dict(entry, calls=calls.calls if calls else 0, failures=calls.failures if calls else 0,
                               seconds=round(calls.last_seconds, 3) if calls else None,
@@ -316,7 +316,7 @@ class Board:
         return {"uid": uid, "path": node.full_path, "type": node.registration_id,
                 "description": spec.summary if spec is not None else "", "place": node.place_in_file().rstrip(": "),
                 "ports": [dict(zip(("name", "text", "value"), row)) for row in _ports(node)],
-                "results": [_result(result) for result in reversed(list(self._results.get(uid, ())))]}
+                "results": [_result(result) for result in reversed(self._results.get(uid, ()))]}
 
 
 def port_texts(node: Node) -> Dict[str, str]:

@@ -1,7 +1,7 @@
 """How the nodes of a mission can end, as far as the file alone says."""
 from typing import Dict, List, Mapping
 
-from behavior_controller.bt.ends import ANY, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS
+from behavior_controller.bt.ends import ANY, FAILS, OF_A_LEAF, SKIPS, SUCCEEDS, by
 from behavior_controller.bt.language.document import Element
 from behavior_controller.bt.registry import Registry
 
@@ -30,7 +30,7 @@ def _ends(element: Element, known: Dict[int, int], trees: Dict[str, int], regist
     elif spec is None or spec.outcome is None:
         result = ANY if children else OF_A_LEAF
     else:
-        result = spec.outcome(element.attributes, children) if callable(spec.outcome) else spec.outcome
+        result = by(spec.outcome, element.attributes, children)
     for attribute, end in _CONDITIONS.items():
         if attribute in element.attributes:
             result |= end
