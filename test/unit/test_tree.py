@@ -180,18 +180,32 @@ def test_includes_that_cannot_be(tmp_path, path, words):
 def test_what_is_posted_during_a_tick_counts_in_its_next_traversal():
     tree, told = load("<Sleep msec='9000'/>"), []
 
-    class Traversals:
-        def begin(self, is_first):
-            told.append(is_first)
+    def follow(is_first, changes):
+        told.append(is_first)
+        if len(told) == 1:  # as a worker does while the first traversal is under way
+            tree.clock.post(lambda: told.append("posted"))
+            tree.wake.emit()
 
-        def end(self):
-            if len(told) == 1:  # as a worker does while the first traversal is under way
-                tree.clock.post(lambda: told.append("posted"))
-                tree.wake.emit()
-
-    tree.traversals = Traversals()
+    tree.follow(follow)
     assert tree.tick_once() is RUNNING
-    assert told == [True, False, "posted"]
+    assert told == [True, "posted", False]
+
+
+def test_a_follower_gets_the_changes_of_each_traversal_and_those_after_it():
+    tree, told = load("<Sequence><AlwaysSuccess/><Sleep msec='20'/></Sequence>"), []
+    tree.follow(lambda is_first, changes: told.append((is_first, [(node.uid, old, new) for node, old, new in changes])))
+    tree.tick_exactly_once()
+    tree.tick_exactly_once()
+    tree.clock.advance(0.02)
+    tree.tick_exactly_once()
+    assert told == [
+        (True, [(1, IDLE, RUNNING), (2, IDLE, SUCCESS), (3, IDLE, RUNNING)]), (True, []),
+        (True, [(3, RUNNING, SUCCESS), (2, SUCCESS, IDLE), (3, SUCCESS, IDLE), (1, RUNNING, SUCCESS)]),
+        (None, [(1, SUCCESS, IDLE)])]
+    told.clear()
+    tree.tick_exactly_once()
+    tree.halt()
+    assert told[1:] == [(None, [(2, SUCCESS, IDLE), (3, RUNNING, IDLE), (1, RUNNING, IDLE)])]
 
 
 def test_the_writes_of_one_tree_are_not_those_of_another():

@@ -7,7 +7,7 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.node import Node, label
-from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.language.ports import PortError, entry_value, reference
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import IDLE, RUNNING
@@ -43,8 +43,8 @@ PULSE = 1.0
 HANGS = 3.0
 """Seconds without a sign of the tick thread after which it hangs."""
 
-MOST_WAITING = 50_000
-"""The most changes that wait for ``look``; of a node that changes more often only the newest status is shown."""
+MOST_WAITING = 10_000
+"""The most events and traversals that wait for ``look``; of what more traversals change only the newest status is shown."""
 
 PARTS = ("mission", "statuses", "passes", "story", "visits", "timeline", "blackboard", "trouble", "health", "alive")
 """The parts of the board; each is sent again when it has changed, the last one with every ``PULSE``."""
@@ -102,7 +102,7 @@ class Board:
         """Show ``tree`` from now on. On the tick thread, which gives a sign of life through the tree's clock."""
         if not self._beaten:
             self._beat(tree.clock)
-        tree.subscribe(self._observe)
+        tree.follow(self._note)
         self._news.append(partial(self._begin, tree))
 
     def close(self) -> None:
@@ -114,9 +114,9 @@ class Board:
         self._beaten = time.monotonic()
         clock.call_after(PULSE, lambda: self._beat(clock))
 
-    def _observe(self, node: Any, old: Any, new: Any) -> None:
+    def _note(self, is_first: Optional[bool], changes: List[Change]) -> None:
         if len(self._news) < MOST_WAITING:
-            self._news.append(partial(self._change, time.monotonic(), node.uid, old, new))
+            self._news.append(partial(self._change, time.monotonic(), changes))
         else:
             self._has_missed = True
 
@@ -161,14 +161,17 @@ class Board:
         self.tree = tree
         self._touch("mission", "statuses", "passes", "blackboard")
 
-    def _change(self, at: float, uid: int, old: Any, new: Any) -> None:
-        """Keep a node's status, and how it ended, ``at`` that time (monotonic)."""
-        self._statuses[uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
-        self._touch("statuses")
-        if new is RUNNING:
-            self._began[uid] = at
-        elif new is not IDLE or old is RUNNING:
-            self._end(uid, LETTERS[new], at)
+    def _change(self, at: float, changes: List[Change]) -> None:
+        """Keep the new statuses, and how nodes ended, ``at`` that time (monotonic)."""
+        for node, old, new in changes:
+            uid = node.uid
+            self._statuses[uid] = LETTERS[new] if new is not IDLE else LETTERS[old].lower()
+            if new is RUNNING:
+                self._began[uid] = at
+            elif new is not IDLE or old is RUNNING:
+                self._end(uid, LETTERS[new], at)
+        if changes:
+            self._touch("statuses")
 
     def _end(self, uid: int, letter: str, at: float) -> None:
         seconds, failure, times = at - self._began.pop(uid, at), self._failures.pop(uid, None), 1

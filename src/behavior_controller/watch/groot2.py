@@ -23,7 +23,7 @@ from tornado.netutil import bind_sockets
 from behavior_controller.bt.checking.checks import CONDITIONS
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.node import Node
-from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.registry import NodeSpec
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
@@ -226,19 +226,17 @@ class _Shown:
         self.uuid = uuid.uuid4().bytes
         self.hooks = Hooks(tree, reached, tell)
         self._order = _by_instance(tree)
-        self._statuses = bytearray(len(tree.nodes) + 1)
         self._specs = specs
         self._xml = b""
         self._transitions: Deque[Tuple[int, int, int]] = collections.deque(maxlen=MOST_TRANSITIONS)
         self._recording_since: Optional[float] = None
-        tree.subscribe(self._observe)
+        tree.follow(self._follow)
 
-    def _observe(self, node: Any, old: Any, new: Any) -> None:
-        """Note a change. Called on the tick thread."""
-        code = CODES[new]
-        self._statuses[node.uid] = code or WAS + CODES[old]
+    def _follow(self, is_first: Optional[bool], changes: List[Change]) -> None:
+        """Note the transitions. Called on the tick thread."""
         if self._recording_since is not None:
-            self._transitions.append((int(1e6 * (time.monotonic() - self._recording_since)), node.uid, code))
+            moment = int(1e6 * (time.monotonic() - self._recording_since))
+            self._transitions.extend((moment, node.uid, CODES[new]) for node, _, new in changes)
 
     # ----------------------------------------------------------------------------------------------------- requests
 
@@ -250,8 +248,8 @@ class _Shown:
 
     def status(self, frames: List[bytes]) -> bytes:
         """``S``: uid and status of each node, grouped by subtree instance."""
-        statuses = self._statuses
-        return b"".join(struct.pack("<HB", uid, statuses[uid]) for uid in self._order)
+        nodes = self.tree.nodes
+        return b"".join(struct.pack("<HB", uid, _code(nodes[uid - 1])) for uid in self._order)
 
     def blackboard(self, frames: List[bytes]) -> bytes:
         """``B``: the entries of the named subtree instances, and the root's if another one is named."""
@@ -343,6 +341,11 @@ def _by_instance(tree: Tree) -> List[int]:
     for node in tree.nodes:
         groups[id(node.blackboard)].append(node.uid)
     return [uid for uids in groups.values() for uid in uids]
+
+
+def _code(node: Node) -> int:
+    """Return the code of a node's status, or of what it was before it went back to IDLE."""
+    return CODES[node.status] or (WAS + CODES[node.was] if node.was is not IDLE else 0)
 
 
 def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:

@@ -13,14 +13,14 @@ from typing import Any, BinaryIO, Callable, Deque, Dict, List, Optional, Tuple, 
 
 from behavior_controller import folders
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.engine.tree import Change, Tree
+from behavior_controller.events import Event
 from behavior_controller.gateway import Call, Failure, Gateway, Sample, Topics
 from behavior_controller.interface import Interface, Topic
 from behavior_controller.interface.records import Answer, Request
 from behavior_controller.interface.robots import DEFAULT
-from behavior_controller.watch.codec import (FORMAT, LETTERS, VERSION, Answered, Asked, Entry, Header, Letter, Lost,
+from behavior_controller.watch.codec import (FORMAT, LETTERS, VERSION, Answered, Asked, Entry, Header, Lost,
                                              Message, Tick, TreeNode, TreeShown, encode)
-from behavior_controller.watch.plain import Count
 
 FILE_NAME = "mission.jsonl"
 
@@ -46,39 +46,19 @@ def new_folder(logs: str) -> str:
     return os.path.join(place, "{}_{}".format(time.strftime("%Y%m%d-%H%M%S"), os.getpid()))
 
 
-class Traversals:
-    """Passes to ``note`` the nodes of a tree and the statuses that each traversal changed."""
-
-    def __init__(self, clock: Clock, note: Callable[[Entry], None]):
-        self._clock = clock
-        self._note = note
-        self._changes: List[Tuple[int, Letter]] = []  # of this traversal
-        self._is_first = self._is_traversing = False
-
-    def show(self, tree: Tree) -> None:
-        """Observe ``tree`` from now on."""
-        tree.subscribe(self._observe)
-        tree.traversals = self
-        self._note(TreeShown(tree.id, [
-            TreeNode(node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0)
-            for node in tree.nodes]))
-
-    def begin(self, is_first: bool) -> None:
-        """A traversal begins, the first one of a tick or a further one."""
-        self._changes = []
-        self._is_first, self._is_traversing = is_first, True
-
-    def end(self) -> None:
-        """The traversal is over."""
-        self._is_traversing = False
-        self._note(Tick(self._clock.now(), self._is_first, self._changes))
-
-    def _observe(self, node: Any, old: Any, new: Any) -> None:
-        if self._is_traversing:  # what is halted or reset between two traversals follows from what is recorded
-            self._changes.append((node.uid, LETTERS[new]))
+def shown(tree: Tree) -> TreeShown:
+    """Return the entry for a tree that is going to run."""
+    return TreeShown(tree.id, [
+        TreeNode(node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0)
+        for node in tree.nodes])
 
 
-class Record(Traversals):
+def traversed(at: float, is_first: bool, changes: List[Change]) -> Tick:
+    """Return the entry for a traversal ``at`` that time of the clock, as a follower of its tree is told of it."""
+    return Tick(at, is_first, [(node.uid, LETTERS[new]) for node, _, new in changes])
+
+
+class Record:
     """Writes ``<directory>/mission.jsonl``. A sink of events. A failure to write is reported once; the run goes on.
 
     The file is opened, written and closed on a separate thread: a disk may be slow, or hang.
@@ -86,12 +66,12 @@ class Record(Traversals):
 
     def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None],
                  interface: Interface = DEFAULT):
-        super().__init__(clock, self)
+        self._clock = clock
         self._interface = interface
         self.path = os.path.join(directory, FILE_NAME)
         self._complain = complain
         self._lost = 0  # notes that did not fit since the last one that did
-        self._notes: Deque[Tuple[float, Entry]] = collections.deque()
+        self._notes: Deque[Tuple[float, Callable[..., Entry], Tuple[Any, ...]]] = collections.deque()
         self._is_over = threading.Event()
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Optional[Sample]] = {}
@@ -117,20 +97,25 @@ class Record(Traversals):
 
     # --------------------------------------------------------------------------------------------------------- writing
 
-    def __call__(self, entry: Entry) -> None:
-        """Queue what happened without waking a thread: the line is formatted later."""
+    def __call__(self, event: Event) -> None:
+        """Record an event."""
+        self._note(lambda: event)
+
+    def _note(self, make: Callable[..., Entry], *values: Any) -> None:
+        """Queue what happened, without waking a thread: the entry is made of ``values`` and written later."""
         if self._thread is None:
             return
         if len(self._notes) >= MOST_WAITING:
             self._lost += 1
             return
-        self._note_loss()
-        self._notes.append((time.time(), entry))
+        if self._lost:
+            self._note_loss()
+        self._notes.append((time.time(), make, values))
 
     def _note_loss(self) -> None:
         """Put a ``Lost`` line where lines are missing."""
         if self._lost:
-            self._notes.append((time.time(), Lost(self._lost)))
+            self._notes.append((time.time(), Lost, (self._lost,)))
             self._lost = 0
 
     def _write(self) -> None:
@@ -161,7 +146,8 @@ class Record(Traversals):
                 file.write(line)
             file.flush()
 
-    def _line(self, when: float, entry: Entry) -> bytes:
+    def _line(self, when: float, make: Callable[..., Entry], values: Tuple[Any, ...]) -> bytes:
+        entry = make(*values)
         if isinstance(entry, Lost):
             self._complain("the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
                 self.path, entry.lines))
@@ -169,10 +155,15 @@ class Record(Traversals):
 
     # ----------------------------------------------------------------------------------------------------- what happens
 
-    def begin(self, is_first: bool) -> None:
-        """A traversal begins."""
+    def show(self, tree: Tree) -> None:
+        """Record ``tree`` from now on."""
+        tree.follow(self._follow)
+        self._note(shown, tree)
+
+    def _follow(self, is_first: Optional[bool], changes: List[Change]) -> None:
         self._reads.clear()
-        super().begin(is_first)
+        if is_first is not None:  # what is halted or reset between two traversals follows from what is recorded
+            self._note(traversed, self._clock.now(), is_first, changes)
 
     def gateway(self, inner: Gateway) -> Gateway:
         """Return a gateway that records requests and answers."""
@@ -185,20 +176,20 @@ class Record(Traversals):
     def asked(self, request: Request) -> int:
         """Record a request and return its number."""
         self._calls += 1
-        self(Asked(Count(self._calls), self._interface.resource(type(request)), request))
+        self._note(Asked, self._calls, self._interface.resource(type(request)), request)
         return self._calls
 
     def answered(self, call: int, result: Union[Answer, Failure]) -> None:
         """Record that the mission read the answer of a call."""
-        self(Answered(Count(call), result))
+        self._note(Answered, call, result)
 
     def looked_at(self, topic: Topic, sample: Optional[Sample]) -> None:
         """Record that the mission read the newest message of a topic, if it differs from the last one read."""
-        self._reads[topic] = self._reads.get(topic, 0) + 1
+        read = self._reads[topic] = self._reads.get(topic, 0) + 1
         if sample is not self._seen.get(topic):
             self._seen[topic] = sample
             value, arrived = (None, 0.0) if sample is None else (sample.value, sample.arrived)
-            self(Message(topic.name, Count(self._reads[topic]), value, arrived))
+            self._note(Message, topic.name, read, value, arrived)
 
 
 class _Gateway(Gateway):

@@ -17,6 +17,7 @@ from behavior_controller import mission as missions
 from behavior_controller.bt.compiler import build
 from behavior_controller.bt.engine.clock import ManualClock, Timer
 from behavior_controller.bt.engine.node import Result
+from behavior_controller.bt.engine.tree import Change
 from behavior_controller.bt.language.document import Document, read, with_includes
 from behavior_controller.bt.status import IDLE, RUNNING
 from behavior_controller.events import EVENTS, Event, Events, HealthChanged
@@ -27,7 +28,7 @@ from behavior_controller.interface.records import Answer, Request
 from behavior_controller.runner import PACE, Runner, Running
 from behavior_controller.settings import Settings
 from behavior_controller.watch.codec import Entry, encode
-from behavior_controller.watch.record import Traversals
+from behavior_controller.watch.record import shown, traversed
 
 from unit_tests import configuration, parameters, robot
 from unit_tests.arrivals import Arrivals
@@ -193,15 +194,15 @@ class _Play:
         self.topics = _Topics(self)
         self.nodes: Dict[str, _Node] = {}
         self._newest = 0.0
+        self._reached: Set[int] = set()
 
     def run(self, silent: Collection[str], shortest_gap: float) -> Played:
         """Play until the mission is over or its time is up."""
         tree = self.mission.tree
         events = Events()
         events.subscribe(self._note)
-        Traversals(self.clock, self._note).show(tree)
-        reached: Set[int] = set()
-        tree.subscribe(lambda node, old, new: None if new is IDLE else reached.add(node.uid))
+        self._note(shown(tree))
+        tree.follow(self._follow)
         for topic in robot.topics(self.interface):
             if topic.name not in silent:
                 self.topics.open(topic, shortest_gap)
@@ -211,8 +212,13 @@ class _Play:
         exit_code, cut_off, error = _ended(runner)
         running = [node for node in tree.nodes if node.status is RUNNING]
         waiting = tuple(node.uid for node in running if not any(child.status is RUNNING for child in node.children))
-        return Played(self.entries, self.journal, exit_code, cut_off, error, frozenset(reached), waiting,
+        return Played(self.entries, self.journal, exit_code, cut_off, error, frozenset(self._reached), waiting,
                       self.clock.now() - START, self.asked, self.presence)
+
+    def _follow(self, is_first: Optional[bool], changes: List[Change]) -> None:
+        if is_first is not None:
+            self._note(traversed(self.clock.now(), is_first, changes))
+        self._reached.update(node.uid for node, _, new in changes if new is not IDLE)
 
     def _note(self, entry: Entry) -> None:
         self.entries.append((self.stamp(), entry))

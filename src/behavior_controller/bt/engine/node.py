@@ -183,6 +183,8 @@ class Node(Behaviour):
     def __init__(self, name: str):
         self.name = name
         self.status = IDLE
+        self.was = IDLE
+        """The status before the node went back to IDLE."""
         self.parent: Optional["Node"] = None
         self.children: List[Any] = []
         self.feedback_message = ""
@@ -293,6 +295,7 @@ class Node(Behaviour):
         """Go back to IDLE; children and scripts are not touched."""
         old = self.status
         if old is not IDLE:
+            self.was = old
             self.status = IDLE
             if self.observer is not None:
                 self.observer(self, old, IDLE)
