@@ -29,6 +29,12 @@ MOST_WAITING = 1000
 AT_ONCE = 100
 """The most items that a sink with a rest writes before it rests again."""
 
+FLOOD = 1000
+"""The number of waiting items from which such a sink does not try to keep up, because that would slow down the robot."""
+
+AT_ONCE_IN_FLOOD = 10
+"""The most items that it then writes before it rests again."""
+
 INDENT = "    "
 """The indentation of continued lines, where a line is broken to fit the terminal."""
 
@@ -43,7 +49,7 @@ class Sink:
         """``left_out`` makes the item that reports how many were lost. Raises RuntimeError if no thread can be started.
 
         With a ``rest`` in seconds ``put`` wakes no thread: the sink checks its queue at that interval and writes at most
-        ``AT_ONCE`` items each time, so that it delays nothing that the robot waits for.
+        ``AT_ONCE`` items each time, ``AT_ONCE_IN_FLOOD`` in a flood, so that it delays nothing that the robot waits for.
         """
         self._write = write
         self._left_out = left_out
@@ -97,7 +103,7 @@ class Sink:
 
     def _wait_for_look(self) -> None:
         """Return when there is an item, and it is time to write it."""
-        while not self._waiting or self._since_rest >= AT_ONCE:
+        while not self._waiting or self._since_rest >= (AT_ONCE if len(self._waiting) < FLOOD else AT_ONCE_IN_FLOOD):
             self._news.wait_for(lambda: self._is_drained and self._waiting, self._rest)
             self._since_rest = 0
         self._since_rest += 1

@@ -29,7 +29,7 @@ FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
 REST = 0.05
 """Seconds between two rounds of formatting lines, so that nothing the robot does waits for them."""
 
-MOST_WAITING = 10_000
+MOST_WAITING = 2000
 """The most events and lines that wait to be formatted."""
 
 HEARTBEAT = 10.0
