@@ -224,16 +224,16 @@ def run_until_it_waits(mission, waits=1):
 def test_what_a_tick_changed_is_acted_on_without_an_event():
     rig, asked = run_until_it_waits(
         "<Sequence><Script code='x := 0'/><ReactiveFallback><ScriptCondition code='x == 1'/>"
-        "<Sequence><Script code='x := 1'/><Sleep msec='60000'/></Sequence></ReactiveFallback></Sequence>")
+        "<Sequence><Script code='x := 1'/><Sleep msec='60000'/></Sequence></ReactiveFallback></Sequence>", waits=2)
     assert [event.outcome for event in rig.of(PassFinished)] == ["SUCCESS"]
-    assert asked == []
+    assert len(asked) == 1 and asked[0] < 0.001  # other threads go on, nothing is waited for
 
 
 def test_a_loop_that_is_running_after_each_round_goes_on():
     # KeepRunningUntilFailure signals no wake-up: BT.CPP comes round by ticking every 10 ms
-    rig, asked = run_until_it_waits("<KeepRunningUntilFailure><WelcomeSpeech/></KeepRunningUntilFailure>", waits=3)
+    rig, asked = run_until_it_waits("<KeepRunningUntilFailure><WelcomeSpeech/></KeepRunningUntilFailure>", waits=103)
     assert len(rig.requests) > 100
-    assert asked == 3 * [0.01]
+    assert max(asked[:100]) < 0.001 and asked[100:] == 3 * [0.01]
 
 
 def test_a_loop_that_changes_nothing_waits_for_an_event():
