@@ -4,6 +4,7 @@ As a plugin it also ends a run in which a test hangs or swallows the memory, as 
 """
 import ast
 import glob
+import json
 import os
 import resource
 import signal
@@ -13,6 +14,7 @@ import coverage
 
 TEST_LIMIT = 60  # seconds
 MEMORY_LIMIT = 4 << 30  # bytes
+OVERHEAD = 0.005  # seconds that pytest itself takes for a test
 SETTINGS = """[run]
 parallel = true
 data_file = {place}/notes/coverage
@@ -29,6 +31,23 @@ def pytest_configure(config):
     coverage.process_startup()
 
 
+seconds = {}  # of each test of this run
+
+
+def pytest_runtest_logreport(report):
+    """Note how long the parts of a test take."""
+    test = _test(report.nodeid)
+    seconds[test] = seconds.get(test, 0.0) + report.duration
+
+
+def pytest_unconfigure(config):
+    """Write how long each test took, if this run measures."""
+    settings = os.environ.get("COVERAGE_PROCESS_START")
+    if settings:
+        with open(os.path.join(os.path.dirname(settings), "notes", "seconds.json"), "w", encoding="utf-8") as file:
+            json.dump(seconds, file)
+
+
 def pytest_runtest_logstart(nodeid, location):
     """Give the next test its time, and the lines that it runs its name."""
     signal.alarm(TEST_LIMIT)
@@ -38,19 +57,28 @@ def pytest_runtest_logstart(nodeid, location):
 
 
 class Reached:
-    """What was measured below ``place``."""
+    """What was measured below ``places``, which are copies of the same code."""
 
-    def __init__(self, place: str):
-        self._place = place
+    def __init__(self, places: List[str]):
         self._tests: Dict[Tuple[str, int], Set[str]] = {}  # by file and line
         self._at_import: Set[Tuple[str, int]] = set()  # lines that run before the first test, also in functions
         self._reach: Dict[str, int] = {}  # how many lines a test runs
-        for path in glob.glob(os.path.join(place, "notes", "coverage.*")):
-            measured = coverage.CoverageData(path)
+        self._inside: Dict[str, Set[int]] = {}
+        self._seconds: Dict[str, float] = {}
+        for place in places:
+            self._read(place)
+
+    def _read(self, place: str) -> None:
+        for notes in glob.glob(os.path.join(place, "notes", "coverage.*")):
+            measured = coverage.CoverageData(notes)
             measured.read()
-            for file in measured.measured_files():
-                for line, contexts in measured.contexts_by_lineno(file).items():
-                    self._note(os.path.relpath(file, place), line, {_test(context) for context in contexts})
+            for path in measured.measured_files():
+                file = os.path.relpath(path, place)
+                self._inside[file] = _inside_functions(path)
+                for line, contexts in measured.contexts_by_lineno(path).items():
+                    self._note(file, line, {_test(context) for context in contexts})
+        with open(os.path.join(place, "notes", "seconds.json"), encoding="utf-8") as file:
+            self._seconds.update(json.load(file))
 
     def _note(self, file: str, line: int, tests: Set[str]) -> None:
         if "" in tests:
@@ -60,16 +88,16 @@ class Reached:
             self._reach[test] = self._reach.get(test, 0) + 1
 
     def tests(self, file: str, line: int) -> List[str]:
-        """Return the tests that run the line, those of few lines first.
+        """Return the tests that run the line, first those that run few lines in a short time.
 
         What an import runs matters to all tests of the module's functions; to all tests if it has none.
         """
-        inside = _inside_functions(os.path.join(self._place, file))
+        inside = self._inside.get(file, set())
         found = self._tests.get((file, line), set())
         if line not in inside or (file, line) in self._at_import:
             users = {test for number in inside for test in self._tests.get((file, number), ())}
             found = found | users if users else set(self._reach)
-        return sorted(found, key=lambda test: (self._reach[test], test))
+        return sorted(found, key=lambda test: (self._reach[test] * (OVERHEAD + self._seconds.get(test, 0.0)), test))
 
 
 def _inside_functions(path: str) -> Set[int]:

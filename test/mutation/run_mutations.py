@@ -2,20 +2,25 @@
 
 ``python3 test/mutation/run_mutations.py [rules] [sample] [--count N] [--seed S …]``: ``rules`` breaks each named rule of
 the engine, which the recorded traces or the tests of exact time must notice; ``sample`` draws mutations from all other
-modules that know no ROS, of which at least 95 % must be noticed by the tests that run the broken line. Those that change
-nothing are listed with the reason in ``changes_nothing.json``. Exit code 0 only if all this holds. Needs Python 3.9.
+modules that know no ROS, of which at least 95 % must be noticed by the tests that run the broken line, within three
+minutes. Those that change nothing are listed with the reason in ``changes_nothing.json``. Exit code 0 only if all this
+holds. Needs Python 3.9.
 """
 import argparse
 import ast
+import concurrent.futures
+import configparser
+import glob
 import json
 import os
+import queue
 import re
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-from typing import Dict, List, NamedTuple, Set, Tuple
+from typing import Dict, List, NamedTuple, Optional, Set, Tuple
 
 from mutate import Mutation, Stale, broken, sample, statements
 from reached import SETTINGS, Reached
@@ -30,6 +35,7 @@ NOT_COPIED = (".git", "build", "__pycache__", ".pytest_cache")
 ROS = {"cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rospkg", "rospy", "std_msgs"}
 WANTED_SHARE = 0.95
 RUN_LIMIT = 1800.0  # seconds
+JUDGE_LIMIT = 180.0
 CHANGES_NOTHING = os.path.join(HERE, "changes_nothing.json")
 
 
@@ -39,6 +45,8 @@ def main(arguments: List[str]) -> int:
     parser.add_argument("parts", nargs="*", metavar="rules|sample", help="both, if none is given")
     parser.add_argument("--count", type=int, default=200, help="size of the sample (default %(default)s)")
     parser.add_argument("--seed", type=int, nargs="+", default=[1], help="which samples (default 1)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="how many are judged side by side "
+                                                                         "(default: as many as there are processors)")
     chosen = parser.parse_args(arguments)
     if sys.version_info < (3, 9):
         print("mutations need Python 3.9, which writes a syntax tree as code; this is {}.{}".format(*sys.version_info))
@@ -48,7 +56,7 @@ def main(arguments: List[str]) -> int:
     if "rules" in parts:
         codes.append(break_rules())
     if "sample" in parts:
-        codes.append(break_samples(chosen.count, chosen.seed))
+        codes.append(break_samples(chosen.count, chosen.seed, chosen.jobs))
     return max(codes)
 
 
@@ -110,22 +118,37 @@ class Judged(NamedTuple):
     noticed: str
 
 
-def break_samples(count: int, seeds: List[int]) -> int:
-    """Break a sample of the other pure modules for each seed. Return the exit code."""
+def break_samples(count: int, seeds: List[int], jobs: int) -> int:
+    """Break a sample of the other pure modules for each seed, each job in a copy of its own. Return the exit code."""
     excused = {tuple(entry["key"]): entry["reason"] for entry in json.loads(_read(CHANGES_NOTHING))}
     sources = [(path, _read(os.path.join(ROOT, path))) for path in pure_modules()]
     codes = [tell_stale(set(excused), sources)]
-    with tempfile.TemporaryDirectory() as place:
-        shutil.copytree(ROOT, place, ignore=shutil.ignore_patterns(*NOT_COPIED), dirs_exist_ok=True)
-        measured, failing = measure(place)
+    with tempfile.TemporaryDirectory() as scratch, concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        places = [os.path.join(scratch, str(number)) for number in range(jobs)]
+        free: "queue.SimpleQueue[str]" = queue.SimpleQueue()
+        for place in places:
+            shutil.copytree(ROOT, place, ignore=shutil.ignore_patterns(*NOT_COPIED))
+            free.put(place)
+        parts = list(pool.map(measure, places, dealt(jobs)))
+        measured, failing = Reached(places), set().union(*parts)
         for seed in seeds:
             judged = []
-            for mutation in sample(sources, count, seed):
-                judged.append(Judged(mutation, judge(place, mutation, measured, failing)))
-                _show(judged[-1], excused)
+            for result in pool.map(lambda mutation: judge(free, mutation, measured, failing), sample(sources, count, seed)):
+                judged.append(result)
+                _show(result, excused)
             print("seed {}: ".format(seed), end="")
             codes.append(_sum(judged, excused))
     return max(codes)
+
+
+def dealt(jobs: int) -> List[List[str]]:
+    """Return the files with tests, dealt to so many jobs by their size."""
+    settings = configparser.ConfigParser()
+    settings.read(os.path.join(ROOT, "pytest.ini"))
+    files = [path for folder in settings["pytest"]["testpaths"].split()
+             for path in glob.glob(os.path.join(ROOT, folder, "**", "test_*.py"), recursive=True)]
+    files.sort(key=os.path.getsize)
+    return [[os.path.relpath(path, ROOT) for path in files[job::jobs]] for job in range(jobs)]
 
 
 def tell_stale(excused: Set[Tuple[str, ...]], sources: List[Tuple[str, str]]) -> int:
@@ -139,12 +162,12 @@ def tell_stale(excused: Set[Tuple[str, ...]], sources: List[Tuple[str, str]]) ->
     return 1 if stale else 0
 
 
-def measure(place: str) -> Tuple[Reached, Set[str]]:
-    """Run all tests once below ``place``. Return which lines they run, and those that fail before any mutation."""
+def measure(place: str, files: List[str]) -> Set[str]:
+    """Run the tests in ``files`` below ``place``, and note there what they run. Return those that fail unbroken."""
     settings = os.path.join(place, "coverage.ini")
     os.mkdir(os.path.join(place, "notes"))
     _write(settings, SETTINGS.format(place=place))
-    code, output = _pytest(place, [], COVERAGE_PROCESS_START=settings)
+    code, output = _pytest(place, files, COVERAGE_PROCESS_START=settings)
     if code not in (0, 1):
         sys.exit("the tests cannot be run:\n" + output[-3000:])
     failing = set(_failures(output))
@@ -152,22 +175,29 @@ def measure(place: str) -> Tuple[Reached, Set[str]]:
         failing = set(_failures(_pytest(place, sorted(failing))[1]))
     for test in sorted(failing):
         print("left out, since it fails before any mutation: {}".format(test), flush=True)
-    return Reached(place), failing
+    return failing
 
 
-def judge(place: str, mutation: Mutation, measured: Reached, failing: Set[str]) -> str:
-    """Return the test that notices the mutation, or an empty text."""
+def judge(free: "queue.SimpleQueue[str]", mutation: Mutation, measured: Reached, failing: Set[str]) -> Judged:
+    """Run the tests of a broken line in a free place."""
     tests = [test for test in measured.tests(mutation.file, mutation.line) if test not in failing]
-    if not tests:
-        return ""
+    place = free.get()
+    try:
+        return Judged(mutation, _notices(place, mutation, tests) if tests else "")
+    finally:
+        free.put(place)
+
+
+def _notices(place: str, mutation: Mutation, tests: List[str]) -> str:
+    """Return the test that notices the mutation, or an empty text."""
     path = os.path.join(place, mutation.file)
     source = _read(path)
     _write(path, mutation.source)
     try:
-        code, output = _pytest(place, ["-x"] + tests)
+        code, output = _pytest(place, ["-x"] + tests, JUDGE_LIMIT)
     finally:
         _write(path, source)
-    if code == 0:
+    if code is None or code == 0:
         return ""
     failures = _failures(output)
     if code == 1 and not failures:
@@ -211,8 +241,8 @@ def _imports(path: str) -> Set[str]:
     return found
 
 
-def _pytest(place: str, arguments: List[str], **more: str) -> Tuple[int, str]:
-    """Run tests below ``place``. Return the exit code and what was printed."""
+def _pytest(place: str, arguments: List[str], limit: float = RUN_LIMIT, **more: str) -> Tuple[Optional[int], str]:
+    """Run tests below ``place``. Return the exit code, None after ``limit`` seconds, and what was printed."""
     environment = dict(os.environ, PYTHONDONTWRITEBYTECODE="1", MISSION_MUTANTS="30", **more)
     environment["PYTHONPATH"] = os.pathsep.join(
         [os.path.join(place, "src"), os.path.join(place, "unit_tests", "src"), HERE, environment.get("PYTHONPATH", "")])
@@ -221,9 +251,9 @@ def _pytest(place: str, arguments: List[str], **more: str) -> Tuple[int, str]:
         tests = subprocess.Popen(command, cwd=place, env=environment, stdout=output, stderr=subprocess.STDOUT,
                                  start_new_session=True)
         try:
-            code = tests.wait(RUN_LIMIT)
+            code = tests.wait(limit)
         except subprocess.TimeoutExpired:
-            code = -signal.SIGALRM
+            code = None
         finally:
             _end(tests)
         output.seek(0)
