@@ -153,8 +153,8 @@ def to_html(lines: Iterable[Line]) -> str:
                     _documents(run), _settings(run), "</main>"])
     style = _file("page_files", "colours.css") + _file("report_files", "report.css")
     script = _file("page_files", "common.js") + _file("report_files", "report.js")
-    return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, 
-                       data=_data(run, written), allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
+    return PAGE.format(title=_text(title(run.started.mission)), body=body, style=style, script=script, data=_data(run, written),
+                       allowed="default-src 'none'; style-src '{}'; script-src '{}'".format(_hash(style), _hash(script)))
 
 
 PAGE = """<!DOCTYPE html>

@@ -11,14 +11,12 @@ import actionlib
 import rosgraph
 import roslib.message
 import rospy
-from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
 from geometry_msgs.msg import Point
 
 from behavior_controller import exits
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.interface import Action, Service, Topic
 from behavior_controller.interface.records import Answer, Exhibit
-from behavior_controller.ros.types import TYPES
 
 from unit_tests import arguments, parameters, robot
 from unit_tests.arrivals import Arrivals
@@ -26,6 +24,12 @@ from unit_tests.configuration import ACTION
 from unit_tests.faults import CRASH, EXCEPTION, UNANSWERED, WRONG, Faults
 from unit_tests.journal import Journal, Line, Told, now
 from unit_tests.robot import SERVICES, TOPICS, Fields
+
+try:
+    from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
+    from behavior_controller.ros.types import TYPES
+except ImportError as error:  # each node would show a traceback
+    sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
 
 CRASHED = 9
 """Exit code of a node that dies on purpose; the launch file starts it again."""

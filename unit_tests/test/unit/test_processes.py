@@ -1,4 +1,8 @@
-"""Tests of the arguments of a test's processes, and of the controller's start."""
+"""Tests of the arguments of a test's processes, of the controller's start, and of a simulated node's."""
+import importlib.util
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -6,6 +10,9 @@ from behavior_controller import knowledge_files
 from behavior_controller.errors import ConfigurationError
 
 from unit_tests import configuration, controller, exhibits, parameters
+
+REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
+
 
 def test_what_a_process_was_given(given, tmp_path):
     assert parameters.given() == {} and not parameters.is_launched()
@@ -121,3 +128,13 @@ def test_a_place_needs_a_name_and_a_location_alone(tmp_path):
     assert (first.description1, first.description2) == ("one", "two")
     assert (first.location, first.gesture) == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
     assert (knowledge.home.gesture, knowledge.home.description1) == ((0.0, 0.0, 0.0), "")
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rospy") is None, reason="needs ROS")
+def test_a_node_whose_types_are_not_built_says_so_in_one_line():
+    path = os.pathsep.join(os.path.join(REPOSITORY, *parts) for parts in (("src",), ("unit_tests", "src")))
+    done = subprocess.run([sys.executable, os.path.join(REPOSITORY, "unit_tests", "nodes", "faceDetection")],
+                          env=dict(os.environ, PYTHONPATH=path), timeout=60, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, universal_newlines=True)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert done.stderr.startswith("faceDetection: ") and "cssr_system" in done.stderr

@@ -10,6 +10,8 @@ function element(tag, className, text) {
   return made;
 }
 
+const INSTANT = 50;  // milliseconds; what takes less is done at once
+
 function duration(length) {  // milliseconds
   const seconds = length / 1000;
   if (seconds < 60) return seconds.toFixed(seconds < 10 ? 1 : 0) + " s";

@@ -453,7 +453,7 @@ function showNode(found) {
   fillTable("ports", found.ports.map(port => [port.name, port.text, port.value]));
   byId("results").replaceChildren(...found.results.map(each => element("li", "", [
     each.time, SIGNS[each.letter === "-" ? "r" : each.letter], WORDS[each.letter === "-" ? "r" : each.letter],
-    each.seconds < 0.05 ? "at once" : "after " + duration(1000 * each.seconds),
+    1000 * each.seconds < INSTANT ? "at once" : "after " + duration(1000 * each.seconds),
     each.times > 1 ? each.times + " times in a row" : "",
     each.why].filter(Boolean).join(" "))));
   if (!found.results.length) byId("results").append(element("li", "quiet", "none yet"));

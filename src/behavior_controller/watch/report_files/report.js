@@ -32,7 +32,6 @@ document.querySelector("form").addEventListener("submit", event => event.prevent
 // -------------------------------------------------------------------------------------------------------------- timeline
 
 const NEAR = 3;       // pixels between two bars of a kind that are drawn as one
-const INSTANT = 50;   // milliseconds; what takes less is done at once
 const NEWEST = 10;    // results of an open node that are shown at first
 const lanes = [];     // {name, bars: [{begin, end, kind, count, text, link}], row, track}
 const stretch = new Stretch(byId("lanes"), data.length, () => document.querySelector(".axis").getBoundingClientRect(), draw);
