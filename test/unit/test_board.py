@@ -5,6 +5,7 @@ import time
 import types
 
 import pytest
+from py_trees.common import Status
 
 from behavior_controller.cli import create_tree
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
@@ -175,6 +176,15 @@ def test_the_newest_results_of_a_node_are_kept_and_those_alike_are_one(monkeypat
     for _ in range(7):
         rig.tick()
     assert [(each["letter"], each["times"]) for each in board.node(2)["results"]] == [("S", 1)] * board_module.RESULTS
+
+
+def test_each_of_the_failures_of_a_tick_is_that_of_its_attempt():
+    causes = iter((Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER))
+    rig = one_leaf("<RetryUntilSuccessful num_attempts='3'><WelcomeSpeech/></RetryUntilSuccessful>",
+                   lambda request: Failure(next(causes), "m"))
+    board = board_of(rig)
+    assert rig.tick() is Status.FAILURE
+    assert [each["why"] for each in board.node(2)["results"]] == ["no answer in time, m", "not reachable, m", "refused, m"]
 
 
 def test_what_only_says_how_the_mission_is_put_together_is_bare():

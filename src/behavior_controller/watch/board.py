@@ -10,7 +10,7 @@ from behavior_controller.bt.engine.node import Node, label
 from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.language.ports import PortError, entry_value, reference
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
-from behavior_controller.bt.status import IDLE, RUNNING
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING
 from behavior_controller.events import (Event, Events, HealthChanged, LeafFinished, PassFinished, PassStarted,
                                         RunFinished, RunStarted)
 from behavior_controller.gateway import Failure
@@ -76,7 +76,7 @@ class Board:
         self._statuses: List[str] = []
         self._began: Dict[int, float] = {}  # when each node that is RUNNING became so
         self._results: Dict[int, Deque[Result]] = {}
-        self._failures: Dict[int, Failure] = {}  # of a leaf, until its node ends with it
+        self._failures: Dict[int, Deque[Failure]] = {}  # of the leaves in this traversal, until their nodes end with them
         self._news: Deque[Callable[[], None]] = collections.deque()  # what ``look`` has to do
         self._has_missed = False  # a change of status
         self._writes = 0
@@ -115,9 +115,9 @@ class Board:
         clock.call_after(PULSE, lambda: self._beat(clock))
 
     def _note(self, is_first: Optional[bool], changes: List[Change]) -> None:
-        if len(self._news) < MOST_WAITING:
+        if changes and len(self._news) < MOST_WAITING:
             self._news.append(partial(self._change, time.monotonic(), changes))
-        else:
+        elif changes:
             self._has_missed = True
 
     # ----------------------------------------------------------------------------------------------- what has happened
@@ -170,11 +170,12 @@ class Board:
                 self._began[uid] = at
             elif new is not IDLE or old is RUNNING:
                 self._end(uid, LETTERS[new], at)
-        if changes:
-            self._touch("statuses")
+        self._failures.clear()
+        self._touch("statuses")
 
     def _end(self, uid: int, letter: str, at: float) -> None:
-        seconds, failure, times = at - self._began.pop(uid, at), self._failures.pop(uid, None), 1
+        failures = self._failures.get(uid) if letter == LETTERS[FAILURE] else None
+        seconds, failure, times = at - self._began.pop(uid, at), failures.popleft() if failures else None, 1
         results = self._results.get(uid)
         if results is None:
             results = self._results[uid] = collections.deque(maxlen=RESULTS)
@@ -192,7 +193,7 @@ class Board:
             self._steps.clear()
             self._touch("statuses", "passes", "timeline")
         elif isinstance(event, LeafFinished) and event.failure is not None:
-            self._failures[event.uid] = event.failure
+            self._failures.setdefault(event.uid, collections.deque(maxlen=RESULTS)).append(event.failure)
         elif isinstance(event, RunFinished):
             self._ended = event.outcome
             self._touch("passes")
