@@ -12,7 +12,7 @@ import unicodedata
 
 import pytest
 
-from behavior_controller.sinks import AT_ONCE, Detached, LineStream, Sink, drain, take_over_streams
+from behavior_controller.sinks import AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, drain, take_over_streams
 
 CTRL_S, CTRL_Q = b"\x13", b"\x11"
 F_SETPIPE_SZ = 1031  # fcntl has the name from Python 3.10 on
@@ -128,6 +128,18 @@ def test_a_sink_with_a_rest_writes_a_few_items_and_rests():
     while len(times) < 2 * AT_ONCE + 1 and time.monotonic() < ends:
         time.sleep(0.01)
     assert times[AT_ONCE] - times[AT_ONCE - 1] >= 0.15 and times[2 * AT_ONCE] - times[2 * AT_ONCE - 1] >= 0.15
+
+
+def test_a_sink_with_a_rest_does_not_try_to_keep_up_with_a_flood():
+    times = []
+    sink = Sink("test", lambda item: times.append(time.monotonic()), str, most=2 * FLOOD, rest=0.5)
+    for number in range(FLOOD + AT_ONCE_IN_FLOOD):
+        sink.put(number)
+    ends = time.monotonic() + 10
+    while len(times) < AT_ONCE and time.monotonic() < ends:
+        time.sleep(0.01)
+    assert times[AT_ONCE_IN_FLOOD] - times[AT_ONCE_IN_FLOOD - 1] >= 0.4
+    assert times[AT_ONCE - 1] - times[AT_ONCE_IN_FLOOD] < 0.4  # what waits is no flood any more
 
 
 def test_draining_a_sink_that_rests_writes_all_at_once():
