@@ -169,7 +169,7 @@ def measure(place: str, files: List[str]) -> Set[str]:
     _write(settings, SETTINGS.format(place=place))
     code, output = _pytest(place, files, COVERAGE_PROCESS_START=settings)
     if code not in (0, 1):
-        sys.exit("the tests cannot be run:\n" + output[-3000:])
+        sys.exit("the tests cannot be run (exit code {}):\n{}".format(code, output[-3000:]))
     failing = set(_failures(output))
     if failing:  # those with a limit of time may pass as soon as nothing is measured
         failing = set(_failures(_pytest(place, sorted(failing))[1]))
@@ -201,7 +201,7 @@ def _notices(place: str, mutation: Mutation, tests: List[str]) -> str:
         return ""
     failures = _failures(output)
     if code == 1 and not failures:
-        sys.exit("the tests cannot be run:\n" + output[-3000:])
+        sys.exit("the tests cannot be run (exit code {}):\n{}".format(code, output[-3000:]))
     return "no end" if code == -signal.SIGALRM else (failures + ["exit code {}".format(code)])[0]
 
 

@@ -74,7 +74,8 @@ class Rig:
 
         class Waiting(runner.Runner):
             def wait(self, seconds):
-                visitor(rig)
+                if seconds != runner.GIVE_WAY:
+                    visitor(rig)
 
         options.setdefault("is_stopped", lambda: False)
         self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs), **options)
