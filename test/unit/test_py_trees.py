@@ -345,7 +345,7 @@ def test_a_behaviour_that_cannot_have_its_place(body, words):
 
 # -------------------------------------------------------------------------------------------------------- blackboards
 
-ENTRIES = ("<Sequence><Script code='x := y'/><SetBlackboard value='{x}' output_key='z'/><SubTree ID='T' inner='{x}'/>"
+ENTRIES = ("<Sequence><Script code='x := y'/><SetBlackboard value='{x}' output_key='z'/><SubTree ID='T' inner='{x}' given='3'/>"
            "</Sequence>")
 TREE_T = ("<BehaviorTree ID='T'><Sequence><Precondition if='inner == 1'><AlwaysSuccess/></Precondition>"
           "<SetBlackboard value='2' output_key='own'/></Sequence></BehaviorTree>")
