@@ -267,8 +267,8 @@ def test_a_mistake_in_the_environment_file(old, new, expected):
         "c: the required key utilityPhraseEnglish6 is missing (add a line: utilityPhraseEnglish6 <text>)"]),
     ("passingDistance ", "phraseLanguage English\n#", ["c:3:1: phraseLanguage is in line 1 already "
                                                        "(keep one of them)"]),
-    ("passingDistance ", "phraseLanguage Klingon\n#", ["c:3:1: phraseLanguage is in line 1 already "
-                                                       "(keep one of them)"]),
+    ("phraseLanguage              English\n", "phraseLanguage English\nphraseLanguage Klingon\n", [
+        "c:3:1: phraseLanguage is in line 2 already (keep one of them)"]),
 ])
 def test_a_mistake_in_the_culture_file(old, new, expected):
     assert faults_of(culture=changed(CULTURE, (old, new))) == expected
