@@ -176,6 +176,15 @@ def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, numb
         assert "request" not in divergence and "it asks" not in divergence
 
 
+def test_a_divergence_has_its_time_since_the_mission_began(tmp_path):
+    lines = read_record(recorded(tmp_path, visitor_who(says="no")))
+    ticks = [entry for _, entry in lines if isinstance(entry, Tick)]
+    last = [entry for entry in ticks if entry.changes][-1]
+    seconds = last.at - ticks[0].at
+    divergence = replay(changed(lines, Tick, lambda entry: entry._replace(changes=[(1, "F")]), -1)).divergence
+    assert seconds > 1.0 and "{:.1f} s after its mission began: ".format(seconds) in divergence
+
+
 def test_a_request_that_is_no_longer_made_is_another_path(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
     place = [place for place, (_, entry) in enumerate(lines) if isinstance(entry, Tick)][5]

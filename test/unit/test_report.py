@@ -160,6 +160,12 @@ def test_a_sentence_that_is_repeated_at_once_is_told_once_with_its_count():
         "the mission busy-loops 44 times", "the mission busy-loops"]
 
 
+def test_a_sentence_that_comes_twice_at_once_is_told_once():
+    noticed = {"event": "Noticed", "time": 101.0, "level": "warning", "text": "the mission busy-loops"}
+    assert [text[8:] for text in Page(page_of(lines_of(noticed, noticed))).told if "busy" in text] == [
+        "the mission busy-loops 2 times"]
+
+
 def test_more_visits_than_a_story_keeps_are_all_told():
     visits = [dict(line, number=n) for n in range(1, 61) for line in (
         {"event": "PassStarted", "time": 100.0 + n, "at": 1.0},

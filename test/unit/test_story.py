@@ -505,6 +505,16 @@ def test_an_exhibit_under_way_is_under_way():
     assert story.exhibit.state == UNDER_WAY and story.now(1.0) == "exhibit 1 of 2, Arm"
 
 
+@pytest.mark.parametrize("outcome, state, why", [("SUCCESS", SHOWN, ""), ("FAILURE", BROKEN_OFF, "it failed")])
+def test_an_exhibit_under_way_ends_with_its_pass(outcome, state, why):
+    story = Story()
+    story.take(1.0, PassStarted(1, 0.0))
+    story.take(1.0, TourAdvanced(1, "x", "x", 1, 2, "Arm", "begun"))
+    story.take(3.0, PassFinished(1, outcome, 2.0))
+    exhibit, = story.visits[-1].exhibits
+    assert (exhibit.state, exhibit.why, exhibit.seconds) == (state, why, 2.0)
+
+
 @pytest.mark.parametrize("why, severity", [(Cause.CONDITION_FALSE, "warning"), (Cause.REFUSED, "error"),
                                            (Cause.NO_ANSWER, "error")])
 def test_to_give_up_is_an_error_unless_a_visitor_brought_it_about_and_belongs_to_what_failed(why, severity):

@@ -76,6 +76,13 @@ def test_each_planted_mistake_is_found_by_its_name(capsys, name, kind, words):
         assert each["story"] or each["scene"] is None or kind in ("busy-loop", "endless", "waits-for-ever")
 
 
+@pytest.mark.parametrize("name, line, column, words", [
+    ("busy_loop", 13, 9, CALM + ENGAGES), ("waits_for_ever", 31, 9, CALM)])
+def test_a_mission_that_does_not_end_is_found_at_the_node_that_runs(capsys, name, line, column, words):
+    assert {each["place"].split(".xml:")[1] for each in found(capsys, planted(name), *words)} == {
+        "{}:{}".format(line, column)}
+
+
 def test_each_mistake_is_planted():
     assert {kind for _, kind, _ in PLANTED} == set(findings.BY_NAME) - {"senseless-request"}
     assert {name for name, _, _ in PLANTED} | {"good"} == {name[:-4] for name in os.listdir(os.path.join(HERE, "planted"))}

@@ -111,6 +111,7 @@ def test_a_mission_that_does_not_end_is_cut_off_and_says_where_it_waits():
     played = play(silent={"/faceDetection/data"}, test_timeout=100.0)
     assert played.exit_code is None and played.seconds == pytest.approx(100.0, abs=1.0)
     assert played.cut_off == "the mission did not end within 100 s"
+    assert 1 in played.reached and set(played.waiting) <= played.reached  # though they have not ended
     assert not judge(facts(played)).passed
 
 
