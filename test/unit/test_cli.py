@@ -2,6 +2,7 @@
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -131,9 +132,13 @@ def test_a_project_has_the_palette_and_the_missions_of_the_data_folder(tmp_path,
     assert [child.tag for child in root] == len(missions) * ["include"] + ["TreeNodesModel"]
     assert os.path.samefile(os.path.join(str(path.parent), root[missions.index("lab_tour.xml")].get("path")), LAB_TOUR)
     assert [model.get("ID") for model in root[-1]] == [spec.id for spec in leaves.SPECS]
+    files = [os.path.join(os.path.dirname(LAB_TOUR), name) for name in missions]
+    assert cli.validate(files) == 0
+    nodes = sum(map(int, re.findall(r"can be run, (\d+) nodes", capsys.readouterr().out)))
+    trees = [etree.parse(file).getroot().get("main_tree_to_execute") for file in files]
     assert cli.validate([str(path)]) == 0
-    printed = capsys.readouterr().out
-    assert printed.startswith("{}: can be run from each of LabTour, ".format(path)) and printed.endswith(" nodes, 0 warnings\n")
+    assert capsys.readouterr().out == "{}: can be run from each of {}, {} nodes, 0 warnings\n".format(
+        path, ", ".join(trees), nodes)
 
 
 def test_a_project_that_cannot_be_written_is_one_line(tmp_path):

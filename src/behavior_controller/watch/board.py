@@ -115,9 +115,11 @@ class Board:
         clock.call_after(PULSE, lambda: self._beat(clock))
 
     def _note(self, is_first: Optional[bool], changes: List[Change]) -> None:
-        if changes and len(self._news) < MOST_WAITING:
+        if not changes:
+            return
+        if len(self._news) < MOST_WAITING:
             self._news.append(partial(self._change, time.monotonic(), changes))
-        elif changes:
+        else:
             self._has_missed = True
 
     # ----------------------------------------------------------------------------------------------- what has happened

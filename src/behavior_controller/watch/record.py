@@ -108,8 +108,7 @@ class Record:
         if len(self._notes) >= MOST_WAITING:
             self._lost += 1
             return
-        if self._lost:
-            self._note_loss()
+        self._note_loss()
         self._notes.append((time.time(), make, values))
 
     def _note_loss(self) -> None:

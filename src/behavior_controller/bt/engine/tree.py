@@ -70,7 +70,7 @@ class Tree:
 
     def _hand_over(self, is_first: Optional[bool] = None) -> None:
         """Give the changes to the followers."""
-        if self._changes or is_first is not None:
+        if self._followers and (self._changes or is_first is not None):
             changes, self._changes = self._changes, []
             for follower in self._followers:
                 follower(is_first, changes)
