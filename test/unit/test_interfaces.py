@@ -5,10 +5,10 @@ import os
 
 import pytest
 
-from behavior_controller.interface import Sense, release_1_0
-from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface import Interface, Sense, release_1_0
+from behavior_controller.interface.document import FACES, INTERFACE
 from behavior_controller.interface.records import (AttentionStatus, Faces, GoTo, Location, PerformGesture, Point, Prompt,
-                                                   QueryKnowledge, Say, SetAnimation, SetAttention, SetPose)
+                                                   QueryKnowledge, Request, Say, SetAnimation, SetAttention, SetPose)
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -192,6 +192,28 @@ def test_the_knowledge_is_asked_of_files_in_release_1_0_alone():
     assert release_1_0.INTERFACE.serves(QueryKnowledge) and not INTERFACE.serves(SetPose)
     with pytest.raises(LookupError, match="QueryKnowledge"):
         release_1_0.INTERFACE.service(QueryKnowledge)
+
+
+def test_what_only_one_of_the_robots_offers():
+    robots = (INTERFACE, release_1_0.INTERFACE)
+    assert [robot.tells(FACES) for robot in robots] == [True, False]
+    assert [robot.tells(Sense.PRESENCE) for robot in robots] == [True, True]
+    assert [robot.tells_pressed for robot in robots] == [True, False]
+    assert not any(robot.serves(Request) for robot in robots)
+
+
+def test_any_speech_is_an_utterance_for_which_the_robot_goes_on_to_listen():
+    for robot in (INTERFACE, release_1_0.INTERFACE):
+        evidence = robot.evidence(Sense.UTTERANCE)
+        assert evidence.is_given("yes", 1) and not evidence.is_given_up("yes")
+
+
+def test_a_declaration_that_contradicts_itself_is_refused():
+    say, (tell,) = INTERFACE.service(Say), [each for each in release_1_0.SERVICES if each.request is Say]
+    with pytest.raises(ValueError, match="^/textToSpeech/say_text and /textToSpeech/say_text are both declared for Say$"):
+        Interface("twice", (say, tell), (), (), {})
+    with pytest.raises(LookupError, match="no service is declared for the request SetAttention"):
+        Interface("unsafe", (say,), (), (SetAttention("disabled"),), {})
 
 
 def test_what_a_robot_of_release_1_0_may_lack():
