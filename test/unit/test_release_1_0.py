@@ -16,6 +16,7 @@ from behavior_controller.interface.records import (AttentionStatus, Faces, GoTo,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
                                                    SetRecognition, SetRecognitionLanguage)
 from behavior_controller.leaves.release_1_0 import SPECS
+from behavior_controller.phrases import SPEECHES
 from behavior_controller.text import Source
 from mission_rig import EXHIBITS, HOME, Rig, one_leaf, write
 
@@ -665,6 +666,17 @@ def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
     found = foreseen("<Sequence>{}{}</Sequence>".format(mode("social"), body.format(GONE)))
     assert [(line, text.split(":")[0].split(" ", 1)[1]) for line, text in found] == (
         [(2, "says goodbye to a visitor who has left")] if is_told else [])
+
+
+@pytest.mark.parametrize("speech", SPEECHES, ids=lambda speech: speech.node)
+def test_which_speeches_are_goodbyes_and_which_are_questions(speech):
+    body = "<Sequence>{}<ForceSuccess>{}</ForceSuccess><{}/></Sequence>".format(mode("social"), GONE, speech.node)
+    assert bool(foreseen(body)) is (speech.node in ("EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"))
+    rig = one_leaf("<{}/>".format(speech.node))
+    while rig.tick() is RUNNING:
+        pass
+    told = rig.of(LeafFinished)[-1].told
+    assert (told.kind == "asked") is (speech.node in ("QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech"))
 
 
 def test_a_goodbye_after_several_searches_for_the_visitor_is_told_once():
