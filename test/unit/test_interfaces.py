@@ -284,6 +284,13 @@ def test_a_declaration_that_contradicts_itself_is_refused():
         Interface("unsafe", (say,), (), (SetAttention("disabled"),), {})
 
 
+@pytest.mark.parametrize("request_, doing", [
+    (SetAnimation("enabled"), "starting lifelike movement"), (SetAnimation("disabled"), "stopping lifelike movement"),
+    (SetRecognition(True), "switching speech recognition on"), (SetRecognition(False), "switching speech recognition off")])
+def test_what_is_switched_on_or_off_is_told_so(request_, doing):
+    assert tuple(request_.words) == (doing, "", "", "notice")
+
+
 def test_what_a_robot_of_release_1_0_may_lack():
     assert {service.name: service.fails_without for service in release_1_0.SERVICES if service.is_optional} == {
         "/robotLocalization/set_pose": False, "/speechEvent/set_enabled": False, "/speechEvent/set_language": False,
