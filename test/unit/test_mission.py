@@ -1,10 +1,11 @@
 """A mission is put together from its files in one place: everything wrong is found at once, and each check runs once."""
 import dataclasses
 import sys
+from types import ModuleType
 
 import pytest
 
-from behavior_controller import folders, leaves, mission, phrases, settings
+from behavior_controller import extensions, folders, leaves, mission, phrases, settings
 from behavior_controller.bt.checking import checks
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.language.document import parse
@@ -45,6 +46,38 @@ def test_the_faults_of_all_files_are_told_at_once(tmp_path, monkeypatch):
     with pytest.raises(FaultsFound) as raised:
         mission.load(settings.defaults(language="Klingon"), documents=[parse(WRONG, "m.xml")])
     assert [fault.file.split("/")[-1] for fault in raised.value.faults] == ["language", "recoveryPolicy.ini", "m.xml"]
+
+
+def faults_of_load(body="<WelcomeSpeech/>", **changed):
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(body)
+    with pytest.raises(FaultsFound) as raised:
+        mission.load(settings.defaults(**changed), documents=[parse(text, "m.xml")])
+    return str(raised.value).split("\n")
+
+
+def test_a_key_that_the_robot_has_no_use_for_is_a_fault():
+    assert faults_of_load(tabletSuccessIs="yes") == [
+        "tabletSuccessIs: the tablet of the robot D5.4.3 says which button was pressed (leave tabletSuccessIs out, or choose "
+        "another robotInterface)"]
+
+
+def test_a_package_that_cannot_be_used_is_told_with_the_other_faults(monkeypatch):
+    package = extensions.Extension("a", "/a", ModuleType("a.phrases"))
+
+    def found(kind):
+        raise package.broken("it has no SPEECHES")
+
+    monkeypatch.setattr(extensions, "found", found)
+    assert [fault.split(" (")[0] for fault in faults_of_load("<Nope/>")] == [
+        "package.xml: package a, a.phrases: it has no SPEECHES", "m.xml:1:45: unknown node Nope"]
+
+
+def test_a_phrase_that_the_culture_file_lacks_is_told_with_the_file():
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><SayText name="7"/>\n<SayText name="8"/></Sequence>' \
+           '</BehaviorTree></root>'
+    loaded = mission.load(settings.defaults(robotInterface="release-1.0"), documents=[parse(text, "m.xml")])
+    assert list(map(str, loaded.warnings)) == ["m.xml:2:10: warning: the culture file has no utility phrase 8 ({})".format(
+        folders.data("cultureKnowledgeBase.dat"))]
 
 
 def test_a_mission_that_is_missing_is_told_with_those_that_are_there():
