@@ -177,6 +177,15 @@ def test_each_tree_of_a_project_that_no_other_calls_is_a_main_tree(file):
         "q.btproj: can be run, 2 nodes, 0 warnings"]
 
 
+def test_a_project_may_say_which_tree_is_the_main_one(file):
+    file("a.xml", TREE.format("A", LEAF), TREE.format("B", LEAF))
+    project = file("p.btproj", '<include path="a.xml"/>')
+    assert said(project) == ["p.btproj: can be run from each of A, B, 2 nodes, 0 warnings"]
+    with open(project, "w", encoding="utf-8") as opened:
+        opened.write('<root BTCPP_format="4" main_tree_to_execute="A"><include path="a.xml"/></root>')
+    assert said(project) == ["p.btproj: can be run, 1 node, 0 warnings"]
+
+
 def test_the_palette_of_a_project_is_that_of_its_files(file):
     file("a.xml", TREE.format("A", "<Drive/>"))
     project = file("p.btproj", '<include path="a.xml"/>', '<TreeNodesModel><Action ID="Drive"/></TreeNodesModel>')
@@ -207,6 +216,8 @@ def test_a_folder_is_all_missions_in_it(file, tmp_path):
     (tmp_path / ".git").mkdir()
     file(".git/c.xml", TREE.format("C", LEAF))
     assert [os.path.basename(judgement.file) for judgement in judged(str(tmp_path))] == ["a.xml", "b.xml"]
+    (tmp_path / "latin.xml").write_bytes(HEAD.format(TREE.format("Café", LEAF)).encode("latin-1"))
+    assert told(str(tmp_path)) == [("latin.xml", 2, "not-text")]
 
 
 def test_trees_are_found_in_the_files_beside_only_when_asked(file):
@@ -215,6 +226,9 @@ def test_trees_are_found_in_the_files_beside_only_when_asked(file):
     file("third.xml", TREE.format("B", LEAF))
     assert told(path) == [("m.xml", 2, "unknown-tree")]
     assert said(path, in_folder=True) == ["m.xml: can be run, 4 nodes, 0 warnings"]
+    file("third.xml", TREE.format("B", "<Drive/>"), '<TreeNodesModel><Action ID="Drive"/></TreeNodesModel>')
+    assert said(path, in_folder=True) == ["m.xml: checked, 4 nodes, 0 warnings; not a mission of this robot, which lacks 1 "
+                                          "node type (taken as stubs): Drive"]
 
 
 def test_a_file_of_a_ros_package_is_included(file, tmp_path, monkeypatch):
