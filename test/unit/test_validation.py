@@ -285,7 +285,8 @@ LIMIT = 30.0  # seconds
 
 
 def test_a_file_is_checked_again_at_each_save(file):
-    path = file("m.xml", TREE.format("Main", "<Slep/>"))
+    file("part.xml", TREE.format("A", "<Slep/>"))
+    path = file("m.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
     executable = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)), "validateMission")
     variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
     process = subprocess.Popen([sys.executable, executable, "--watch", path], env=variables, stdout=subprocess.PIPE,
@@ -295,6 +296,8 @@ def test_a_file_is_checked_again_at_each_save(file):
     try:
         assert "unknown node Slep" in process.stdout.readline()
         assert process.stdout.readline() == "{}: 1 fault\n".format(path)
+        file("part.xml", TREE.format("A", LEAF))
+        assert process.stdout.readline() == "{}: can be run, 2 nodes, 0 warnings\n".format(path)
         file("m.xml", TREE.format("Main", LEAF))
         assert process.stdout.readline() == "{}: can be run, 1 node, 0 warnings\n".format(path)
         os.remove(path)
