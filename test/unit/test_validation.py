@@ -288,7 +288,7 @@ def test_a_file_is_checked_again_at_each_save(file):
     file("part.xml", TREE.format("A", "<Slep/>"))
     path = file("m.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
     executable = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)), "validateMission")
-    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
+    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)), PYTHONUNBUFFERED="1")
     process = subprocess.Popen([sys.executable, executable, "--watch", path], env=variables, stdout=subprocess.PIPE,
                                universal_newlines=True)
     limit = threading.Timer(LIMIT, process.kill)
