@@ -155,6 +155,68 @@ def test_what_can_be_meant(body):
     assert warnings(body) == []
 
 
+# ------------------------------------------------------------------------------------------------------------- scripts
+
+
+SEQUENCE = '<Sequence>\n<Script code="{}"/>\n{}</Sequence>'
+SCRIPTS = {  # what the first Script says, and what follows it -> line and text of each warning
+    "the first word alone": (SEQUENCE.format("given := 1;\n given := True;\n given := null; given == 1", ""), [
+        (4, "True means nothing in a script (write true)")]),
+    "a word that is an entry": (SEQUENCE.format("not := 1; given := not", ""), []),
+    "no effect": (SEQUENCE.format("given := 1;\n given == 1; given == 2", ""), [
+        (4, "a statement of code has no effect (a value is assigned with :=)")]),
+    "two conditions": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1\n given == 2\n given == 3"/>'), [
+        (4, "a statement of code has no effect (&& or || joins two conditions)")]),
+    "no effect, and assigns": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1;\n given = 2"/>'), [
+        (4, "a statement of code has no effect (&& or || joins two conditions)"),
+        (5, "code assigns to given instead of comparing (write given == …)")]),
+    "assigns among others": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1 &amp;&amp; (given = 2)"/>'), [
+        (4, "code assigns to given instead of comparing (write given == …)")]),
+    "assigns on purpose": (SEQUENCE.format("given := 1", '<ScriptCondition code="given = 2; (a := 3) == given"/>'), []),
+    "an empty condition": (SEQUENCE.format("given := 1", '<ScriptCondition code=""/>'), []),
+    "not created, told once": (SEQUENCE.format("other := 1;\n count = 1", '<Script code="count += 1"/>'), [
+        (4, "count = …, but nothing creates the entry count (create it first: count := …)")]),
+    "not created, and not what is meant": (SEQUENCE.format("count == 1", '<Script code="count = 1"/>'), [
+        (3, "a statement of code has no effect (a value is assigned with :=)"),
+        (4, "count = …, but nothing creates the entry count (create it first: count := …)")]),
+    "created under a similar name": (SEQUENCE.format("count := 1; cuont += 1", ""), [
+        (3, "cuont += …, but nothing creates the entry cuont (did you mean count?)")]),
+    "given": (SEQUENCE.format("given = 1; @given = 2", ""), []),
+    "another kind": (SEQUENCE.format("a := 'x'; b := 2;\n a = 1", '<Script code="b = \'y\'"/>'), [
+        (4, "a is assigned a number, but elsewhere a text (the first value decides the kind of an entry)"),
+        (5, "b is assigned a text, but elsewhere a number (the first value decides the kind of an entry)")]),
+    "another kind, in an entry of others": (SEQUENCE.format("x := 'a'; x = 1; given := 'a'; given = 1",
+                                                            '<Out out="{x}"/>'), []),
+    "texts that are numbers, and what is not known": (
+        SEQUENCE.format("a := 5; a = '6 m'; a = 'true'; a = 'false'; a = given; a = 'b' .. 'c'; a = 0x10", ""), []),
+    "texts that are no numbers": (SEQUENCE.format("a := 1;\n a = 'untrue'", '<Script code="b := 1;\n b = \'m6\'"/>'), [
+        (4, "a is assigned a text, but elsewhere a number (the first value decides the kind of an entry)"),
+        (6, "b is assigned a text, but elsewhere a number (the first value decides the kind of an entry)")]),
+    "compared": (SEQUENCE.format("a := 1; b := 'x'; c := given; c = 1; d := a &lt; 2;\n d := a &gt;= b;\n"
+                                 " d := (a - 1) != 'y'; d := c == b;\n d := 'z' == a * 2", ""), [
+        (4, "a >= b compares a text with a number (a text needs single quotes, a number none)"),
+        (5, "… != 'y' compares a text with a number (a text needs single quotes, a number none)"),
+        (6, "'z' == … compares a text with a number (a text needs single quotes, a number none)")]),
+    "calculated": (SEQUENCE.format("a := 'x'; a += 'y'; b := a + 'z'; b := given + a; b := a .. 1;\n a += 1;\n b := a - a;\n"
+                                   " b := given * a", ""), [
+        (4, "a += 1 calculates with a text (texts are joined with ..)"),
+        (5, "a - a calculates with a text (texts are joined with ..)"),
+        (6, "given * a calculates with a text (texts are joined with ..)")]),
+}
+
+
+@pytest.mark.parametrize("rule", sorted(SCRIPTS))
+def test_what_is_said_of_a_script(rule):
+    body, expected = SCRIPTS[rule]
+    assert [(line, text) for line, _, text in warnings(body)] == expected
+
+
+def test_a_name_is_suggested_only_if_the_tree_itself_creates_it():
+    found = warnings('<Sequence><SubTree ID="Sub"/><Script code="count := 1"/></Sequence>', tree("Sub", '<Script code="cuont += 1"/>'))
+    assert [text for _, _, text in found] == [
+        "cuont += …, but nothing creates the entry cuont (create it first: cuont := …)"]
+
+
 # ------------------------------------------------------------------------------------------------------------- subtrees
 
 
