@@ -124,6 +124,13 @@ def test_a_fault_is_one_line_whatever_it_quotes():
     assert len(fault.text) < 320
 
 
+def test_texts_are_told_beside_tags_with_raw_ampersands_too():
+    text = ('<root a="&"><BehaviorTree ID="Main"><Script code="1 && 2"/>first</BehaviorTree>'
+            '<TreeNodesModel a="&"> a description </TreeNodesModel>second</root>')
+    assert [fault.text for fault in parse(text).stray_text(9)] == ["this text is dropped: first",
+                                                                   "this text is dropped: second"]
+
+
 # ---------------------------------------------------------------------------------------------------- malformed markup
 
 
@@ -139,6 +146,8 @@ def test_a_fault_is_one_line_whatever_it_quotes():
     ("<root>\n  <a\n  <b/></root>", (2, 3), "<a> is not ended with >"),
     ("<root>\n  <a x=1/></root>", (2, 6), "x must stand in quotes"),
     ("<root>\n  <a x/></root>", (2, 6), "x has no value"),
+    ('<root>\n  <a x="1 < 2" y/></root>', (2, 16), "y has no value"),
+    ('<root>\n  <a x="1\n2" y/></root>', (3, 4), "y has no value"),
     ('<root>\n  <a x="1"y="2"/></root>', (2, 11), "blank is missing before y"),
     ('<root>\n  <a x="1"\n     x="2"/></root>', (3, 6), "x is given twice"),
     ('<root>\n  <a x="1/></root>', (2, 6), "x has no closing quote"),
@@ -251,6 +260,11 @@ def test_the_limits_of_the_markup(most, make, words):
     parse(make(most))
     with pytest.raises(MissionError, match=words):
         parse(make(most + 1))
+
+
+def test_what_is_as_long_as_allowed_is_not_what_is_wrong():
+    fault = faults_of('<{} {}="{}" x/>'.format("t" * 300, "n" * 300, "1" * 100_000))[0]
+    assert fault.text == "the attribute x has no value"
 
 
 def test_the_number_of_tags_has_an_end():

@@ -143,6 +143,11 @@ def test_names_that_are_read_and_written_are_known():
     assert script.written == {"a", "c", "f", "g"}
 
 
+def test_which_statements_assign_is_known():
+    assert compile_script("a; b := 1 (c = 2) + 1;; d").facts.statements == [
+        (0, False, False), (3, True, True), (10, False, True), (24, False, False)]
+
+
 # ------------------------------------------------------------------------------------------------------ running scripts
 
 
@@ -152,7 +157,8 @@ def test_names_that_are_read_and_written_are_known():
      ("~1.5", -2.0), ("!2", 0.0), ("!0.0", 1.0), ("- - 3", 3.0), ("-~1", 2.0),
     ("6.0 & 3", 2.0), ("5 ^ 3", 6.0),
     ("2.0 && 1", 1.0), ("0 || 0.0", 0.0),
-    ("1.0 == 1.00000001", 1.0), ("1.0 >= 1.00000001", 0.0), ("1 != 1.000001", 1.0),
+    ("1.0 == 1.00000001", 1.0), ("0 == 1.1920929e-07", 1.0), ("0 != 1.1920929e-07", 0.0),
+    ("1.0 >= 1.00000001", 0.0), ("1 != 1.000001", 1.0),
     ("'abc' < 'abd'", 1.0), ("'Z' < 'a'", 1.0), ("'\u00e9' > 'z'", 1.0), ("'ab' < 'abc'", 1.0),
     ("'3abc' == 3", 1.0), ("'true' == 1", 1.0), ("GREEN == 'GREEN'", 1.0), ("2 < '10'", 1.0),
     ("3 < 2 < nope", 0.0),
@@ -199,6 +205,7 @@ def test_values(text, value):
     ("9007199254740993 + 0", "Loss of precision"),
     ("9007199254740992 + 0", "Loss of precision"),
     ("minus + 0", "Loss of precision"),
+    ("0.5 + 9007199254740992", "Loss of precision"), ("9007199254740992 + 0.5", "Loss of precision"),
     ("list == 1", "Can't mix different types in Comparison"),
     ("list == '1'", "Can't mix different types in Comparison"),
     ("list ? 1 : 2", "must be a number"),
@@ -284,9 +291,12 @@ def test_truth(value, truth):
     assert to_bool(value) is truth
 
 
-@pytest.mark.parametrize("value", [2, -1, "true", "", None, [1]])
-def test_what_is_neither_true_nor_false(value):
-    with pytest.raises(ValueFault):
+@pytest.mark.parametrize("value, reason", [
+    (2, "2 is neither 0 nor 1"), (-1, "-1 is neither 0 nor 1"), ("true", "no known safe conversion"),
+    ("", "no known safe conversion"), (None, "it is empty"), ([1], "no known safe conversion"),
+])
+def test_what_is_neither_true_nor_false(value, reason):
+    with pytest.raises(ValueFault, match=reason):
         to_bool(value)
 
 
@@ -374,8 +384,12 @@ def test_random_scripts_fail_cleanly_or_run():
 @pytest.mark.parametrize("script, hint", [
     ("a =< b", "write <="), ("a => b", "write >="), ("a === b", "write =="), ("a !== b", "write !="),
     ("a &&& b", "write &&"), ("a ||| b", "write ||"), ("a <> b", "write !="), ("a++", "write a += 1 or a -= 1"),
-    ("a--", "write a += 1 or a -= 1"), (")", ""), ("a * )", "")])
-def test_what_may_be_meant_where_an_operand_is_missing(script, hint):
+    ("a--", "write a += 1 or a -= 1"), (")", ""), ("a * )", ""), ("a + )", ""), ("a * ;", ""),
+    ("a := 'x", "the text has no closing quote"), ("a := 5s", "a number is followed by no unit"),
+    ('a := "x"', "a text needs single quotes: 'yes'"), ("a % 2", "scripts have no remainder"),
+    ("a := 1, b := 2", "statements are separated by ;"), ("\u00e9", ""),
+    ("{a} := 1", "a script names an entry without braces")])
+def test_what_may_be_meant_instead(script, hint):
     with pytest.raises(ScriptSyntaxError) as raised:
         compile_script(script)
     assert raised.value.hint == hint
