@@ -183,6 +183,13 @@ def test_markup_faults_have_a_place(text, place, words):
     assert not fault.is_warning
 
 
+@pytest.mark.parametrize("text, hint", [
+    ("<root><a></b></a></root>", "</a> is due"), ("<root></root></root>", ""),
+])
+def test_what_a_tag_that_closes_nothing_is_instead_of(text, hint):
+    assert faults_of(text)[0].hint == hint
+
+
 def test_all_markup_faults_of_a_file_are_told():
     faults = faults_of('<root>\n <a x="1" x="2"/>\n <1b/>\n <c y="&#0;"/>\n</rot>')
     assert [(fault.line, fault.column) for fault in faults] == [(2, 11), (3, 2), (4, 5), (5, 1)]
