@@ -118,6 +118,14 @@ def test_an_attribute_is_not_found_inside_the_value_of_another():
     assert node(mission('\n<Script code="name=\'x\' 1" name="y"/>')).place("name") == (2, 27)
 
 
+@pytest.mark.parametrize("at, place", [
+    (0, (2, 9)), (1, (2, 9)), (2, (2, 9)), (3, (3, 1)), (5, (3, 6)), (6, (3, 7)), (7, (4, 1)), (8, (4, 2)), (99, (4, 3)),
+])
+def test_a_fault_stands_at_the_line_of_its_character_in_a_value_of_several_lines(at, place):
+    fault = node(mission('\n<Script code="a;\n&lt; b\r\n c"/>')).fault(rules.NO_TREE, "x", attribute="code", at=at)
+    assert (fault.line, fault.column, fault.end_line, fault.end_column) == place + (4, 4)
+
+
 def test_a_fault_is_one_line_whatever_it_quotes():
     fault = parse(mission(), "m.xml").root.fault(rules.NO_TREE, "x\n\x1b[31m" + "y" * 1000)
     assert "\n" not in str(fault) and "\x1b" not in str(fault)
