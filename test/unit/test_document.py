@@ -7,9 +7,10 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.bt import rules
-from behavior_controller.bt.language import document
+from behavior_controller.bt.language import document, packages
 from behavior_controller.bt.language.document import parse, read, with_includes
 from behavior_controller.bt.language.markup import repaired
+from behavior_controller.bt.language.packages import package_folder
 from behavior_controller.errors import MissionError
 
 LEAF = "<AlwaysSuccess/>"
@@ -389,6 +390,36 @@ def test_includes_without_a_path_or_with_ros_pkg(tmp_path):
     faults = included_faults(path)
     assert [(fault.line, fault.column) for fault in faults] == [(2, 1), (3, 10), (5, 2)]
     assert "ros_pkg" in faults[2].text
+
+
+def packages_below(folder, *names):
+    """Make the package.xml of each of ``names``, which are ``path=name``."""
+    for path, name in (text.split("=") for text in names):
+        (folder / path).mkdir(parents=True)
+        (folder / path / "package.xml").write_text("<package><name>{}</name></package>".format(name))
+
+
+@pytest.mark.parametrize("name, found", [
+    ("direct", "one/direct"), ("below", "one/a/b"), ("twice", "one/b/first"), ("second", "two/c"),
+    ("in_a_package", None), ("ignored", None), ("hidden", None), ("nameless", None), ("misnamed", None), ("", None),
+])
+def test_where_a_ros_package_is(tmp_path, monkeypatch, name, found):
+    packages_below(tmp_path, "one/direct=direct", "one/a/b=below", "one/b/second=twice", "one/b/first=twice",
+                   "one/a/b/c=in_a_package", "one/d/e=ignored", "one/.f/g=hidden", "one/misnamed=another", "two/c=second")
+    (tmp_path / "one" / "d" / "CATKIN_IGNORE").write_text("")
+    (tmp_path / "one" / "nameless").mkdir()
+    (tmp_path / "one" / "nameless" / "package.xml").write_text("<package/>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(["", str(tmp_path / "one"), str(tmp_path / "two")]))
+    assert package_folder(name) == (found and str(tmp_path / found))
+
+
+@pytest.mark.parametrize("most, found", [(3, None), (4, "b")])
+def test_the_number_of_folders_where_packages_are_looked_for_has_an_end(tmp_path, monkeypatch, most, found):
+    packages_below(tmp_path / "one", "a=other")
+    packages_below(tmp_path / "two", "b=wanted")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([str(tmp_path / "one"), str(tmp_path / "two")]))
+    monkeypatch.setattr(packages, "MOST_FOLDERS", most)
+    assert package_folder("wanted") == (found and str(tmp_path / "two" / found))
 
 
 @pytest.mark.parametrize("length, faults", [(50, 0), (51, 1), (100, 1)])
