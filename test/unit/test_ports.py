@@ -8,7 +8,7 @@ from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.ports import PortError
 from behavior_controller.bt.language.values import ValueFault
 from behavior_controller.bt.registry import Port
-from behavior_controller.bt.status import FAILURE, SUCCESS
+from behavior_controller.bt.status import FAILURE, IDLE, SKIPPED, SUCCESS
 
 ENUMS = {"RED": 1, "BLUE": 3}
 
@@ -62,7 +62,8 @@ def test_literals(type_name, text, value):
     (7, "int", 7), (3.0, "int", 3), (3, "double", 3.0), (2 ** 53 - 1, "double", float(2 ** 53 - 1)), (1, "bool", True),
     (2.5, "bool", True), (0.0, "bool", False), (3, "string", "3"), (1.5, "string", "1.500000"), ("12x", "int", 12),
     ("1;2", "vec_int", [1, 2]), ("v", "string", "v"), (3, "any", 3), ([1], "any", [1]), ([1, 2], "vec_int", [1, 2]),
-    ("RED", "enum", 1), (2, "enum", 2), ("SUCCESS", "NodeStatus", SUCCESS), (3, "NodeStatus", FAILURE),
+    ("RED", "enum", 1), (2, "enum", 2), ("SUCCESS", "NodeStatus", SUCCESS), (3, "NodeStatus", FAILURE), (0, "NodeStatus", IDLE),
+    (4, "NodeStatus", SKIPPED),
     (255, "uint8", 255),
 ])
 def test_reading_an_entry(stored, type_name, value):

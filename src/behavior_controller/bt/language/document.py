@@ -89,8 +89,6 @@ class Document:
     def _in_value(self, attribute: Any, at: int) -> int:
         """Return the offset of a character of the value if there is a line break before it, else 0."""
         begin, end = attribute.start(2) + 1, attribute.end(2) - 1
-        if not at or "\n" not in self.text[begin:end] and "\r" not in self.text[begin:end]:
-            return 0
         pieces = itertools.islice(CHARACTER.finditer(self.text, begin, end), at, None)
         offset = next((piece.start() for piece in pieces), end)
         return offset if self.position(offset)[0] > self.position(begin)[0] else 0

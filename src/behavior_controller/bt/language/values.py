@@ -53,7 +53,7 @@ _BOOLEANS = {"1": True, "true": True, "TRUE": True, "True": True,
 
 def shown(text: str, longest: int = 80) -> str:
     """Return ``text`` as a message quotes it: on one line, not too long, and what cannot be seen as its escape."""
-    line = _BLANKS.sub(" ", text[:longest + 1])
+    line = _BLANKS.sub(" ", text[:longest])
     if not line.isprintable():
         line = ascii(line)[1:-1]
     return line if len(text) <= longest else line[:longest] + "…"
