@@ -120,6 +120,7 @@ def finished(story, outcome="SUCCESS"):
 def test_a_tour_of_all_exhibits_passes():
     story = Story()
     story.tour()
+    story.journal.append(Line(story.now, "speechEvent", "/speechEvent/text", 0, {"data": "What a bright room"}))
     verdict = judge(finished(story).facts())
     assert verdict.passed
     assert str(verdict) == ("PASSED: 1 pass ended as a visitor who engages should; "
@@ -241,8 +242,16 @@ def test_the_mission_that_counts_is_the_one_after_a_change():
     assert finished(story).objections() == ["pass 1: the robot was sent to 1 place without a visitor who wants a tour"]
 
 
-def test_a_mission_without_a_tour_needs_no_exhibits():
-    assert finished(Story(leaves=("WelcomeSpeech",))).objections() == []
+@pytest.mark.parametrize("leaves", [("WelcomeSpeech",), TOUR_LEAVES[1:], TOUR_LEAVES[:1] + TOUR_LEAVES[2:], TOUR_LEAVES[:2]])
+def test_a_mission_without_a_tour_needs_no_exhibits(leaves):
+    assert finished(Story(leaves=leaves)).objections() == []
+
+
+def test_who_follows_to_two_exhibits_sees_all_of_a_building_with_two():
+    story = Story("leaves", leaves=GAZING)
+    story.tour()
+    facts = finished(story).facts()
+    assert judge(facts._replace(knowledge=KNOWLEDGE._replace(exhibits=EXHIBITS[:2]))).passed
 
 
 def test_a_mission_that_does_not_ask_gives_its_tour_to_everybody():
@@ -338,10 +347,12 @@ def test_a_controller_that_never_started():
     assert story.objections() == [story.cut_off]
 
 
-def test_a_controller_that_refused_to_start():
+@pytest.mark.parametrize("exit_code, how", [
+    (2, "ended with exit code 2"), (0, "ended with exit code 0"), (-1, "was ended by signal 1")])
+def test_a_controller_that_refused_to_start(exit_code, how):
     story = Story()
-    story.events, story.exit_code = [], 2
-    assert story.objections() == ["the controller ended with exit code 2 before it started its mission"]
+    story.events, story.exit_code = [], exit_code
+    assert story.objections() == ["the controller {} before it started its mission".format(how)]
 
 
 def test_a_controller_that_crashed():
