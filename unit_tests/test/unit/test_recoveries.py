@@ -75,9 +75,54 @@ def test_a_retry_too_few():
         "the recovery from refused of Navigate ended after 1 retry where the policy prescribes 2"]
 
 
-def test_a_retry_too_many():
-    assert about(Recovered("Navigate").drives("refused", "refused", "refused", "refused")) == [
+@pytest.mark.parametrize("last, outcome", [("refused", "given up"), (None, "done")])
+def test_a_retry_too_many(last, outcome):
+    assert about(Recovered("Navigate").drives("refused", "refused", "refused", last, outcome=outcome)) == [
         "the recovery from refused of Navigate made 3 retries where the policy allows 2"]
+
+
+def test_what_no_line_fits_is_given_up_at_once():
+    assert about(Recovered("Navigate", policy="budget 9 60\nSelectExhibit * 0 0 giveUp").drives("refused")) == []
+
+
+def test_a_recovery_without_its_failure_is_wrong():
+    story = Recovered("Navigate")
+    story.end_of("Navigate", GO, "given up")
+    assert about(story) == ["the recovery from a failure of Navigate is on record without the failure"]
+
+
+def test_a_recovery_of_what_is_no_mission_node_is_wrong():
+    story = Recovered("NotKnownHere")
+    story.failed("NotKnownHere", GO, "refused")
+    story.end_of("NotKnownHere", GO, "given up")
+    assert about(story) == ["the recovery from refused of NotKnownHere is on record without the failure"]
+
+
+def test_a_recovery_that_was_halted_is_not_judged():
+    story = Recovered("Navigate").drives("refused")
+    story.events[-1].update(status="IDLE", failure=None)
+    assert about(story) == []
+    story = Recovered("Navigate")
+    story.failed("HandleFallBack", GO, "refused")  # which found no failure
+    assert about(story) == []
+
+
+@pytest.mark.parametrize("event, key", [(0, "nodes"), (1, "sources")])
+def test_without_a_policy_or_a_tree_on_record_no_recovery_is_judged(event, key):
+    story = Recovered("Navigate").drives("refused")
+    story.events[event][key] = type(story.events[event][key])()
+    assert about(story) == []
+
+
+def test_an_outer_recovery_goes_on_with_the_failure_of_the_step_alone():
+    story = Recovered("Navigate").drives("refused", "refused", "refused")
+    story.events[0]["nodes"] = [dict(node, parent=parent) for node, parent in zip(
+        [{"type": kind, "path": kind, "name": kind} for kind in (
+            "Fallback", "Fallback", "Navigate", "HandleFallBack", "HandleFallBack")], (0, 1, 2, 2, 1))]
+    for event in story.events[2:]:
+        event["uid"] = 4 if event.get("node") == "HandleFallBack" else 3
+    story.handled("Navigate", GO, "given up", uid=5, path="outer")
+    assert about(story) == []
 
 
 def test_the_rule_is_that_of_the_newest_cause():
@@ -102,6 +147,19 @@ def test_what_may_be_skipped_is_not_given_up():
     assert about(story) == ["the recovery from refused of WelcomeSpeech ended with: given up; the policy says: skipped"]
 
 
+@pytest.mark.parametrize("tried, outcome", [("SocialOvertAttentionMode", "skipped"), (None, "substituted")])
+def test_what_the_policy_does_not_prescribe_instead_is_wrong(tried, outcome):
+    story = Recovered("WelcomeSpeech")
+    for number in range(2):
+        story.say("Hello", "refused")
+        (story.retried if number else story.failed)("WelcomeSpeech", SAY, "refused")
+    if tried:
+        story.retried(tried, ATTEND, path="HandleFallBack")
+    story.end_of("WelcomeSpeech", SAY, outcome)
+    assert about(story) == ["the recovery from refused of WelcomeSpeech did something else instead, which the policy does "
+                            "not prescribe"]
+
+
 def test_a_success_that_the_robot_did_not_bring_is_none():
     assert about(Recovered("Navigate").drives("refused", outcome="done")) == [
         "the recovery of Navigate is on record as done, and its request was carried out 0 times"]
@@ -115,6 +173,59 @@ def test_a_retry_that_is_not_on_record():
     end[1]["seconds"] = 9.0
     assert about(story) == [
         "the recovery of Navigate is on record as given up, and its request was carried out 1 time"]
+
+
+def carried_out(story):
+    return [text for text in objections(story) if text.startswith("the recovery of")]
+
+
+@pytest.mark.parametrize("outcome, is_wrong", [("done", True), ("skipped", False), ("substituted", False)])
+def test_a_service_of_the_safe_state_may_be_called_for_it(outcome, is_wrong):
+    story = Recovered("SeekOvertAttentionMode")
+    story.call("overtAttention", ATTEND, "refused", state="seeking")
+    story.failed("SeekOvertAttentionMode", ATTEND, "refused")
+    if outcome != "done":
+        story.call("overtAttention", ATTEND, state="disabled")
+    story.end_of("SeekOvertAttentionMode", ATTEND, outcome)
+    assert carried_out(story) == is_wrong * [
+        "the recovery of SeekOvertAttentionMode is on record as done, and its request was carried out 0 times"]
+
+
+def test_what_a_substitute_brings_about_is_not_counted():
+    story = Recovered("WelcomeSpeech")
+    story.say("Hello", "refused")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.say("Hello")
+    story.end_of("WelcomeSpeech", SAY, "substituted")
+    assert carried_out(story) == []
+
+
+@pytest.mark.parametrize("before, meanwhile, after, is_shared", [
+    ("", "FollowMeSpeech", "", True), ("", "Navigate", "", False), ("", "HandleFallBack", "", False),
+    ("FollowMeSpeech", "", "", False), ("", "", "FollowMeSpeech 9", True), ("", "", "FollowMeSpeech 0.1", False),
+    ("", "given up", "", True), ("", "done", "", False), ("", "", "", False)])
+def test_a_service_that_something_else_used_meanwhile_tells_nothing(before, meanwhile, after, is_shared):
+    story = Recovered("WelcomeSpeech")
+
+    def use(told):
+        node, _, seconds = told.partition(" ")
+        if node in ("given", "done"):
+            story.recovered("Navigate", GO, 0, success=node == "done", path="other")
+            story.events.append(dict(story.event("LeafFinished"), uid=9, node="HandleFallBack", path="outer", status="IDLE",
+                                     resource="", seconds=0.1, failure=None))
+        elif node:
+            story.record("LeafFinished", uid=9, node=node, path="other", status="SUCCESS", seconds=float(seconds or 0.1),
+                         resource=GO if node == "Navigate" else SAY, failure=None)
+    story.say("Hello", "refused")
+    use(before)
+    story.failed("WelcomeSpeech", SAY, "refused")
+    use(meanwhile)
+    story.say("Hello")
+    story.end_of("WelcomeSpeech", SAY, "skipped")
+    use(after)
+    assert bool(carried_out(story)) is not is_shared
+    facts = story.facts()._replace(real=frozenset(["textToSpeech"]))
+    assert not any(text.startswith("the recovery of") for text in judge(facts).objections)
 
 
 @pytest.mark.parametrize("tried, outcome, found", [
@@ -134,21 +245,38 @@ def test_a_substitute(tried, outcome, found):
     assert about(story) == ["the recovery from refused of PerformDeicticGesture " + text for text in found]
 
 
-def spent(*outcomes):
-    """Return a story of recoveries from a speech that is never heard; the policy allows two in ten minutes."""
+def spent(*outcomes, seconds=0.5, after=0.0):
+    """Return a story of recoveries from a speech that is never heard; the policy allows two in ten minutes.
+
+    The last begins that many seconds ``after`` the first.
+    """
     story = Recovered("WelcomeSpeech")
-    for outcome in outcomes:
+    for index, outcome in enumerate(outcomes):
+        if after and index == len(outcomes) - 1:
+            story.now = next(e["time"] for e in story.events if e.get("node") == "HandleFallBack") + after - (
+                4 if outcome == "given up" else 6)
         for number in range(1 if outcome == "given up" else 2):
             story.say("Hello", "refused")
             (story.retried if number else story.failed)("WelcomeSpeech", SAY, "refused")
-        story.end_of("WelcomeSpeech", SAY, outcome)
+        story.end_of("WelcomeSpeech", SAY, outcome, seconds=seconds)
     return story
 
 
-def test_beyond_the_budget_every_failure_is_given_up():
-    assert about(spent("skipped", "skipped", "given up", "given up")) == []
+@pytest.mark.parametrize("seconds", [0.5, 3.0])
+def test_beyond_the_budget_every_failure_is_given_up(seconds):
+    assert about(spent("skipped", "skipped", "given up", "given up", seconds=seconds)) == []
     assert about(spent("skipped", "skipped", "skipped"))[0] == (
         "the recovery from refused of WelcomeSpeech made 1 retry where the policy allows 0")
+
+
+@pytest.mark.parametrize("after", [599.7, 600.3])
+def test_at_the_edge_of_the_budget_the_controller_may_do_either(after):
+    for outcome in ("skipped", "given up"):
+        assert about(spent("skipped", "skipped", outcome, after=after)) == []
+    wrong = spent("skipped", "skipped", "skipped", after=after)
+    wrong.events[-1].update(status="FAILURE")
+    wrong.events[-2].update(outcome="given up")
+    assert about(wrong) == ["the recovery from refused of WelcomeSpeech ended with: given up; the policy says: skipped"]
 
 
 def test_within_the_budget_nothing_is_given_up_for_it():
@@ -175,6 +303,63 @@ def test_a_tour_may_not_leave_out_every_exhibit(left_out, outcome, number):
         story.failed("IsMutualGazeDiscovered", GAZE, "condition-false")
         story.end_of("IsMutualGazeDiscovered", GAZE, outcome if each == left_out - 1 else "skipped", "condition-false")
     assert len(KNOWLEDGE.exhibits) == 3 and len(about(story)) == number
+
+
+@pytest.mark.parametrize("outcome", ["skipped", "given up"])
+def test_of_a_real_tour_it_is_unknown_whether_every_exhibit_was_left_out(outcome):
+    story = Recovered("SelectExhibit", "WelcomeSpeech", policy=POLICY.replace("budget 2", "budget 9"))
+    left_out(story, "skipped", "skipped", outcome)
+    facts = finished(story, "FAILURE").facts()._replace(real=frozenset(["tabletEvent"]))
+    assert [text for text in judge(facts).objections if text.startswith("the recovery")] == []
+
+
+def left_out(story, *outcomes):
+    """Have the speech fail at an exhibit for each of these outcomes."""
+    for outcome in outcomes:
+        story.choose()
+        story.say("Hello", "refused")
+        story.failed("WelcomeSpeech", SAY, "refused")
+        story.end_of("WelcomeSpeech", SAY, outcome)
+
+
+@pytest.mark.parametrize("begin, number", [
+    (lambda story: story.record("PassStarted", number=2), 0), (lambda story: story.done("RetrieveListOfExhibits"), 0),
+    (lambda story: story.recovered("RetrieveListOfExhibits", "/knowledge", 1), 0),
+    (lambda story: story.recovered("RetrieveListOfExhibits", "/knowledge", 1, success=False), 1),
+    (lambda story: story.failed("RetrieveListOfExhibits", "/knowledge", "refused"), 1)])
+def test_each_tour_may_leave_out_exhibits_of_its_own(begin, number):
+    story = Recovered("SelectExhibit", "WelcomeSpeech", "RetrieveListOfExhibits", policy=POLICY.replace("budget 2", "budget 9"))
+    left_out(story, "skipped", "skipped")
+    begin(story)
+    left_out(story, "skipped")
+    assert len(about(story)) == number
+
+
+def test_after_the_exhibits_nothing_is_left_out_of_the_tour():
+    story = Recovered("SelectExhibit", "WelcomeSpeech", policy=POLICY.replace("budget 2", "budget 9"))
+    left_out(story, "skipped", "skipped")
+    story.choose()
+    story.done("LookUpHome")
+    story.say("Hello", "refused")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.end_of("WelcomeSpeech", SAY, "skipped")
+    assert about(story) == []
+
+
+def test_a_step_at_an_exhibit_is_not_the_exhibit():
+    story = Recovered("WelcomeSpeech", policy="budget 9 60\nWelcomeSpeech * 0 0 skip")
+    left_out(story, "skipped", "skipped", "skipped")
+    assert about(story) == []
+
+
+def test_an_exhibit_is_left_out_once_however_many_of_its_steps_are():
+    story = Recovered("SelectExhibit", "WelcomeSpeech", policy=POLICY.replace("budget 2", "budget 9"))
+    left_out(story, "skipped")
+    for _ in range(2):
+        story.say("Hello", "refused")
+        story.failed("WelcomeSpeech", SAY, "refused")
+        story.end_of("WelcomeSpeech", SAY, "skipped")
+    assert about(story) == []
 
 
 def test_a_condition_is_not_asked_again_whatever_a_line_says():
