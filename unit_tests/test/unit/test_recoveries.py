@@ -4,6 +4,7 @@ import pytest
 from unit_tests.facts import Facts, Tree
 from unit_tests.journal import Line
 from unit_tests.verdict import judge
+from unit_tests.visitor import NOTHING_HEARD, SMALL_TALK, UNCLEAR_ANSWER
 
 from test_verdict import ATTEND, EXHIBITS, GO, KNOWLEDGE, SAY, Story, finished
 
@@ -521,6 +522,10 @@ class Watched(Story):
         self.now += 1.0
         self.journal.append(Line(self.now, "overtAttention", GAZE, 0, {"state": "seeking", "value": value}))
 
+    def hear(self, text):
+        self.now += 1.0
+        self.journal.append(Line(self.now, "speechEvent", "/speechEvent/text", 0, {"data": text}))
+
     def face(self, *labels):
         self.now += 1.0
         self.journal.append(Line(self.now, "faceDetection", FACES, 0, {"face_label_id": list(labels),
@@ -592,32 +597,74 @@ def test_a_gaze_that_came_and_was_not_seen_is_wrong():
         seen(story, "FAILURE")
 
 
-@pytest.mark.parametrize("crashed, number", ((True, 0), (False, 1)))
+def missed(story):
+    return [text for text in seen(story, "FAILURE") if "did not see" in text]
+
+
+def test_a_gaze_that_came_at_the_last_moment_may_be_missed():
+    story = Watched()
+    story.tick("F")
+    story.gaze(1)
+    story.now -= 0.7
+    story.tick("-")  # 0.3 s after the message
+    assert missed(story) == []
+
+
+@pytest.mark.parametrize("words, is_missed", [
+    ("Yes", True), ("No", True), ("", False), (NOTHING_HEARD, False), (SMALL_TALK, False), (UNCLEAR_ANSWER, False)])
+def test_only_an_answer_has_to_be_heard(words, is_missed):
+    story = Watched("IsYesNoUttered")
+    story.tick("F")
+    story.hear(words)
+    story.tick("-")
+    assert missed(story) == is_missed * [
+        "IsYesNoUttered did not see what /speechEvent/text told 1.0 s before it was asked last"]
+
+
+def test_what_a_real_node_tells_is_not_judged():
+    story = Watched()
+    story.tick("S")
+    assert judge(finished(story).facts()._replace(real=frozenset(["overtAttention"]))).passed
+
+
+@pytest.mark.parametrize("crashed, number", (("overtAttention", 0), ("textToSpeech", 1), (None, 1)))
 def test_what_a_node_says_soon_after_its_crash_may_be_missed(crashed, number):
     story = Watched()
-    story.call("overtAttention", ATTEND, "crash" if crashed else None, state="seeking")
-    if crashed:
-        story.failed("SeekOvertAttentionMode", ATTEND, "connection-lost")
+    for node, leaf, resource in (("overtAttention", "SeekOvertAttentionMode", ATTEND), ("textToSpeech", "WelcomeSpeech", SAY)):
+        story.call(node, resource, "crash" if crashed == node else None, state="seeking", message="-")
+        if crashed == node:
+            story.failed(leaf, resource, "connection-lost")
     story.tick("F")
     story.gaze(1)
     story.tick("-")
-    assert len([text for text in seen(story, "FAILURE") if "did not see" in text]) == number
+    assert len(missed(story)) == number
 
 
-@pytest.mark.parametrize("value, wait", ((0, 0.0), (1, 30.0)))
-def test_a_gaze_that_nobody_told_of_or_long_ago_is_wrong(value, wait):
+@pytest.mark.parametrize("value, age, is_wrong", (
+    (0, 1.0, True), (1, 30.0, True), (1, 2.7, True), (1, 2.3, False), (1, -0.3, False), (1, -0.7, True)))
+def test_a_gaze_that_nobody_told_of_or_long_ago_is_wrong(value, age, is_wrong):
+    # topicMaxAge is 2 s, and clocks may differ by half a second
     story = Watched()
     story.gaze(value)
-    story.now += wait
+    story.now += age - 1.0
     story.tick("S")
-    assert seen(story) == ["IsMutualGazeDiscovered held, and no message told so"]
+    assert seen(story) == is_wrong * ["IsMutualGazeDiscovered held, and no message told so"]
 
 
-def test_a_visitor_who_stands_there_is_there():
+@pytest.mark.parametrize("age, is_wrong", ((0.3, False), (1.0, True), (1.8, False)))
+def test_a_visitor_who_stands_there_is_there(age, is_wrong):
     story = Watched("IsVisitorDiscovered")
+    story.face()
     story.face("visitor")
+    story.now += age - 1.0
     story.tick("F")
-    assert "IsVisitorDiscovered did not hold, though the newest message told so" in seen(story)
+    assert ("IsVisitorDiscovered did not hold, though the newest message told so" in seen(story)) is is_wrong
+
+
+def test_the_end_of_a_pass_ends_its_waits():
+    story = Watched()
+    story.tick("F")
+    assert seen(story, "FAILURE") == []
 
 
 @pytest.mark.parametrize("why, seconds, is_excused", [
@@ -635,7 +682,8 @@ def test_a_test_that_ends_while_the_mission_waits_for_nobody_is_no_fault_of_the_
     story.face("visitor")
     story.now += 5.0
     story.face("visitor")
-    assert story.objections()[0] == why
+    assert story.objections() == [
+        why, "IsVisitorDiscovered did not see what /faceDetection/data told 6.0 s before it was asked last"]
 
 
 def test_the_nodes_before_a_node_are_those_of_the_nearest_neighbours():
