@@ -1,4 +1,6 @@
 """A node type's name is taken once, and a wrong name finds its neighbour."""
+import dataclasses
+
 import pytest
 
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry, did_you_mean
@@ -13,6 +15,12 @@ def test_types_are_found_by_name_and_kept_in_order():
     assert registry.find("Navigate").id == "Navigate"
     assert registry.find("navigate") is None
     assert [found.id for found in registry.all()] == ["WelcomeSpeech", "Navigate"]
+
+
+def test_the_summary_names_what_an_instance_may_be_called():
+    waves = NodeSpec("Wave", Kind.ACTION, lambda name: None, description="Waves.")
+    assert waves.summary == "Waves."
+    assert dataclasses.replace(waves, names=("left", "right")).summary == "Waves. Named left, right."
 
 
 def test_a_second_registration_is_refused():
