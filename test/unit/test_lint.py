@@ -188,7 +188,7 @@ SCRIPTS = {  # what the first Script says, and what follows it -> line and text 
     "another kind, in an entry of others": (SEQUENCE.format("x := 'a'; x = 1; given := 'a'; given = 1",
                                                             '<Out out="{x}"/>'), []),
     "texts that are numbers, and what is not known": (
-        SEQUENCE.format("a := 5; a = '6 m'; a = 'true'; a = 'false'; a = given; a = 'b' .. 'c'; a = 0x10", ""), []),
+        SEQUENCE.format("a := 5; a = '6'; a = 'true'; a = 'false'; a = given; a = 'b' .. 'c'; a = 0x10", ""), []),
     "texts that are no numbers": (SEQUENCE.format("a := 1;\n a = 'untrue'", '<Script code="b := 1;\n b = \'m6\'"/>'), [
         (4, "a is assigned a text, but elsewhere a number (the first value decides the kind of an entry)"),
         (6, "b is assigned a text, but elsewhere a number (the first value decides the kind of an entry)")]),
