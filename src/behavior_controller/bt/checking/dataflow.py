@@ -73,7 +73,7 @@ class Flow:
     def _used(self, tree: str, name: str) -> Key:
         key = self.key(tree, name)
         self.used.setdefault(key[0], set()).add(key[1])
-        self.mentions.update([key])
+        self.mentions[key] += 1
         return key
 
     def remap(self, called: str, inner: str, tree: str, outer: str) -> None:
