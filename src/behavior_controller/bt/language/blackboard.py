@@ -171,7 +171,7 @@ def _natural_type(value: Any) -> str:
     if isinstance(value, bool):
         return "bool"
     if isinstance(value, int):
-        return "int" if -2 ** 31 <= value < 2 ** 31 else "int64"
+        return "int" if values.INT[0] <= value <= values.INT[1] else "int64"
     return values.origin_of(value)
 
 
