@@ -197,13 +197,10 @@ def _fits(entry_type: str, value: Any) -> bool:
         return type(value).__name__ == entry_type
     if (target.python is not None and isinstance(value, target.python)) or values.is_vector(value, entry_type):
         return True
-    if not values.is_number(value) or entry_type == "bool":
-        return False
     try:
         if entry_type == "double":
             return int(values.to_real(value)) == value
-        return target.low is not None and target.high is not None and \
-            values.to_int(value, target.low, target.high) == value
+        return target.limits is not None and values.to_int(value, *target.limits) == value
     except ValueFault:
         return False
 

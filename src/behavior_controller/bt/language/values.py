@@ -8,7 +8,7 @@ import json
 import math
 import re
 from functools import partial
-from typing import Any, Callable, Dict, List, NamedTuple, Optional
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.status import BY_NAME, NAMES
 from behavior_controller.errors import BehaviorControllerError
@@ -38,8 +38,7 @@ class ValueType(NamedTuple):
 
     name: str
     from_text: Optional[Callable[[str, Enums], Any]]
-    low: Optional[int] = None
-    high: Optional[int] = None
+    limits: Optional[Tuple[int, int]] = None  # the lowest and highest value of an integer
     checked_at_load: bool = True
     number: Optional["re.Pattern[str]"] = None
     python: Optional[type] = None  # the class of its values, if it is a PortType
@@ -172,7 +171,7 @@ _JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
 
 
 def _integer_type(name: str, low: int, high: int) -> ValueType:
-    return ValueType(name, _integer_reader(low, high), low, high, number=_INTEGER)
+    return ValueType(name, _integer_reader(low, high), (low, high), number=_INTEGER)
 
 
 class _Types(Dict[str, ValueType]):
@@ -228,7 +227,7 @@ TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_typ
     _integer_type("int64", *INT64),
     _integer_type("uint64", 0, 2 ** 64 - 1),
     ValueType("double", real_from_text, number=_REAL),
-    ValueType("bool", _boolean, 0, 1),
+    ValueType("bool", _boolean),
     ValueType("NodeStatus", _status, checked_at_load=False),
     ValueType("enum", _enumerator, checked_at_load=False),
     ValueType("vec_int", _vector_reader(_integer_reader(*INT), _json_item(int))),
@@ -364,9 +363,7 @@ def _as_number(value: Any, wanted: str) -> Any:
         return to_real(value)
     if wanted == "NodeStatus":
         return _CODES[to_int(value, 0, len(_CODES) - 1)]
-    target = TYPES[wanted]
-    low, high = INT if target.low is None or target.high is None else (target.low, target.high)
-    return to_int(value, low, high)
+    return to_int(value, *(TYPES[wanted].limits or INT))
 
 
 def _no_conversion(value: Any, wanted: str) -> ValueFault:
