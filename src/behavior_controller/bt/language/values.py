@@ -234,8 +234,8 @@ TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_typ
     ValueType("vec_double", _vector_reader(real_from_text, _json_item(float))),
     ValueType("vec_string", _vector_reader(lambda text, _enums: text, _json_item(str))),
     ValueType("vec_bool", _vector_reader(_boolean, _json_item(bool))),
-    ValueType(ANY, None, checked_at_load=False),
-    ValueType(BT_ANY, None, checked_at_load=False),
+    ValueType(ANY, None),
+    ValueType(BT_ANY, None),
 ))
 
 
