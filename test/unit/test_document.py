@@ -146,6 +146,14 @@ def test_texts_are_told_beside_tags_with_raw_ampersands_too():
                                                                    "this text is dropped: second"]
 
 
+@pytest.mark.parametrize("rule, said, is_warning", [
+    (rules.NO_TREE, None, False), (rules.STRAY_TEXT, None, True), (rules.NO_TREE, True, True),
+    (rules.STRAY_TEXT, False, False),
+])
+def test_a_fault_is_a_warning_if_its_rule_is_unless_it_is_said(rule, said, is_warning):
+    assert parse(mission()).root.fault(rule, "x", is_warning=said).is_warning is is_warning
+
+
 # ---------------------------------------------------------------------------------------------------- malformed markup
 
 
