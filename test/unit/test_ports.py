@@ -134,6 +134,15 @@ def test_writing_what_another_port_declared():
         ports.write("{k}", port("int"), board, 4)
 
 
+def test_an_entry_is_emptied_through_a_port_if_there_is_one():
+    board = script_made(k=5, p=6)
+    for text in ("{k}", "{none}", "k"):
+        ports.clear(text, port("int"), board)
+    assert {key: (entry.type, entry.value) for key, entry in board.local.items()} == {"k": ("any", None), "p": ("any", 6)}
+    ports.clear("{=}", port("int"), board)
+    assert board.get("p") is None
+
+
 # ------------------------------------------------------------------------------------------------------ entries at load
 
 
