@@ -220,7 +220,8 @@ def test_items_that_a_loop_cannot_take(text):
 
 @pytest.mark.parametrize("left, right, same", [
     ("blue", "blue", True), ("blue", "Blue", False), ("02", "2", True), ("2.000000", "2", True), ("2abc", "2", False),
-    ("3", "BLUE", True), ("RED", "BLUE", False), ("0.30000001", "0.3", True), ("0.3001", "0.3", False),
+    ("3", "BLUE", True), ("RED", "BLUE", False), ("RED", "2", False), ("2", "3", False),
+    ("0.30000001", "0.3", True), ("0.3001", "0.3", False),
     ("-0", "0", True),
     (" 2", "2", False), ("", "0", False), ("0" * 5000 + "2", "2", True), ("\u0662", "2", False),
     ("2147483648", "2147483648.0", True),
