@@ -134,6 +134,15 @@ def test_writing_what_another_port_declared():
         ports.write("{k}", port("int"), board, 4)
 
 
+def test_an_entry_is_emptied_through_a_port_if_there_is_one():
+    board = script_made(k=5, p=6)
+    for text in ("{k}", "{none}", "k"):
+        ports.clear(text, port("int"), board)
+    assert {key: (entry.type, entry.value) for key, entry in board.local.items()} == {"k": ("any", None), "p": ("any", 6)}
+    ports.clear("{=}", port("int"), board)
+    assert board.get("p") is None
+
+
 # ------------------------------------------------------------------------------------------------------ entries at load
 
 
@@ -211,7 +220,8 @@ def test_items_that_a_loop_cannot_take(text):
 
 @pytest.mark.parametrize("left, right, same", [
     ("blue", "blue", True), ("blue", "Blue", False), ("02", "2", True), ("2.000000", "2", True), ("2abc", "2", False),
-    ("3", "BLUE", True), ("RED", "BLUE", False), ("0.30000001", "0.3", True), ("0.3001", "0.3", False),
+    ("3", "BLUE", True), ("RED", "BLUE", False), ("RED", "2", False), ("2", "3", False),
+    ("0.30000001", "0.3", True), ("0.3001", "0.3", False),
     ("-0", "0", True),
     (" 2", "2", False), ("", "0", False), ("0" * 5000 + "2", "2", True), ("\u0662", "2", False),
     ("2147483648", "2147483648.0", True),

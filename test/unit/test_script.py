@@ -4,6 +4,7 @@ import json
 import math
 import os
 import random
+import re
 import time
 from xml.etree import ElementTree
 
@@ -113,6 +114,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
     with pytest.raises(ScriptSyntaxError) as raised:
         compile_script(text)
     assert str(raised.value) == reason
+    assert raised.value.position == int((re.findall(r"at position (\d+)", reason) or [0])[-1])
 
 
 @pytest.mark.parametrize("text, value", [
@@ -127,7 +129,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
     ("-2 * -3", 6.0),
     ("!0 + 1", 2.0),
     ("0 ? 1 : 0 ? 2 : 3", 3),
-    ("1 ? 0 ? 4 : 5 : 6", 5),
+    ("1 ? 0 ? 4 : 5 : 6", 5), ("0 ? 2 : 0 || 1", 1.0),
     ("x := y := 3", 3),
     ("1 2 3", 3),
     ("end := 3", 3), ("name := 1 integer := 2 real := 3 text := 4", 4), ("operator := 5; end := operator; end", 5),

@@ -144,6 +144,14 @@ def test_how_a_message_quotes_a_text(text, line):
     assert values.shown(text) == line
 
 
+@pytest.mark.parametrize("type_name, text, rest", [
+    ("int", "2 min", "min"), ("int", "12", ""), ("int", "x", ""), ("double", "1e", "e"), ("string", "2 min", ""),
+    ("vec_int", "1;2.5;3 x", ".5"), ("vec_double", "1.5;2", ""), ("vec_int", "json:[1.5]", ""), ("vec_bool", "1 x", ""),
+])
+def test_what_is_passed_over_after_a_number(type_name, text, rest):
+    assert values.unread(text, type_name) == rest
+
+
 def test_huge_texts_take_no_time():
     began = time.process_time()
     for text in ("1" * 1000000, "1" * 1000000 + ".5", "0" * 1000000 + "1", "x" * 1000000):

@@ -198,17 +198,13 @@ def _parsed(clean: str, document: Document) -> Element:
         opened.pop()
 
     parser = etree.XMLParser(target=_Target(start, end, lambda: above.children[0] if above.children else None),
-                             huge_tree=True, no_network=True)
+                             huge_tree=True)
     return etree.fromstring(clean.encode("utf-8"), parser)
 
 
 def _not_well_formed(document: Document, error: Exception) -> MissionError:
-    faults = [document.fault(fault) for fault in diagnosis(document.text)]
-    if not faults:
-        message = re.sub(r",? line \d+(, column \d+)?.*", "", str(error))
-        faults = [Fault(document.file, getattr(error, "lineno", None) or 0, 0,
-                        clean("not well-formed XML: " + message, _LONGEST), code=rules.NOT_WELL_FORMED.code)]
-    return MissionError(faults)
+    faults = diagnosis(document.text) or [MarkupFault(rules.NOT_WELL_FORMED, "not well-formed XML: {}".format(error), 0)]
+    return MissionError([document.fault(fault) for fault in faults])
 
 
 # ------------------------------------------------------------------------------------------------------- included files

@@ -287,7 +287,7 @@ class _Parser:
 
     def _missing_operand(self, kind: str) -> str:
         at = self.at - (kind != "end") - 1
-        return _hint_between(self.tokens[at][0], kind) if at >= 0 else ""
+        return _hint_between(self.tokens[at][0], kind)  # before the first token is the end
 
     def _name(self, name: str, position: int) -> Evaluate:
         if name in ("true", "false"):
