@@ -487,6 +487,7 @@ def test_why_a_visit_ended_so(events, outcome, why):
     ([recovered("done"), exhibit("over")], SHOWN, ""), ([failed(), recovered("skipped"), exhibit("over")], SHOWN, ""),
     ([exhibit("omitted")], UNDER_WAY, ""), ([exhibit("omitted"), recovered("skipped")], LEFT_OUT, THREE_TIMES),
     ([exhibit("omitted", 2), recovered("skipped")], UNDER_WAY, ""), ([recovered("skipped")], UNDER_WAY, ""),
+    ([exhibit("omitted", 2), recovered("skipped"), recovered("skipped")], UNDER_WAY, ""),
     ([exhibit("omitted"), recovered("given up")], BROKEN_OFF, THREE_TIMES),
     ([exhibit("over"), exhibit("omitted"), recovered("skipped")], SHOWN, ""),
     ([ARRIVED, LEFT, exhibit("omitted"), recovered("given up")], BROKEN_OFF, "the visitor left"),
@@ -498,6 +499,14 @@ def test_why_a_visit_ended_so(events, outcome, why):
 def test_how_an_exhibit_ends(events, state, why):
     story = story_of(START, exhibit("begun"), *events)
     assert [(shown.number, shown.state, shown.why) for shown in story.visit.exhibits] == [(1, state, why)]
+
+
+@pytest.mark.parametrize("events, state", [
+    ([], UNDER_WAY), ([exhibit("over", 2)], SHOWN), ([failed(), exhibit("over", 2)], BROKEN_OFF),
+    ([exhibit("omitted", 2), recovered("skipped")], LEFT_OUT)])
+def test_the_exhibit_before_stays_as_it_is(events, state):
+    story = story_of(START, exhibit("begun"), exhibit("over"), exhibit("begun", 2), *events)
+    assert [(shown.number, shown.state) for shown in story.visit.exhibits] == [(1, SHOWN), (2, state)]
 
 
 @pytest.mark.parametrize("before, event, severity, text, leads_to", [
@@ -524,6 +533,13 @@ def test_how_an_exhibit_ends(events, state, why):
      "went on without Navigate, which failed 3 times: refused, busy (/go)", (3, "tour/go")),
     ([begins(3), recovering(0, "Say")], recovered("substituted"), "warning",
      "did Say in place of Navigate: refused, busy (/go)", (3, "tour/go")),
+    ([begins(3)], recovered("skipped", failure=BUSY._replace(message="a motor failed"), attempts=1), "warning",
+     "went on without Navigate, which failed 2 times: refused, a motor failed (/go)", (3, "tour/go")),
+    ([START, exhibit("begun"), exhibit("omitted", 2)], recovered("given up"), "error", "gave up: " + THREE_TIMES,
+     (0, "tour/go")),
+    ([START, exhibit("begun"), exhibit("omitted"), recovered("given up"), exhibit("omitted")],
+     recovered("given up", failure=BUSY._replace(message="stuck")), "error",
+     "gave up: Navigate failed 3 times: refused, stuck (/go)", (0, "tour/go")),
     ([begins(3)], recovered("given up", attempts=0), "error", "gave up: " + NOT_REACHED, (3, "tour/go")),
     ([begins(3), RUN], recovered("done", attempts=1), "info", "Navigate is done at the 2nd try", (0, "tour/go")),
     ([START, exhibit("begun"), begins(3), exhibit("omitted")], recovered("skipped"), "warning",
@@ -542,11 +558,6 @@ def test_the_sentence_about_an_event(before, event, severity, text, leads_to):
     ([recovered("given up")], recovered("given up", "budget", policy="other")), ([], PassFinished(1, "SUCCESS", 1.0))])
 def test_what_is_no_news_has_no_sentence(before, event):
     assert story_of(*before).take(60.0, event) == ()
-
-
-def test_another_failure_that_is_given_up_is_told_too():
-    told, = story_of(recovered("given up")).take(60.0, recovered("given up", failure=BUSY._replace(message="stuck")))
-    assert told.text == "gave up: Navigate failed 3 times: refused, stuck (/go)"
 
 
 @pytest.mark.parametrize("events, now", [
@@ -593,6 +604,7 @@ def test_ordinals(words):
 
 def test_it_keeps_a_bounded_number_of_visits_and_steps():
     story = Story()
+    assert (story.visit_count, story.outcomes) == (0, {})
     for number in range(1, KEPT + 10):
         story.take(1.0, PassStarted(number, 0.0))
         story.take(1.0, StepStarted(number, "x", "x", "doing", "", 0.0, False))
