@@ -7,7 +7,7 @@ import itertools
 import json
 import os
 import re
-import time
+from time import localtime, strftime
 from types import SimpleNamespace
 from typing import Any, Counter, DefaultDict, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
@@ -248,7 +248,7 @@ def _options(first: str, values: Iterable[str]) -> str:
 def _header(run: Run, earlier: List[RunStarted]) -> str:
     """Return when the mission ran, how it ended, and what the report lacks."""
     ends = ", ".join("{} {}".format(count, outcome) for outcome, count in sorted(run.story.outcomes.items()))
-    told = ["{} {} to {}, {}".format(time.strftime("%Y-%m-%d", time.localtime(run.began)), clock(run.began),
+    told = ["{} {} to {}, {}".format(strftime("%Y-%m-%d", localtime(run.began)), clock(run.began),
                                      clock(run.ended), _seconds(run.ended - run.began)),
             "visits: {}".format(ends) if ends else "no visit was ended",
             "ended: " + run.outcome if run.outcome else
@@ -359,7 +359,7 @@ def _data(run: Run, written: Dict[str, Written]) -> str:
     visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (
         visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))] for visit in run.visits.values()]
     outcomes = [LETTER_OF.get(visit.outcome, "R") for visit in run.visits.values()]
-    data = {"began": round(1000 * run.began), "offset": 1000 * time.localtime(run.began).tm_gmtoff,
+    data = {"began": round(1000 * run.began), "offset": 1000 * localtime(run.began).tm_gmtoff,
             "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
             "lanes": lanes, "changes": _numbers(run.changes, notes),
             "notes": list(notes), "nodes": [[node.type, written[node.path].ports if node.path in written else []]
