@@ -285,7 +285,7 @@ def test_a_condition_that_does_not_hold_has_not_failed():
     assert page.bars(1) == [(1000, 59000, "n", 3, "a chair is in the way"), (61000, 0, "S", 1, "")]
     assert [text for names, text in page.texts if "count" in names] == ["✔ 1", "○ 4"]
     page = Page(page_of(lines_of(finished(101.0, "FAILURE", failure=no), finished(102.0, "FAILURE", failure=FAILED),
-                                 *ticks[-3:])))
+                                 *ticks[-3:], nodes=(["A::1", "A", "A", 0], ["B::2", "B", "B", 1]))))
     assert [text for names, text in page.texts if "count" in names] == ["✔ 1", "✘ 1", "○ 1"]
 
 
@@ -356,6 +356,7 @@ def test_a_node_has_its_place_its_ports_and_what_it_is_for():
                               "a(Sleep) #4✔ 1first.xml:4"]
     assert page.of("bare") == ["Parallel#2neverfirst.xml:3Sleep#3neverfirst.xml:3a(Sleep) #4✔ 1first.xml:4"]
     assert page.of("never") == page.of("row")[1:3]
+    assert page.text.count("<ul>") == 3 and "<ul></ul>" not in page.text
     assert page.data["nodes"][1:3] == [["Parallel", [["success_count", "2", True], ["failure_count", "1", False]]],
                                        ["Sleep", [["msec", "7", True]]]]
     assert sorted(page.data["types"]) == ["Parallel", "Sequence", "Sleep"]

@@ -46,10 +46,10 @@ LOOK_INTERVAL = 0.25
 PACE = 0.002
 """The shortest time between two requests, in seconds: a client that floods must not slow the mission."""
 
-MOST_REQUEST = 32 * 1024
+MOST_REQUEST = 32_768
 """The most bytes of a request."""
 
-MOST_SUBSCRIPTIONS = 4 * 1024
+MOST_SUBSCRIPTIONS = 4096
 """The most bytes from a client on the port of breakpoints reached: ZeroMQ keeps them in a hundred times the memory."""
 
 MOST_QUEUED = 2
