@@ -451,6 +451,18 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
                          "Groot2 is cut off by an internal error; its breakpoints and replacements are removed"]
 
 
+def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(served, monkeypatch):
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    client = served.client()
+    client.ask("I", hook(1, mode=0, status="SKIPPED"))
+    assert tree.tick_exactly_once() is RUNNING
+    monkeypatch.setattr(groot2, "PACE", "an internal error")
+    client.ask("S")
+    assert served.told("Groot2 is cut off by an internal error; its breakpoints and replacements are removed", 1)
+    assert tree.tick_exactly_once() is SUCCESS
+
+
 def test_nodes_without_hooks_are_left_alone(served):
     tree = tree_of('<Sequence><Act name="a"/><Act name="b"/></Sequence>', a="S", b="S")
     served.show(tree)

@@ -119,7 +119,7 @@ class Groot2Publisher:
     # ------------------------------------------------------------------------------------------ on the publisher's thread
 
     def _begin(self) -> None:
-        self._context = zmq.asyncio.Context(1)
+        self._context = zmq.asyncio.Context()
         self._context.set(ZERO_COPY_RECV, 0)
         self._requests, self._news = self._context.socket(zmq.ROUTER), self._context.socket(zmq.PUB)
         self._requests.setsockopt(zmq.SNDHWM, MOST_QUEUED)
