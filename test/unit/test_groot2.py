@@ -561,6 +561,13 @@ def test_garbage_is_answered_and_forgotten(served):
     assert client.statuses() == {1: 12}
 
 
+def test_a_client_whose_requests_are_longer_than_the_answers_is_served_on(served):
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    client = served.client()
+    for _ in range(40):  # more than a client may send of a request that does not end
+        assert len(client.ask("S", 1000 * "x")) == 3
+
+
 def test_clients_that_come_and_go_leave_nothing_behind(served):
     served.show(tree_of('<Act name="a"/>', a="S"))
     served.client().ask("S")
