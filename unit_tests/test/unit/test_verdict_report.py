@@ -120,6 +120,34 @@ def test_each_fault_of_a_recovery_has_its_row_and_no_second_is_counted_twice():
         (1, "Navigate", "robotNavigation:1", "refused", "tried again", 2.0),
         (1, "Navigate", "robotNavigation:2", "exception", "given up", 3.0),
         (1, "Navigate", "animateBehavior:1", "refused", "on the way to the safe state", 0.0)]
+    assert "; 3 faults, 5.0 s lost; " in write(story.facts(), "title").visitors[0]
+
+
+def test_a_failure_has_the_row_of_a_fault_only_with_its_service_and_its_cause():
+    story = without_tour()
+    story.say("Hello", "exception")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.go(1.0, "refused")
+    story.failed("FollowMeSpeech", SAY, "refused")
+    assert rows(finished(story)) == [
+        (1, "", "textToSpeech:1", "exception", "not on record", 0.0), (1, "WelcomeSpeech", SAY, "refused", "none", 0.0),
+        (1, "", "robotNavigation:1", "refused", "not on record", 0.0), (1, "FollowMeSpeech", SAY, "refused", "none", 0.0)]
+    assert "; 2 faults, 0.0 s lost; " in write(story.facts(), "title").visitors[0]
+
+
+def test_each_row_names_the_exhibit_that_was_under_way():
+    story = without_tour()
+    story.record("PassStarted", number=1, at=1.0)
+    for number, (name, state) in enumerate((("", ""), ("Arm", "begun"), ("Base", "begun"), ("Base", "over"))):
+        if name:
+            story.record("TourAdvanced", uid=1, node="SelectExhibit", path="-", number=1 + (name == "Base"), of=2, name=name,
+                         state=state)
+        for _ in range(2):
+            story.say("Hello", "refused")
+            story.failed("WelcomeSpeech", SAY, "refused", path=str(number))
+    told = Told(finished(story).facts()).rows()
+    assert [row.exhibit for row in told] == ["", "", "Arm", "Arm", "Base", "Base", "", ""]
+    assert table(told, 0.0, 200)[3].split()[:3] == ["{:.1f}".format(told[2].at), "1", "Arm"]
 
 
 def test_a_budget_that_is_spent_is_the_cause():
@@ -204,6 +232,15 @@ def test_the_table_fits_its_columns():
         "      call            kind     recovery          lost",
         " 2.0        1  -        WelcomeSpeech",
         "      textToSpeech:1  refused  done by retry 1  2.0 s"]
+    wide = max(map(len, table(told, 100.0, 120)))
+    assert [len(table(told, 100.0, width)) for width in (wide, wide - 1)] == [2, 4]
+
+
+def test_no_word_of_the_table_is_broken():
+    story = without_tour()
+    story.failed("PressYesNoDialogue", "/tabletEvent", "missing-data")
+    told = Told(story.facts()).rows()
+    assert "      /tabletEvent" in table(told, 100.0, len("      /tabletEvent  missing-"))
 
 
 def test_a_terminal_shows_so_many_rows_and_the_verdict_last(monkeypatch):
