@@ -654,6 +654,7 @@ def test_with_a_node_all_of_its_services_crash():
 
 def test_a_service_that_the_robot_does_not_offer_fails_by_itself():
     story = Story("engages", leaves=())
+    story.say("Hello")
     story.failed("PressYesNoDialogue", PROMPT, "not-advertised")
     facts = of_release(finished(story))
     assert len(judge(facts).objections) == 1
