@@ -2,6 +2,7 @@
 import datetime
 import math
 import os
+import sys
 from collections import Counter
 from typing import Iterator, List, NamedTuple, Sequence, Tuple
 
@@ -135,7 +136,7 @@ class Report(NamedTuple):
         return lines + shown + [""] if self.rows else lines
 
 
-WIDEST = 10 ** 6
+WIDEST = sys.maxsize
 """Columns of a file."""
 
 MOST_SHOWN, MOST_OBJECTIONS = 40, 10

@@ -644,8 +644,17 @@ def test_only_of_an_unclear_visitor_the_recognition_tells_an_error(behaviour, nu
     assert len(judge(of_release(finished(story))).objections) == number
 
 
+def test_with_a_node_all_of_its_services_crash():
+    story = Story(leaves=())
+    story.call("speechEvent", "/speechEvent/set_language", "crash", language="English")
+    story.failed("SetSpeechEvent", "/speechEvent/set_language", "connection-lost")
+    story.failed("SetSpeechEvent", "/speechEvent/set_enabled", "not-reachable")
+    assert judge(of_release(finished(story))).passed
+
+
 def test_a_service_that_the_robot_does_not_offer_fails_by_itself():
     story = Story("engages", leaves=())
+    story.say("Hello")
     story.failed("PressYesNoDialogue", PROMPT, "not-advertised")
     facts = of_release(finished(story))
     assert len(judge(facts).objections) == 1
