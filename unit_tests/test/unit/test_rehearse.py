@@ -10,23 +10,16 @@ import shutil
 import signal
 import subprocess
 import sys
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
 
 from behavior_controller import exits, folders
-from behavior_controller.events import Recovered
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.records import Say
 from behavior_controller.story import Sentence
 
-from unit_tests import findings, rehearse, rehearse_page, scenes, visitor
+from unit_tests import findings, rehearse, rehearse_page, scenes
 from unit_tests.faults import KINDS, PlannedFault
-from unit_tests.journal import Line
-from unit_tests.recoveries import SPECS
 from unit_tests.scenes import Outcome, Scene, Theatre
-from unit_tests.stage import BUSY, START, Played
 from unit_tests.survey import Found, Row, Share, Survey
 from unit_tests.visitor import BEHAVIOURS
 
@@ -105,13 +98,6 @@ def test_nothing_is_found_in_the_lab_tour_with_single_faults_and_each_node_is_re
     for scene in calm + list(scenes.single(theatre, calm, ("crash",))):
         survey.take(theatre.look(scene))
     assert survey.found(is_complete=True) == []
-
-
-def test_a_request_that_makes_no_sense_is_found():
-    look = Theatre({}, planted("good"), 900.0).play(Scene("engages"))
-    senseless = [line._replace(objection="there is no text") for line in look.played.journal[-1:]]
-    found_now = findings.look_at(look._replace(played=look.played._replace(journal=senseless)))
-    assert found_now == [("senseless-request", senseless[0].resource, "there is no text")]
 
 
 def test_the_tour_of_release_1_0_is_rehearsed_too(capsys):
@@ -415,6 +401,7 @@ def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_
     survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0))
     later, sooner, other = (("left-on", where, "x") for where in ("/b", "/a", "AlwaysSuccess::2"))
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, 0, later, sooner, ("busy-loop", "", "y")))
+    assert [each.where for each in survey.found(True)] == ["", "/a", "/b", "Fallback::1"]
     survey.take(outcome(Scene("engages"), "SUCCESS", 3.0, 0, other))
     told = survey.found(False)
     assert [(each.kind.name, each.where) for each in told] == [
@@ -539,31 +526,3 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
 
 def test_all_visitors_are_played():
     assert [scene.visitor for scene in scenes.calm(BEHAVIOURS, [True])] == list(BEHAVIOURS)
-
-
-def a_look(nodes, **played):
-    """Return a look at a play of 100 s of leaves of these types, that had not ended when its time was up."""
-    told = dict(entries=[], journal=[], exit_code=None, cut_off="", error="", reached=frozenset(), waiting=(), seconds=100.0,
-                asked=[], presence=[])
-    tree = SimpleNamespace(nodes=[SimpleNamespace(spec=SPECS[node]) for node in nodes])
-    stage = SimpleNamespace(mission=SimpleNamespace(tree=tree, policy=SimpleNamespace(most=10, seconds=60.0)))
-    return findings.Look(stage, Played(**dict(told, **played)), visitor.ENGAGES, 0)
-
-
-@pytest.mark.parametrize("node, played, waits", [
-    ("IsVisitorDiscovered", {}, True), ("IsMutualGazeDiscovered", {}, False),
-    ("IsVisitorDiscovered", {"exit_code": 0}, False), ("IsVisitorDiscovered", {"cut_off": BUSY}, False),
-    ("IsVisitorDiscovered", {"asked": [(START + 79.0, Say("x"))]}, True),
-    ("IsVisitorDiscovered", {"asked": [(START + 81.0, Say("x"))]}, False)])
-def test_a_mission_waits_for_a_visitor_that_has_not_ended_and_asks_for_nothing_any_more(node, played, waits):
-    assert findings.waits_for_a_visitor(a_look([node], waiting=(1,), **played)) is waits
-
-
-@pytest.mark.parametrize("own, is_spent", [(0, False), (5, False), (6, True), (11, True)])
-def test_a_budget_is_told_as_spent_if_most_of_it_went_where_no_fault_was(own, is_spent):
-    resources = ["/calm"] * own + ["/faulty"] * (11 - own)
-    recovered = [(START + at, Recovered("Navigate", "x", Failure(Cause.REFUSED, "no", resource), "-", 0, True, "done"))
-                 for at, resource in enumerate(resources)]
-    faults = [Line(START, "a node", "/faulty", 1, {}, fault="refused")]
-    found = list(findings.BY_NAME["budget-spent"].see(a_look([], entries=recovered, journal=faults)))
-    assert found == is_spent * [("x", "more than 10 recoveries in 60 s: whatever fails from here on is given up")]
