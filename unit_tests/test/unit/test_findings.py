@@ -161,7 +161,7 @@ def test_a_drive_that_is_halted_for_good_is_abandoned(leaves, is_told):
     ([(1.0, True), (30.0, False)], 17), ([(1.0, True), (10.0, False), (12.0, True), (20.0, False)], 27),
     ([(1.0, True)], None), ([(1.0, True), (47.5, False)], None), ([(1.0, False), (47.0, True)], None),
     ([(1.0, True), (30.0, False), (48.0, True)], 17), ([(1.0, True), (30.0, False), (48.0, True), (49.0, False)], 17),
-    ([(1.0, True), (47.0, False)], 0)])
+    ([(1.0, True), (47.0, False)], 0), ([], 47)])
 def test_a_goodbye_is_for_a_visitor_who_is_there_when_it_begins(presence, seconds):
     goodbye = [(START + 50.0, event) for event in (leaf("bye", seconds=3.0), leaf("hi", seconds=3.0), leaf("bye", "IDLE", None, 3.0))]
     seen = look(entries=goodbye, presence=[(START + at, is_here) for at, is_here in presence])

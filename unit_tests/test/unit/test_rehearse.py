@@ -10,11 +10,14 @@ import shutil
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
 
 from behavior_controller import exits, folders
+from behavior_controller.health import Health
+from behavior_controller.interface.records import SetAttention
 from behavior_controller.story import Sentence
 
 from unit_tests import findings, rehearse, rehearse_page, scenes
@@ -147,6 +150,42 @@ def test_pairs_are_each_two_calls_and_each_call_with_its_repetition():
     theatre = Theatre({}, planted("unrecovered"), 900.0)
     made = list(scenes.pairs(theatre, [Scene("engages")], ("refused",)))
     assert len(set(made)) == len(made) == 6 + 4 - 1  # of four calls, two of which follow each other on one node
+
+
+def test_random_scenes_have_the_visitors_in_turn_and_a_seed_for_each_run():
+    both = [Scene("engages"), Scene("silent", False)]
+    first = [Scene("engages", rate=0.5, seed=7, kinds=("crash",)), Scene("silent", False, rate=0.5, seed=8, kinds=("crash",)),
+             Scene("engages", rate=0.5, seed=9, kinds=("crash",))]
+    assert scenes.random(both, 3, (0.5, 0.0), 7, ["crash"]) == first + [each._replace(rate=0.0) for each in first]
+
+
+def test_a_scene_counts_its_faults_and_knows_how_it_goes_without(tmp_path):
+    theatre = Theatre({}, mission(tmp_path, "<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/></Sequence>"), 900.0)
+    seen = [theatre.play(scene) for scene in (Scene("engages"), Scene("engages", True, TWO[:1], ("/x", "/y")))]
+    assert [(look.outcome, look.faults, look.calm) for look in seen] == [("SUCCESS", 0, ""), ("FAILURE", 3, "SUCCESS")]
+    assert theatre.look(Scene("engages")).switched == {SetAttention("scanning")}
+
+
+@pytest.mark.parametrize("oldest, gap", [(1.0, 0.5), (60.0, 1.0)])
+def test_messages_are_never_late(tmp_path, oldest, gap):
+    theatre = Theatre({"topicMaxAge": oldest}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
+    times = [line.time for line in theatre.play(Scene("engages")).played.journal if line.node == "faceDetection"]
+    assert [later - sooner for sooner, later in zip(times, times[1:])] == pytest.approx([gap] * int(5 / gap - 1))
+
+
+def test_a_pass_without_an_end_says_why(tmp_path, monkeypatch):
+    for body, silent, ended in (
+            ("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec='9999999'/></ReactiveFallback>", ("/faceDetection/data",),
+             scenes.NO_VISITOR), ("<Sleep msec='9999999'/>", (), "")):
+        assert Theatre({}, mission(tmp_path, body), 10.0).look(Scene("engages", silent=silent)).outcome == ended
+    monkeypatch.setattr(Health, "publish", lambda self, events: 1 / 0)
+    assert Theatre({}, mission(tmp_path, SPEECH), 10.0).look(Scene("engages")).outcome == scenes.BROKEN
+
+
+@pytest.mark.parametrize("number, jobs", [(61, 1), (60, 8)])
+def test_a_few_plays_start_no_process(number, jobs):
+    theatre = SimpleNamespace(look=str)  # which another process could not make
+    assert list(scenes.play_all(theatre, (), range(number), jobs)) == [str(each) for each in range(number)]
 
 
 def test_the_share_of_successes_has_wilsons_interval():
