@@ -55,7 +55,9 @@ def planted(name):
 def run(capsys, *words):
     """Return the exit code and what was printed."""
     code = rehearse.main(list(words) + ["--jobs", "1"])
-    return code, capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    return code, printed.out
 
 
 def found(capsys, *words):
@@ -311,7 +313,9 @@ def test_what_is_played_and_whether_it_is_all(tmp_path, body, words, plays, is_c
 
 
 def test_the_only_play_is_told(capsys, tmp_path):
-    words = [mission(tmp_path, SPEECH), "asrEnabled:=true", "--faults", "none"]
+    path = mission(tmp_path, "<Fallback><WelcomeSpeech/><EndTourSpeech/></Fallback>")
+    words = [path, "language:=Kinyarwanda", "asrEnabled:=true", "--faults", "none"]
+    assert rehearse.plan(rehearse.read(words)).chosen == [path, "language:=Kinyarwanda"]
     code, text = run(capsys, *words, "--visitors", "engages")
     lines = text.splitlines()
     assert re.fullmatch(r"mission, robot D5.4.3: 1 play in \d+\.\d s", lines[0])
