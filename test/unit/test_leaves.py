@@ -168,6 +168,13 @@ def test_data_of_the_wrong_kind_is_a_failure_and_never_an_exception(element, ent
     assert failure.cause is Cause.MISSING_DATA and failure.message
 
 
+@pytest.mark.parametrize("element", [
+    "<IsYesNoUttered/>", "<IsMutualGazeDiscovered/>", "<IsVisitorPresent/>", "<SetOvertAttentionMode name='social'/>",
+    "<SetRobotPose/>", "<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>"])
+def test_nothing_has_to_write_what_a_leaf_can_do_without(element):
+    assert "never-written" not in {warning.code for warning in one_leaf(element).tree.warnings}
+
+
 @pytest.mark.parametrize("result, cause", [(Answer(), Cause.MISSING_DATA),
                                            (Failure(Cause.REFUSED, "no", "/textToSpeech/say_text"), Cause.REFUSED)])
 def test_a_question_that_cannot_note_its_time_fails_and_says_so_once(result, cause):
