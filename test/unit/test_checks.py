@@ -110,6 +110,8 @@ RULES = {
     "a list": (main('<Typed list="1;;2"/>'), (3, 12), ["port list"]),
     "blanks around a reference": (main('<Typed number=" {k} "/>'), (3, 12), ["port number"]),
     "script syntax": (main('<Navigate _skipIf="a &lt;"/>'), (3, 15), ["the script of _skipIf", "position 3", "(a <)"]),
+    "syntax in a condition of a SubTree": (root(tree('<SubTree ID="S" _post="1 +"/>') + tree(LEAF, "S")), (3, 21), [
+        "the script of _post"]),
     "empty script": (main('<Navigate _post=""/>'), (3, 15), ["the script of _post", "Empty Script"]),
     "syntax in Script": (main('<Script code="1 +"/>'), (3, 13), ["the script of code", "position 3"]),
     "syntax in Precondition": (main('<Precondition if="("><Navigate/></Precondition>'), (3, 19), ["the script of if"]),
@@ -179,6 +181,7 @@ MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where
 
 
 @pytest.mark.parametrize("text, expected", [
+    (main('<Navigate skipif="true"/>'), "Navigate has no port skipif (did you mean _skipIf?)"),
     (main('<Navigate zzz="1"/>'), "Navigate has no port zzz (its ports: none)"),
     (root(tree('<SubTree ID="Zzz"/>') + ELEVEN), "there is no tree Zzz (the trees: Main, {})".format(
         ", ".join("T{}".format(number) for number in range(9)))),
