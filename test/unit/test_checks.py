@@ -209,7 +209,8 @@ def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
 
 
 @pytest.mark.parametrize("text, place", [
-    (root(tree(LEAF, "\n:")), (2, 17)), (root(tree('<SubTree ID="S" __autoremap="\n1"/>') + tree(LEAF, "S")), (3, 21))], ids=["fault", "warning"])
+    (root(tree(LEAF, "\n:")), (2, 17)), (root(tree('<SubTree ID="S" __autoremap="\n1"/>') + tree(LEAF, "S")), (3, 21)),
+    (main('<Sleep msec="\nsoon"/>'), (3, 12))], ids=["fault", "warning", "fault in use"])
 def test_a_value_that_begins_with_a_new_line_is_named_where_its_attribute_begins(text, place):
     assert place in [fault[:2] for fault in told(text)]
 
