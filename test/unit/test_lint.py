@@ -297,6 +297,7 @@ def test_entries_are_followed_through_subtrees(call, inside, is_written):
     ('<Sequence><Out out="{x}"/><SubTree ID="Sub"/></Sequence>', '<In in="{x}"/>', (3, 28), "that of the whole mission is @x"),
     ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{x}"/>', (3, 5),
      "the tree Sub writes one of its own; that of the whole mission is @x"),
+    ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{other}"/>', (3, 5), ""),
     ('<SubTree ID="Sub"/>', '<Drive target="1"/>', (3, 24), "Hurry or Stroll writes it"),
     ('<SubTree ID="Sub"/>', '<Sequence><Out out="{pause}"/><In in="{paus}"/></Sequence>', (3, 58), "did you mean pause?"),
 ])
