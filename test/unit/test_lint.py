@@ -484,6 +484,10 @@ def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, words):
     assert [(line, column, words in said) for line, column, said in found] == [(3, 1, True)] * (words is not None)
 
 
+def test_a_literal_that_a_subtree_only_writes_is_read_by_no_port():
+    assert warnings('<SubTree ID="Sub" x="soon"/>', tree("Sub", '<Aim to="{x}"/>')) == []
+
+
 @pytest.mark.parametrize("name", ["HandleFallBack", "HandleFallback"])
 def test_both_spellings_of_a_recovery_need_a_failure_before_them(tmp_path, name):
     path = tmp_path / "m.xml"
