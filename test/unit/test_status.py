@@ -142,6 +142,10 @@ TROUBLE = ["a", "b", "c", "d", "e", "f"]
         "12:00:05  f"]),
     (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 9, [
         "between two visits", "▶ All: running", "topic /a: gone; so", "12:00:04  e", "12:00:05  f"]),
+    (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 7, [
+        "between two visits", "▶ All: running", "topic /a: gone; so", "12:00:05  f"]),
+    (state_with(ROW, "RSSSSRSSSS-", "driving", ["a"]), False, 40, 10, [
+        "driving", "▶ All: running", "  …", "  ✔ D: success", "  ▶ E: running", "  ✔ F: success", "  …", "12:00:00  a"]),
     (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 5, ["between two visits", "▶ All: running", "topic /a: gone; so"]),
     (state_with(ROW[:2], "RR"), False, 40, 3, ["  ▶ A: running"]), (state_with(ROW[:2], "RR"), False, 40, 1, []),
     (state_with(ROW[:2], "RR"), False, 40, 4, ["driving", "  ▶ A: running"]),
@@ -348,6 +352,7 @@ def test_watching_a_controller_that_is_frozen_tells_how_old_the_picture_is(capsy
     with server(STREAM, event(good()), keeps_open=True) as port:
         assert status.main(["--watch", "--port", str(port)]) == 1
     printed = capsys.readouterr()
+    assert "no message for 0 s: what is shown may be old" in printed.out
     assert "no message for 1 s: what is shown may be old" in printed.out and "(no message for 3 s)" in printed.err
 
 
