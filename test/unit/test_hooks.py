@@ -188,6 +188,11 @@ DECIDES = "breakpoint before decides FAILURE and the node is not run"
     ([sets(), REMOVES], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed: so"]),
     ([sets(), REMOVES_ALL], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed"]),
     ([sets(), REMOVES, sets()], [RUNNING, SUCCESS, RUNNING], HOLDS + ["breakpoint before is removed: so"] + HOLDS),
+    ([sets(), sets(mode=REPLACE), unlocks()], [RUNNING, RUNNING, SUCCESS],  # as in the library, it waits to be let go
+     HOLDS + ["replacement before is set to FAILURE", "replacement before lets the node go on"]),
+    ([sets(AFTER), sets(AFTER, REPLACE), unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS],
+     ["breakpoint after is set", "breakpoint after holds the node", "replacement after is set to FAILURE",
+      "replacement after lets the node go on"]),
     ([unlocks(), REMOVES, WAITS], [SUCCESS] * 3, []),
     ([sets(AFTER), WAITS, unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS],
      ["breakpoint after is set", "breakpoint after holds the node", "breakpoint after lets the node go on"]),
@@ -229,6 +234,10 @@ def test_a_node_without_hooks_is_left_alone_again():
     tree.sleep(0.0)  # the tick thread carries it out
     assert tree.root.hook.is_holding
     tree.halt()
+    assert tree.root.hook is None
+    hooks.insert([Hook(1, BEFORE, REPLACE, False, True, "SKIPPED")])
+    hooks.remove(BEFORE, 1)
+    tree.sleep(0.0)
     assert tree.root.hook is None
 
 

@@ -302,7 +302,8 @@ def test_watching_tells_how_the_mission_ended(capsys):
 
 
 @pytest.mark.parametrize("columns, rows, expected", [
-    (40, 3, "\x1b[H{}  mission\x1b[K\n▶ WelcomeSpeech #1: running\x1b[K\n\x1b[J"), (0, 0, "mission ; \n▶ WelcomeSpeech #1: running\n")])
+    (40, 3, "\x1b[H{}  mission\x1b[K\n▶ WelcomeSpeech #1: running\x1b[K\n\x1b[J"), (0, 0, "mission ; \n▶ WelcomeSpeech #1: running\n"),
+    (80, 1, "\x1b[H{}  mission\x1b[K\n\x1b[J")])
 def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatch, columns, rows, expected):
     terminal, inside = os.openpty()
     fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
