@@ -919,7 +919,8 @@ def test_there_is_a_message_every_second_though_nothing_happens(show):
     assert came[3] - came[1] < 4.0
 
 
-def test_the_end_reaches_a_browser_before_the_server_closes(show):
+def test_the_end_reaches_a_browser_before_the_server_closes(show, monkeypatch):
+    monkeypatch.setattr(page_module, "FAREWELL", 60.0)  # it is not needed
     shown = show(one_leaf("<Sleep msec='9000'/>"))
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
         stream.readline()
