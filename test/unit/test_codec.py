@@ -1,7 +1,8 @@
 """What is written into a record comes back as it was, whatever the interface has to ask and to tell."""
 import pytest
 
-from behavior_controller.events import LeafFinished, PassFinished, RunStarted, Sources, StepStarted, Told, TourAdvanced
+from behavior_controller.events import (LeafFinished, Noticed, PassFinished, RunStarted, Sources, StepStarted, Told,
+                                        TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
@@ -39,6 +40,10 @@ def test_each_entry_comes_back_as_it_was(entry):
     lines = list(decode(written(BEGIN + [entry]), "r"))
     assert lines == [Line(1.5, each) for each in BEGIN + [entry]]
     assert type(lines[-1].entry) is type(entry)
+
+
+def test_letters_of_any_language_can_be_read_in_the_file():
+    assert "Grüße, 展品".encode() in encode(0.5, Noticed("info", "Grüße, 展品"))
 
 
 def test_a_record_of_version_2_is_read_without_what_it_does_not_have():
