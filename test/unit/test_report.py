@@ -459,6 +459,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
     (lines_of(dict(tick(), at=float("inf"))), "at is not a number"),
     (lines_of(nodes=(["A", "A", "A", 1],)), "a node's parent does not come before it"),
     (lines_of(nodes=(["A", "A", "A", 0], ["A", "A", "A", 0])), "a node's parent does not come before it"),
+    (lines_of(nodes=(["A", "A", "A", 0], ["A", "A", "A", 2])), "a node's parent does not come before it"),
     (lines_of()[::-1], "no tree comes before it"),
     (lines_of({"event": "Answered", "time": 1, "call": 1, "result": ["Answer", {"response": "", "exhibits": [{}]}]}),
      "result[1].exhibits[0].name is missing"),
