@@ -170,8 +170,8 @@ def test_without_an_open_question_there_is_small_talk(lines):
 
 
 @pytest.mark.parametrize("call", (
-    attention("social"), line("animateBehavior", state="disabled"), line("animateBehavior", state="enabled"), line("speechEvent", status="true"),
-    line("tabletEvent", message="Yes|No")))
+    attention("social"), line("animateBehavior", state="disabled"), line("animateBehavior", state="enabled"),
+    line("speechEvent", status="true"), line("tabletEvent", message="Yes|No")))
 def test_a_robot_that_prepares_to_listen_does_not_go_on(call):
     assert after(DECLINES, say("A tour?"), call).utterance() == "No"
 
