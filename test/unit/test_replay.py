@@ -14,6 +14,7 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.document import ATTENTION, FACES
 from behavior_controller.interface.records import AttentionStatus, Faces, GoTo, Say, SetAttention
+from behavior_controller.text import Source
 from behavior_controller.watch.codec import Answered, Asked, Line, Lost, Tick
 from behavior_controller.watch.record import Record, new_folder
 from behavior_controller.watch.replay import main, read_record, replay
@@ -107,6 +108,27 @@ def test_a_record_of_another_interface_is_refused(tmp_path):
         replay(lines)
     assert str(raised.value) == ("the record: its interface is release 7; this release has D5.4.3, release-1.0 (replay "
                                  "it with the release that wrote it)")
+
+
+def test_knowledge_files_for_a_robot_with_a_knowledge_base_are_refused(tmp_path):
+    lines = read_record(recorded(tmp_path, visitor_who(says="no")))
+    with pytest.raises(MissionError) as raised:
+        replay(started_with(lines, knowledge=(Source("environment", "x"), Source("culture", "y"))))
+    assert str(raised.value) == ("the record: its knowledge cannot be used: sources.knowledge: 2 files do not fit the robot "
+                                 "D5.4.3 (replay it with the release that wrote it)")
+
+
+@pytest.mark.parametrize("bad, fault", [
+    ({"missionRuns": -7}, 'missionRuns cannot be "-7" (allowed: a whole number from 0 to 1000000000)'),
+    ({"missionRuns": -7, "asrEnabled": 3, "dance": 1}, 'asrEnabled cannot be "3" (allowed: true or false); and 2 more')])
+def test_settings_that_this_release_cannot_use_are_one_line(tmp_path, bad, fault):
+    lines = [line._replace(entry=line.entry._replace(settings=dict(line.entry.settings, **bad)))
+             if isinstance(line.entry, RunStarted) else line
+             for line in read_record(recorded(tmp_path, visitor_who(says="no")))]
+    with pytest.raises(MissionError) as raised:
+        replay(lines)
+    assert str(raised.value) == ("the record: its configuration cannot be used: settings: {} (replay it with the release "
+                                 "that wrote it)".format(fault))
 
 
 @pytest.mark.parametrize("old, new, where", [
@@ -317,6 +339,8 @@ def test_a_folder_of_one_record_is_that_record_and_of_several_is_refused(tmp_pat
     assert main([str(tmp_path)]) == 2
     assert capsys.readouterr().err == "{0}: the folder has the records of 2 runs (name one, the newest is {0}/{1})\n".format(
         tmp_path, "20260102-000000_1")
+    assert main([str(tmp_path / "none")]) == 2
+    assert capsys.readouterr().err == "{}: the record cannot be read: No such file or directory\n".format(tmp_path / "none")
 
 
 def test_a_report_that_cannot_be_written_is_one_line(tmp_path, capsys):

@@ -64,6 +64,8 @@ class Pass(NamedTuple):
 
     number: int
     outcome: str
+    began: float
+    ended: float
     events: Sequence[Event]
     lines: Sequence[Line]
 
@@ -82,7 +84,7 @@ def of(events: Sequence[Event], kind: str) -> List[Event]:
 def passes(facts: Facts) -> Iterator[Pass]:
     began = 0.0
     for end in of(facts.events, "PassFinished"):
-        yield Pass(end["number"], end["outcome"],
+        yield Pass(end["number"], end["outcome"], began, end["time"],
                    [event for event in facts.events if began < event["time"] <= end["time"]],
                    [line for line in facts.journal if began < line.time <= end["time"]])
         began = end["time"]

@@ -1,4 +1,5 @@
 """rehearseMission: each planted mistake is found by its name, and nothing in the lab tour."""
+import html
 import io
 import json
 import math
@@ -207,18 +208,56 @@ def test_the_page_stands_alone_and_has_the_plot(capsys, tmp_path):
 
 
 def test_a_share_of_the_plot_stands_where_the_axes_say():
-    plot = ElementTree.fromstring(rehearse_page.plot([Share(0.4, 10, 8, 1.0)]))
-    wide, high = (float(plot.get(name)) for name in ("width", "height"))
-    assert plot.get("viewBox") == "0 0 {:g} {:g}".format(wide, high)
+    plot = ElementTree.fromstring(rehearse_page.plot([Share(0.4, 10, 8, 1.0), Share(1.0, 10, 0, 1.0)]))
+    left, top, wide, high = map(float, plot.get("viewBox").split())
+    assert (plot.get("width"), plot.get("height")) == ("{:g}".format(wide), "{:g}".format(high))
     labels = {label.text: label for label in plot.findall("text")}
     assert list(labels) == [text for tenth in (0, 2, 4, 6, 8, 10) for text in (
         "{} %".format(tenth * 10), "{:g}".format(tenth / 10))] + ["failure rate"]
-    assert all(0 < float(label.get("x")) < wide and 0 < float(label.get("y")) < high for label in labels.values())
-    point = plot.find("circle")
-    assert point.get("cx") == labels["0.4"].get("x")
-    lines = [line.get("d").replace("H", " ").split()[1] for line in plot.findall("path")]  # M<left> <y>H<right>
-    assert point.get("cy") == lines[4]  # of 0, 20, 40, 60 and 80 %
-    assert float(labels["80 %"].get("y")) - float(lines[4]) == float(labels["0 %"].get("y")) - float(lines[0])
+    assert all(0 < float(label.get("x")) - left < wide and 0 < float(label.get("y")) - top < high
+               for label in labels.values())
+    lines = [re.fullmatch(r"M([\d.]+) ([\d.]+)([HV])([\d.]+)", line.get("d")).groups() for line in plot.findall("path")]
+    (begin, bottom, _, end), (_, height, _, _) = lines[0], lines[5]  # of 0 % and 100 %
+    assert [line[1] for line in lines[:6]] == [labels["{} %".format(share)].get("y") for share in (0, 20, 40, 60, 80, 100)]
+    assert (begin, end) == (labels["0"].get("x"), labels["1"].get("x"))
+
+    def at(share):
+        return pytest.approx(float(bottom) + share * (float(height) - float(bottom)), abs=0.1)
+
+    point, last = plot.findall("circle")
+    assert (point.get("cx"), last.get("cx")) == (labels["0.4"].get("x"), labels["1"].get("x"))
+    assert (point.get("cy"), last.get("cy")) == (lines[4][1], bottom)
+    assert point.find("title").text == "0.4; 10; 8; 80.0 %; 49.0 to 94.3 %; 1 s"  # by Wilson's formula as above
+    assert lines[6][0] == point.get("cx") and lines[6][2] == "V"
+    assert [float(lines[6][1]), float(lines[6][3])] == [at(0.490), at(0.943)]
+    assert plot.find("polyline").get("points") == "{},{} {},{}".format(
+        point.get("cx"), point.get("cy"), last.get("cx"), last.get("cy"))
+
+
+def test_the_page_tells_the_visitors_the_shares_and_the_findings():
+    rows = [Row("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2))), Row("leaves", False, "", 59.6, 0, ()),
+            Row("silent", False, "FAILURE", 59.4, 0, ())]
+    shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
+    left_on, not_home = (findings.BY_NAME[name] for name in ("left-on", "not-home"))
+    told = [Found(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
+                  (Sentence(1.25, 1, "said", "info", "said “&”"),), "lab_tour --planned 'a b'"),
+            Found(not_home, "", "", "far away", 0, None, 0.0, (), "")]
+    parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "", rehearse_page.to_html("a < b", rows, shares, told))
+    parts = re.sub("<[^>]*>", "\n", parts).split("\n")
+    assert [html.unescape(part) for part in parts if part] == [
+        "a < b", "a < b", "Visitors", "visitor", "answers by", "outcome", "after", "exhibits", "with faults",
+        "engages", "voice", "SUCCESS", "2 min 0 s", "5", "7 SUCCESS, 2 without an end",
+        "leaves", "tablet", "no end", "1 min 0 s", "0", "-", "silent", "tablet", "FAILURE", "59 s", "0", "-",
+        "Share of successes", "failure rate", "runs", "successes", "share", "95 % interval", "pass takes",
+        "0.5", "10", "8", "80.0 %", "49.0 to 94.3 %", "2 min 5 s", "1", "10", "0", "0.0 %", "0.0 to 27.8 %", "-",
+        "Findings", "left-on: Say::2", left_on.means, "<b> is on (", "m.xml:3:4", ")", "the shortest of 3 plays",
+        "1.2 s", "said “&”", "Again: ", "lab_tour --planned 'a b'",
+        "not-home: the mission", not_home.means, "far away"]
+
+
+def test_a_page_without_visitors_shares_and_findings_has_no_tables():
+    page = rehearse_page.to_html("a", [], [], [])
+    assert "Nothing was found." in page and "<table" not in page and "<svg" not in page
 
 
 @pytest.mark.parametrize("words, told", [

@@ -37,7 +37,7 @@ def lint(documents: Sequence[Document], checked: Checked, registry: Registry,
 
     ``given`` are entries of the root's blackboard that the host provides, and names of enums.
     """
-    if not checked.main or checked.errors:
+    if checked.errors:
         return []
     linter = _Linter(checked, registry, given)
     linter.unused(documents[-1])
@@ -57,10 +57,9 @@ def _called_first(checked: Checked) -> Dict[str, List[Element]]:
         tree, is_done = waiting.pop()
         if is_done:
             order[tree] = below(checked.trees[tree])
-        elif tree in checked.trees and tree not in order:
+        elif tree not in order:
             waiting.append((tree, True))
-            waiting.extend((call.attributes.get("ID", ""), False) for call in checked.calls[tree]
-                           if call.attributes.get("ID", "") not in order)
+            waiting.extend((call.attributes["ID"], False) for call in checked.calls[tree])
     return order
 
 
@@ -103,8 +102,7 @@ class _Linter:
 
     def node(self, element: Element, tree: str) -> None:
         """Apply the rules of one element of ``tree``."""
-        if element.attributes:
-            self._ignored_attributes(element)
+        self._ignored_attributes(element)
         if element.tag == "SubTree":
             self._call(element, tree)
             return
@@ -237,7 +235,7 @@ class _Linter:
 
     def _count(self, element: Element, port: Port, text: str) -> None:
         attribute, count = port.name, len(element.children)
-        if text.isdigit() and len(text) < 10 and int(text) > count:
+        if text.isdigit() and int(text[:9]) > count:
             self.warn(rules.COUNT_TOO_HIGH, element, "{}=\"{}\", but there are only {} children".format(
                 attribute, text, count), "it will fail when it is ticked", attribute)
         elif text == "0":
@@ -282,7 +280,7 @@ class _Linter:
         """Warn of an entry that occurs only here in the tree, if a similar name occurs."""
         outer = ports.reference(text, name)
         key = self.flow.key(tree, outer) if outer is not None else None
-        if key is None or self.flow.mentions.get(key, 0) > 1:
+        if key is None or self.flow.mentions[key] > 1:
             return
         known = self.flow.used.get(key[0], set())
         self._comparisons -= len(known)
@@ -348,7 +346,7 @@ def is_misspelling(word: str, other: str) -> bool:
 
     Names that differ by a digit or an s at the end count as different on purpose.
     """
-    if word == other or word.rstrip("s0123456789") == other.rstrip("s0123456789"):
+    if word.rstrip("s0123456789") == other.rstrip("s0123456789"):
         return False
     short, long = sorted((word, other), key=len)
     at = next((index for index, pair in enumerate(zip(short, long)) if pair[0] != pair[1]), len(short))

@@ -167,7 +167,6 @@ def _wrong(operation: Operation, left: str, right: str) -> Optional[Tuple[str, s
     if sign in _COMPARISONS:
         if {left, right} == {"text", "number"}:
             return "{} compares a text with a number".format(said), "a text needs single quotes, a number none"
-    elif sign != ".." and "text" in (left, right) and ((left, right) != ("text", "text") or sign not in ("+", "+=")):
-        if {left, right} != {"text", ""} or sign not in ("+", "+="):
-            return "{} calculates with a text".format(said), "texts are joined with .."
+    elif "text" in (left, right) and sign != ".." and (sign not in ("+", "+=") or "number" in (left, right)):
+        return "{} calculates with a text".format(said), "texts are joined with .."
     return None
