@@ -364,7 +364,7 @@ def test_the_only_play_is_told(capsys, tmp_path):
     assert "0.0 s  " not in run(capsys, *words, "--visitors", "engages,silent")[1]
 
 
-SAID = Sentence(0.5, 1, "said", "info", "the robot says hello")
+SAID = Sentence(0.5, 1, "said", "info", "the robot says hello", 0, "")
 TWO = (PlannedFault("textToSpeech", 1, "crash"), PlannedFault("textToSpeech", 2, "crash"))
 FOUND = [
     Found(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5", "it is ticked again and again", 12,
