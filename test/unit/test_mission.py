@@ -12,6 +12,7 @@ from behavior_controller.bt.language.document import parse
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.events import Events
 from behavior_controller.gateway import FakeGateway, FakeTopics
+from behavior_controller.health import Health
 from behavior_controller.interface import Interface, Sense, Topic
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import Request
@@ -28,9 +29,10 @@ def test_the_lab_tour_is_what_the_settings_name():
     loaded = mission.load(settings.defaults(language="Kinyarwanda"), clock)
     assert loaded.file == folders.mission("lab_tour")
     assert loaded.tree.clock is clock
-    context = loaded.context(FakeGateway(), FakeTopics(clock.now), Events())
-    assert (context.settings, context.phrases, context.policy, context.clock) == (
-        loaded.settings, loaded.phrases, loaded.policy, clock)
+    health = Health()
+    context = loaded.context(FakeGateway(), FakeTopics(clock.now), Events(), health)
+    assert (context.settings, context.phrases, context.policy, context.clock, context.health) == (
+        loaded.settings, loaded.phrases, loaded.policy, clock, health)
     assert context.phrases.speech("WelcomeSpeech").startswith("Muraho")
 
 

@@ -8,7 +8,7 @@ from behavior_controller import cli, folders, leaves, policy, settings
 from behavior_controller.bt.compiler import load_text
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, MissionError
-from behavior_controller.events import LeafFinished, Noticed
+from behavior_controller.events import LeafFinished, Noticed, StepStarted, Told
 from behavior_controller.foresight import foresee
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface import document, release_1_0
@@ -104,6 +104,13 @@ def test_the_phrases_are_those_of_the_culture_file_or_of_the_language(number):
     speech = ["PressYesNo", "FollowMe", "MaybeAnotherTime", "Welcome", "QueryTour", "HereIsTheDoor", "SayGoodBye"]
     expected = rig.mission.phrases.speech(speech[number - 1] + "Speech")
     assert (result, rig.requests) == (SUCCESS, [Say(expected)])
+
+
+def test_the_phrases_that_are_questions_are_told_as_such():
+    rig = one_leaf("<Sequence>{}</Sequence>".format("".join("<SayText name='{}'/>".format(number) for number in PHRASES)))
+    rig.tick()
+    assert [number for number, event in zip(PHRASES, rig.of(StepStarted)) if event.words == "asking"] == [1, 5]
+    assert [number for number, event in zip(PHRASES, rig.of(LeafFinished)) if event.told.mark == "asked"] == [1, 5]
 
 
 @pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
@@ -229,7 +236,6 @@ def listening(robot=RELEASE):
     rig = one_leaf("<GetVisitorResponse/>", robotInterface=robot)
     speech = (release_1_0 if robot == RELEASE else document).SPEECH
     rig.topics.publish(speech, "yes")
-    rig.clock.advance(0.1)
     assert rig.tick() is RUNNING
     return rig, speech
 
@@ -250,15 +256,23 @@ def test_an_answer_is_one_that_comes_after_the_leaf_began_to_listen(robot, says,
     rig.topics.publish(speech, says)
     assert rig.tree.wake.test_and_clear(), "the answer itself wakes the tree"
     assert (rig.tick(), stored(rig)) == (SUCCESS, answer)
+    event, = rig.of(LeafFinished)
+    assert (event.seconds, event.told) == (6.0, Told("heard", "heard “{}”: {}".format(says, answer), answer))
 
 
 @pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
 def test_after_ten_seconds_the_answer_is_empty(robot):
-    rig, _ = listening(robot)
-    rig.clock.advance(9.9)
+    rig, speech = listening(robot)
+    assert [(event.words, event.limit, event.is_wait) for event in rig.of(StepStarted)] == [
+        ("listening to the visitor", 10.0, True)]
+    rig.clock.advance(9.5)
+    rig.topics.publish(speech, "the weather")
     assert rig.tick() is RUNNING
-    rig.clock.advance(0.1)
+    assert not rig.tree.wake.test_and_clear()
+    rig.clock.advance(0.5)
+    assert rig.tree.wake.test_and_clear()
     assert (rig.tick(), stored(rig)) == (SUCCESS, "")
+    assert rig.of(LeafFinished)[0].told == Told("heard", "heard “the weather”: neither yes nor no")
     assert one_leaf("<HasVisitorResponded/>").tick() is FAILURE
 
 
@@ -270,8 +284,9 @@ def test_an_error_of_the_recognition_is_a_failure_at_once_and_the_policy_goes_on
     rig.topics.publish(speech, text)
     assert rig.tree.wake.test_and_clear()
     assert (rig.tick(), stored(rig)) == (FAILURE, "")
-    failure = rig.of(LeafFinished)[0].failure
-    assert (failure.cause, failure.resource) == (Cause.UNUSABLE_ANSWER, "/speechEvent/text")
+    event, = rig.of(LeafFinished)
+    assert (event.failure, event.told) == (
+        Failure(Cause.UNUSABLE_ANSWER, "the recognition says {!r}".format(text), "/speechEvent/text"), None)
     rig = one_leaf("<Fallback><GetVisitorResponse/><HandleFallBack/></Fallback>", robotInterface=RELEASE)
     assert rig.tick() is RUNNING
     rig.clock.advance(0.1)
@@ -289,6 +304,16 @@ def test_a_halted_leaf_listens_no_longer():
     rig.tree.wake.test_and_clear()
     rig.clock.advance(20.0)
     assert not rig.tree.wake.test_and_clear()
+    assert [event.status for event in rig.of(LeafFinished)] == ["IDLE"]
+
+
+def test_an_answer_that_cannot_be_stored_is_a_failure():
+    rig, speech = listening()
+    write(rig, visitorResponse=[1])
+    rig.clock.advance(0.1)
+    rig.topics.publish(speech, "no")
+    assert rig.tick() is FAILURE
+    assert rig.of(LeafFinished)[0].failure.cause is Cause.MISSING_DATA
 
 
 @pytest.mark.parametrize("response, result", [("yes", SUCCESS), ("no", SUCCESS), ("", FAILURE), (None, FAILURE)])
@@ -345,6 +370,11 @@ def test_a_robot_that_gives_up_the_search_for_gaze_ends_the_wait():
     assert rig.tick() is FAILURE
     assert rig.of(LeafFinished)[0].failure == Failure(
         Cause.CONDITION_FALSE, "the visitor did not look at the robot", "/overtAttention/mode")
+    assert (rig.clock.next_due(), [(event.limit, event.is_wait) for event in rig.of(StepStarted)]) == (None, [(0.0, True)])
+    says_mode(rig, "seeking", 1)
+    assert not rig.tree.wake.test_and_clear()
+    says_mode(rig, "seeking", 2)
+    assert rig.tree.wake.test_and_clear()
 
 
 @pytest.mark.parametrize("means, response", [("done", None), ("yes", "yes")])

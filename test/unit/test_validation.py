@@ -1,4 +1,5 @@
 """What validateMission makes of the files that an author has: projects, folders, parts, palettes, other robots."""
+import itertools
 import os
 import subprocess
 import sys
@@ -141,6 +142,29 @@ def test_what_an_older_version_had_is_no_stub(file):
     ("apth", "path", True), ("goal_pose", "pose", False)])
 def test_what_is_a_misspelling(word, other, is_so):
     assert is_misspelling(word, other) is is_so
+
+
+def test_a_misspelling_is_one_edit():
+    words = {"".join(letters) for length in range(5) for letters in itertools.product("abc", repeat=length)}
+    for word in words:
+        edits = set()
+        for at in range(len(word) + 1):
+            begin, rest = word[:at], word[at:]
+            edits |= {begin + letter + rest for letter in "abc"} | {begin + rest[1:], begin + rest[1::-1] + rest[2:]}
+            edits |= {begin + letter + rest[1:] for letter in "abc" if rest}
+        assert {other for other in words if is_misspelling(word, other)} == edits & words - {word}
+
+
+@pytest.mark.parametrize("inside, codes", [
+    ('<Out out="{abcd}"/><Drive goal="{abce}"/>', ["never-written"]),  # a robot's entries are its own, but this is near
+    ('<Out out="{abc}"/><Drive goal="{abd}"/>', []), ('<Out out="{abcd}"/><Drive goal="{wxyz}"/>', []),
+    ('<Out out="{abcd}"/><Drive goal="abcd"/>', []), ('<Script code="count = 1"/><Drive/>', []),
+    ('<Script code="1 == 1"/><Drive/>', ["script-no-effect"])])
+def test_what_is_said_of_entries_in_a_mission_for_another_robot(file, inside, codes):
+    path = file("m.xml", TREE.format("Main", "<Sequence>{}</Sequence>".format(inside)), "<TreeNodesModel>{}{}</TreeNodesModel>"
+                .format('<Action ID="Out"><output_port name="out"/></Action>',
+                        '<Action ID="Drive"><input_port name="goal"/></Action>'))
+    assert [code for _, _, code in told(path)] == codes
 
 
 # ------------------------------------------------------------------------------------------- files that belong together
