@@ -90,7 +90,7 @@ def _watch(options: argparse.Namespace) -> None:
         sys.stdout.flush()
         added = _state([], read_ones.difference(before))  # what was saved since it was read is checked again
         before.update((path, state) for path, state in added.items() if state and state[0] < began)
-        files = read_ones
+        files |= read_ones
         while _state(given, files) == before:
             time.sleep(_WATCH_EVERY)
 
