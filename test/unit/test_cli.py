@@ -255,7 +255,7 @@ TOOLS = {"validateMission": ([LAB_TOUR], 0), "exportNodeModel": ([], 0), "replay
 def in_shell(tool, redirection, *arguments):
     """Return exit code, standard output and standard error of a tool under a redirection of the shell's."""
     script = 'executable=$1; shift; "$0" "$executable" "$@" {}'.format(redirection)
-    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
+    variables = dict(os.environ, PYTHONUNBUFFERED="", PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
     done = subprocess.run(["sh", "-c", script, sys.executable, os.path.join(EXECUTABLES, tool)] + list(arguments),
                           env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
     return done.returncode, done.stdout.decode(), done.stderr.decode()
