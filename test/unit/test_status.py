@@ -321,6 +321,18 @@ def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatc
     assert found == expected.format(clock) + "missionStatus: the mission has ended: stopped\n"
 
 
+def test_watching_prints_at_once_what_a_pipe_is_to_carry_on(monkeypatch):
+    monkeypatch.setattr(status, "LATE", 0.1)
+    monkeypatch.setattr(status, "GIVEN_UP", 0.1)
+    carried, pipe = os.pipe()
+    os.set_blocking(carried, False)
+    with os.fdopen(pipe, "w", encoding="utf-8") as stdout, server(STREAM, event(good()), keeps_open=True) as port:
+        monkeypatch.setattr(sys, "stdout", stdout)
+        assert status.main(["--watch", "--port", str(port)]) == 1
+        assert b"WelcomeSpeech" in os.read(carried, 10000)
+    os.close(carried)
+
+
 def test_once_is_once_though_the_mission_has_ended(capsys):
     with server(changed(passes={"text": "", "ended": "stopped"})) as port:
         assert status.main(["--port", str(port)]) == 0
