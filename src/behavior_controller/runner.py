@@ -170,8 +170,7 @@ class Runner:
         end = self.clock.now() + SAFE_STATE_LIMIT
         while any(call.result is None for call in calls) and self.clock.now() < end:
             self.tree.wake.test_and_clear()
-            if any(call.result is None for call in calls):
-                self.wait(end - self.clock.now())
+            self.wait(end - self.clock.now())
         for line in not_calm(calls, self.mission.interface, self.mission.offers):
             self.mission.events.emit(Noticed("warning", line))
 

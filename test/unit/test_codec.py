@@ -5,7 +5,9 @@ from typing import Dict, List, Literal, NamedTuple, Optional, Tuple, Union
 
 import pytest
 
-from behavior_controller.events import LeafFinished, PassFinished, RunStarted, Sources, StepStarted, Told, TourAdvanced
+from behavior_controller.errors import MissionError
+from behavior_controller.events import (LeafFinished, Noticed, PassFinished, RunStarted, Sources, StepStarted, Told,
+                                        TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
@@ -43,6 +45,24 @@ def test_each_entry_comes_back_as_it_was(entry):
     lines = list(decode(written(BEGIN + [entry]), "r"))
     assert lines == [Line(1.5, each) for each in BEGIN + [entry]]
     assert type(lines[-1].entry) is type(entry)
+
+
+@pytest.mark.parametrize("old, new, fault", [
+    ('"pid": 7', '"pid": ' + 18 * "9", ""), ('"pid": 7', '"pid": 1' + 18 * "0", "a whole number has more than 18 digits"),
+    ('"time": 1.5', '"time": 0', ""), ('"time": 1.5', '"time": -0.5', "time is not a time"),
+    ('"time": 1.5', '"time": 1e11', ""), ('"time": 1.5', '"time": 100000000001', "time is not a time")])
+def test_numbers_have_limits(old, new, fault):
+    data = written(BEGIN).replace(old.encode(), new.encode())
+    assert new.encode() in data
+    if fault:
+        with pytest.raises(MissionError, match=fault):
+            list(decode(data, "r"))
+    else:
+        assert len(list(decode(data, "r"))) == len(BEGIN)
+
+
+def test_letters_of_any_language_can_be_read_in_the_file():
+    assert "Grüße, 展品".encode() in encode(0.5, Noticed("info", "Grüße, 展品"))
 
 
 def test_a_record_of_version_2_is_read_without_what_it_does_not_have():

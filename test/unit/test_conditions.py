@@ -2,7 +2,8 @@
 import pytest
 
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.events import LeafFinished, Noticed
+from behavior_controller.events import LeafFinished, Noticed, StepStarted, Told
+from behavior_controller.gateway import Cause
 from behavior_controller.interface.document import ATTENTION, FACES, SPEECH
 from behavior_controller.interface.records import Answer, AttentionStatus, Faces
 from mission_rig import one_leaf, refusal
@@ -48,6 +49,13 @@ def test_a_message_that_grows_too_old_wakes_the_tree_and_counts_no_more():
     assert reported(rig, "IsVisitorDiscovered") == ["no face in view; the newest message is too old"]
 
 
+def test_a_message_counts_until_it_is_older_than_allowed():
+    rig = one_leaf("<IsVisitorDiscovered/>")
+    rig.topics.publish(FACES, FACE)
+    rig.clock.advance(2.0)  # topicMaxAge
+    assert rig.tick() is SUCCESS
+
+
 def test_the_tree_is_woken_when_the_message_has_just_grown_too_old():
     rig = one_leaf("<IsVisitorDiscovered/>")
     rig.topics.publish(FACES, FACE)
@@ -68,6 +76,18 @@ def test_a_newer_message_puts_the_end_off():
     assert not woken(rig)
     rig.clock.advance(0.2)
     assert woken(rig)
+
+
+@pytest.mark.parametrize("condition, topic, value, told", [
+    ("IsVisitorDiscovered", FACES, FACE, Told("visit", "", "arrived", 1000.0)),
+    ("IsVisitorDiscovered", FACES, NO_FACE, Told("visit", "", "left", 1000.0)),
+    ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 1), Told("visit", "", "engaged", 1000.0)),
+    ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 0), None)])
+def test_what_is_seen_of_the_visitor_is_told_with_its_time(condition, topic, value, told):
+    rig = one_leaf("<{}/>".format(condition))
+    rig.topics.publish(topic, value)
+    rig.tick()
+    assert [event.told for event in rig.of(LeafFinished)] == [told]
 
 
 def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
@@ -145,16 +165,29 @@ def test_a_gaze_from_before_the_mode_was_set_is_none_and_the_next_one_wakes_the_
     assert woken(rig)
 
 
+@pytest.mark.parametrize("condition, entry, topic, value", [
+    ("IsMutualGazeDiscovered", "attentionSetAt", ATTENTION, AttentionStatus("seeking", 1)),
+    ("IsYesNoUttered", "questionAskedAt", SPEECH, "yes")])
+def test_what_comes_at_the_very_time_of_the_question_is_no_answer(condition, entry, topic, value):
+    rig = one_leaf("<{}/>".format(condition))
+    rig.tree.blackboard.set(entry, rig.clock.now())
+    rig.topics.publish(topic, value)
+    assert rig.tick() is FAILURE
+    assert reported(rig, condition)[0].endswith("; the newest message came before")
+
+
 QUESTION = "<Sequence><QueryTourSpeech/><IsYesNoUttered/></Sequence>"
 
 
 @pytest.mark.parametrize("utterance, result, stored", [
     ("yes please", SUCCESS, "yes"), ("no", SUCCESS, "no"), ("hello", FAILURE, None), ("Error: noise", FAILURE, None)])
-def test_an_answer_is_stored(utterance, result, stored):
+def test_an_answer_is_stored_and_what_was_heard_is_told(utterance, result, stored):
     rig = one_leaf("<IsYesNoUttered/>")
     rig.topics.publish(SPEECH, utterance)
     assert rig.tick() is result
     assert rig.tree.blackboard.get("visitorResponse") == stored
+    assert [event.told for event in rig.of(LeafFinished)] == [
+        Told("heard", "heard “{}”: {}".format(utterance, stored or "neither yes nor no"), stored or "")]
 
 
 def test_an_utterance_from_before_the_end_of_the_question_is_no_answer():
@@ -164,6 +197,7 @@ def test_an_utterance_from_before_the_end_of_the_question_is_no_answer():
     rig.clock.advance(1.0)
     rig.gateway.calls[0].finish(Answer())
     assert rig.tick() is FAILURE
+    assert [event.told.text.partition(" ")[0] for event in rig.of(LeafFinished) if event.told] == ["asked"]
     rig.clock.advance(1.0)
     rig.topics.publish(SPEECH, "hm")
     woken(rig)
@@ -227,6 +261,31 @@ def test_a_condition_wait_ends_exactly_then_and_begins_anew():
     rig.clock.advance(3.0)
     assert woken(rig)
     assert rig.tick() is FAILURE
+
+
+def test_the_robot_listens_as_long_as_the_condition_waits():
+    rig = one_leaf("<IsYesNoUttered/>", conditionWait=3.0)
+    told = []
+    rig.topics.listen = lambda topic, seconds: told.append((topic, seconds))
+    rig.tick()
+    rig.tree.halt()
+    assert told == [(SPEECH, 3.0), (SPEECH, 0.0)]
+    rig.tree.halt()
+    assert told[2:] == []
+    rig.topics.publish(SPEECH, "no")
+    rig.tick()
+    assert told[2:] == [(SPEECH, 0.0)]
+
+
+def test_a_wait_that_ends_with_wrong_data_leaves_no_timer():
+    rig = one_leaf("<IsYesNoUttered/>", conditionWait=3.0)
+    assert rig.tick() is RUNNING
+    rig.tree.blackboard.set("questionAskedAt", [1])
+    rig.clock.advance(1.0)
+    rig.topics.publish(SPEECH, "yes")
+    assert rig.tick() is FAILURE
+    event, = rig.of(LeafFinished)
+    assert (event.failure.cause, event.seconds, rig.clock.next_due()) == (Cause.MISSING_DATA, 1.0, None)
 
 
 def test_a_condition_wait_may_be_short():
@@ -305,6 +364,17 @@ def test_a_condition_wait_that_found_nothing_is_reported():
     rig.tick()
     assert reported(rig, "IsVisitorDiscovered") == ["no face in view"]
     assert [event.seconds for event in rig.of(LeafFinished)] == [3.0]
+
+
+def test_a_wait_goes_on_if_its_condition_is_false_for_another_reason():
+    rig = one_leaf("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec='9000'/></ReactiveFallback>")
+    for faces in (None, NO_FACE):
+        if faces is not None:
+            rig.topics.publish(FACES, faces)
+            rig.clock.advance(2.5)
+        assert rig.tick() is RUNNING
+    assert reported(rig, "IsVisitorDiscovered") == ["no face in view", "no face in view; the newest message is too old"]
+    assert [(event.words, event.limit) for event in rig.of(StepStarted)] == [("waiting for a visitor", 9.0)]
 
 
 def test_a_waiting_condition_is_reported_once():

@@ -86,9 +86,11 @@ def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline(
 def test_when_a_topic_was_heard_is_known_after_the_next_look_and_wakes_nothing():
     wakes = []
     health = Health(lambda: wakes.append(True))
-    for number in range(250):  # more than is kept between two looks
+    health.hear("/face", 0.5)  # the oldest is dropped: 100 are kept between two looks
+    health.hear("/mode", 0.5)
+    for number in range(99):
         health.hear("/faces", float(number))
-    assert published(health) == [] and health.heard == {"/faces": 249.0} and wakes == []
+    assert published(health) == [] and health.heard == {"/mode": 0.5, "/faces": 98.0} and wakes == []
     health.hear("/text", 300.0)
     published(health)
-    assert health.heard == {"/faces": 249.0, "/text": 300.0}
+    assert health.heard == {"/mode": 0.5, "/faces": 98.0, "/text": 300.0}

@@ -9,7 +9,7 @@ from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
-from behavior_controller.events import LeafFinished
+from behavior_controller.events import LeafFinished, StepStarted, Told, TourAdvanced
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface import Sense
 from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
@@ -168,6 +168,13 @@ def test_data_of_the_wrong_kind_is_a_failure_and_never_an_exception(element, ent
     assert failure.cause is Cause.MISSING_DATA and failure.message
 
 
+@pytest.mark.parametrize("element", [
+    "<IsYesNoUttered/>", "<IsMutualGazeDiscovered/>", "<IsVisitorPresent/>", "<SetOvertAttentionMode name='social'/>",
+    "<SetRobotPose/>", "<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>"])
+def test_nothing_has_to_write_what_a_leaf_can_do_without(element):
+    assert "never-written" not in {warning.code for warning in one_leaf(element).tree.warnings}
+
+
 @pytest.mark.parametrize("result, cause", [(Answer(), Cause.MISSING_DATA),
                                            (Failure(Cause.REFUSED, "no", "/textToSpeech/say_text"), Cause.REFUSED)])
 def test_a_question_that_cannot_note_its_time_fails_and_says_so_once(result, cause):
@@ -196,6 +203,38 @@ def test_exhibits_are_selected_in_tour_order():
     assert (board.get("currentExhibit"), board.get("targetLocation"), board.get("gestureTarget"),
             board.get("description1"), board.get("description2"), board.get("nextExhibit")) == (
         second.name, second.location, second.gesture, second.description1, second.description2, 2)
+
+
+def test_each_exhibit_of_the_tour_is_begun_and_over():
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><IsListWithExhibit/><SelectExhibit/><IsListWithExhibit/>"
+                   "<SelectExhibit/><Inverter><IsListWithExhibit/></Inverter></Sequence>")
+    assert rig.tick() is SUCCESS
+    select, ask = "SelectExhibit", "IsListWithExhibit"
+    assert rig.of(TourAdvanced) == [
+        TourAdvanced(uid, node, "{}::{}".format(node, uid), number, 2, "exhibit {}".format(number), state)
+        for uid, node, number, state in [(4, select, 1, "begun"), (5, ask, 1, "over"), (6, select, 2, "begun"),
+                                         (8, ask, 2, "over")]]
+
+
+def test_a_list_that_another_node_has_written_begins_at_its_start():
+    rig = one_leaf("<Sequence><IsListWithExhibit/><SelectExhibit/></Sequence>")
+    write(rig, exhibits=[ENTRANCE])
+    assert (rig.tick(), rig.tree.blackboard.get("nextExhibit")) == (SUCCESS, 1)
+
+
+def test_after_the_last_exhibit_none_can_be_selected():
+    rig = one_leaf("<SelectExhibit/>")
+    write(rig, exhibits=list(EXHIBITS), nextExhibit=2)
+    assert rig.tick() is FAILURE
+    assert rig.of(LeafFinished)[0].failure == Failure(Cause.MISSING_DATA, "no exhibit is left to select")
+
+
+@pytest.mark.parametrize("following", [-1, 0, 3])
+def test_no_exhibit_is_over_before_the_first_and_after_the_last(following):
+    rig = one_leaf("<IsListWithExhibit/>")
+    write(rig, exhibits=list(EXHIBITS), nextExhibit=following)
+    assert rig.tick() is (FAILURE if following == 3 else SUCCESS)
+    assert rig.of(TourAdvanced) == []
 
 
 def test_a_list_that_is_asked_for_again_begins_at_its_start():
@@ -244,18 +283,21 @@ def test_the_entrance_has_a_gesture_target_and_home_has_none():
     assert rig.tree.blackboard.get("gestureTarget") is None
 
 
-@pytest.mark.parametrize("node, answer, cause", [
-    ("RetrieveListOfExhibits", Answer(), Cause.MISSING_DATA),
-    ("LookUpEntrance", Answer(), Cause.UNUSABLE_ANSWER),
-    ("LookUpHome", Answer(exhibits=EXHIBITS), Cause.UNUSABLE_ANSWER),
-    ("PressYesNoDialogue", Answer(""), Cause.MISSING_DATA),
-    ("PressYesNoDialogue", Answer("0"), Cause.MISSING_DATA),
-    ("PressYesNoDialogue", Answer("perhaps"), Cause.UNUSABLE_ANSWER),
+@pytest.mark.parametrize("node, answer, cause, message", [
+    ("RetrieveListOfExhibits", Answer(), Cause.MISSING_DATA, "the knowledge base has no exhibits"),
+    ("LookUpEntrance", Answer(), Cause.UNUSABLE_ANSWER,
+     "the knowledge base has 0 places for entrance; exactly 1 is needed"),
+    ("LookUpHome", Answer(exhibits=EXHIBITS), Cause.UNUSABLE_ANSWER,
+     "the knowledge base has 2 places for home; exactly 1 is needed"),
+    ("PressYesNoDialogue", Answer(""), Cause.MISSING_DATA, "the visitor pressed nothing"),
+    ("PressYesNoDialogue", Answer("0"), Cause.MISSING_DATA, "the visitor pressed nothing"),
+    ("PressYesNoDialogue", Answer("perhaps"), Cause.UNUSABLE_ANSWER, "the response 'perhaps' is none of Yes, No"),
 ])
-def test_answers_that_are_none(node, answer, cause):
+def test_answers_that_are_none(node, answer, cause, message):
     rig = one_leaf("<{}/>".format(node), lambda request: answer)
     assert rig.tick() is FAILURE
-    assert rig.of(LeafFinished)[0].failure.cause is cause
+    event, = rig.of(LeafFinished)
+    assert (event.failure, event.told) == (Failure(cause, message, service_of(rig.requests[0])), None)
 
 
 @pytest.mark.parametrize("response, stored", [("Yes", "yes"), ("1", "yes"), ("no", "no"), ("2", "no")])
@@ -263,6 +305,8 @@ def test_the_tablet_stores_the_answer(response, stored):
     rig = one_leaf("<PressYesNoDialogue/>", lambda request: Answer(response))
     assert rig.tick() is SUCCESS
     assert rig.tree.blackboard.get("visitorResponse") == stored
+    label = {"yes": "Yes", "no": "No"}[stored]
+    assert rig.of(LeafFinished)[0].told == Told("pressed", "the visitor pressed “{}”".format(label), stored)
 
 
 @pytest.mark.parametrize("stored, result", [("yes", SUCCESS), ("no", FAILURE), (None, FAILURE)])
@@ -310,6 +354,36 @@ def test_a_leaf_waits_for_its_answer_and_is_woken_by_it():
     assert rig.tree.wake.test_and_clear()
     assert rig.tick() is SUCCESS
     assert len(rig.requests) == 1
+
+
+@pytest.mark.parametrize("node, words, deadline", [
+    ("WelcomeSpeech", "saying", 60.0), ("QueryTourSpeech", "asking", 60.0)])
+def test_a_leaf_tells_what_it_does_and_for_how_long_at_most(node, words, deadline):
+    rig = one_leaf("<{}/>".format(node), lambda request: None)
+    rig.tick()
+    path, what = node + "::1", "“{}”".format(rig.requests[0].text)
+    assert rig.of(StepStarted) == [StepStarted(1, node, path, words, what, deadline, False)]
+
+
+def test_a_leaf_names_the_places_that_the_robot_has_learnt():
+    there = "<Navigate/><PerformDeicticGesture/><LocationOvertAttentionMode/>"
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><SelectExhibit/>{0}<LookUpEntrance/>{0}<LookUpHome/><Navigate/>"
+                   "</Sequence>".format(there))
+    assert rig.tick() is SUCCESS
+    assert [(event.words, event.what) for event in rig.of(StepStarted) if event.what] == [
+        ("driving", "to exhibit 1"), ("pointing", "at exhibit 1"), ("looking", "at exhibit 1"),
+        ("driving", "to the entrance"), ("pointing", "at the entrance"), ("looking", "at the entrance"),
+        ("driving", "to its home")]
+
+
+@pytest.mark.parametrize("node, told", [
+    ("WelcomeSpeech", Told("said", "said “{}”")), ("QueryTourSpeech", Told("asked", "asked “{}”", "asked")),
+    ("SocialOvertAttentionMode", None)])
+def test_a_leaf_tells_what_it_has_done_unless_that_matters_to_nobody(node, told):
+    rig = one_leaf("<{}/>".format(node))
+    rig.tick()
+    assert rig.of(LeafFinished)[0].told == (
+        told and told._replace(text=told.text.format(rig.requests[0].text)))
 
 
 def test_a_halted_leaf_drops_its_answer():

@@ -6,7 +6,7 @@ import pytest
 from behavior_controller import folders, leaves, policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.events import HealthChanged, LeafFinished, Noticed, Recovered, Retried
+from behavior_controller.events import HealthChanged, LeafFinished, Noticed, Recovered, Recovering, Retried
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import (Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation,
@@ -123,7 +123,7 @@ def test_other_nodes_may_be_skipped_by_a_rule_for_all():
 
 
 def test_without_a_rule_a_failure_is_given_up():
-    assert policy.Policy((), 9, 9.0).rule(SPEC["WelcomeSpeech"], Cause.REFUSED).then == policy.GIVE_UP
+    assert str(policy.Policy((), 9, 9.0).rule(SPEC["WelcomeSpeech"], Cause.REFUSED)) == "give up"
 
 
 @pytest.mark.parametrize("word, cause", [
@@ -149,7 +149,10 @@ def test_after_a_subtree_only_going_on_or_giving_up_is_possible():
 def test_nothing_failed_before_is_a_failure():
     rig = one_leaf("<Fallback><AlwaysFailure/><HandleFallBack/></Fallback>")
     assert rig.tick() is FAILURE
-    assert [event.success for event in rig.of(Recovered)] == [False]
+    nothing = Failure(Cause.MISSING_DATA, "no mission node failed before")
+    assert rig.of(Recovered) == [Recovered("HandleFallBack", "HandleFallBack::3", nothing, "give up", 0, False,
+                                           "given up", "", 3)]
+    assert [event.failure for event in rig.of(LeafFinished)] == [nothing]
     assert rig.requests == []
 
 
@@ -259,6 +262,8 @@ def test_each_attempt_that_fails_is_told_and_how_it_ended(times, retried, outcom
     assert [(event.node, event.attempt, event.failure.cause) for event in rig.of(Retried)] == [
         ("Navigate", attempt, Cause.REFUSED) for attempt in retried]
     assert [(event.outcome, event.success) for event in rig.of(Recovered)] == [(outcome, outcome == "done")]
+    first, last = rig.of(LeafFinished)[0], rig.of(LeafFinished)[-1]
+    assert (last.node, last.failure) == ("HandleFallBack", first.failure if outcome == "given up" else None)
 
 
 def test_what_is_left_out_is_told_as_skipped():
@@ -295,6 +300,16 @@ def test_a_retry_waits_for_a_service_that_is_gone_to_come_back():
     assert rig.clock.next_due() is None
 
 
+def test_the_answer_to_a_retry_counts_if_the_service_is_gone_when_it_comes():
+    rig = fallback("<Navigate/>", lambda request: refusal(request) if len(rig.requests) == 1 else None)
+    write(rig, targetLocation=Location(1.0, 2.0, 3.0))
+    assert goals_of(rig, 2.0) == [0.0, 1.0]
+    rig.mission.health.report(GONE, gone(service_of(GoTo)))
+    rig.mission.health.publish(rig.mission.events)
+    rig.gateway.calls[1].finish(Answer())
+    assert rig.tick() is SUCCESS
+
+
 def test_the_wait_for_a_service_has_an_end():
     rig = fallback("<Navigate/>", failing(9, Cause.NOT_REACHABLE))
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
@@ -327,6 +342,8 @@ def test_another_node_may_stand_in_for_the_one_that_failed(tmp_path, looks, outc
     assert rig.requests[-1] == LOOK
     assert [(event.outcome, event.attempts, event.policy) for event in rig.of(Recovered)] == [
         (outcome, 1, "retry 1x, then LocationOvertAttentionMode instead, or skip")]
+    assert [(event.attempt, event.of, event.substitute) for event in rig.of(Recovering)] == [
+        (1, 1, ""), (0, 1, "LocationOvertAttentionMode")]
     assert [event.node for event in rig.of(Retried)] == ["PerformDeicticGesture"] + [
         "LocationOvertAttentionMode"] * (not looks)
     assert (rig.tree.blackboard.get("attentionSetAt") is not None) is looks
@@ -429,10 +446,29 @@ def test_a_wrong_line_is_named(tmp_path, line, expected):
     assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [expected]
 
 
+@pytest.mark.parametrize("line", ["budget 5", "budget 5 10 60", "budget many 10", "budget 5 soon", "budget 100 10"])
+def test_a_budget_is_a_number_of_recoveries_and_of_seconds(tmp_path, line):
+    with pytest.raises(ConfigurationError) as raised:
+        read(tmp_path, line + "\n")
+    assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [
+        "1:1: a budget is one line: budget <recoveries> <seconds>",
+        " the line \"budget <recoveries> <seconds>\" is missing"]
+
+
+def test_the_largest_numbers_of_a_policy(tmp_path):
+    rules = read(tmp_path, "budget 99 3600\nNavigate refused 99 3600 giveUp\n")
+    assert (rules.most, rules.seconds) == (99, 3600.0)
+    assert rules.rules == (policy.Rule("Navigate", "refused", 99, 3600.0, policy.GIVE_UP),)
+
+
 def test_all_wrong_lines_come_at_once_and_a_missing_budget_too(tmp_path):
     with pytest.raises(ConfigurationError) as raised:
         read(tmp_path, "* * 0 0 skip\n* * 0 0 skip\nx y 0 0 skip # comment\n")
-    assert len(raised.value.faults) == 4
+    assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [
+        "2:1: * * is never looked at: line 1 decides before it (the first line that fits decides)",
+        "3:1: unknown node x", "3:1: unknown cause y (the causes: {})".format(
+            "refused, exception, no-answer, connection-lost, not-reachable, not-advertised, type-mismatch, "
+            "unusable-answer, missing-data, condition-false"), " the line \"budget <recoveries> <seconds>\" is missing"]
 
 
 @pytest.mark.parametrize("first, second", [

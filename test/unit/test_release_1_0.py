@@ -8,7 +8,7 @@ from behavior_controller import cli, folders, leaves, policy, settings
 from behavior_controller.bt.compiler import load_text
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, MissionError
-from behavior_controller.events import LeafFinished, Noticed
+from behavior_controller.events import LeafFinished, Noticed, StepStarted, Told
 from behavior_controller.foresight import foresee
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.interface import document, release_1_0
@@ -16,6 +16,7 @@ from behavior_controller.interface.records import (AttentionStatus, Faces, GoTo,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
                                                    SetRecognition, SetRecognitionLanguage)
 from behavior_controller.leaves.release_1_0 import SPECS
+from behavior_controller.phrases import SPEECHES
 from behavior_controller.text import Source
 from mission_rig import EXHIBITS, HOME, Rig, one_leaf, write
 
@@ -103,6 +104,13 @@ def test_the_phrases_are_those_of_the_culture_file_or_of_the_language(number):
     speech = ["PressYesNo", "FollowMe", "MaybeAnotherTime", "Welcome", "QueryTour", "HereIsTheDoor", "SayGoodBye"]
     expected = rig.mission.phrases.speech(speech[number - 1] + "Speech")
     assert (result, rig.requests) == (SUCCESS, [Say(expected)])
+
+
+def test_the_phrases_that_are_questions_are_told_as_such():
+    rig = one_leaf("<Sequence>{}</Sequence>".format("".join("<SayText name='{}'/>".format(number) for number in PHRASES)))
+    rig.tick()
+    assert [number for number, event in zip(PHRASES, rig.of(StepStarted)) if event.words == "asking"] == [1, 5]
+    assert [number for number, event in zip(PHRASES, rig.of(LeafFinished)) if event.told.mark == "asked"] == [1, 5]
 
 
 @pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
@@ -228,7 +236,6 @@ def listening(robot=RELEASE):
     rig = one_leaf("<GetVisitorResponse/>", robotInterface=robot)
     speech = (release_1_0 if robot == RELEASE else document).SPEECH
     rig.topics.publish(speech, "yes")
-    rig.clock.advance(0.1)
     assert rig.tick() is RUNNING
     return rig, speech
 
@@ -249,15 +256,23 @@ def test_an_answer_is_one_that_comes_after_the_leaf_began_to_listen(robot, says,
     rig.topics.publish(speech, says)
     assert rig.tree.wake.test_and_clear(), "the answer itself wakes the tree"
     assert (rig.tick(), stored(rig)) == (SUCCESS, answer)
+    event, = rig.of(LeafFinished)
+    assert (event.seconds, event.told) == (6.0, Told("heard", "heard “{}”: {}".format(says, answer), answer))
 
 
 @pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
 def test_after_ten_seconds_the_answer_is_empty(robot):
-    rig, _ = listening(robot)
-    rig.clock.advance(9.9)
+    rig, speech = listening(robot)
+    assert [(event.words, event.limit, event.is_wait) for event in rig.of(StepStarted)] == [
+        ("listening to the visitor", 10.0, True)]
+    rig.clock.advance(9.5)
+    rig.topics.publish(speech, "the weather")
     assert rig.tick() is RUNNING
-    rig.clock.advance(0.1)
+    assert not rig.tree.wake.test_and_clear()
+    rig.clock.advance(0.5)
+    assert rig.tree.wake.test_and_clear()
     assert (rig.tick(), stored(rig)) == (SUCCESS, "")
+    assert rig.of(LeafFinished)[0].told == Told("heard", "heard “the weather”: neither yes nor no")
     assert one_leaf("<HasVisitorResponded/>").tick() is FAILURE
 
 
@@ -269,8 +284,9 @@ def test_an_error_of_the_recognition_is_a_failure_at_once_and_the_policy_goes_on
     rig.topics.publish(speech, text)
     assert rig.tree.wake.test_and_clear()
     assert (rig.tick(), stored(rig)) == (FAILURE, "")
-    failure = rig.of(LeafFinished)[0].failure
-    assert (failure.cause, failure.resource) == (Cause.UNUSABLE_ANSWER, "/speechEvent/text")
+    event, = rig.of(LeafFinished)
+    assert (event.failure, event.told) == (
+        Failure(Cause.UNUSABLE_ANSWER, "the recognition says {!r}".format(text), "/speechEvent/text"), None)
     rig = one_leaf("<Fallback><GetVisitorResponse/><HandleFallBack/></Fallback>", robotInterface=RELEASE)
     assert rig.tick() is RUNNING
     rig.clock.advance(0.1)
@@ -288,6 +304,16 @@ def test_a_halted_leaf_listens_no_longer():
     rig.tree.wake.test_and_clear()
     rig.clock.advance(20.0)
     assert not rig.tree.wake.test_and_clear()
+    assert [event.status for event in rig.of(LeafFinished)] == ["IDLE"]
+
+
+def test_an_answer_that_cannot_be_stored_is_a_failure():
+    rig, speech = listening()
+    write(rig, visitorResponse=[1])
+    rig.clock.advance(0.1)
+    rig.topics.publish(speech, "no")
+    assert rig.tick() is FAILURE
+    assert rig.of(LeafFinished)[0].failure.cause is Cause.MISSING_DATA
 
 
 @pytest.mark.parametrize("response, result", [("yes", SUCCESS), ("no", SUCCESS), ("", FAILURE), (None, FAILURE)])
@@ -344,6 +370,11 @@ def test_a_robot_that_gives_up_the_search_for_gaze_ends_the_wait():
     assert rig.tick() is FAILURE
     assert rig.of(LeafFinished)[0].failure == Failure(
         Cause.CONDITION_FALSE, "the visitor did not look at the robot", "/overtAttention/mode")
+    assert (rig.clock.next_due(), [(event.limit, event.is_wait) for event in rig.of(StepStarted)]) == (None, [(0.0, True)])
+    says_mode(rig, "seeking", 1)
+    assert not rig.tree.wake.test_and_clear()
+    says_mode(rig, "seeking", 2)
+    assert rig.tree.wake.test_and_clear()
 
 
 @pytest.mark.parametrize("means, response", [("done", None), ("yes", "yes")])
@@ -588,6 +619,9 @@ def test_the_warnings_of_the_tour_stand_at_their_places():
         ("<IsVisitorResponseYes/>", "with asrEnabled false IsVisitorResponseYes never succeeds, and no tour is ever "
                                     "given")]
     assert all(fault.is_warning for fault in found)
+    assert [fault.hint for fault in found[1:]] == [
+        "end the mission, or the branch, with FAILURE before it",
+        "without speech recognition, the mission stores no yes on a way to it"]
     told = foresee(tree, settings.defaults(robotInterface=RELEASE, tabletSuccessIs="yes"))
     assert [fault.text for fault in told] == [fault.text for fault in found[:2]]
     assert [fault.text for fault in foresee(tree, settings.defaults())] == [fault.text for fault in found[:2]]
@@ -611,6 +645,12 @@ NEVER = "{} can never succeed: overtAttention reports the visitor's {} only in t
     ("<Fallback>{}<HandleFallBack/></Fallback>\n<IsMutualGazeDiscovered/>".format(mode("seeking")), None, None),
     ("<Parallel>{}<SayText name='4'/></Parallel>\n<IsMutualGazeDiscovered/>".format(mode("seeking")), None, None),
     ("<Parallel><IsMutualGazeDiscovered/>{}</Parallel>".format(mode("seeking")), None, None),
+    ("<Fallback><AlwaysSuccess _skipIf='@x'/>\n<IsMutualGazeDiscovered/></Fallback>", None,
+     ("IsMutualGazeDiscovered", "gaze", "seeking")),
+    ("<TryCatch><AlwaysSuccess/>\n<IsMutualGazeDiscovered/><AlwaysSuccess/></TryCatch>", None,
+     ("IsMutualGazeDiscovered", "gaze", "seeking")),
+    ("<TryCatch><AlwaysFailure/>\n<IsMutualGazeDiscovered/></TryCatch>", None,
+     ("IsMutualGazeDiscovered", "gaze", "seeking")),
     ("\n<IsVisitorDiscovered/>" + mode("scanning"), RELEASE, ("IsVisitorDiscovered", "visitor", "scanning")),
     (mode("scanning") + "\n<IsVisitorDiscovered/>", RELEASE, None),
     (mode("scanning") + "\n<IsVisitorPresent/>", RELEASE, ("IsVisitorPresent", "presence", "social")),
@@ -621,6 +661,12 @@ def test_a_question_to_a_mode_that_was_not_set_is_told(body, robot, words):
     for each in [robot] if robot else [RELEASE, document.INTERFACE.name]:
         expected = [(2, NEVER.format(*words))] if words else []
         assert foreseen("<Sequence>{}</Sequence>".format(body), each) == expected
+
+
+def test_a_node_that_sets_the_mode_is_named():
+    tree = load_text(file("<IsMutualGazeDiscovered/>"), leaves.registry(), "m.xml")
+    assert [fault.hint for fault in foresee(tree, settings.defaults())] == [
+        "no node before it sets that mode, as SeekOvertAttentionMode does"]
 
 
 GONE = "<Fallback><IsVisitorPresent/><ForceFailure><Navigate target='1;2;3'/></ForceFailure></Fallback>"
@@ -643,11 +689,32 @@ GONE = "<Fallback><IsVisitorPresent/><ForceFailure><Navigate target='1;2;3'/></F
     ("<IfThenElse>{}<AlwaysSuccess/>\n<SayText name='7'/></IfThenElse>", True),
     ("<Sequence><Fallback>{}<HandleFallBack/></Fallback>\n<SayText name='7'/></Sequence>", False),
     ("<RetryUntilSuccessful num_attempts='3'><Sequence>\n<SayText name='7'/>{}</Sequence></RetryUntilSuccessful>", True),
+    ("<KeepRunningUntilFailure><Sequence>\n<SayText name='7'/><ForceSuccess>{}</ForceSuccess></Sequence>"
+     "</KeepRunningUntilFailure>", True),
 ])
 def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
     found = foreseen("<Sequence>{}{}</Sequence>".format(mode("social"), body.format(GONE)))
     assert [(line, text.split(":")[0].split(" ", 1)[1]) for line, text in found] == (
         [(2, "says goodbye to a visitor who has left")] if is_told else [])
+
+
+@pytest.mark.parametrize("speech", SPEECHES, ids=lambda speech: speech.node)
+def test_which_speeches_are_goodbyes_and_which_are_questions(speech):
+    body = "<Sequence>{}<ForceSuccess>{}</ForceSuccess><{}/></Sequence>".format(mode("social"), GONE, speech.node)
+    assert bool(foreseen(body)) is (speech.node in ("EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"))
+    rig = one_leaf("<{}/>".format(speech.node))
+    while rig.tick() is RUNNING:
+        pass
+    told = rig.of(LeafFinished)[-1].told
+    assert (told.kind == "asked") is (speech.node in ("QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech"))
+
+
+def test_a_goodbye_after_several_searches_for_the_visitor_is_told_once():
+    missed = "<ForceSuccess><{}/></ForceSuccess>".format
+    body = "<Sequence><IfThenElse><ScriptCondition code='@x'/>{}{}</IfThenElse><SayGoodByeSpeech/></Sequence>".format(
+        missed("IsVisitorPresent"), missed("IsVisitorDiscovered"))
+    assert [text.split(" to it ")[1] for _, text in foreseen(body, document.INTERFACE.name)] == [
+        "after IsVisitorDiscovered failed"]
 
 
 @pytest.mark.parametrize("body, robot, how", [
@@ -670,6 +737,13 @@ def test_a_tour_that_is_never_given_without_recognition_is_told(body, robot, how
 def test_a_mission_that_is_too_large_to_be_followed_still_loads(body):
     assert foreseen(body) == []
     assert Rig(file(body), robotInterface=RELEASE).tree.warnings == []
+
+
+@pytest.mark.parametrize("body", ["<Sequence>" * 149 + "<IsVisitorPresent/>" + "</Sequence>" * 149,
+                                  "<Sequence>" + "<IsVisitorPresent/>" * 1999 + "</Sequence>"])
+def test_the_largest_missions_are_followed(body):
+    assert len(foreseen(body)) == max(body.count("<IsVisitorPresent/>"), 1)
+    assert foreseen("<Sequence>{}</Sequence>".format(body)) == []
 
 
 def test_ways_through_nested_loops_are_followed_in_little_time():

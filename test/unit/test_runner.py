@@ -25,7 +25,7 @@ def test_as_many_passes_as_asked_for():
     assert rig.run(advance, runs=3) == 0
     assert [(event.number, event.outcome) for event in rig.of(PassFinished)] == [
         (1, "SUCCESS"), (2, "SUCCESS"), (3, "SUCCESS")]
-    assert [event.exit_code for event in rig.of(RunFinished)] == [0]
+    assert rig.of(RunFinished) == [RunFinished("all passes are done; last pass: SUCCESS", 0)]
 
 
 def test_the_last_pass_decides_the_exit_code():
@@ -59,10 +59,11 @@ def test_an_event_is_answered_by_one_tick():
     assert [after - before for before, after in zip(waits[1:], waits[2:])] == [1] * 8
 
 
-def test_passes_that_end_at_once_are_paced():
-    rig = one_leaf("<AlwaysFailure/>")
-    assert rig.run(advance, runs=4) == 3
-    assert rig.clock.now() == 1003.0  # a second between them, none after the last
+@pytest.mark.parametrize("mission, code, ends_at", [("<AlwaysFailure/>", 3, 1003.0), ("<Sleep msec='1000'/>", 0, 1004.0)])
+def test_passes_of_less_than_a_second_are_paced(mission, code, ends_at):
+    rig = one_leaf(mission)
+    assert rig.run(advance, runs=4) == code
+    assert rig.clock.now() == ends_at  # a second between their starts, no pause after the last
 
 
 def test_the_run_is_announced_with_its_leaves():
@@ -108,7 +109,8 @@ def test_stopping_does_not_wait_for_a_robot_that_hangs():
 
     rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
     rig.run(visitor, runs=0, is_stopped=lambda: bool(stopped))
-    assert rig.clock.now() - 1000.0 <= 1.5
+    assert rig.clock.now() == 1001.25  # a second after it was stopped
+    assert rig.gateway.dropped[1:] == SAFE
     assert [event.text for event in rig.of(Noticed)] == [
         "/overtAttention/set_mode did not answer while stopping",
         "/animateBehaviour/set_activation did not answer while stopping"]
@@ -156,6 +158,12 @@ def test_a_fault_at_run_time_names_its_place(leaf, column):
     rig.run(advance, runs=1)
     text, = [event.text for event in rig.of(Noticed)]
     assert text.endswith(":2:{})".format(column)), text
+
+
+def test_an_error_in_a_node_leaves_no_other_node_running():
+    rig = one_leaf("<Parallel><Sleep msec='9000'/><Script code=\"x := 'a' * 2\"/></Parallel>")
+    rig.run(advance)
+    assert (rig.tree.is_idle, rig.clock.next_due()) == (True, None)
 
 
 def test_a_mission_that_busy_loops_can_be_stopped_and_is_named():
@@ -214,7 +222,7 @@ def run_until_it_waits(mission, waits=1):
     class Waiting(Runner):
         def wait(self, seconds):
             asked.append(seconds)
-            rig.clock.advance(seconds or 0.0)
+            rig.clock.advance(0.25 if seconds is None else seconds)
 
     rig = one_leaf(mission)
     Waiting(Running(rig.tree, rig.mission, "x", 0), lambda: len(asked) >= waits or len(rig.of(PassFinished)) > 0).run()
@@ -231,15 +239,30 @@ def test_what_a_tick_changed_is_acted_on_without_an_event():
 
 def test_a_loop_that_is_running_after_each_round_goes_on():
     # KeepRunningUntilFailure signals no wake-up: BT.CPP comes round by ticking every 10 ms
-    rig, asked = run_until_it_waits("<KeepRunningUntilFailure><WelcomeSpeech/></KeepRunningUntilFailure>", waits=103)
-    assert len(rig.requests) > 100
-    assert max(asked[:100]) < 0.001 and asked[100:] == 3 * [0.01]
+    rig, asked = run_until_it_waits(
+        "<Sequence><Delay delay_msec='100'><Script code='rounds := 0'/></Delay><KeepRunningUntilFailure>"
+        "<Script code='rounds += 1'/></KeepRunningUntilFailure></Sequence>", waits=104)
+    assert rig.tree.blackboard.get("rounds") > 100
+    assert asked[0] is None  # for the Delay
+    assert max(asked[1:101]) < 0.001 and asked[101:] == 3 * [0.01]
 
 
 def test_a_loop_that_changes_nothing_waits_for_an_event():
     rig, asked = run_until_it_waits("<ReactiveFallback><IsVisitorDiscovered/><KeepRunningUntilFailure><AlwaysSuccess/>"
                                     "</KeepRunningUntilFailure></ReactiveFallback>")
     assert asked == [None]
+
+
+def test_pauses_and_the_stop_wait_for_what_is_left_of_their_second():
+    rig, asked = one_leaf("<AlwaysFailure/>", lambda request: None), []
+
+    class Waiting(Runner):
+        def wait(self, seconds):
+            asked.append(seconds)
+            rig.clock.advance(0.25)
+
+    Waiting(Running(rig.tree, rig.mission, "x", 0), lambda: len(asked) >= 4).run()
+    assert asked == 2 * [1.0, 0.75, 0.5, 0.25]
 
 
 def test_what_was_read_anew_runs_from_the_next_pass_on():
@@ -284,16 +307,20 @@ def test_a_stop_may_have_an_exit_code_of_its_own():
     assert [event.exit_code for event in rig.of(RunFinished)] == [0]
 
 
-def test_what_changed_about_the_robot_is_told_at_a_tick():
-    rig = one_leaf("<Sequence><WelcomeSpeech/><Sleep msec='700'/></Sequence>")
+@pytest.mark.parametrize("mission, runs, at", [
+    ("<Sequence><WelcomeSpeech/><Sleep msec='700'/></Sequence>", 1, 1000.5), ("<WelcomeSpeech/>", 2, 1000.5)])
+def test_what_changed_about_the_robot_is_told_at_a_tick_and_during_a_pause(mission, runs, at):
+    rig = one_leaf(mission)
     change = HealthChanged("service", "/say", "", False, "gone", "", "gone")
+    told = []
+    rig.mission.events.subscribe(lambda event: told.append((event, rig.clock.now())))
 
     def act(rig):
         rig.mission.health.report("gone", change)
         rig.clock.advance(0.5)
 
-    rig.run(act)
-    assert rig.of(HealthChanged) == [change]
+    rig.run(act, runs=runs)
+    assert [found for found in told if isinstance(found[0], HealthChanged)] == [(change, at)]
 
 
 def test_what_a_visitor_said_ends_with_the_pass_without_start_of_tree_too():

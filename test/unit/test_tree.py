@@ -125,6 +125,23 @@ def test_two_thousand_levels_tick_and_halt(condition):
     assert len(list(tree.root.iterate())) == 2001
 
 
+def test_a_tree_unfolds_to_two_and_a_half_thousand_levels_at_most():
+    level = "<BehaviorTree ID='T{}'>" + 49 * "<Inverter>" + "{}" + 49 * "</Inverter>" + "</BehaviorTree>\n"
+    rest = "".join(level.format(n, "<SubTree ID='T{}'/>".format(n + 1)) for n in range(49))
+    assert len(load("<SubTree ID='T0'/>", rest + level.format(49, "<AlwaysSuccess/>").replace("<Inverter>", "", 1).replace(
+        "</Inverter>", "", 1)).nodes) == 2500
+    with pytest.raises(MissionError) as raised:
+        load("<SubTree ID='T0'/>", rest + level.format(49, "<AlwaysSuccess/>"))
+    assert str(raised.value).endswith(":50:514: the mission unfolds to more than 2500 levels")
+
+
+def test_a_substitute_that_does_not_exist_is_a_fault_of_the_node():
+    with pytest.raises(MissionError) as raised:
+        load_text("<root BTCPP_format='4'><BehaviorTree ID='M'>\n<Sequence><Sleep msec='1'/></Sequence></BehaviorTree></root>",
+                  REGISTRY, "m.xml", rules={"SubstitutionRules": {"Sleep": "Slep"}})
+    assert str(raised.value) == "m.xml:2:11: the substitute Slep is not a node type"
+
+
 @pytest.mark.parametrize("body, rest, words", [pytest.param(*case, id=case[2]) for case in [
     ("<Inverter>" * 10000 + "<AlwaysSuccess/>" + "</Inverter>" * 10000, "", "nested"),
     ("<SubTree ID='T0'/>", "".join(

@@ -108,8 +108,7 @@ class _Compiler:
             node = None if id(place.element) in self.checked.faulty else self._node(place)
             if node is None:
                 # it cannot be made, but its content may have mistakes too
-                waiting.extend(place._replace(element=child, parent=None, depth=place.depth + 1)
-                               for child in reversed(place.element.children))
+                waiting.extend(place._replace(element=child, parent=None) for child in reversed(place.element.children))
                 continue
             children = place.element.children
             if isinstance(node, TestNode):

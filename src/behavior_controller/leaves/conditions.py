@@ -25,7 +25,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     sense: Sense
     otherwise: str  # the message of its failure
     awaiting = ""  # what the robot does that waits for it, in people's words, in place of those of the sense
-    _is_asked_again = False
+    _is_asked_again: bool
     _mission_waits: Optional[float] = None  # see ``wait_for``
     _expiry: Optional[Timer] = None
     _patience: Optional[Timer] = None
