@@ -689,6 +689,7 @@ def test_a_client_that_pings_is_answered(served):
 def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_unanswered():
     async def serve(sock):
         found = front.Front(sock, 1000)
+        assert front.MOST_CONNECTIONS == 16  # as the operator's guide says
         assert [sock.getsockopt(option) for option in (
             zmq.LINGER, zmq.RECONNECT_IVL, zmq.MAXMSGSIZE, zmq.HANDSHAKE_IVL, zmq.HEARTBEAT_IVL)] == [0, -1, 1000, 5000, 20000]
         clients = {b"one": types.SimpleNamespace(unanswered=7), b"other": types.SimpleNamespace(unanswered=7)}
