@@ -12,7 +12,8 @@ import unicodedata
 
 import pytest
 
-from behavior_controller.sinks import AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, drain, take_over_streams
+from behavior_controller.sinks import (AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, drain, fitted,
+                                       take_over_streams)
 from behavior_controller.text import LONGEST
 
 CTRL_S, CTRL_Q = b"\x13", b"\x11"
@@ -233,6 +234,17 @@ def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, w
     for line in shown.replace("\x1b[33m", "").split("\n"):
         assert sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in line) <= width
     assert "".join(shown.split()) == "".join(text.split())
+
+
+@pytest.mark.parametrize("line, width, expected", [
+    ("aaaa bbbb cccc\n", 10, "aaaa bbbb\n    cccc\n"), ("aaaa bbb  \n", 10, "aaaa bbb  \n"),
+    ("aaaaaa\n", 5, "aaaaa\n    a\n"), ("aaaaaa\n", 4, "aaaaaa\n"), ("aaaaaa\n", 0, "aaaaaa\n"),
+    ("\x1b[33maaaa bbbb cccc\x1b[0m\n", 10, "\x1b[33maaaa bbbb\n    cccc\x1b[0m\n"),
+    ("\x1b[33maaaa bbbb\x1b[0m\n", 9, "\x1b[33maaaa bbbb\x1b[0m\n"),
+    ("\x1b[33maaaa bbbb cccc\n", 10, "\x1b[33maaaa bbbb\n    cccc\n"),
+    (12 * "展" + "\n", 20, 10 * "展" + "\n    " + 2 * "展" + "\n"), (10 * "展" + "\n", 20, 10 * "展" + "\n")])
+def test_a_line_is_broken_where_the_terminal_ends(line, width, expected):
+    assert fitted(line, width) == expected
 
 
 @pytest.mark.parametrize("width", [0, 4])
