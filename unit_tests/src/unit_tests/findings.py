@@ -264,7 +264,7 @@ def unreached(stage: Stage, reached: FrozenSet[int]) -> List[Tuple[str, str, str
     """Return the nodes that no play has reached; of a whole branch only the topmost."""
     nodes = [node for node in stage.mission.tree.nodes
              if node.uid not in reached and (node.parent is None or node.parent.uid in reached)]
-    return [(UNREACHED.name, clean(node.full_path or node.name), "with {} below it".format(_leaves_below(node)))
+    return [(UNREACHED.name, clean(node.full_path), "with {} below it".format(_leaves_below(node)))
             for node in nodes]
 
 

@@ -163,8 +163,9 @@ def test_a_drive_that_is_halted_for_good_is_abandoned(leaves, is_told):
     ([(1.0, True), (30.0, False), (48.0, True)], 17), ([(1.0, True), (30.0, False), (48.0, True), (49.0, False)], 17),
     ([(1.0, True), (47.0, False)], 0), ([], 47)])
 def test_a_goodbye_is_for_a_visitor_who_is_there_when_it_begins(presence, seconds):
-    goodbye = [(START + 50.0, event) for event in (leaf("bye", seconds=3.0), leaf("hi", seconds=3.0), leaf("bye", "IDLE", None, 3.0))]
-    seen = look(entries=goodbye, presence=[(START + at, is_here) for at, is_here in presence])
+    entries = [(START + 50.0, leaf("bye", seconds=3.0)), (START + 50.0, leaf("hi", seconds=3.0)),
+               (START + 60.0, leaf("bye", "IDLE", seconds=4.0))]
+    seen = look(entries=entries, presence=[(START + at, is_here) for at, is_here in presence])
     assert findings.look_at(seen) == ([] if seconds is None else [
         ("goodbye-to-nobody", "path of bye", "the visitor had left {} s before".format(seconds))])
 

@@ -364,7 +364,7 @@ def test_the_only_play_is_told(capsys, tmp_path):
     assert "0.0 s  " not in run(capsys, *words, "--visitors", "engages,silent")[1]
 
 
-SAID = Sentence(0.5, 1, "said", "info", "the robot says hello")
+SAID = Sentence(0.5, 1, "said", "info", "the robot says hello", 0, "")
 TWO = (PlannedFault("textToSpeech", 1, "crash"), PlannedFault("textToSpeech", 2, "crash"))
 FOUND = [
     Found(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5", "it is ticked again and again", 12,
@@ -465,8 +465,9 @@ def test_a_share_is_counted_for_each_failure_rate(tmp_path):
 
 @pytest.mark.parametrize("scene, words", [
     (Scene("engages"), "--visitors engages --faults none asrEnabled:=true"),
-    (Scene("silent", False, TWO, ("/x", "/y")),
-     "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2:crash --silent /x,/y asrEnabled:=false"),
+    (Scene("silent", False, TWO, ("/speechEvent/text", "/faceDetection/data")),
+     "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2:crash --silent /speechEvent/text,/faceDetection/data "
+     "asrEnabled:=false"),
     (Scene("engages", rate=0.25, seed=7),
      "--visitors engages --runs 1 --failureRate 0.25 --seed 7 asrEnabled:=true"),
     (Scene("engages", rate=0.25, seed=7, kinds=("crash", "wrong")),
@@ -475,8 +476,13 @@ def test_a_command_plays_its_scene_again(tmp_path, scene, words):
     path = mission(tmp_path, SPEECH)
     survey = Survey(Theatre({}, path, 900.0), [path, "language:=a b"])
     assert survey.command(scene) == "rosrun unit_tests rehearseMission {} 'language:=a b' {}".format(path, words)
-    if not (scene.planned or scene.silent):
-        assert rehearse.plan(rehearse.read([path] + words.split())).scenes == [scene]
+    assert rehearse.plan(rehearse.read([path] + words.split())).scenes == [scene]
+
+
+def test_a_call_without_a_kind_is_refused(tmp_path):
+    words = [mission(tmp_path, SPEECH), "--visitors", "engages", "--planned", "textToSpeech:3", "asrEnabled:=true"]
+    assert rehearse.plan(rehearse.read(words)).scenes == [
+        Scene("engages", planned=(PlannedFault("textToSpeech", 3, "refused"),))]
 
 
 def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_path):
