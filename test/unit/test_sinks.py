@@ -12,8 +12,8 @@ import unicodedata
 
 import pytest
 
-from behavior_controller.sinks import (AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, drain, fitted,
-                                       take_over_streams)
+from behavior_controller.sinks import (AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, columns, drain,
+                                       fitted, take_over_streams)
 from behavior_controller.text import LONGEST
 
 CTRL_S, CTRL_Q = b"\x13", b"\x11"
@@ -255,6 +255,11 @@ def test_a_terminal_that_does_not_tell_its_width_or_has_none_gets_whole_lines(st
     print(WORDS)
     drain(sinks, 5)
     assert os.read(operator, 65536).decode() == WORDS + "\r\n"
+
+
+def test_the_width_of_what_is_no_terminal_is_not_known():
+    with open(os.devnull) as file:
+        assert columns(file.fileno()) == 0
 
 
 def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(streams):
