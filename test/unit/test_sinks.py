@@ -238,7 +238,8 @@ def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, w
 
 @pytest.mark.parametrize("line, width, expected", [
     ("aaaa bbbb cccc\n", 10, "aaaa bbbb\n    cccc\n"), ("aaaa bbb  \n", 10, "aaaa bbb  \n"),
-    ("aaaa bb-cc\n", 9, "aaaa\n    bb-cc\n"), ("aaaaaa\n", 5, "aaaaa\n    a\n"), ("aaaaaa\n", 4, "aaaaaa\n"), ("aaaaaa\n", 0, "aaaaaa\n"),
+    ("aaaa bb-cc\n", 9, "aaaa\n    bb-cc\n"), ("aaaaaa\n", 5, "aaaaa\n    a\n"),
+    ("aaaaaa\n", 4, "aaaaaa\n"), ("aaaaaa\n", 0, "aaaaaa\n"),
     ("\x1b[33maaaa bbbb cccc\x1b[0m\n", 10, "\x1b[33maaaa bbbb\n    cccc\x1b[0m\n"),
     ("\x1b[33maaaa bbbb\x1b[0m\n", 9, "\x1b[33maaaa bbbb\x1b[0m\n"),
     ("\x1b[33maaaa bbbb cccc\n", 10, "\x1b[33maaaa bbbb\n    cccc\n"),
