@@ -459,7 +459,7 @@ def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(served, monke
     client.ask("I", hook(1, mode=0, status="SKIPPED"))
     assert tree.tick_exactly_once() is RUNNING
     monkeypatch.setattr(groot2, "PACE", "an internal error")
-    client.ask("S")
+    client.requests.send(struct.pack("<BBI", 2, ord("S"), 7))
     assert served.told("Groot2 is cut off by an internal error; its breakpoints and replacements are removed", 1)
     assert tree.tick_exactly_once() is SUCCESS
 
