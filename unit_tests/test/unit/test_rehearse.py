@@ -240,7 +240,7 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
     shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
     left_on, not_home = (findings.BY_NAME[name] for name in ("left-on", "not-home"))
     told = [Found(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
-                  (Sentence(1.25, 1, "said", "info", "said “&”"),), "lab_tour --planned 'a b'"),
+                  (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""),), "lab_tour --planned 'a b'"),
             Found(not_home, "", "", "far away", 0, None, 0.0, (), "")]
     parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "", rehearse_page.to_html("a < b", rows, shares, told))
     parts = re.sub("<[^>]*>", "\n", parts).split("\n")
