@@ -358,7 +358,7 @@ def test_the_only_play_is_told(capsys, tmp_path):
     assert rehearse.plan(rehearse.read(words)).chosen == [path, "language:=Kinyarwanda"]
     code, text = run(capsys, *words, "--visitors", "engages")
     lines = text.splitlines()
-    assert re.fullmatch(r"mission, robot D5.4.3: 1 play in \d+\.\d s", lines[0])
+    assert re.fullmatch(r"mission, robot D5.4.3: 1 play in \d\.\d s", lines[0])
     assert [line.split() for line in lines[1:4]] == [
         [], "visitor answers by outcome after exhibits with faults".split(), "engages voice SUCCESS 4 s 0 -".split()]
     assert lines[5].startswith("    0.0 s  ") and lines[-2:] == ["", "nothing was found"]
