@@ -138,7 +138,7 @@ def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before,
 def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
     now = [50.0]
     let_time_stand(monkeypatch, now)
-    rig = one_leaf("<WelcomeSpeech/>")
+    rig = one_leaf("<AlwaysSuccess/>")
     board = board_of(rig)
     versions = {}
 
@@ -148,12 +148,16 @@ def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
         return {name for name in PARTS if board.versions[name] != before[name]}
 
     changed()
+    rig.tick()
+    assert changed() == {"statuses"} and changed() == set()
     rig.tree.blackboard.set("key", 1)
     assert changed() == {"blackboard"} and changed() == set()
     rig.mission.health.ended("/textToSpeech/say_text", 0.25, 60.0, True)
     assert changed() == {"health"} and changed() == set()
     now[0] += board_module.PULSE
     assert changed() == {"alive", "health"} and changed() == set()
+    board.show(one_leaf("<AlwaysSuccess/>").tree)
+    assert changed() == {"mission", "statuses", "passes", "blackboard"} and changed() == set()
     board.close()
     assert changed() == {"passes"} and board.part("passes")["ended"] == "the controller has stopped"
 
@@ -237,6 +241,8 @@ def test_what_there_is_to_know_of_a_node():
         line = file.read().split("\n")[int(before["place"].split(":")[1]) - 1]
     assert "<Navigate/>" in line and before["type"] == "Navigate"
     assert before["description"] == registry().find("Navigate").summary != ""
+    fixed = board_of(one_leaf('<Navigate target="1;2;90"/>')).node(1)
+    assert fixed["ports"] == [{"name": "target", "text": "1;2;90", "value": ""}]
     rig.run(visitor_who(says="yes"))
     found = board.node(node.uid)
     assert [(each["letter"], each["why"], each["times"]) for each in found["results"]] == [
@@ -382,7 +388,7 @@ def test_statuses_of_the_visit_before_are_gone_when_the_next_begins():
     rig.run(visitor_who(says="no"))
     assert "s" in letters(board)
     rig.mission.events.emit(PassStarted(2, rig.clock.now()))
-    assert set(letters(board)) == {"-"}
+    assert letters(board) == "-" * len(rig.tree.nodes)
 
 
 @pytest.mark.parametrize("outcome, expected", [(None, "the controller has stopped"), ("stopped", "stopped")])
@@ -418,6 +424,8 @@ def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_newest_statuses(mon
     board = board_of(rig)
     rig.tick()
     assert letters(board) == "RSR-"
+    rig.tree.halt()
+    assert letters(board) == "rsr-"
 
 
 def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():

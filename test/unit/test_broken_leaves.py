@@ -115,3 +115,10 @@ def test_node_types_that_fail_where_they_make_a_node_are_faults_at_their_places(
         "m.xml:3:1: Unsettled cannot be made: KeyError: 'gripper'" + hint,
         "m.xml:4:1: Nothing cannot be made: TypeError: its factory returned None, which is not a node" + hint]
     assert len(raised.value.faults) == 4
+
+
+def test_what_is_inside_a_faulty_node_has_its_faults_too():
+    with pytest.raises(MissionError) as raised:
+        mistaken("<Sequence><Unknown><Inverter><Broken/></Inverter></Unknown></Sequence>")
+    assert [str(fault).partition(" cannot")[0] for fault in raised.value.faults] == [
+        "m.xml:2:13: unknown node Unknown", "m.xml:2:32: Broken"]

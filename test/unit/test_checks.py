@@ -110,6 +110,8 @@ RULES = {
     "a list": (main('<Typed list="1;;2"/>'), (3, 12), ["port list"]),
     "blanks around a reference": (main('<Typed number=" {k} "/>'), (3, 12), ["port number"]),
     "script syntax": (main('<Navigate _skipIf="a &lt;"/>'), (3, 15), ["the script of _skipIf", "position 3", "(a <)"]),
+    "syntax in a condition of a SubTree": (root(tree('<SubTree ID="S" _post="1 +"/>') + tree(LEAF, "S")), (3, 21), [
+        "the script of _post"]),
     "empty script": (main('<Navigate _post=""/>'), (3, 15), ["the script of _post", "Empty Script"]),
     "syntax in Script": (main('<Script code="1 +"/>'), (3, 13), ["the script of code", "position 3"]),
     "syntax in Precondition": (main('<Precondition if="("><Navigate/></Precondition>'), (3, 19), ["the script of if"]),
@@ -179,6 +181,7 @@ MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where
 
 
 @pytest.mark.parametrize("text, expected", [
+    (main('<Navigate skipif="true"/>'), "Navigate has no port skipif (did you mean _skipIf?)"),
     (main('<Navigate zzz="1"/>'), "Navigate has no port zzz (its ports: none)"),
     (root(tree('<SubTree ID="Zzz"/>') + ELEVEN), "there is no tree Zzz (the trees: Main, {})".format(
         ", ".join("T{}".format(number) for number in range(9)))),
@@ -206,7 +209,8 @@ def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
 
 
 @pytest.mark.parametrize("text, place", [
-    (root(tree(LEAF, "\n:")), (2, 17)), (root(tree('<SubTree ID="S" __autoremap="\n1"/>') + tree(LEAF, "S")), (3, 21))], ids=["fault", "warning"])
+    (root(tree(LEAF, "\n:")), (2, 17)), (root(tree('<SubTree ID="S" __autoremap="\n1"/>') + tree(LEAF, "S")), (3, 21)),
+    (main('<Sleep msec="\nsoon"/>'), (3, 12))], ids=["fault", "warning", "fault in use"])
 def test_a_value_that_begins_with_a_new_line_is_named_where_its_attribute_begins(text, place):
     assert place in [fault[:2] for fault in told(text)]
 

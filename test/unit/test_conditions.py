@@ -78,6 +78,18 @@ def test_a_newer_message_puts_the_end_off():
     assert woken(rig)
 
 
+@pytest.mark.parametrize("condition, topic, value, told", [
+    ("IsVisitorDiscovered", FACES, FACE, Told("visit", "", "arrived", 1000.0)),
+    ("IsVisitorDiscovered", FACES, NO_FACE, Told("visit", "", "left", 1000.0)),
+    ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 1), Told("visit", "", "engaged", 1000.0)),
+    ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 0), None)])
+def test_what_is_seen_of_the_visitor_is_told_with_its_time(condition, topic, value, told):
+    rig = one_leaf("<{}/>".format(condition))
+    rig.topics.publish(topic, value)
+    rig.tick()
+    assert [event.told for event in rig.of(LeafFinished)] == [told]
+
+
 def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
     rig = one_leaf("<IsVisitorDiscovered/>")
     for faces in (NO_FACE, FACE, NO_FACE, FACE, NO_FACE):

@@ -123,6 +123,32 @@ def test_a_subtree_has_an_entry_of_its_own_unless_it_is_remapped():
     assert set(tree.blackboard.local) == {"x"} and set(tree.blackboards["Sub::2"].local) == {"loc", "same"}
 
 
+MODEL = ('<TreeNodesModel><SubTree ID="Sub"><input_port name="loc" default="7"/><input_port name="x"/></SubTree>'
+         '</TreeNodesModel>')
+
+
+@pytest.mark.parametrize("attributes, local", [
+    ('x="{x}"', 7), ('x="{x}" loc="3"', 3), ('x="{x}" loc="{x}"', 5), ('_autoremap="true"', NoValue),
+    ('_autoremap="true" loc="4"', 4)])
+def test_the_model_of_a_subtree_has_the_defaults_of_its_ports(attributes, local):
+    element, tree = sub(attributes, "<In/>")
+    reader, = of(ran(element, tree + MODEL, x=5), Reader)
+    assert reader.seen == {"x": 5, "local": local, "lit": 7}
+
+
+@pytest.mark.parametrize("body, fault", [
+    ('\n<SubTree ID="Sub" name="a"/><SubTree ID="Sub"\n name="a"/>',
+     "m.xml:3:2: two SubTrees have the same path a (give them different names, or none)"),
+    ('<In x="{e}"/>\n<To\n spot="{e}"/>', "m.xml:3:2: the entry [e] has type [int] where it is used first, but the port "
+                                         "[spot] here has type [Spot]"),
+    ('\n<LoopInt queue="1;b" value="{x}"><AlwaysSuccess/></LoopInt>', "m.xml:2:1: Can't convert string [b] to integer")])
+def test_what_only_the_making_of_a_node_shows_is_a_fault_at_its_place(body, fault):
+    with pytest.raises(MissionError) as caught:
+        load_text('<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>{}</Sequence>'
+                  '</BehaviorTree><BehaviorTree ID="Sub"><In/></BehaviorTree></root>'.format(body), Registry(specs()), "m.xml")
+    assert str(caught.value) == fault
+
+
 def test_after_loading_the_node_is_as_if_the_file_had_said_so():
     tree = ran('<In lit="8"/><Out y="{other}"/>')
     assert of(tree, Reader)[0].attributes == {"x": "{@x}", "local": "{loc}", "lit": "8"}

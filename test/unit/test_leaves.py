@@ -220,7 +220,13 @@ def test_a_list_that_another_node_has_written_begins_at_its_start():
     rig = one_leaf("<Sequence><IsListWithExhibit/><SelectExhibit/></Sequence>")
     write(rig, exhibits=[ENTRANCE])
     assert (rig.tick(), rig.tree.blackboard.get("nextExhibit")) == (SUCCESS, 1)
-    assert rig.tick() is FAILURE  # its only exhibit is selected already
+
+
+def test_after_the_last_exhibit_none_can_be_selected():
+    rig = one_leaf("<SelectExhibit/>")
+    write(rig, exhibits=list(EXHIBITS), nextExhibit=2)
+    assert rig.tick() is FAILURE
+    assert rig.of(LeafFinished)[0].failure == Failure(Cause.MISSING_DATA, "no exhibit is left to select")
 
 
 @pytest.mark.parametrize("following", [-1, 0, 3])
@@ -357,6 +363,17 @@ def test_a_leaf_tells_what_it_does_and_for_how_long_at_most(node, words, deadlin
     rig.tick()
     path, what = node + "::1", "“{}”".format(rig.requests[0].text)
     assert rig.of(StepStarted) == [StepStarted(1, node, path, words, what, deadline, False)]
+
+
+def test_a_leaf_names_the_places_that_the_robot_has_learnt():
+    there = "<Navigate/><PerformDeicticGesture/><LocationOvertAttentionMode/>"
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><SelectExhibit/>{0}<LookUpEntrance/>{0}<LookUpHome/><Navigate/>"
+                   "</Sequence>".format(there))
+    assert rig.tick() is SUCCESS
+    assert [(event.words, event.what) for event in rig.of(StepStarted) if event.what] == [
+        ("driving", "to exhibit 1"), ("pointing", "at exhibit 1"), ("looking", "at exhibit 1"),
+        ("driving", "to the entrance"), ("pointing", "at the entrance"), ("looking", "at the entrance"),
+        ("driving", "to its home")]
 
 
 @pytest.mark.parametrize("node, told", [

@@ -297,6 +297,7 @@ def test_entries_are_followed_through_subtrees(call, inside, is_written):
     ('<Sequence><Out out="{x}"/><SubTree ID="Sub"/></Sequence>', '<In in="{x}"/>', (3, 28), "that of the whole mission is @x"),
     ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{x}"/>', (3, 5),
      "the tree Sub writes one of its own; that of the whole mission is @x"),
+    ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{other}"/>', (3, 5), ""),
     ('<SubTree ID="Sub"/>', '<Drive target="1"/>', (3, 24), "Hurry or Stroll writes it"),
     ('<SubTree ID="Sub"/>', '<Sequence><Out out="{pause}"/><In in="{paus}"/></Sequence>', (3, 58), "did you mean pause?"),
 ])
@@ -320,7 +321,7 @@ def test_what_a_subtree_is_given_and_does_not_use(name, more, expected):
     model = '<TreeNodesModel><SubTree ID="Sub">{}</SubTree></TreeNodesModel>'.format("".join(
         '<input_port name="{}" default="1"/>'.format(port) for port in more.split()))
     found = warnings('<SubTree ID="Sub"\n{}="1"/>'.format(name),
-                     tree("Sub", "<Script code='abc := 1'/>"), model)
+                     tree("Sub", '<Out out="{abc}"/>'), model)
     assert found == ([] if expected is None else [(3, 1, expected)])
 
 
@@ -348,6 +349,11 @@ def test_an_entry_is_misspelt_if_it_is_named_once_only(calls, is_told):
     found = warnings("<Sequence><Script code=\"place := 'lab'\"/>{}</Sequence>".format(
         "<SubTree ID='Go' target='{plce}'/>" * calls), tree("Go", "<ScriptCondition code=\"target == 'lab'\"/>"))
     assert len(found) == 1 and ("the entry plce is named nowhere else" in found[0][2]) is is_told
+
+
+def test_a_sole_equals_sign_is_a_literal_and_no_entry():
+    assert warnings("<Sequence><Script code=\"place := 'lab'\"/><SubTree ID='Go' plce='='/></Sequence>",
+                    tree("Go", "<ScriptCondition code=\"plce == '='\"/>")) == []
 
 
 @pytest.mark.parametrize("body", ["<In in='{ given}'/>", "<In in='{given }'/>", "<ScriptCondition code='and == 1'/>"])
@@ -471,11 +477,15 @@ def test_an_alias_that_says_what_it_does_may_have_any_name(tmp_path):
 
 @pytest.mark.parametrize("text, words", [
     ("2 min", '"2 min" is read only up to "min": as 2'), ("soon", '"soon" cannot be of type int'),
-    ("{given}", None), ("5", None)])
+    ("=", '"=" cannot be of type int'), ("{given}", None), ("5", None)])
 def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, words):
     inside = '<Drive target="{x}" speed="5"/>'
     found = warnings('<SubTree ID="Sub"\nx="{}"/>'.format(text), tree("Sub", inside))
     assert [(line, column, words in said) for line, column, said in found] == [(3, 1, True)] * (words is not None)
+
+
+def test_a_literal_that_a_subtree_only_writes_is_read_by_no_port():
+    assert warnings('<SubTree ID="Sub" x="soon"/>', tree("Sub", '<Aim to="{x}"/>')) == []
 
 
 @pytest.mark.parametrize("name", ["HandleFallBack", "HandleFallback"])

@@ -817,6 +817,19 @@ def test_to_the_network_the_page_answers_by_address_and_host_name(show):
     assert show(Rig()).fetch("state", host=own)[0] == 403  # the loopback address is not the network
 
 
+def test_to_the_network_the_page_answers_by_the_address_that_the_request_came_to(show):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # sends nothing
+        except OSError:
+            pytest.skip("this computer has no network")
+        address = probe.getsockname()[0]
+    shown = show(Rig(), address="0.0.0.0")
+    with urllib.request.urlopen("http://{}:{}/state".format(address, shown.port), timeout=5) as answer:
+        assert answer.status == 200
+    assert shown.fetch("state", host=address)[0] == 403  # it came to the loopback address
+
+
 def test_the_page_answers_to_the_name_that_it_is_served_at(show, monkeypatch):
     own = socket.gethostname()
     monkeypatch.setattr(socket, "gethostname", lambda: "elsewhere")
@@ -859,6 +872,20 @@ def test_a_browser_that_is_served_keeps_its_place(show, monkeypatch):
         wait_until(lambda: b"stopped; last pass: none" in stream.readline())
         for each in idle:
             each.close()
+
+
+def test_a_connection_that_is_used_keeps_its_place(show, monkeypatch):
+    monkeypatch.setattr(server, "SHORTEST_IDLE", 0.0)
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    used = http.client.HTTPConnection("127.0.0.1", shown.port, timeout=5)
+    idle = []
+    for _ in range(70):  # more than there are places
+        used.request("GET", "/icon.svg")
+        assert used.getresponse().read()
+        idle.append(socket.create_connection(("127.0.0.1", shown.port)))
+    used.close()
+    for each in idle:
+        each.close()
 
 
 def answer_to(shown, request):
@@ -909,6 +936,28 @@ def test_what_happens_is_taken_also_while_no_browser_looks(show):
     wait_until(lambda: shown.page.board.versions["statuses"] != before)
 
 
+def test_a_browser_is_told_at_once_what_has_happened_so_far(show, monkeypatch):
+    monkeypatch.setattr(page_module, "PUSH_INTERVAL", 60.0)
+    monkeypatch.setattr(page_module, "svg", lambda tree, name, left_out: name.encode())
+    shown = show(one_leaf("<WelcomeSpeech/>"))
+    assert shown.fetch("state")[0] == 200  # the server has begun
+    rig = one_leaf("<Sequence name='another'><WelcomeSpeech/></Sequence>", lambda request: None)
+    shown.page.show(rig.tree)
+    assert shown.fetch("graph.svg")[1] == "another"
+    rig.tick()
+    with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
+        assert json.loads(stream.readline()[6:])["statuses"]["letters"] == "RR"
+
+
+def test_a_browser_that_disconnects_frees_its_place_though_nothing_happens(show, monkeypatch):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    with socket.create_connection(("127.0.0.1", shown.port)) as browser:
+        browser.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        wait_until(lambda: shown.page.streams)
+        monkeypatch.setattr(shown.page.board, "look", lambda: None)
+    wait_until(lambda: not shown.page.streams)
+
+
 def test_there_is_a_message_every_second_though_nothing_happens(show):
     shown = show(one_leaf("<Sleep msec='9000'/>"))
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
@@ -919,7 +968,8 @@ def test_there_is_a_message_every_second_though_nothing_happens(show):
     assert came[3] - came[1] < 4.0
 
 
-def test_the_end_reaches_a_browser_before_the_server_closes(show):
+def test_the_end_reaches_a_browser_before_the_server_closes(show, monkeypatch):
+    monkeypatch.setattr(page_module, "FAREWELL", 60.0)  # it is not needed
     shown = show(one_leaf("<Sleep msec='9000'/>"))
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
         stream.readline()

@@ -106,6 +106,13 @@ def test_the_phrases_are_those_of_the_culture_file_or_of_the_language(number):
     assert (result, rig.requests) == (SUCCESS, [Say(expected)])
 
 
+def test_the_phrases_that_are_questions_are_told_as_such():
+    rig = one_leaf("<Sequence>{}</Sequence>".format("".join("<SayText name='{}'/>".format(number) for number in PHRASES)))
+    rig.tick()
+    assert [number for number, event in zip(PHRASES, rig.of(StepStarted)) if event.words == "asking"] == [1, 5]
+    assert [number for number, event in zip(PHRASES, rig.of(LeafFinished)) if event.told.mark == "asked"] == [1, 5]
+
+
 @pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
 def test_a_phrase_that_the_culture_file_lacks_is_a_failure_that_can_be_skipped(robot):
     rig, result = ran("<SayText name='8'/>", robot)

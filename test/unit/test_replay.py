@@ -19,6 +19,7 @@ from behavior_controller.watch.codec import Answered, Asked, Line, Lost, Tick
 from behavior_controller.watch.record import Record, new_folder
 from behavior_controller.watch.replay import main, read_record, replay
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
+from recorded_tours import recorded_day
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 
@@ -64,6 +65,12 @@ def edited(path, old, new):
     assert old in text
     with open(path, "w") as file:
         file.write(text.replace(old, new, 1))
+
+
+def test_answers_that_take_their_time_come_when_they_came(tmp_path, monkeypatch):
+    lines = read_record(recorded_day(tmp_path, monkeypatch, 2, ("declines", "no gaze")))
+    outcome = replay(lines)
+    assert (outcome.divergence, outcome.passes) == ("", 2)
 
 
 def test_a_replay_needs_no_file_but_the_record(tmp_path, mission, monkeypatch):
@@ -163,6 +170,16 @@ def test_a_replay_forgets_each_visitor_when_the_run_did(tmp_path, mission):
     assert replay(lines).divergence == ""
     # the second visitor would count as having said yes
     assert "in pass 2" in replay([line for line in lines if not isinstance(line.entry, PassStarted)]).divergence
+
+
+def test_a_replay_halts_the_tree_after_an_error_and_only_then(tmp_path, mission):
+    with open(mission, "w") as file:
+        file.write("""<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence><AlwaysSuccess _onHalted='x := 7'/>
+                      <ScriptCondition code='x == 7'/><Script code='x := 8'/></Sequence></BehaviorTree></root>""")
+    lines = read_record(recorded(tmp_path, visitor_who(), mission=mission, runs=3))
+    # x is not known in the first pass, known after the halt, and 8 after a pass that is not halted
+    assert [entry.outcome for _, entry in lines if isinstance(entry, PassFinished)] == ["FAILURE", "SUCCESS", "FAILURE"]
+    assert replay(lines).divergence == ""
 
 
 def test_another_answer_in_the_record_leads_elsewhere(tmp_path):

@@ -327,6 +327,23 @@ def test_no_result_of_a_long_run_is_dropped(monkeypatch):
     assert "3400 results in {} bars".format(len(bars)) in page.of("timeline")[0]
 
 
+@pytest.mark.parametrize("gap, bars", [(0.9, 1), (1.0, 2)])
+def test_alike_results_less_than_a_second_apart_are_one_bar(gap, bars):
+    drawn = lanes.Lanes()
+    for begin in (10.0, 10.5 + gap):
+        drawn.add(1, lanes.Bar(begin, begin + 0.5, "S"))
+    assert (drawn.results, drawn.bars, [bar.count for _, lane in drawn for bar in lane]) == (2, bars, [3 - bars] * bars)
+
+
+def test_bars_become_coarser_only_when_there_are_a_quarter_more_of_them(monkeypatch):
+    monkeypatch.setattr(lanes, "MOST", 4)
+    drawn, grains = lanes.Lanes(), []
+    for number in range(1, 10):
+        drawn.add(1, lanes.Bar(number, number, "F", "cause {}".format(number)))  # results that are never alike
+        grains.append(drawn.grain)
+    assert drawn.bars == 9 and grains == [1.0] * 4 + [2.0] * 2 + [4.0] * 2 + [8.0]
+
+
 # ------------------------------------------------------------------------------------------------------- tree and file
 
 
@@ -459,6 +476,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
     (lines_of(dict(tick(), at=float("inf"))), "at is not a number"),
     (lines_of(nodes=(["A", "A", "A", 1],)), "a node's parent does not come before it"),
     (lines_of(nodes=(["A", "A", "A", 0], ["A", "A", "A", 0])), "a node's parent does not come before it"),
+    (lines_of(nodes=(["A", "A", "A", 0], ["A", "A", "A", 2])), "a node's parent does not come before it"),
     (lines_of()[::-1], "no tree comes before it"),
     (lines_of({"event": "Answered", "time": 1, "call": 1, "result": ["Answer", {"response": "", "exhibits": [{}]}]}),
      "result[1].exhibits[0].name is missing"),

@@ -256,6 +256,11 @@ def test_arguments_are_kept_from_rospy():
         "asrEnabled": "false", "recordDirectory": "/tmp/a:=b", "language": ""})
 
 
+def test_a_robot_of_release_1_0_has_a_gaze_value_of_its_own():
+    robots = [settings.defaults(mutualGazeValue=1, robotInterface=robot) for robot in ("D5.4.3", "release-1.0")]
+    assert [robot.gaze_value for robot in robots] == [1, 2]
+
+
 def test_each_service_has_its_deadline(tmp_path):
     found = load(tmp_path, GOOD + "robotNavigationDeadline 42\n")
     assert found.deadline(INTERFACE.service(GoTo)) == 42.0

@@ -297,6 +297,8 @@ POLLED = {  # a mission that asks again and again, and attempts × pause
     "a Sleep after each no": (retried(5, "Fallback", SEEN + within("ForceFailure", SECOND)), 5.0),
     "two pauses a round": (retried(5, "Fallback", SEEN + within("ForceFailure", SECOND) + TWO_SECONDS), 15.0),
     "two conditions": (retried(5, "Delay delay_msec='1000'", "Sequence", "<IsASREnabled/>" + SEEN), 5.0),
+    "a condition after each no": (
+        retried(5, "Delay delay_msec='1000'", "Fallback", SEEN + "<IsVisitorResponseYes/>"), 5.0),
     "what is done at a yes": (retried(5, "Delay delay_msec='1000'", "Sequence", SEEN + "<WelcomeSpeech/>"), 5.0),
     "a wait in each attempt": (retried(5, "ReactiveFallback", SEEN + within("ForceFailure", SECOND)), 5.0),
     "many nodes a round": (retried(3, "Sequence", 99 * "<AlwaysSuccess/>" + SECOND + SEEN), 3.0),

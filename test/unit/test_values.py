@@ -19,7 +19,7 @@ ENUMS = {"RED": 1}
     ("double", "2.5m", 2.5), ("double", ".5", 0.5), ("double", "-1.5e-3", -0.0015), ("double", "1e", 1.0),
     ("double", "1.", 1.0),
     ("double", "INF", math.inf), ("double", "-infinity", -math.inf), ("double", "1e2.5", 100.0),
-    ("bool", "True", True), ("bool", "FALSE", False),
+    ("bool", "True", True), ("bool", "FALSE", False), ("bool", "False", False),
     ("string", " a\tb ", " a\tb "),
     ("enum", "RED", 1), ("enum", "-5", -5),
     ("NodeStatus", "IDLE", IDLE), ("NodeStatus", "SKIPPED", SKIPPED),

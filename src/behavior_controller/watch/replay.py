@@ -153,7 +153,6 @@ class _Replay:
         elif isinstance(entry, Lost):
             raise Diverged("the record lacks {} lines".format(entry.lines))
         elif isinstance(entry, PassStarted):
-            self.clock.set_to(entry.at)
             self._mission.begin_visit(self.tree.blackboard, entry.at)
         elif isinstance(entry, HealthChanged):
             self._health.report(entry.respect, entry)

@@ -30,7 +30,6 @@ class Wait(NamedTuple):
     """A leaf that asked for a sign of the visitor, from when until when. ``sign``: the first that came in that time."""
 
     node: str
-    path: str
     sense: Sense
     began: float
     ended: float
@@ -150,4 +149,4 @@ class Watch:
     def _end(self, uid: int, now: float, held: bool) -> None:
         began, sense = self._since.pop(uid), self._asked[uid]
         sign = self._signs.first(sense, began, now)
-        self.waits.append(Wait(self._tree.types[uid], self._tree.paths[uid], sense, began, now, held, sign))
+        self.waits.append(Wait(self._tree.types[uid], sense, began, now, held, sign))

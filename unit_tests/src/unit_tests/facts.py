@@ -35,7 +35,6 @@ class Tree:
         shown = of(events, "TreeShown")
         nodes = shown[-1]["nodes"] if shown else []
         self.types: Dict[int, str] = {uid: node["type"] for uid, node in enumerate(nodes, 1)}
-        self.paths: Dict[int, str] = {uid: node["path"] for uid, node in enumerate(nodes, 1)}
         self._parents: Dict[int, int] = {uid: node["parent"] for uid, node in enumerate(nodes, 1)}
 
     def __bool__(self) -> bool:

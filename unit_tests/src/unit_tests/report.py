@@ -159,7 +159,7 @@ def _visitors(facts: Facts, rows: Sequence[Row]) -> Iterator[str]:
         mine = [row for row in rows if row.visitor == a_pass.number]
         told = ends.get(a_pass.number, "pass {}: {}".format(a_pass.number, a_pass.outcome))
         reasons = dict.fromkeys(reason_of(event) for event in of(a_pass.events, "Recovered"))
-        parts = [told] + [reason for reason in reasons if reason and reason not in told]
+        parts = [told] + [reason for reason in reasons if reason not in told]
         parts += ["{}, {:.1f} s lost".format(
             count(sum(row.is_injected for row in mine), "fault", "faults"), sum(row.lost for row in mine))]
         parts += [count(sum(map(_is_false, a_pass.events)), "condition", "conditions") + " false for a while"]

@@ -72,11 +72,12 @@ def test_the_summary_counts_every_node():
     story.failed("WelcomeSpeech", SAY, "refused")
     story.say("Hello")
     story.recovered("WelcomeSpeech", SAY, 1)
+    story.say("Follow me")
     story.done("FollowMeSpeech", SAY)
     counts = [line.split() for line in summary_lines(story.facts())]
     assert ["FollowMeSpeech", "1", "0"] in counts
     assert ["WelcomeSpeech", "1", "1"] in counts
-    assert ["textToSpeech", "2", "1"] in counts
+    assert ["textToSpeech", "3", "1"] in counts
     assert ["robotNavigation", "0", "0"] in counts
     assert "recoveries: 1; 1 done" in summary_lines(story.facts())
     assert decision_lines(story.facts()) == ["  WelcomeSpeech: refused; policy: retry; 1 attempt: done"]

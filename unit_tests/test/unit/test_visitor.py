@@ -53,6 +53,12 @@ def test_a_visitor_comes_to_a_robot_that_does_not_scan_too():
     assert person.is_here and person.gaze() == STILL_SEEKING
 
 
+@pytest.mark.parametrize("state, is_here", (("enabled", True), ("disabled", False)))
+def test_the_next_visitor_comes_to_a_robot_that_stirs(state, is_here):
+    person = after(ENGAGES, attention("scanning"), drive(*HOME), line("animateBehavior", state=state))
+    assert person.is_here is is_here
+
+
 def test_messages_on_topics_wake_nobody():
     assert not after(ENGAGES, Line(0.0, "faceDetection", "/faceDetection/data", 0, {"face_label_id": []})).is_here
 
@@ -164,8 +170,8 @@ def test_without_an_open_question_there_is_small_talk(lines):
 
 
 @pytest.mark.parametrize("call", (
-    attention("social"), line("animateBehavior", state="disabled"), line("speechEvent", status="true"),
-    line("tabletEvent", message="Yes|No")))
+    attention("social"), line("animateBehavior", state="disabled"), line("animateBehavior", state="enabled"),
+    line("speechEvent", status="true"), line("tabletEvent", message="Yes|No")))
 def test_a_robot_that_prepares_to_listen_does_not_go_on(call):
     assert after(DECLINES, say("A tour?"), call).utterance() == "No"
 

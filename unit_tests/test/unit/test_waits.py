@@ -109,10 +109,11 @@ def test_a_wait_without_a_known_bound_is_left_out(given, tmp_path, monkeypatch, 
     assert of(mission, tmp_path, monkeypatch) == []
 
 
-def test_condition_wait_is_a_bound(given, tmp_path, monkeypatch):
-    given("scenarioSpecification:=small", "conditionWait:=12")
+@pytest.mark.parametrize("seconds", (12.0, 0.5))
+def test_condition_wait_is_a_bound(given, tmp_path, monkeypatch, seconds):
+    given("scenarioSpecification:=small", "conditionWait:={}".format(seconds))
     wait, = of("<IsYesNoUttered/>", tmp_path, monkeypatch)
-    assert wait.seconds == 12.0
+    assert wait.seconds == seconds
 
 
 def test_a_mission_that_cannot_be_loaded_has_none(given):

@@ -155,9 +155,9 @@ def _port(result: Flow, tree: str, element: Element, port: Port, is_condition: b
 
 def _script(result: Flow, tree: str, element: Element, attribute: str, text: str, is_condition: bool) -> None:
     try:
-        script = compile_script(text, allow_empty=True)
+        script = compile_script(text)
     except ScriptSyntaxError:
-        return
+        return  # an empty one
     result.scripts.append(Use(tree, element, attribute, script, is_condition))
     for name in sorted(script.read):
         result.read(tree, name, element, attribute, script.facts.names[name])

@@ -249,8 +249,11 @@ class _Linter:
         for name, text in element.attributes.items():
             if not is_port_name(name):
                 continue
-            self._remapped(element, name, text, tree)
-            self._given(element, name, text, called)
+            outer = None if text == "=" else ports.reference(text, name)
+            if outer is not None:
+                self._remapped(element, name, outer, tree)
+            else:
+                self._given(element, name, text, called)
             if not self._braces(element, name, text, tree) and name not in used | model:
                 near = self.nearest(name, (used | model) - set(element.attributes)) if len(name) > 2 else ""
                 if condition_meant(name):
@@ -266,7 +269,7 @@ class _Linter:
     def _given(self, element: Element, name: str, text: str, called: str) -> None:
         """Warn of a literal that a port of the called tree reads in part, or cannot read."""
         port = self.flow.readers.get((called, name))
-        if port is None or ports.reference(text, name) is not None or ports.subtree_literal(text)[0] != TEXT:
+        if port is None or ports.subtree_literal(text)[0] != TEXT:
             return
         said = read_in_part(text, port, port.type)
         wrong = ports.literal_fault(text, port, {})
@@ -276,11 +279,10 @@ class _Linter:
             self.warn(rules.WRONG_LITERAL, element, "{}=\"{}\" cannot be of type {}, as the port {} there".format(
                 name, text, port.type, port.name), wrong, name)
 
-    def _remapped(self, element: Element, name: str, text: str, tree: str) -> None:
+    def _remapped(self, element: Element, name: str, outer: str, tree: str) -> None:
         """Warn of an entry that occurs only here in the tree, if a similar name occurs."""
-        outer = ports.reference(text, name)
-        key = self.flow.key(tree, outer) if outer is not None else None
-        if key is None or self.flow.mentions[key] > 1:
+        key = self.flow.key(tree, outer)
+        if self.flow.mentions[key] > 1:
             return
         known = self.flow.used.get(key[0], set())
         self._comparisons -= len(known)

@@ -57,7 +57,7 @@ def _effects(use: Use) -> Iterator[Remark]:
 
 def _assigning(use: Use) -> Iterator[Remark]:
     facts = use.script.facts
-    if not use.is_condition or not facts.statements:
+    if not use.is_condition:
         return
     last = facts.statements[-1]
     for assignment in facts.assignments:
