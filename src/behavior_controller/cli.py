@@ -85,10 +85,12 @@ def _watch(options: argparse.Namespace) -> None:
     files: Set[str] = set()
     while True:
         before = _state(given, files)
+        began = time.time_ns()
         _, read_ones = _judge_all(options)
         sys.stdout.flush()
-        before.update(_state([], read_ones.difference(before)))
-        files = read_ones
+        added = _state([], read_ones.difference(before))  # what was saved since it was read is checked again
+        before.update((path, state) for path, state in added.items() if state and state[0] < began)
+        files |= read_ones
         while _state(given, files) == before:
             time.sleep(_WATCH_EVERY)
 

@@ -242,7 +242,6 @@ def _completed(documents: List[Document]) -> List[Document]:
         helper = next((document for document in others if missing & set(_trees([document]))), None)
         if helper is None:
             return documents
-        others.remove(helper)
         helper.root.children = [child for child in helper.root.children if child.tag == "TreeNodesModel" or (
             child.tag == "BehaviorTree" and child.attributes.get("ID") not in trees)]
         documents = [helper] + documents

@@ -308,10 +308,11 @@ def test_no_delivered_mission_has_a_warning(capsys):
 LIMIT = 30.0  # seconds
 
 
-def test_a_file_is_checked_again_at_each_save(file):
-    path = file("m.xml", TREE.format("Main", "<Slep/>"))
+def test_a_file_is_checked_again_at_each_save(file, tmp_path):
+    file("part.xml", TREE.format("A", "<Slep/>"))
+    path = file("m.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
     executable = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)), "validateMission")
-    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
+    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)), PYTHONUNBUFFERED="1")
     process = subprocess.Popen([sys.executable, executable, "--watch", path], env=variables, stdout=subprocess.PIPE,
                                universal_newlines=True)
     limit = threading.Timer(LIMIT, process.kill)
@@ -319,7 +320,9 @@ def test_a_file_is_checked_again_at_each_save(file):
     try:
         assert "unknown node Slep" in process.stdout.readline()
         assert process.stdout.readline() == "{}: 1 fault\n".format(path)
-        file("m.xml", TREE.format("Main", LEAF))
+        os.replace(file("saved", TREE.format("A", LEAF)), str(tmp_path / "part.xml"))
+        assert process.stdout.readline() == "{}: can be run, 2 nodes, 0 warnings\n".format(path)
+        os.replace(file("saved", TREE.format("Main", LEAF)), path)
         assert process.stdout.readline() == "{}: can be run, 1 node, 0 warnings\n".format(path)
         os.remove(path)
         assert "cannot be read" in process.stdout.readline()
