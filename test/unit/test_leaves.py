@@ -170,7 +170,8 @@ def test_data_of_the_wrong_kind_is_a_failure_and_never_an_exception(element, ent
 
 @pytest.mark.parametrize("element", [
     "<IsYesNoUttered/>", "<IsMutualGazeDiscovered/>", "<IsVisitorPresent/>", "<SetOvertAttentionMode name='social'/>",
-    "<SetRobotPose/>", "<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>"])
+    "<SetRobotPose/>", "<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>",
+    "<ScriptCondition code='@questionAskedAt &gt; 0'/>", "<Script code='left := @leftOutExhibits'/>"])
 def test_nothing_has_to_write_what_a_leaf_can_do_without(element):
     assert "never-written" not in {warning.code for warning in one_leaf(element).tree.warnings}
 

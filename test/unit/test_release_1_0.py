@@ -56,6 +56,8 @@ def test_the_words_of_the_release_are_there_and_those_with_an_argument_say_which
         "SayText": tuple("12345678"), "SetOvertAttentionMode": ("disabled", "social", "scanning", "seeking", "location"),
         "SetAnimateBehavior": ("enabled", "disabled"), "SetSpeechEvent": ("true", "false", "enabled", "disabled"),
         "PerformIconicGesture": ("welcome", "goodbye")}
+    assert {spec.id: spec.farewells for spec in SPECS if spec.farewells} == {
+        "SayText": ("6", "7"), "PerformIconicGesture": ("goodbye",)}  # "Here is the door." and "Goodbye!"
 
 
 @pytest.mark.parametrize("element, request_", [
