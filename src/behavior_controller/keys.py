@@ -175,9 +175,9 @@ def to_text(value: object) -> str:
     return "" if value is None else str(value)
 
 
-def help_lines(keys: Iterable[Key], values: Mapping[str, str]) -> List[str]:
-    """Return a line for each key, with its name, its current or default value, and its meaning."""
-    return ["  {:<26} {:<12} {}".format(key.name, values[key.name] or "-", key.plain_meaning) for key in keys]
+def help_lines(keys: Iterable[Key]) -> List[str]:
+    """Return a line for each key, with its name, its default, and its meaning."""
+    return ["  {:<26} {:<12} {}".format(key.name, key.default_text, key.plain_meaning) for key in keys]
 
 
 def key(read: Reader[Value], default: Value, meaning: str) -> Value:
@@ -263,7 +263,7 @@ class Collector:
         name = content[:_NAME_END.search(content).start()]  # type: ignore[union-attr]
         if not name:
             if content and content[0] != "#":
-                self._fault(line_number, 1, "this is not a line of the form: key value")
+                self._fault(line_number, column, "this is not a line of the form: key value")
             return
         rest = content[len(name):].lstrip()
         rest = rest[1:].lstrip() if rest.startswith("=") else rest

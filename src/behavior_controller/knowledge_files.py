@@ -229,10 +229,9 @@ class _Culture(_File):
             self.fault((0, 0), "the required key {} is missing".format(_LANGUAGE),
                        "add a line: {} <{}>".format(_LANGUAGE, _LANGUAGE_NAMES))
         for each, key in _PHRASES[self.language].items() if self.language else ():
-            if key not in self.line_of and each > LAST_REQUIRED:
-                continue
             if key not in self.line_of:
-                self.fault((0, 0), "the required key {} is missing".format(key), "add a line: {} <text>".format(key))
+                if each <= LAST_REQUIRED:
+                    self.fault((0, 0), "the required key {} is missing".format(key), "add a line: {} <text>".format(key))
             elif not self.texts[key]:
                 self.fault((self.line_of[key], 1), "{} cannot be empty".format(key), "allowed: the text to say")
 
@@ -272,9 +271,9 @@ class _Environment(_File):
     def _take_tour(self, line: _Line) -> None:
         count = self.value(line, 1, "the number of locations of {}".format(_TOUR), _COUNT)
         listed = range(2, len(line.words))
-        if count not in (None, len(listed)):
+        if count is not None and count != len(listed):
             self.fault((line.number, line.column(1)), "{} says {} and lists {}".format(
-                _TOUR, _locations(count or 0), len(listed)), "the form: {} {}".format(_TOUR, _TOUR_FORM))
+                _TOUR, _locations(count), len(listed)), "the form: {} {}".format(_TOUR, _TOUR_FORM))
         for index in listed:
             location = self.value(line, index, "an id of {}".format(_TOUR), _ID)
             if location is not None:

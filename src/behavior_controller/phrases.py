@@ -66,7 +66,7 @@ def _sentence(text: str) -> Words:
 
 def _phrase_list(text: str) -> Tuple[Words, ...]:
     found = tuple(_sentence(part) for part in text.split(","))
-    if not text or () in found:
+    if () in found:
         raise ValueError(text)
     return found
 

@@ -36,8 +36,8 @@ class Sentence(NamedTuple):
     kind: str
     severity: str
     text: str
-    uid: int = 0
-    path: str = ""
+    uid: int
+    path: str
 
 
 KINDS = ("visit", "exhibit", "said", "heard", "asked", "pressed", "moved", "failure", "recovery", "health", "notice")
@@ -84,7 +84,7 @@ class Step(NamedTuple):
     began: float
     limit: float
     uid: int
-    is_wait: bool = False
+    is_wait: bool
 
 
 def cause(failure: Failure) -> str:
@@ -127,20 +127,23 @@ class Story:
         self._recoveries: Dict[str, Recovering] = {}  # under way, by the path of what failed
         self._uids: Dict[str, int] = {}
         self._exhibit_began = 0.0
-        self._has_left = False  # the visitor is no longer seen
         self._pass_began = self._met = 0.0  # when the pass began and the visitor came, on the mission's clock
-        self._is_unclear = False  # the visitor's answer was neither yes nor no
-        self._given_up: Optional[Recovered] = None  # the last one in this visit
-        self._gave_up = ""  # why
-        self._handler = 0  # the HandleFallBack that ended last
-        self._failed = 0, ""  # which leaf failed last in this visit, and why
-        self._stuck = ""  # why it or a recovery failed, until a step begins or succeeds after that
+        self._gave_up = ""  # why a failure was given up
         self._omitted = 0  # number of the exhibit that is not gone on with, until a Recovered says why
+        self._forget_visit()
         self._takers: Dict[type, Callable[..., None]] = {  # type: ignore[explicit-any]
             RunStarted: self._run_started, PassStarted: self._pass_started, StepStarted: self._step_started,
             LeafFinished: self._leaf_finished, TourAdvanced: self._tour_advanced, Recovering: self._recovering,
             Retried: self._retried, Recovered: self._recovered, HealthChanged: self._health_changed,
             PassFinished: self._pass_finished, Noticed: self._noticed, RunFinished: self._run_finished}
+
+    def _forget_visit(self) -> None:
+        self._has_left = False  # the visitor is no longer seen
+        self._is_unclear = False  # the visitor's answer was neither yes nor no
+        self._given_up: Optional[Recovered] = None  # the last one in this visit
+        self._handler = 0  # the HandleFallBack that ended last
+        self._failed = 0, ""  # which leaf failed last in this visit, and why
+        self._stuck = ""  # why it or a recovery failed, until a step begins or succeeds after that
 
     @property
     def visit(self) -> Optional[Visit]:
@@ -209,8 +212,7 @@ class Story:
         self.visits.append(Visit(event.number, self._at))
         self._steps.clear()
         self._recoveries.clear()
-        self._has_left = self._is_unclear = False
-        self._given_up, self._failed, self._stuck, self._handler = None, (0, ""), "", 0
+        self._forget_visit()
         self._pass_began = self._met = event.at
 
     def _pass_finished(self, event: PassFinished) -> None:

@@ -93,7 +93,6 @@ class Validation:
         done: Dict[str, Judgement] = {}  # without a mission
         files = list(dict.fromkeys(list(self.palettes) + [file for path in paths for file in expanded(path)]))
         for path in files:
-            self.files.add(path)
             try:
                 knowledge = knowledge_files.check(path)
                 if knowledge is None:

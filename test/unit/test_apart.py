@@ -4,6 +4,7 @@ import time
 
 import pytest
 
+from behavior_controller import apart
 from behavior_controller.apart import PATIENCE, Late, Stopped, run_apart, run_together
 from behavior_controller.bt.engine.wakeup import WakeUp
 
@@ -17,17 +18,27 @@ def test_the_result_and_the_error_come_through():
 
 def test_the_limit_ends_the_wait():
     began = time.monotonic()
-    with pytest.raises(Late):
+    with pytest.raises(Late, match="^not done in 0.1 s$"):
         run_apart(threading.Event().wait, WakeUp(), lambda: False, 0.1)
-    assert time.monotonic() - began < 2.0
+    assert 0.1 <= time.monotonic() - began < 2.0
+
+
+def test_the_end_of_the_work_ends_the_wait_at_once(monkeypatch):
+    monkeypatch.setattr(apart, "PATIENCE", 60.0)
+    may_end = threading.Event()
+    began = time.monotonic()
+    threading.Timer(0.1, may_end.set).start()
+    assert run_apart(lambda: may_end.wait(60), WakeUp(), lambda: False, 10) is True
+    assert time.monotonic() - began < 8.0
 
 
 def test_slow_work_is_told_once():
     wake, told = WakeUp(), []
+    began = time.monotonic()
     with pytest.raises(Late):
         run_apart(threading.Event().wait, wake, lambda: wake.emit() or False, PATIENCE + 0.5,
                   lambda: told.append(time.monotonic()))
-    assert len(told) == 1
+    assert len(told) == 1 and told[0] - began >= PATIENCE
     run_apart(lambda: None, wake, lambda: False, 5, lambda: told.append("quick"))
     assert len(told) == 1
 
@@ -60,3 +71,19 @@ def test_one_that_hangs_does_not_keep_the_others_from_their_work():
     run_together([threading.Event().wait, lambda: done.append(1), lambda: done.append(2)], 0.2)
     assert sorted(done) == [1, 2]
     assert time.monotonic() - began < 2.0
+
+
+def test_work_that_takes_its_time_is_waited_for():
+    may_end, done = threading.Event(), []
+    threading.Timer(0.1, may_end.set).start()
+    run_together([lambda: may_end.wait(20) and done.append(1)], 20)
+    assert done == [1]
+
+
+def test_work_that_hangs_does_not_keep_the_process_from_its_end():
+    with pytest.raises(Late):
+        run_apart(threading.Event().wait, WakeUp(), lambda: False, 0.01)
+    before = set(threading.enumerate())
+    run_together([threading.Event().wait], 0.01)
+    hanging = set(threading.enumerate()) - before | {thread for thread in before if thread.name == "apart"}
+    assert len(hanging) > 1 and all(thread.daemon for thread in hanging)

@@ -269,16 +269,18 @@ def test_unset_reaches_the_local_storage_alone():
 def test_every_write_counts():
     board = Blackboard()
     entry = board.create("k")
-    before = board.writes
-    assert entry.sequence == 0
+    assert entry.sequence == 0 and board.writes == 0
     board.set("k", 1)
     board.set("k", 1)
     entry.update(2)
     board.set_any("k", 3, "int")
-    assert entry.sequence == 4 and board.writes == before + 4
+    assert entry.sequence == 4 and board.writes == 4
+    entry.clear()
+    assert entry.sequence == 5 and board.writes == 5
     board.unset("k")
+    assert board.writes == 6
     board.unset("k")  # there is nothing left to remove
-    assert board.writes == before + 5
+    assert board.writes == 6
 
 
 def test_a_refused_write_does_not_count():

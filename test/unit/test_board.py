@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from behavior_controller.cli import create_tree
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-                                        RunStarted, Sources, Told)
+                                        RunStarted, Sources, StepStarted, Told)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.document import INTERFACE
@@ -22,6 +22,7 @@ from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 
+RUN = RunStarted("some/where/lab_tour.xml", [], {}, Sources((), Source("", ""), Source("", ""), ""))
 GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "it cannot drive")
 
 
@@ -29,6 +30,16 @@ def board_of(rig):
     board = Board(rig.mission.events, rig.mission.health, registry())
     board.show(rig.tree)
     return board
+
+
+def let_time_stand(monkeypatch, now):
+    """Have the clocks of the board show ``now[0]`` seconds, the one of the day a million more."""
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
+        monotonic=lambda: now[0], time=lambda: 1_000_000.0 + now[0], strftime=time.strftime, localtime=time.localtime))
+
+
+def time_of_day(at):
+    return time.strftime("%H:%M:%S", time.localtime(1_000_000.0 + at))
 
 
 def letters(board):
@@ -60,8 +71,7 @@ def test_a_tree_of_many_levels_is_data_that_json_carries():
 def test_nodes_are_called_what_py_trees_render_calls_them():
     rig = Rig()
     board = board_of(rig)
-    nothing = Sources((), Source("", ""), Source("", ""), "")
-    rig.mission.events.emit(RunStarted("some/where/lab_tour.xml", [], {}, nothing))
+    rig.mission.events.emit(RUN)
 
     labels = [" ".join(filter(None, (node["name"], node["kind"]))) for node in board.part("mission")["nodes"]]
     assert sorted(labels) == sorted(node.name for node in create_tree("lab_tour").iterate())
@@ -77,6 +87,17 @@ def test_the_letter_of_each_node_and_the_leaf_that_runs():
     rig.gateway.calls[-1].finish(refusal(rig.requests[-1]))
     rig.tick()
     assert board.part("statuses") == {"letters": "fsf-", "tip": 0}
+    rig.tick()
+    rig.tree.halt()
+    assert board.part("statuses") == {"letters": "rsr-", "tip": 0}
+    assert [each["letter"] for each in board.node(3)["results"]] == ["-", "F"]
+
+
+def test_the_letters_of_what_ended_before_the_first_look():
+    rig = one_leaf("<Sequence><WelcomeSpeech/></Sequence>")
+    board = board_of(rig)
+    rig.tick()
+    assert letters(board) == "ss"
 
 
 def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
@@ -91,6 +112,54 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
     before = dict(board.versions)
     board.look()
     assert board.versions == before
+
+
+@pytest.mark.parametrize("before, event, changed", [
+    ([], RUN, "mission story"), ([], PassStarted(1, 0.0), "passes statuses story timeline"),
+    ([PassStarted(1, 0.0)], PassFinished(1, "SUCCESS", 1.0), "passes story visits"), ([], PassFinished(1, "SUCCESS", 1.0), ""),
+    ([], StepStarted(1, "x", "x", "driving", "", 0.0, False), "passes story timeline"),
+    ([StepStarted(1, "x", "x", "driving", "", 0.0, False)], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None),
+     "passes story timeline"),
+    ([], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), ""), ([], Noticed("info", "so"), "story"),
+    ([], Noticed("warning", "so"), "story trouble"), ([], GONE_AWAY, "health story"), ([], RunFinished("stopped", 0), "passes story")])
+def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before, event, changed):
+    let_time_stand(monkeypatch, [50.0])
+    rig = one_leaf("<WelcomeSpeech/>")
+    board = board_of(rig)
+    for each in before:
+        rig.mission.events.emit(each)
+    board.look()
+    versions = dict(board.versions)
+    rig.mission.events.emit(event)
+    board.look()
+    assert [name for name in sorted(PARTS) if board.versions[name] != versions[name]] == changed.split()
+
+
+def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
+    now = [50.0]
+    let_time_stand(monkeypatch, now)
+    rig = one_leaf("<AlwaysSuccess/>")
+    board = board_of(rig)
+    versions = {}
+
+    def changed():
+        board.look()
+        before, versions[0] = versions.get(0, board.versions), dict(board.versions)
+        return {name for name in PARTS if board.versions[name] != before[name]}
+
+    changed()
+    rig.tick()
+    assert changed() == {"statuses"} and changed() == set()
+    rig.tree.blackboard.set("key", 1)
+    assert changed() == {"blackboard"} and changed() == set()
+    rig.mission.health.ended("/textToSpeech/say_text", 0.25, 60.0, True)
+    assert changed() == {"health"} and changed() == set()
+    now[0] += board_module.PULSE
+    assert changed() == {"alive", "health"} and changed() == set()
+    board.show(one_leaf("<AlwaysSuccess/>").tree)
+    assert changed() == {"mission", "statuses", "passes", "blackboard"} and changed() == set()
+    board.close()
+    assert changed() == {"passes"} and board.part("passes")["ended"] == "the controller has stopped"
 
 
 def test_story_visits_health_trouble_and_blackboard():
@@ -115,20 +184,34 @@ def test_story_visits_health_trouble_and_blackboard():
     assert board.part("visits")["outcomes"] == {"SUCCESS": 1}
     assert [(each["number"], each["outcome"], [(one["name"], one["state"]) for one in each["exhibits"]])
             for each in board.part("visits")["newest"]] == [(1, "SUCCESS", [("exhibit 1", "shown"), ("exhibit 2", "shown")])]
+    assert board.part("visits")["newest"][0]["told"] == story.take(0.0, rig.of(PassFinished)[0])[0].text == told[-2].text
     assert ["currentExhibit", "exhibit 2"] in board.part("blackboard")
     assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")
+
+
+def test_an_entry_of_a_subtree_is_shown_with_the_subtree_s_path():
+    rig = Rig("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'><SubTree ID='Inner' name='inner'/></BehaviorTree>"
+              "<BehaviorTree ID='Inner'><Script code='a := 3; @b := 4'/></BehaviorTree></root>")
+    board = board_of(rig)
+    rig.tick()
+    assert [row for row in board.part("blackboard") if row[0] in ("a", "b", "inner/a")] == [["b", "4"], ["inner/a", "3"]]
 
 
 def test_a_step_has_its_age_and_its_limit(monkeypatch):
     now = [1000.0]
     rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
-    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
-        monotonic=time.monotonic, time=lambda: now[0], strftime=time.strftime, localtime=time.localtime))
+    let_time_stand(monkeypatch, now)
     board = board_of(rig)
     rig.tick()
-    now[0] = 1004.0
+    now[0] = 1004.26
     step = board.part("story")["step"]
-    assert (step["age"], step["limit"], step["uid"]) == (4.0, rig.settings.deadline(rig.mission.interface.service(Say)), 1)
+    assert (step["age"], step["limit"], step["uid"]) == (4.3, rig.settings.deadline(rig.mission.interface.service(Say)), 1)
+    rig.gateway.calls[-1].finish(refusal(rig.requests[-1]))
+    now[0] = 1004.256
+    rig.tick()
+    assert [each["seconds"] for each in board.part("timeline")["steps"]] == [4.26]
+    result, = board.node(1)["results"]
+    assert (result["time"], result["seconds"]) == (time_of_day(1004.256), pytest.approx(4.256))
 
 
 def test_the_steps_of_a_visit_are_kept_for_its_timeline_until_the_next_visit():
@@ -158,6 +241,8 @@ def test_what_there_is_to_know_of_a_node():
         line = file.read().split("\n")[int(before["place"].split(":")[1]) - 1]
     assert "<Navigate/>" in line and before["type"] == "Navigate"
     assert before["description"] == registry().find("Navigate").summary != ""
+    fixed = board_of(one_leaf('<Navigate target="1;2;90"/>')).node(1)
+    assert fixed["ports"] == [{"name": "target", "text": "1;2;90", "value": ""}]
     rig.run(visitor_who(says="yes"))
     found = board.node(node.uid)
     assert [(each["letter"], each["why"], each["times"]) for each in found["results"]] == [
@@ -176,6 +261,17 @@ def test_the_newest_results_of_a_node_are_kept_and_those_alike_are_one(monkeypat
     for _ in range(7):
         rig.tick()
     assert [(each["letter"], each["times"]) for each in board.node(2)["results"]] == [("S", 1)] * board_module.RESULTS
+
+
+def test_results_that_differ_are_not_one_and_a_failure_is_that_of_its_tick():
+    answers = [Answer(), Failure(Cause.REFUSED, "a"), Failure(Cause.REFUSED, "b"), Failure(Cause.REFUSED, "b"), Answer()]
+    rig = one_leaf("<ForceSuccess><WelcomeSpeech/></ForceSuccess>", lambda request: answers.pop(0))
+    board = board_of(rig)
+    rig.mission.events.emit(LeafFinished(2, "x", "x", "FAILURE", "", 0.0, Failure(Cause.REFUSED, "of another tick")))
+    for _ in range(5):
+        rig.tick()
+    assert [(each["letter"], each["why"], each["times"]) for each in board.node(2)["results"]] == [
+        ("S", "", 1), ("F", "refused, b", 2), ("F", "refused, a", 1), ("S", "", 1)]
 
 
 def test_each_of_the_failures_of_a_tick_is_that_of_its_attempt():
@@ -199,23 +295,24 @@ def test_what_only_says_how_the_mission_is_put_together_is_bare():
 def test_the_newest_forty_lines_are_kept():
     rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
-    for number in range(41):
+    for number in range(101):
         rig.mission.events.emit(Noticed("warning", "line {}".format(number)))
         rig.mission.events.emit(Noticed("info", "no trouble"))
-    assert [line["text"] for line in board.part("trouble")] == ["line {}".format(number) for number in range(1, 41)]
+    assert [line["text"] for line in board.part("trouble")] == ["line {}".format(number) for number in range(61, 101)]
+    assert [line["number"] for line in board.part("story")["sentences"]] == list(range(103, 203))
 
 
 def test_calls_and_the_age_of_topics_are_part_of_the_health():
     rig = Rig()
     board = board_of(rig)
     before = board.versions["health"]
-    rig.mission.health.ended("/textToSpeech/say_text", 0.25, 60.0, True)
+    rig.mission.health.ended("/textToSpeech/say_text", 0.2516, 60.0, True)
     rig.mission.health.heard["/faceDetection/data"] = time.monotonic() - 3.0
     board.look()
     assert board.versions["health"] > before
     parts = {part["name"]: part for part in board.part("health")}
     said, seen = parts["/textToSpeech/say_text"], parts["/faceDetection/data"]
-    assert (said["calls"], said["failures"], said["seconds"], said["age"]) == (1, 1, 0.25, None)
+    assert (said["calls"], said["failures"], said["seconds"], said["age"]) == (1, 1, 0.252, None)
     assert 3.0 <= seen["age"] < 5.0
     goal = parts["/robotNavigation/set_goal"]
     assert (goal["calls"], goal["failures"], goal["seconds"], goal["age"]) == (0, 0, None, None)
@@ -251,11 +348,14 @@ def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatc
 
 def test_the_age_of_a_sign_of_life_is_told_in_tenths_of_a_second(monkeypatch):
     now = [50.0]
-    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(monotonic=lambda: now[0], time=time.time))
-    board = board_of(one_leaf("<Sleep msec='9000'/>"))
+    let_time_stand(monkeypatch, now)
+    rig = one_leaf("<Sleep msec='9000'/>")
+    rig.mission.health.heard["/faceDetection/data"] = 50.0
+    board = board_of(rig)
     found = []
     for now[0] in (50.0, 51.26, 52.9, 53.0):
         found.append(board.part("alive"))
+        assert round(now[0] - 50.0, 1) in [part["age"] for part in board.part("health")]
     assert found == [{"age": 0.0, "hangs": False}, {"age": 1.3, "hangs": False}, {"age": 2.9, "hangs": False},
                      {"age": 3.0, "hangs": True}]
 
@@ -288,7 +388,7 @@ def test_statuses_of_the_visit_before_are_gone_when_the_next_begins():
     rig.run(visitor_who(says="no"))
     assert "s" in letters(board)
     rig.mission.events.emit(PassStarted(2, rig.clock.now()))
-    assert set(letters(board)) == {"-"}
+    assert letters(board) == "-" * len(rig.tree.nodes)
 
 
 @pytest.mark.parametrize("outcome, expected", [(None, "the controller has stopped"), ("stopped", "stopped")])
@@ -324,6 +424,8 @@ def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_newest_statuses(mon
     board = board_of(rig)
     rig.tick()
     assert letters(board) == "RSR-"
+    rig.tree.halt()
+    assert letters(board) == "rsr-"
 
 
 def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():
@@ -337,15 +439,14 @@ def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():
 
 
 def test_a_visit_has_the_time_of_the_arrival_and_until_then_that_of_its_begin(monkeypatch):
-    rig, now = Rig(), [1_000_000.0]
-    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
-        monotonic=time.monotonic, time=lambda: now[0], strftime=time.strftime, localtime=time.localtime))
+    rig, now = Rig(), [0.0]
+    let_time_stand(monkeypatch, now)
     board = board_of(rig)
     for told in (None, Told("visit", "", "arrived")):
         rig.mission.events.emit(PassStarted(1, 0.0) if told is None else
                                 LeafFinished(1, "x", "x", "SUCCESS", "", 0.0, None, told))
         board.look()
-        assert board.part("story")["visit"]["time"] == time.strftime("%H:%M:%S", time.localtime(now[0]))
+        assert board.part("story")["visit"]["time"] == time_of_day(now[0])
         now[0] += 75.0
 
 
@@ -356,6 +457,18 @@ def test_the_results_of_a_node_are_forgotten_with_its_tree():
     assert len(board.node(1)["results"]) == 1
     board.show(other.tree)
     assert board.node(1)["type"] == "FollowMeSpeech" and board.node(1)["results"] == []
+
+
+def test_a_node_of_another_tree_has_not_run_since_the_first_one_did(monkeypatch):
+    now = [50.0]
+    let_time_stand(monkeypatch, now)
+    rig, other = one_leaf("<WelcomeSpeech/>", lambda request: None), one_leaf("<FollowMeSpeech/>")
+    board = board_of(rig)
+    rig.tick()
+    board.show(other.tree)
+    now[0] = 60.0
+    other.tick()
+    assert [each["seconds"] for each in board.node(1)["results"]] == [0.0]
 
 
 def test_a_change_of_health_is_shown_at_once(monkeypatch):

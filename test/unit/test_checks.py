@@ -16,6 +16,7 @@ REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Old", Kind.ACTION, AlwaysSuccess, warning="Old is another spelling of Navigate"),
     NodeSpec("Typed", Kind.ACTION, AlwaysSuccess, (Port("number", "int"), Port("flag", "bool"), Port("list", "vec_int"),
                                                    Port("out", "double", Direction.OUT), Port("text", "string"))),
+    NodeSpec("Attend", Kind.ACTION, AlwaysSuccess, names=("social", "seeking")),
 ])
 
 
@@ -52,6 +53,8 @@ RULES = {
     # the document
     "wrong root": ("<Root>\n</Root>", (1, 1), ["first element is <Root>", "must be <root>"]),
     "no tree": (root("", 'BTCPP_format="4"'), (1, 1), ["no <BehaviorTree>"]),
+    "SubTree below root": (root(tree(LEAF) + "\n <TreeNodesModel/>\n <SubTree/>"), (6, 2),
+                           ["<SubTree> lacks the attribute ID"]),
     "two models": (root(tree(LEAF) + "\n <TreeNodesModel/>\n <TreeNodesModel/>"), (6, 2),
                    ["only one <TreeNodesModel>"]),
     "stray action below root": (root(tree(LEAF) + "\n <TreeNodesModel/>\n <Action/>"), (6, 2),
@@ -107,6 +110,8 @@ RULES = {
     "a list": (main('<Typed list="1;;2"/>'), (3, 12), ["port list"]),
     "blanks around a reference": (main('<Typed number=" {k} "/>'), (3, 12), ["port number"]),
     "script syntax": (main('<Navigate _skipIf="a &lt;"/>'), (3, 15), ["the script of _skipIf", "position 3", "(a <)"]),
+    "syntax in a condition of a SubTree": (root(tree('<SubTree ID="S" _post="1 +"/>') + tree(LEAF, "S")), (3, 21), [
+        "the script of _post"]),
     "empty script": (main('<Navigate _post=""/>'), (3, 15), ["the script of _post", "Empty Script"]),
     "syntax in Script": (main('<Script code="1 +"/>'), (3, 13), ["the script of code", "position 3"]),
     "syntax in Precondition": (main('<Precondition if="("><Navigate/></Precondition>'), (3, 19), ["the script of if"]),
@@ -159,10 +164,61 @@ def test_each_rule_has_its_fault_at_its_place(rule):
     assert [word for word in words if word not in faults[0][3]] == []
 
 
+def chain(length):
+    """Return trees of which each calls the next one twice; the first unfolds to 4 * 2 ** ``length`` - 3 nodes."""
+    twice = '<BehaviorTree ID="T{0}"><Sequence><SubTree ID="T{1}"/><SubTree ID="T{1}"/></Sequence></BehaviorTree>'
+    return root("".join(twice.format(number, number + 1) for number in range(length)) + tree(LEAF, "T{}".format(length)),
+                'BTCPP_format="4" main_tree_to_execute="T0"')
+
+
+def circle(length):
+    return root("".join(tree('<SubTree ID="T{}"/>'.format((number + 1) % length), "T{}".format(number))
+                        for number in range(length)), 'BTCPP_format="4" main_tree_to_execute="T0"')
+
+
+ELEVEN = "".join(tree(LEAF, "T{}".format(number)) for number in range(11))
+MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where"/>')
+
+
+@pytest.mark.parametrize("text, expected", [
+    (main('<Navigate skipif="true"/>'), "Navigate has no port skipif (did you mean _skipIf?)"),
+    (main('<Navigate zzz="1"/>'), "Navigate has no port zzz (its ports: none)"),
+    (root(tree('<SubTree ID="Zzz"/>') + ELEVEN), "there is no tree Zzz (the trees: Main, {})".format(
+        ", ".join("T{}".format(number) for number in range(9)))),
+    (root(ELEVEN, 'BTCPP_format="4"'), "main_tree_to_execute is not given, and these trees are called by no other: {} "
+     "(name the main tree in <root main_tree_to_execute=\"…\">)".format(", ".join(
+         "T{}".format(number) for number in range(10)))),
+    (root(tree(LEAF, "Navigate"), 'BTCPP_format="4"'), "Navigate is the name of a node type; a tree cannot be called so ()"),
+    (root(tree(LEAF, "a|b\x7f:c"), 'BTCPP_format="4"'), "the ID a|b\\x7f:c contains ':' and '|' and '\\x7f'; not allowed are "
+     "blanks and any of <>&\"'/\\:*?|. ()"),
+    (circle(8), "the tree T0 contains itself: T0 > T1 > T2 > T3 > T4 > T5 > T6 > T7 > T0 ()"),
+    (circle(9), "the tree T0 contains itself: T0 > T1 > T2 > T3 > T4 > T5 > T6 > T7 > … > T0 ()"),
+    (chain(27), "the mission unfolds to 536870909 nodes; at most 250000 are allowed (call fewer SubTrees)"),
+    (chain(28), "the mission unfolds to a billion or more nodes; at most 250000 are allowed (call fewer SubTrees)"),
+    (main("<Attend/>"), "Attend takes an argument in its name, which is not given (allowed: name=\"…\" with social, "
+     "seeking)"),
+    (main('<Attend name="shy"/>'), "the name of Attend cannot be shy (allowed: name=\"…\" with social, seeking)"),
+    (main('<Attend name=" Social" mode="1"/>'), "Attend has no port mode (its argument is its name: social, seeking)"),
+    (root(tree('<SubTree ID="S" _post="1" where="1" when="2" wo="3"/>') + MODEL), "the model of S asks for the port who, "
+     "which is not given; it has no port wo (did you mean who?)"),
+    (root(tree('<SubTree ID="S" where="1" when="2"/>') + MODEL),
+     "the model of S asks for the port who, which is not given (write who=\"{who}\")"),
+])
+def test_a_fault_is_told_with_what_is_allowed_and_no_more(text, expected):
+    assert [fault[3] for fault in told(text) if not fault[2]] == [expected]
+
+
+@pytest.mark.parametrize("text, place", [
+    (root(tree(LEAF, "\n:")), (2, 17)), (root(tree('<SubTree ID="S" __autoremap="\n1"/>') + tree(LEAF, "S")), (3, 21)),
+    (main('<Sleep msec="\nsoon"/>'), (3, 12))], ids=["fault", "warning", "fault in use"])
+def test_a_value_that_begins_with_a_new_line_is_named_where_its_attribute_begins(text, place):
+    assert place in [fault[:2] for fault in told(text)]
+
+
 @pytest.mark.parametrize("name, words", [
     ("", "cannot be empty"), ("1x", "cannot start with a digit"), ("a b", "cannot contain blanks"),
     ("_skipIf", "reserved"),
-    ("ID", "reserved"), ("a:b", "cannot contain"),
+    ("ID", "reserved"), ("a:b", "cannot contain"), ("a\x7f", "cannot contain"),
 ])
 def test_names_of_ports_in_models(name, words):
     text = root(tree(LEAF) + "\n" + model('<input_port name="{}"/>'.format(name)))
@@ -175,6 +231,9 @@ WARNINGS = {
     "another format": (root(tree(LEAF), 'BTCPP_format="3"'), (1, 7), ["BTCPP_format is 3"]),
     "ignored below root": (root(tree(LEAF) + "\n<Includes/>"), (5, 1),
                            ["<Includes> below <root> is ignored", "did you mean include?"]),
+    "a node below root": (root(tree(LEAF) + "\n<Action/>"), (5, 1), ["<Action> below <root> is ignored ()"]),
+    "a node with an ID below root": (root(tree(LEAF) + '<TreeNodesModel/>\n<Action ID="x"/>'), (5, 1),
+                                     ["<Action> below <root> is ignored"]),
     "blank in an ID": (root(tree('<SubTree ID="a b"/>') + "\n" + tree(LEAF, "a b")), (5, 17),
                        ["the ID a b contains ' '", "4.10"]),
     "dot in an ID": (root(tree('<SubTree ID="a.b"/>') + "\n" + tree(LEAF, "a.b")), (5, 17),
@@ -202,9 +261,10 @@ def test_what_loads_but_is_likely_a_mistake_is_a_warning(rule):
 
 
 def test_version_3_remapping_without_braces_is_a_warning_in_files_that_do_not_say_4():
-    body = tree('<SubTree ID="S" inner="outer" n="1"/>') + tree(LEAF, "S")
+    body = tree('<SubTree ID="S" inner="outer" n="1" _x="y" yes="true"/>') + tree(LEAF, "S")
     found = told(root(body, 'main_tree_to_execute="Main"'))
-    assert [fault[:3] for fault in found if "{outer}" in fault[3]] == [(3, 21, True)]
+    assert [fault[:3] for fault in found if "BTCPP_format" not in fault[3]] == [(3, 21, True)]
+    assert "inner=\"outer\" is the text outer in version 4 (the entry of that name is written {outer})" in found[1][3]
     assert told(root(body)) == []
 
 
@@ -225,6 +285,15 @@ def test_version_3_remapping_without_braces_is_a_warning_in_files_that_do_not_sa
 ])
 def test_what_behaviortree_cpp_accepts_is_no_fault(body):
     assert told(root(tree(body) + tree(LEAF, "Other"))) == []
+
+
+@pytest.mark.parametrize("call, inside", [
+    ('<SubTree ID="S" who="1"/>', '<input_port name="who"/><MetadataFields/>'),
+    ('<SubTree ID="S"/>', '<input_port name="who" default="2"/>'),
+    ('<SubTree ID="S" _autoremap="1"/>', '<input_port name="who"/>'),
+])
+def test_what_a_model_asks_for_may_be_given_in_three_ways(call, inside):
+    assert told(root(tree(call) + tree(LEAF, "S") + model(inside))) == []
 
 
 # ------------------------------------------------------------------------------------------------------- the main tree
@@ -256,6 +325,12 @@ def test_trees_in_a_circle_leave_no_main_tree():
 def test_another_main_tree_may_be_asked_for():
     assert checked(root(TWO), main_tree="B").main == "B"
     assert [fault[:2] for fault in told(root(TWO), main_tree="C")] == [(1, 1)]
+
+
+def test_a_mission_without_a_tree_runs_the_only_one_that_it_includes():
+    included, own = parse(root(tree(LEAF, "A"), 'BTCPP_format="4"'), "lib.xml"), parse('<root BTCPP_format="4"/>', "m.xml")
+    found = check([included, own], REGISTRY, strict=True)
+    assert (found.main, found.faults) == ("A", [])
 
 
 def test_the_only_tree_of_the_mission_itself_goes_before_those_it_includes():
@@ -301,16 +376,18 @@ def test_a_tree_of_two_nodes_is_one_fault(text):
 
 
 def test_a_tree_that_is_defined_again_is_checked_too():
-    text = root(tree("<Navigat/>") + "\n" + tree(LEAF))
-    assert [fault[:3] for fault in told(text)] == [(3, 5, False), (5, 17, True)]
+    text = root(tree('<Sequence><Navigat/>\n<Typed nummber="1"/></Sequence>') + "\n" + tree(LEAF))
+    assert [fault[:3] for fault in told(text)] == [(3, 15, False), (4, 8, True), (6, 17, True)]
 
 
 def test_a_missing_file_does_not_make_its_trees_unknown(tmp_path):
     (tmp_path / "m.xml").write_text(root('<include path="lib.xml"/>' + tree('<SubTree ID="FromLib"/>')),
                                     encoding="utf-8")
-    with pytest.raises(MissionError) as caught:
-        load_mission(str(tmp_path / "m.xml"), REGISTRY)
-    assert ["lib.xml" in fault.text for fault in caught.value.faults] == [True]
+    for missing in ("lib.xml", "deep.xml"):  # the second is included by the first
+        with pytest.raises(MissionError) as caught:
+            load_mission(str(tmp_path / "m.xml"), REGISTRY)
+        assert [missing in fault.text for fault in caught.value.faults] == [True]
+        (tmp_path / "lib.xml").write_text(root('<include path="deep.xml"/>'), encoding="utf-8")
 
 
 def test_what_is_faulty_is_marked_for_the_compiler():
@@ -355,6 +432,28 @@ def test_a_number_that_is_not_read_to_its_end_is_told_with_what_is_read(body, co
     load_text(main(body), REGISTRY)
 
 
+UNITS = {"ms": 1, "msec": 1, "s": 1000, "sec": 1000, "Second": 1000, "seconds": 1000, "min": 60_000, "minute": 60_000,
+         "minutes": 60_000, "H": 3_600_000, "hour": 3_600_000, "hours": 3_600_000}
+
+
+@pytest.mark.parametrize("body, hint", [
+    ('<Sleep msec="1.5{}"/>'.format(unit), "the number is of milliseconds: 1.5{} is {:.0f}".format(unit, 1.5 * length))
+    for unit, length in UNITS.items() if length > 1
+] + [('<Sleep msec="20 {}"/>'.format(unit), "the number is of milliseconds: 20 {} is 20".format(unit))
+     for unit in ("ms", "msec")] + [
+    ('<Sleep msec="0,5 s "/>', "the number is of milliseconds: 0,5 s  is 500"),
+    ('<Sleep msec="2 rounds"/>', "the type is uint"),
+    ('<Typed number="2 s"/>', "the type is int"),
+    ('<Typed number="-12\'345 678"/>', "a number has no separators: write -12345678"),
+    ('<Typed number="1,5"/>', "the type is int, without fraction"),
+    ('<Typed number="12e2"/>', "the type is int: write 1200"),
+    ('<Typed out="1,25"/>', "write 1.25"),
+    ('<Typed out="1 m"/>', "the type is double"),
+])
+def test_what_may_be_meant_by_a_number_that_is_not_read_to_its_end(body, hint):
+    assert [fault.hint for fault in checked(main(body)).faults] == [hint]
+
+
 @pytest.mark.parametrize("queue", ["a;b", "{items}", "=", "1 a;2"])
 def test_a_list_that_is_no_list_of_numbers_is_not_judged_as_one(queue):
     assert warned(main('<LoopString queue="{}" value="{{v}}"><Navigate/></LoopString>'.format(queue))) == []
@@ -390,10 +489,7 @@ def timed(text):
 
 
 def test_a_mission_that_unfolds_without_end_is_refused_before_it_is_built():
-    twice = '<BehaviorTree ID="T{0}"><Sequence><SubTree ID="T{1}"/><SubTree ID="T{1}"/></Sequence></BehaviorTree>'
-    trees = "".join(twice.format(
-        number, number + 1) for number in range(64)) + tree(LEAF, "T64")
-    errors = timed(root(trees, 'BTCPP_format="4" main_tree_to_execute="T0"')).errors
+    errors = timed(chain(64)).errors
     assert len(errors) == 1 and str(MOST_NODES) in errors[0].text
 
 
@@ -415,11 +511,13 @@ def test_the_length_of_a_script_has_an_end(length, is_taken):
 def test_a_thousand_faults_are_told(faults):
     found = checked(main("<Sequence>{}</Sequence>".format("<Nope/>" * faults))).faults
     assert len([fault for fault in found if fault.line]) == min(faults, 1000)
-    assert [str(fault) for fault in found if not fault.line] == ["m.xml: 1 more faults are not shown"] * (faults > 1000)
+    assert [fault[:4] for fault in found if not fault.line] == [
+        ("m.xml", 0, 0, "1 more faults are not shown")] * (faults > 1000)
 
 
-def test_a_thousand_warnings_are_told():
-    found = checked(main("<Sequence>{}</Sequence>".format('<Old/>' * 1001))).faults
+@pytest.mark.parametrize("inside", ["<Old/>", "a text <Navigate/>"])
+def test_a_thousand_warnings_are_told(inside):
+    found = checked(root(tree("<Sequence>{}</Sequence>".format(inside * 1001)), 'main_tree_to_execute="Main"')).faults
     assert [fault.is_warning for fault in found] == [True] * 1000
 
 

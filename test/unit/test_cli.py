@@ -14,6 +14,8 @@ from behavior_controller import cli, folders, leaves
 from behavior_controller.bt.checking.palette import tree_nodes_model
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
+from behavior_controller.errors import Fault
+from behavior_controller.validation import as_json
 
 EXECUTABLES = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)))
 LAB_TOUR = folders.mission("lab_tour")
@@ -69,6 +71,14 @@ def test_json_holds_all_that_an_editor_needs(file, capsys):
     assert literal["code"] == "wrong-literal"
     assert cli.validate(["--json", LAB_TOUR]) == 0
     assert json.loads(capsys.readouterr().out) == []
+
+
+@pytest.mark.parametrize("place, expected", [
+    ((3, 5), {"start": {"line": 3, "column": 5}, "end": {"line": 3, "column": 5}}), ((0, 0), None)])
+def test_json_of_a_fault_whose_end_or_place_is_not_known(place, expected):
+    fault = Fault("places.dat", *place, "odd", "mend it", True)
+    assert as_json(fault) == {"file": "places.dat", "range": expected, "severity": "warning", "code": "", "text": "odd",
+                              "hint": "mend it"}
 
 
 def test_arguments_that_ros_adds_are_passed_over(file):

@@ -7,9 +7,10 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.bt import rules
-from behavior_controller.bt.language import document
+from behavior_controller.bt.language import document, packages
 from behavior_controller.bt.language.document import parse, read, with_includes
 from behavior_controller.bt.language.markup import repaired
+from behavior_controller.bt.language.packages import package_folder
 from behavior_controller.errors import MissionError
 
 LEAF = "<AlwaysSuccess/>"
@@ -114,14 +115,43 @@ def test_places_after_comments_and_in_tags_of_several_lines(line_end):
     assert other.place() == (9, 1)
 
 
+def test_an_attribute_begins_with_its_name_whatever_its_value_begins_with():
+    leaf = node(mission('\n<Script code="\na := 1"/>'))
+    assert leaf.place("code") == (2, 9)
+    assert leaf.fault(rules.NO_TREE, "x", attribute="code").line == 2
+
+
 def test_an_attribute_is_not_found_inside_the_value_of_another():
     assert node(mission('\n<Script code="name=\'x\' 1" name="y"/>')).place("name") == (2, 27)
+
+
+@pytest.mark.parametrize("at, place", [
+    (0, (2, 9)), (1, (2, 9)), (2, (2, 9)), (3, (3, 1)), (5, (3, 6)), (6, (3, 7)), (7, (4, 1)), (8, (4, 2)), (99, (4, 3)),
+])
+def test_a_fault_stands_at_the_line_of_its_character_in_a_value_of_several_lines(at, place):
+    fault = node(mission('\n<Script code="a;\n&lt; b\r\n c"/>')).fault(rules.NO_TREE, "x", attribute="code", at=at)
+    assert (fault.line, fault.column, fault.end_line, fault.end_column) == place + (4, 4)
 
 
 def test_a_fault_is_one_line_whatever_it_quotes():
     fault = parse(mission(), "m.xml").root.fault(rules.NO_TREE, "x\n\x1b[31m" + "y" * 1000)
     assert "\n" not in str(fault) and "\x1b" not in str(fault)
-    assert len(fault.text) < 320
+    assert len(parse(mission()).root.fault(rules.NO_TREE, "y" * 301).text) == 300
+
+
+def test_texts_are_told_beside_tags_with_raw_ampersands_too():
+    text = ('<root a="&"><BehaviorTree ID="Main"><Script code="1 && 2"/>first</BehaviorTree>'
+            '<TreeNodesModel a="&"> a description </TreeNodesModel>second</root>')
+    assert [fault.text for fault in parse(text).stray_text(9)] == ["this text is dropped: first",
+                                                                   "this text is dropped: second"]
+
+
+@pytest.mark.parametrize("rule, said, is_warning", [
+    (rules.NO_TREE, None, False), (rules.STRAY_TEXT, None, True), (rules.NO_TREE, True, True),
+    (rules.STRAY_TEXT, False, False),
+])
+def test_a_fault_is_a_warning_if_its_rule_is_unless_it_is_said(rule, said, is_warning):
+    assert parse(mission()).root.fault(rule, "x", is_warning=said).is_warning is is_warning
 
 
 # ---------------------------------------------------------------------------------------------------- malformed markup
@@ -139,6 +169,8 @@ def test_a_fault_is_one_line_whatever_it_quotes():
     ("<root>\n  <a\n  <b/></root>", (2, 3), "<a> is not ended with >"),
     ("<root>\n  <a x=1/></root>", (2, 6), "x must stand in quotes"),
     ("<root>\n  <a x/></root>", (2, 6), "x has no value"),
+    ('<root>\n  <a x="1 < 2" y/></root>', (2, 16), "y has no value"),
+    ('<root>\n  <a x="1\n2" y/></root>', (3, 4), "y has no value"),
     ('<root>\n  <a x="1"y="2"/></root>', (2, 11), "blank is missing before y"),
     ('<root>\n  <a x="1"\n     x="2"/></root>', (3, 6), "x is given twice"),
     ('<root>\n  <a x="1/></root>', (2, 6), "x has no closing quote"),
@@ -170,8 +202,16 @@ def test_a_fault_is_one_line_whatever_it_quotes():
 def test_markup_faults_have_a_place(text, place, words):
     fault = faults_of(text)[0]
     assert (fault.file, fault.line, fault.column) == ("m.xml",) + place
+    assert (fault.end_line, fault.end_column) == (place[0], place[1] + 1)
     assert words in fault.text
     assert not fault.is_warning
+
+
+@pytest.mark.parametrize("text, hint", [
+    ("<root><a></b></a></root>", "</a> is due"), ("<root></root></root>", ""),
+])
+def test_what_a_tag_that_closes_nothing_is_instead_of(text, hint):
+    assert faults_of(text)[0].hint == hint
 
 
 def test_all_markup_faults_of_a_file_are_told():
@@ -253,6 +293,11 @@ def test_the_limits_of_the_markup(most, make, words):
         parse(make(most + 1))
 
 
+def test_what_is_as_long_as_allowed_is_not_what_is_wrong():
+    fault = faults_of('<{} {}="{}" x/>'.format("t" * 300, "n" * 300, "1" * 100_000))[0]
+    assert fault.text == "the attribute x has no value"
+
+
 def test_the_number_of_tags_has_an_end():
     tags = "<root>{}</root>".format("<a/>" * 399_998)
     assert repaired(tags) == tags
@@ -302,6 +347,7 @@ def test_unreadable_files(tmp_path, name, words):
     with pytest.raises(MissionError) as caught:
         read(os.path.join(str(tmp_path), name))
     assert words in str(caught.value) and "\n" not in str(caught.value)
+    assert (caught.value.faults[0].line, caught.value.faults[0].column) == (0, 0)
 
 
 def test_a_pipe_is_not_waited_for(tmp_path):
@@ -360,6 +406,36 @@ def test_includes_without_a_path_or_with_ros_pkg(tmp_path):
     faults = included_faults(path)
     assert [(fault.line, fault.column) for fault in faults] == [(2, 1), (3, 10), (5, 2)]
     assert "ros_pkg" in faults[2].text
+
+
+def packages_below(folder, *names):
+    """Make the package.xml of each of ``names``, which are ``path=name``."""
+    for path, name in (text.split("=") for text in names):
+        (folder / path).mkdir(parents=True)
+        (folder / path / "package.xml").write_text("<package><name>{}</name></package>".format(name))
+
+
+@pytest.mark.parametrize("name, found", [
+    ("direct", "one/direct"), ("below", "one/a/b"), ("twice", "one/b/first"), ("second", "two/c"),
+    ("in_a_package", None), ("ignored", None), ("hidden", None), ("nameless", None), ("misnamed", None), ("", None),
+])
+def test_where_a_ros_package_is(tmp_path, monkeypatch, name, found):
+    packages_below(tmp_path, "one/direct=direct", "one/a/b=below", "one/b/second=twice", "one/b/first=twice",
+                   "one/a/b/c=in_a_package", "one/d/e=ignored", "one/.f/g=hidden", "one/misnamed=another", "two/c=second")
+    (tmp_path / "one" / "d" / "CATKIN_IGNORE").write_text("")
+    (tmp_path / "one" / "nameless").mkdir()
+    (tmp_path / "one" / "nameless" / "package.xml").write_text("<package/>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(["", str(tmp_path / "one"), str(tmp_path / "two")]))
+    assert package_folder(name) == (found and str(tmp_path / found))
+
+
+@pytest.mark.parametrize("most, found", [(3, None), (4, "b")])
+def test_the_number_of_folders_where_packages_are_looked_for_has_an_end(tmp_path, monkeypatch, most, found):
+    packages_below(tmp_path / "one", "a=other")
+    packages_below(tmp_path / "two", "b=wanted")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([str(tmp_path / "one"), str(tmp_path / "two")]))
+    monkeypatch.setattr(packages, "MOST_FOLDERS", most)
+    assert package_folder("wanted") == (found and str(tmp_path / "two" / found))
 
 
 @pytest.mark.parametrize("length, faults", [(50, 0), (51, 1), (100, 1)])

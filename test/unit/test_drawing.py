@@ -11,6 +11,7 @@ import pytest
 
 from behavior_controller.cli import create_tree
 from behavior_controller.leaves import data
+from behavior_controller.watch import drawing
 from behavior_controller.watch.drawing import svg
 from mission_rig import one_leaf
 
@@ -39,6 +40,26 @@ def test_what_is_below_a_node_that_is_left_out_hangs_below_the_nearest_one_above
     assert [node.name for node in rig.tree.nodes[2:4]] == ["Fallback", "Inverter"]
     assert [(one, other.split()[0]) for one, other in edges] == [("root", name) for name in "abcd"]
     assert [node.parent.uid for node in rig.tree.nodes[1:]] == [1, 1, 3, 4, 3, 1]  # the tree that runs is as it was
+
+
+FAILS = "#!/bin/sh\necho 'too many edges' >&2\nexit 1\n"
+
+
+@pytest.mark.parametrize("program, most, expected", [
+    (None, 3, "graphviz is not installed: apt-get install graphviz"),
+    ("", 2, "the tree has 3 nodes; trees of at most 2 are drawn"), (FAILS, 3, "graphviz cannot draw the tree: too many edges"),
+    ("#!/bin/sh\nexit 7\n", 3, "graphviz cannot draw the tree: Command '['nice', 'dot', '-Tsvg']' returned non-zero exit status 7.")])
+def test_what_cannot_be_drawn_says_why(tmp_path, monkeypatch, program, most, expected):
+    if program is not None:
+        (tmp_path / "dot").write_text(program)
+        (tmp_path / "dot").chmod(0o755)
+    os.symlink(shutil.which("nice"), str(tmp_path / "nice"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(drawing, "MOST_NODES", most)
+    tree = one_leaf("<Sequence><Inverter><Sleep msec='1'/></Inverter><Sleep msec='1'/></Sequence>").tree
+    with pytest.raises(drawing.NotDrawn) as reason:
+        svg(tree, "root", {2})
+    assert str(reason.value) == expected
 
 
 def test_the_subtrees_fold():

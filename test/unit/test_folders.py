@@ -32,6 +32,7 @@ def put_files(place):
 def test_in_the_source_tree(tmp_path):
     put_package(tmp_path / "package" / "src")
     put_files(tmp_path / "package")
+    (tmp_path / "package" / "src" / "data").mkdir()  # something else: there is no config beside it
     assert share_of(tmp_path / "package" / "src") == str(tmp_path / "package")
 
 

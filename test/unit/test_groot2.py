@@ -1,4 +1,5 @@
 """Groot2's protocol over real sockets: as captured from the library's publisher, and robust against any client."""
+import errno
 import json
 import os
 import random
@@ -408,6 +409,7 @@ def test_twenty_lines_about_hooks_are_told_in_a_second(served, monkeypatch):
     assert served.told("is set", 20)
     now[0] = begin + 1.0
     assert served.told("Groot2: 5 more changes of breakpoints and replacements in one second", 1)
+    assert len(served.warnings) == 21
 
 
 def test_nothing_listens_after_the_end(served):
@@ -416,8 +418,13 @@ def test_nothing_listens_after_the_end(served):
     served.client().ask("S")
     served.close()
     for port in (served.port, served.port + 1):
-        with pytest.raises(ConnectionRefusedError):
-            socket.create_connection(("127.0.0.1", port), timeout=5).close()
+        assert is_refused(port)
+    assert served.warnings == []
+
+
+def is_refused(port):
+    with socket.socket() as client:
+        return client.connect_ex(("127.0.0.1", port)) == errno.ECONNREFUSED
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
@@ -444,6 +451,18 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
                          "Groot2 is cut off by an internal error; its breakpoints and replacements are removed"]
 
 
+def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(served, monkeypatch):
+    tree = tree_of('<Act name="a"/>', a="S")
+    served.show(tree)
+    client = served.client()
+    client.ask("I", hook(1, mode=0, status="SKIPPED"))
+    assert tree.tick_exactly_once() is RUNNING
+    monkeypatch.setattr(groot2, "PACE", "an internal error")
+    client.ask("S")
+    assert served.told("Groot2 is cut off by an internal error; its breakpoints and replacements are removed", 1)
+    assert tree.tick_exactly_once() is SUCCESS
+
+
 def test_nodes_without_hooks_are_left_alone(served):
     tree = tree_of('<Sequence><Act name="a"/><Act name="b"/></Sequence>', a="S", b="S")
     served.show(tree)
@@ -460,12 +479,22 @@ def test_nodes_without_hooks_are_left_alone(served):
 # ------------------------------------------------------------------------------------------------------ what may happen
 
 
-def test_a_port_that_is_taken_is_one_line(served):
-    warnings = []
-    other = Groot2Publisher("127.0.0.1", served.port, SPECS, warnings.append)
-    other.show(tree_of('<Act name="a"/>', a="S"))
-    other.close()
-    assert len(warnings) == 1 and str(served.port) in warnings[0] and "groot2Port" in warnings[0]
+@pytest.mark.parametrize("taken", [0, 1])
+def test_a_port_that_is_taken_is_one_line(taken):
+    warnings, port = [], free_ports()
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", port + taken))
+        other.listen()
+        publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append)
+        publisher.show(tree_of('<Act name="a"/>', a="S"))
+        assert is_refused(port + 1 - taken)
+        publisher.close()
+    assert warnings == ["Groot2 cannot connect: 127.0.0.1:{} cannot be opened (Address already in use); "
+                        "set groot2Port to another port, or to 0".format(port + taken)]
+
+
+def test_before_there_is_a_tree_a_request_is_answered(served):
+    assert served.client().ask("S") == "no tree yet"
 
 
 def test_a_new_tree_has_another_uuid_and_lets_the_old_ones_breakpoint_go(served):
@@ -478,6 +507,16 @@ def test_a_new_tree_has_another_uuid_and_lets_the_old_ones_breakpoint_go(served)
     assert b'<Cond name="c"' in client.ask("T") and client.uuid != before
     assert old.tick_exactly_once() is SUCCESS
     assert client.ask("D") == b"[]"
+    assert served.told("removed: another mission follows", 1)
+
+
+def test_reals_take_four_bytes_where_that_loses_nothing(served):
+    tree = tree_of("<Script code=\"big := 1e300; half := 0.5; third := 0.1; word := 'x'\"/>")
+    served.show(tree)
+    tree.tick_exactly_once()
+    data = served.client().ask("B", "M")
+    assert data == b"\x81\xa1M\x84\xa3big\xcb" + struct.pack(">d", 1e300) + b"\xa4half\xca" + struct.pack(
+        ">f", 0.5) + b"\xa5third\xcb" + struct.pack(">d", 0.1) + b"\xa4word\xa1x"
 
 
 def test_the_missions_own_records_are_shown(served):
@@ -497,7 +536,12 @@ def test_transitions_keep_the_newest_thousand(served):
     client.ask("r", "start")
     for _ in range(600):
         tree.tick_exactly_once()
-    assert len(client.ask("t")) == 9 * 1000
+    taken = client.ask("t")
+    assert len(taken) == 9 * 1000
+    assert int.from_bytes(taken[-9:-3], "little") < 60_000_000  # microseconds since the recording began
+    tree.tick_exactly_once()
+    client.ask("r", "start")
+    assert client.ask("t") == b""  # a recording that begins has nothing of the one before
 
 
 def test_garbage_is_answered_and_forgotten(served):
@@ -517,6 +561,13 @@ def test_garbage_is_answered_and_forgotten(served):
     client.ask("A")
     assert tree.tick_exactly_once() is SUCCESS
     assert client.statuses() == {1: 12}
+
+
+def test_a_client_whose_requests_are_longer_than_the_answers_is_served_on(served):
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    client = served.client()
+    for _ in range(40):  # more than a client may send of a request that does not end
+        assert len(client.ask("S", 1000 * "x")) == 3
 
 
 def test_clients_that_come_and_go_leave_nothing_behind(served):

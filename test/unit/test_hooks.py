@@ -146,3 +146,117 @@ def test_the_operator_is_told_that_a_hook_is_removed():
     hooks.remove(AFTER, 1)
     tree.tick_exactly_once()
     assert lines[-1] == "Groot2: breakpoint after {} is removed".format(tree.root.full_path)
+
+
+def steps(body, *actions):
+    """Carry out each action, then tick; return the results and the lines about hooks without what all of them begin with."""
+    tree, hooks, lines = hooked(body)
+    results = []
+    for action in actions:
+        action(hooks)
+        results.append(tree.tick_exactly_once())
+    path = tree.root.full_path
+    return results, [line.replace("Groot2: ", "").replace(path + " ", "") for line in lines], hooks
+
+
+def sets(position=BEFORE, mode=BREAKPOINT, once=False, enabled=True, status="FAILURE"):
+    return lambda hooks: hooks.insert([Hook(1, position, mode, once, enabled, status)])
+
+
+def unlocks(status="SKIPPED", remove=False, position=BEFORE):
+    return lambda hooks: hooks.unlock(position, 1, status, remove)
+
+
+WAITS, DISABLES, REMOVES_ALL = (lambda hooks: None), Hooks.disable_all, Hooks.remove_all
+REMOVES = lambda hooks: hooks.remove(BEFORE, 1, ": so")  # noqa: E731
+HOLDS = ["breakpoint before is set", "breakpoint before holds the node"]
+DECIDES = "breakpoint before decides FAILURE and the node is not run"
+
+
+@pytest.mark.parametrize("actions, results, lines", [
+    ([sets(), WAITS, unlocks()], [RUNNING, RUNNING, SUCCESS], HOLDS + ["breakpoint before lets the node go on"]),
+    ([sets(), unlocks("FAILURE"), WAITS], [RUNNING, FAILURE, RUNNING],
+     HOLDS + ["breakpoint before lets the node go on", DECIDES, "breakpoint before holds the node"]),
+    ([sets(), unlocks("FAILURE", True), WAITS], [RUNNING, FAILURE, SUCCESS],
+     HOLDS + ["breakpoint before lets the node go on", DECIDES, "breakpoint before is removed"]),
+    ([sets(once=True), unlocks(), WAITS], [RUNNING, SUCCESS, SUCCESS],
+     HOLDS + ["breakpoint before lets the node go on", "breakpoint before is removed"]),
+    ([sets(), DISABLES, WAITS], [RUNNING, SUCCESS, SUCCESS], HOLDS + ["breakpoint before is disabled"]),
+    ([sets(), sets(enabled=False)], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is set, but disabled"]),
+    ([sets(), sets(), unlocks()], [RUNNING, RUNNING, SUCCESS], HOLDS + [
+        "breakpoint before is set", "breakpoint before lets the node go on"]),
+    ([sets(), REMOVES], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed: so"]),
+    ([sets(), REMOVES_ALL], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed"]),
+    ([sets(), REMOVES, sets()], [RUNNING, SUCCESS, RUNNING], HOLDS + ["breakpoint before is removed: so"] + HOLDS),
+    ([sets(), sets(mode=REPLACE), unlocks()], [RUNNING, RUNNING, SUCCESS],  # as in the library, it waits to be let go
+     HOLDS + ["replacement before is set to FAILURE", "replacement before lets the node go on"]),
+    ([sets(AFTER), sets(AFTER, REPLACE), unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS],
+     ["breakpoint after is set", "breakpoint after holds the node", "replacement after is set to FAILURE",
+      "replacement after lets the node go on"]),
+    ([unlocks(), REMOVES, WAITS], [SUCCESS] * 3, []),
+    ([sets(AFTER), WAITS, unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS],
+     ["breakpoint after is set", "breakpoint after holds the node", "breakpoint after lets the node go on"]),
+    ([sets(AFTER), unlocks("FAILURE", position=AFTER), WAITS], [RUNNING, FAILURE, RUNNING],
+     ["breakpoint after is set", "breakpoint after holds the node", "breakpoint after lets the node go on",
+      "breakpoint after decides FAILURE instead of the node's SUCCESS", "breakpoint after holds the node"]),
+    ([sets(AFTER), sets(), REMOVES_ALL], [RUNNING, RUNNING, SUCCESS],
+     ["breakpoint after is set", "breakpoint after holds the node", "breakpoint before is set", "breakpoint before is removed",
+      "breakpoint after is removed"]),
+    ([sets(mode=REPLACE), WAITS, sets(mode=REPLACE)], [FAILURE] * 3,
+     ["replacement before is set to FAILURE", "replacement before decides FAILURE and the node is not run"] * 2),
+    ([sets(mode=REPLACE, status="SKIPPED")], [SUCCESS], ["replacement before is set to SKIPPED"]),
+    ([sets(mode=REPLACE, enabled=False), sets(mode=REPLACE)], [SUCCESS, FAILURE],
+     ["replacement before is set to FAILURE, but disabled", "replacement before is set to FAILURE",
+      "replacement before decides FAILURE and the node is not run"]),
+    ([sets(mode=REPLACE), DISABLES], [FAILURE, SUCCESS],
+     ["replacement before is set to FAILURE", "replacement before decides FAILURE and the node is not run",
+      "replacement before is disabled"])])
+def test_what_hooks_do_tick_by_tick_and_what_the_operator_is_told(actions, results, lines):
+    assert steps("<Probe/>", *actions)[:2] == (results, lines)
+
+
+def test_hooks_that_are_disabled_are_still_there():
+    hooks = steps("<Probe/>", sets(), DISABLES)[2]
+    assert hooks.all() == [Hook(1, BEFORE, BREAKPOINT, False, False, "FAILURE")] and hooks
+    hooks.remove_all()
+    assert hooks.all() == [] and not hooks
+
+
+def test_a_node_without_hooks_is_left_alone_again():
+    tree, hooks, _ = hooked("<Probe/>")
+    hooks.insert([Hook(1, AFTER, BREAKPOINT, True, True, "SKIPPED")])
+    assert tree.tick_exactly_once() is RUNNING and tree.root.hook is not None and tree.root.hook.is_holding
+    hooks.unlock(AFTER, 1, "SKIPPED", False)
+    assert tree.tick_exactly_once() is SUCCESS and tree.root.hook is None
+    hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
+    assert tree.tick_exactly_once() is RUNNING
+    hooks.remove(BEFORE, 1)
+    tree.sleep(0.0)  # the tick thread carries it out
+    assert tree.root.hook.is_holding
+    tree.halt()
+    assert tree.root.hook is None
+    hooks.insert([Hook(1, BEFORE, REPLACE, False, True, "SKIPPED")])
+    hooks.remove(BEFORE, 1)
+    tree.sleep(0.0)
+    assert tree.root.hook is None
+
+
+def test_a_change_of_hooks_wakes_the_tree_and_a_breakpoint_that_is_reached_is_reported_once():
+    tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Probe/></BehaviorTree></root>", Registry(SPECS))
+    reached = []
+    hooks = Hooks(tree, reached.append, lambda line: None)
+    tree.wake.test_and_clear()
+    hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
+    assert tree.wake.test_and_clear()
+    assert [tree.tick_exactly_once() for _ in range(3)] == [RUNNING] * 3 and reached == [1]
+    tree.halt()
+    assert tree.tick_exactly_once() is RUNNING and reached == [1, 1]
+
+
+def test_a_node_that_worked_before_it_waited_is_halted():
+    tree, hooks, _ = hooked("<Busy/>")
+    assert tree.tick_exactly_once() is RUNNING
+    hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
+    assert tree.tick_exactly_once() is RUNNING
+    tree.halt()
+    assert tree.root.halted == 1 and tree.is_idle

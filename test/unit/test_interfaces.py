@@ -2,13 +2,15 @@
 import hashlib
 import math
 import os
+from types import SimpleNamespace
 
 import pytest
 
-from behavior_controller.interface import Sense, release_1_0
-from behavior_controller.interface.document import INTERFACE
-from behavior_controller.interface.records import (AttentionStatus, Faces, GoTo, Location, PerformGesture, Point, Prompt,
-                                                   QueryKnowledge, Say, SetAnimation, SetAttention, SetPose)
+from behavior_controller.interface import Interface, Sense, Unusable, release_1_0
+from behavior_controller.interface.document import FACES, INTERFACE
+from behavior_controller.interface.records import (AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point,
+                                                   Prompt, QueryKnowledge, Request, Say, SetAnimation, SetAttention,
+                                                   SetPose, SetRecognition, SetRecognitionLanguage)
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -168,6 +170,45 @@ def status(state, value):
     return AttentionStatus(state, value)
 
 
+RELEASE_SERVICES = [
+    (SetAnimation("enabled"), "/animateBehaviour/setActivation", "animateBehavior", "animateBehaviorService", ("enabled",),
+     ("success", "1", "0")),
+    (SetPose(Location(2.0, 3.5, 90.0)), "/robotLocalization/set_pose", "robotLocalization", "robotPoseService",
+     (2.0, 3.5, 90.0), ("success", True, False)),
+    (SetRecognition(True), "/speechEvent/set_enabled", "speechEvent", "speechEnabledService", ("true",), ("response", 1, 0)),
+    (SetRecognition(False), "/speechEvent/set_enabled", "speechEvent", "speechEnabledService", ("false",),
+     ("response", 1, 0)),
+    (SetRecognitionLanguage("IsiZulu"), "/speechEvent/set_language", "speechEvent", "speechLanguageService", ("IsiZulu",),
+     ("response", 1, 0)),
+    (Prompt(("Yes", "No")), "/tabletEvent/prompt_and_get_response", "tabletEvent", "tabletPromptService", ("'Yes'|'No'",),
+     ("success", True, False)),
+    (Say("Sawubona", "IsiZulu"), "/textToSpeech/say_text", "textToSpeech", "sayTextService", ("Sawubona", "IsiZulu"),
+     ("success", True, False)),
+]
+
+
+@pytest.mark.parametrize("request_, name, node, type_, fields, success", RELEASE_SERVICES)
+def test_a_service_is_called_as_release_1_0_publishes_it(request_, name, node, type_, fields, success):
+    service = release_1_0.INTERFACE.service(type(request_))
+    assert (service.name, service.node, service.type) == (name, node, "cssr_system/" + type_)
+    assert service.fields(request_) == fields
+    assert tuple(service.success) == success
+    assert [type(value) for value in service.success] == [type(value) for value in success]
+
+
+@pytest.mark.parametrize("name, is_continuous", [("/overtAttention/mode", True), ("/speechEvent/text", False)])
+def test_each_topic_of_release_1_0_is_declared(name, is_continuous):
+    assert release_1_0.INTERFACE.topic(name).is_continuous is is_continuous
+
+
+@pytest.mark.parametrize("transcription, text", [(" yes please ", "yes please"), (" ", None), ("", None)])
+def test_speech_may_come_as_the_result_of_an_action(transcription, text):
+    action = release_1_0.INTERFACE.topic("/speechEvent/text").action
+    assert (action.name, action.type) == ("/speechEvent/recognise_speech_action", "cssr_system/recogniseSpeech")
+    assert action.goal(10.0) == (10.0,)
+    assert action.read(SimpleNamespace(transcription=transcription)) == text
+
+
 @pytest.mark.parametrize("sense, given, others, wait", [
     (Sense.VISITOR, status("scanning", 2), [status("scanning", 1), status("scanning", 3), status("social", 2)], math.inf),
     (Sense.PRESENCE, status("social", 2), [status("social", 1), status("seeking", 2)], 10.0),
@@ -178,6 +219,8 @@ def test_what_tells_of_a_visitor(sense, given, others, wait):
     assert (evidence.topic.name, evidence.wait) == ("/overtAttention/mode", wait)
     assert evidence.is_given(given, 2)
     assert not any(evidence.is_given(other, 2) for other in others)
+    given_up = [each for each in [given] + others if evidence.is_given_up(each)]
+    assert given_up == ([status("seeking", 3)] if sense is Sense.GAZE else [])
 
 
 def test_on_the_document_s_robot_a_face_tells_of_presence():
@@ -186,12 +229,66 @@ def test_on_the_document_s_robot_a_face_tells_of_presence():
     assert evidence.is_given(Faces(("1",), (False,)), 1) and not evidence.is_given(Faces((), ()), 1)
 
 
+@pytest.mark.parametrize("gaze_value", [1, 2])
+def test_on_the_document_s_robot_the_configured_value_tells_of_gaze(gaze_value):
+    evidence = INTERFACE.evidence(Sense.GAZE)
+    assert evidence.is_given(status("seeking", gaze_value), gaze_value)
+    assert not evidence.is_given(status("seeking", 3 - gaze_value), gaze_value)
+    assert not evidence.is_given(status("social", gaze_value), gaze_value)
+
+
+def test_an_exhibit_without_a_place_is_unusable():
+    answer = INTERFACE.service(QueryKnowledge).answer
+
+    def response(*numbers):
+        names = ("x", "y", "theta"), ("x", "y", "z")
+        location, gesture = (SimpleNamespace(**dict(zip(each, part))) for each, part in zip(
+            names, (numbers[:3], numbers[3:])))
+        return SimpleNamespace(exhibits=[SimpleNamespace(
+            name="Forge", description1="a", description2="b", location=location, gesture=gesture)])
+
+    assert answer(response(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)).exhibits == (
+        Exhibit("Forge", "a", "b", Location(1.0, 2.0, 3.0), Point(4.0, 5.0, 6.0)),)
+    for numbers in ((math.nan, 2.0, 3.0, 4.0, 5.0, 6.0), (1.0, 2.0, 3.0, 4.0, 5.0, math.inf)):
+        with pytest.raises(Unusable, match="^'Forge' has a coordinate that is not a number: "):
+            answer(response(*numbers))
+
+
 def test_the_knowledge_is_asked_of_files_in_release_1_0_alone():
     assert (INTERFACE.resource(QueryKnowledge), release_1_0.INTERFACE.resource(QueryKnowledge)) == (
         "/knowledgeBase/query", "the knowledge files")
     assert release_1_0.INTERFACE.serves(QueryKnowledge) and not INTERFACE.serves(SetPose)
     with pytest.raises(LookupError, match="QueryKnowledge"):
         release_1_0.INTERFACE.service(QueryKnowledge)
+
+
+def test_what_only_one_of_the_robots_offers():
+    robots = (INTERFACE, release_1_0.INTERFACE)
+    assert [robot.tells(FACES) for robot in robots] == [True, False]
+    assert [robot.tells(Sense.PRESENCE) for robot in robots] == [True, True]
+    assert [robot.tells_pressed for robot in robots] == [True, False]
+    assert not any(robot.serves(Request) for robot in robots)
+
+
+def test_any_speech_is_an_utterance_for_which_the_robot_goes_on_to_listen():
+    for robot in (INTERFACE, release_1_0.INTERFACE):
+        evidence = robot.evidence(Sense.UTTERANCE)
+        assert evidence.is_given("yes", 1) and not evidence.is_given_up("yes")
+
+
+def test_a_declaration_that_contradicts_itself_is_refused():
+    say, (tell,) = INTERFACE.service(Say), [each for each in release_1_0.SERVICES if each.request is Say]
+    with pytest.raises(ValueError, match="^/textToSpeech/say_text and /textToSpeech/say_text are both declared for Say$"):
+        Interface("twice", (say, tell), (), (), {})
+    with pytest.raises(LookupError, match="no service is declared for the request SetAttention"):
+        Interface("unsafe", (say,), (), (SetAttention("disabled"),), {})
+
+
+@pytest.mark.parametrize("request_, doing", [
+    (SetAnimation("enabled"), "starting lifelike movement"), (SetAnimation("disabled"), "stopping lifelike movement"),
+    (SetRecognition(True), "switching speech recognition on"), (SetRecognition(False), "switching speech recognition off")])
+def test_what_is_switched_on_or_off_is_told_so(request_, doing):
+    assert tuple(request_.words) == (doing, "", "", "notice")
 
 
 def test_what_a_robot_of_release_1_0_may_lack():

@@ -260,6 +260,8 @@ def test_a_mistake_in_the_environment_file(old, new, expected):
       "(add a line: phraseLanguage <one of English, IsiZulu, Kinyarwanda>)"]),
     ("utilityPhraseEnglish6       phrase 6", "", ["c: the required key utilityPhraseEnglish6 is missing "
                                                   "(add a line: utilityPhraseEnglish6 <text>)"]),
+    ("utilityPhraseEnglish7       phrase 7", "", ["c: the required key utilityPhraseEnglish7 is missing "
+                                                  "(add a line: utilityPhraseEnglish7 <text>)"]),
     ("utilityPhraseEnglish6       phrase 6", "utilityPhraseEnglish6  ", ["c:9:1: utilityPhraseEnglish6 cannot be empty "
                                                                          "(allowed: the text to say)"]),
     ("utilityPhraseEnglish6 ", "utilityPhraseEnglish5 ", [

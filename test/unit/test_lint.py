@@ -107,6 +107,29 @@ CANNOT_BE_MEANT = {
     "an entry given in place of the default": ('<Sequence><Aim/><Hurry/>\n<Drive target="{gaol}"/></Sequence>', (3, 8), [
         "the entry gaol is read here, but nothing writes it"]),
     "an optional port's entry that the file gives": ('<Stroll mood="{mod}"/>', (2, 9), ["the entry mod is read here"]),
+    "any node of a kind, by its type": ('<Fallback><Begin/>\n<Action ID="Act"/></Fallback>', (3, 1), ["Act is never reached"]),
+    "what TryCatch tries": ("<TryCatch><AlwaysFailure/>\n<Act/><Act/></TryCatch>", (3, 1), ["Act is never reached"]),
+    "a watched entry without its second brace": (
+        '<Sequence><SkipUnlessUpdated\nentry="{given"><Act/></SkipUnlessUpdated></Sequence>', (3, 1),
+        ['entry="{given" names no entry (write entry="{given}")']),
+    "a brace is missing": ('<In in="{goal"/>', (2, 5), [
+        'in="{goal" is a text, no entry (the whole value is written {goal})']),
+    "an entry in a text": ('<In in="go to {goal}"/>', (2, 5), [
+        'in="go to {goal}" is a text, no entry (a text is not filled in: a reference is the whole value)']),
+    "a brace too many": ('<Sequence><Out out="{{x}"/></Sequence>', (2, 16), [
+        'out="{{x}" is the entry called "{x" (write {x})']),
+    "a brace too many at the end": ('<Sequence><Out out="{x}}"/></Sequence>', (2, 16), [
+        'out="{x}}" is the entry called "x}" (write {x})']),
+    "a choice by a text with a brace": ('<Switch2 variable="{given" case_1="a" case_2="b"><Act/><Act/><Act/></Switch2>',
+                                        (2, 10), ["is a text, no entry"]),
+    "a case in quotes": ("<Switch2 variable='{given}' case_1='a' case_2='b; '><Act/><Act/><Act/></Switch2>", (2, 40), [
+        'case_2="b; " is compared with all that stands in it (write case_2="b")']),
+    "a case twice": ("<Switch2 variable='{given}' case_1='a' case_2='a'><Act/><Act/><Act/></Switch2>", (2, 40), [
+        "case_2 is never chosen: case_1 is the same"]),
+    "an attribute whose value begins with a new line": ('<Act _skipif="\ntrue"/>', (2, 6), ["_skipif is ignored"]),
+    "an entry whose attribute begins with a new line": ('<In in="\n{goal}"/>', (2, 5), ["the entry goal is read here"]),
+    "more successes than anything has children": ('<Parallel success_count="1234567890"><Act/></Parallel>', (2, 11), [
+        'success_count="1234567890", but there are only 1 children (it will fail when it is ticked)']),
     "watched, never written": ('<SkipUnlessUpdated entry="goal"><Act/></SkipUnlessUpdated>', (2, 20),
                                ["the entry goal"]),
 }
@@ -150,9 +173,80 @@ def test_what_cannot_be_meant(rule):
     '<Act _uid="1" _fullpath="x" _description="y" _custom="z"/>',
     '<Parallel success_count="-1" failure_count="2"><Act/><Act/></Parallel>',
     '<Switch2 variable="{given}" case_1="a" case_2="b"><Act/><Act/><Act/></Switch2>',
+    '<Switch2 variable="{given}" case_1="{given}" case_2=" {given} "><Act/><Act/><Act/></Switch2>',
+    '<Precondition if="given == 1" else="{given}"><Act/></Precondition>',
+    '<Sequence><Out out="{a b}"/><In in="a b"/></Sequence>',
+    """<In in='json:["{given}"]'/>""",
+    "<TryCatch><AlwaysFailure/><Recover/></TryCatch>",
+    '<Repeat num_cycles="3"><AlwaysSuccess/></Repeat>',
+    '<UnsetBlackboard key="{x}"/>',
+    "<Out/>",
 ])
 def test_what_can_be_meant(body):
     assert warnings(body) == []
+
+
+# ------------------------------------------------------------------------------------------------------------- scripts
+
+
+SEQUENCE = '<Sequence>\n<Script code="{}"/>\n{}</Sequence>'
+SCRIPTS = {  # what the first Script says, and what follows it -> line and text of each warning
+    "the first word alone": (SEQUENCE.format("given := 1;\n given := True;\n given := null; given == 1", ""), [
+        (4, "True means nothing in a script (write true)")]),
+    "a word that is an entry": (SEQUENCE.format("not := 1; given := not", ""), []),
+    "no effect": (SEQUENCE.format("given := 1;\n given == 1; given == 2", ""), [
+        (4, "a statement of code has no effect (a value is assigned with :=)")]),
+    "two conditions": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1\n given == 2\n given == 3"/>'), [
+        (4, "a statement of code has no effect (&& or || joins two conditions)")]),
+    "no effect, and assigns": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1;\n given = 2"/>'), [
+        (4, "a statement of code has no effect (&& or || joins two conditions)"),
+        (5, "code assigns to given instead of comparing (write given == …)")]),
+    "assigns among others": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1 &amp;&amp; (given = 2)"/>'), [
+        (4, "code assigns to given instead of comparing (write given == …)")]),
+    "assigns on purpose": (SEQUENCE.format("given := 1", '<ScriptCondition code="given = 2; (a := 3) == given"/>'), []),
+    "an empty condition": (SEQUENCE.format("given := 1", '<ScriptCondition code=""/>'), []),
+    "not created, told once": (SEQUENCE.format("other := 1;\n count = 1", '<Script code="count += 1"/>'), [
+        (4, "count = …, but nothing creates the entry count (create it first: count := …)")]),
+    "not created, and not what is meant": (SEQUENCE.format("count == 1", '<Script code="count = 1"/>'), [
+        (3, "a statement of code has no effect (a value is assigned with :=)"),
+        (4, "count = …, but nothing creates the entry count (create it first: count := …)")]),
+    "created under a similar name": (SEQUENCE.format("count := 1; cuont += 1", ""), [
+        (3, "cuont += …, but nothing creates the entry cuont (did you mean count?)")]),
+    "given": (SEQUENCE.format("given = 1; @given = 2", ""), []),
+    "created by a port": (SEQUENCE.format("count = 1", '<In in="{count}"/>'), []),
+    "another kind": (SEQUENCE.format("a := 'x'; b := 2;\n a = 1", '<Script code="b = \'y\'"/>'), [
+        (4, "a is assigned a number, but elsewhere a text (the first value decides the kind of an entry)"),
+        (5, "b is assigned a text, but elsewhere a number (the first value decides the kind of an entry)")]),
+    "another kind, in an entry of others": (SEQUENCE.format("x := 'a'; x = 1; given := 'a'; given = 1",
+                                                            '<Out out="{x}"/>'), []),
+    "texts that are numbers, and what is not known": (
+        SEQUENCE.format("a := 5; a = '6'; a = 'true'; a = 'false'; a = given; a = 'b' .. 'c'; a = 0x10", ""), []),
+    "texts that are no numbers": (SEQUENCE.format("a := 1;\n a = 'untrue'", '<Script code="b := 1;\n b = \'m6\'"/>'), [
+        (4, "a is assigned a text, but elsewhere a number (the first value decides the kind of an entry)"),
+        (6, "b is assigned a text, but elsewhere a number (the first value decides the kind of an entry)")]),
+    "compared": (SEQUENCE.format("a := 1; b := 'x'; c := given; c = 1; d := a &lt; 2;\n d := a &gt;= b;\n"
+                                 " d := (a - 1) != 'y'; d := c == b;\n d := 'z' == a * 2", ""), [
+        (4, "a >= b compares a text with a number (a text needs single quotes, a number none)"),
+        (5, "… != 'y' compares a text with a number (a text needs single quotes, a number none)"),
+        (6, "'z' == … compares a text with a number (a text needs single quotes, a number none)")]),
+    "calculated": (SEQUENCE.format("a := 'x'; a += 'y'; b := a + 'z'; b := given + a; b := a .. 1;\n a += 1;\n b := a - a;\n"
+                                   " b := given * a", ""), [
+        (4, "a += 1 calculates with a text (texts are joined with ..)"),
+        (5, "a - a calculates with a text (texts are joined with ..)"),
+        (6, "given * a calculates with a text (texts are joined with ..)")]),
+}
+
+
+@pytest.mark.parametrize("rule", sorted(SCRIPTS))
+def test_what_is_said_of_a_script(rule):
+    body, expected = SCRIPTS[rule]
+    assert [(line, text) for line, _, text in warnings(body)] == expected
+
+
+def test_a_name_is_suggested_only_if_the_tree_itself_creates_it():
+    found = warnings('<Sequence><SubTree ID="Sub"/><Script code="count := 1"/></Sequence>', tree("Sub", '<Script code="cuont += 1"/>'))
+    assert [text for _, _, text in found] == [
+        "cuont += …, but nothing creates the entry cuont (create it first: cuont := …)"]
 
 
 # ------------------------------------------------------------------------------------------------------------- subtrees
@@ -188,6 +282,9 @@ def test_a_subtree_that_never_fails():
     ('<Sequence><In in="{y}"/><SubTree ID="Sub" x="{y}"/></Sequence>', '<Out out="{x}"/>', True),
     ('<SubTree ID="Sub"/>', '<Sequence><In in="{x}"/><SubTree ID="Deep" _autoremap="1"/></Sequence>', True),
     ('<SubTree ID="Sub" given="{given}"/>', '<In in="{given}"/>', True),
+    ('<SubTree ID="Sub"/>', '<In in="{ID}"/>', False),
+    ('<SubTree ID="Sub" _x="{given}"/>', '<In in="{_x}"/>', False),
+    ('<Sequence><Out out="{x}"/><SubTree ID="Sub" x="{other}" _autoremap="1"/></Sequence>', '<In in="{x}"/>', False),
 ])
 def test_entries_are_followed_through_subtrees(call, inside, is_written):
     deep = [tree("Deep", '<Out out="{x}"/>')] if "Deep" in inside else []
@@ -195,9 +292,37 @@ def test_entries_are_followed_through_subtrees(call, inside, is_written):
     assert [("nothing writes it" in text) for _, _, text in found] == ([] if is_written else [True])
 
 
-def test_an_entry_of_the_whole_mission_is_pointed_out():
-    (line, column, text), = warnings('<SubTree ID="Sub"/>', tree("Sub", '<In in="{given}"/>'))
-    assert (line, column) == (3, 28) and "that of the whole mission is @given" in text
+@pytest.mark.parametrize("main, inside, place, hint", [
+    ('<SubTree ID="Sub"/>', '<In in="{given}"/>', (3, 28), "that of the whole mission is @given"),
+    ('<Sequence><Out out="{x}"/><SubTree ID="Sub"/></Sequence>', '<In in="{x}"/>', (3, 28), "that of the whole mission is @x"),
+    ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{x}"/>', (3, 5),
+     "the tree Sub writes one of its own; that of the whole mission is @x"),
+    ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{other}"/>', (3, 5), ""),
+    ('<SubTree ID="Sub"/>', '<Drive target="1"/>', (3, 24), "Hurry or Stroll writes it"),
+    ('<SubTree ID="Sub"/>', '<Sequence><Out out="{pause}"/><In in="{paus}"/></Sequence>', (3, 58), "did you mean pause?"),
+])
+def test_an_entry_that_is_written_elsewhere_is_pointed_out(main, inside, place, hint):
+    (line, column, text), = warnings(main, tree("Sub", inside))
+    assert (line, column) == place and text.endswith("nothing writes it ({})".format(hint))
+
+
+def test_a_subtree_may_wait():
+    assert warnings('<Repeat num_cycles="-1"><SubTree ID="Sub"/></Repeat>', tree("Sub", '<Sleep msec="5"/>')) == []
+
+
+@pytest.mark.parametrize("name, more, expected", [
+    ("ab", "", None), ("abd", "", "the tree Sub uses no entry abd (did you mean abc?)"), ("xyz", "", None),
+    ("abd", "abc", "the model of Sub has no port abd (did you mean abc?)"),
+    ("xyz", "who abc", "the model of Sub has no port xyz (its ports: abc, who)"),
+    ("post", "", "post is an entry of the tree Sub, no condition (did you mean _post?)"),
+    ("abc", "who", None),
+])
+def test_what_a_subtree_is_given_and_does_not_use(name, more, expected):
+    model = '<TreeNodesModel><SubTree ID="Sub">{}</SubTree></TreeNodesModel>'.format("".join(
+        '<input_port name="{}" default="1"/>'.format(port) for port in more.split()))
+    found = warnings('<SubTree ID="Sub"\n{}="1"/>'.format(name),
+                     tree("Sub", '<Out out="{abc}"/>'), model)
+    assert found == ([] if expected is None else [(3, 1, expected)])
 
 
 @pytest.mark.parametrize("body", ['<In in="{{e{}}}"/>', '<Act _skipif="{}"/>'])
@@ -224,6 +349,11 @@ def test_an_entry_is_misspelt_if_it_is_named_once_only(calls, is_told):
     found = warnings("<Sequence><Script code=\"place := 'lab'\"/>{}</Sequence>".format(
         "<SubTree ID='Go' target='{plce}'/>" * calls), tree("Go", "<ScriptCondition code=\"target == 'lab'\"/>"))
     assert len(found) == 1 and ("the entry plce is named nowhere else" in found[0][2]) is is_told
+
+
+def test_a_sole_equals_sign_is_a_literal_and_no_entry():
+    assert warnings("<Sequence><Script code=\"place := 'lab'\"/><SubTree ID='Go' plce='='/></Sequence>",
+                    tree("Go", "<ScriptCondition code=\"plce == '='\"/>")) == []
 
 
 @pytest.mark.parametrize("body", ["<In in='{ given}'/>", "<In in='{given }'/>", "<ScriptCondition code='and == 1'/>"])
@@ -347,11 +477,15 @@ def test_an_alias_that_says_what_it_does_may_have_any_name(tmp_path):
 
 @pytest.mark.parametrize("text, words", [
     ("2 min", '"2 min" is read only up to "min": as 2'), ("soon", '"soon" cannot be of type int'),
-    ("{given}", None), ("5", None)])
+    ("=", '"=" cannot be of type int'), ("{given}", None), ("5", None)])
 def test_a_literal_that_a_subtree_is_given_is_read_by_its_ports(text, words):
     inside = '<Drive target="{x}" speed="5"/>'
     found = warnings('<SubTree ID="Sub"\nx="{}"/>'.format(text), tree("Sub", inside))
     assert [(line, column, words in said) for line, column, said in found] == [(3, 1, True)] * (words is not None)
+
+
+def test_a_literal_that_a_subtree_only_writes_is_read_by_no_port():
+    assert warnings('<SubTree ID="Sub" x="soon"/>', tree("Sub", '<Aim to="{x}"/>')) == []
 
 
 @pytest.mark.parametrize("name", ["HandleFallBack", "HandleFallback"])

@@ -1,17 +1,22 @@
 """A mission is put together from its files in one place: everything wrong is found at once, and each check runs once."""
+import dataclasses
 import sys
+from types import ModuleType
 
 import pytest
 
-from behavior_controller import folders, mission, settings
+from behavior_controller import extensions, folders, leaves, mission, phrases, settings
 from behavior_controller.bt.checking import checks
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.language.document import parse
-from behavior_controller.errors import ConfigurationError, FaultsFound
+from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
 from behavior_controller.events import Events
 from behavior_controller.gateway import FakeGateway, FakeTopics
 from behavior_controller.health import Health
+from behavior_controller.interface import Interface, Sense, Topic
 from behavior_controller.interface.document import INTERFACE
+from behavior_controller.interface.records import Request
+from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 
 WRONG = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>\n<WelcomeSpeech/><Nope/></Sequence></BehaviorTree></root>'
 ODD = """<root BTCPP_format="4"><TreeNodesModel><Action ID="Nothing"/></TreeNodesModel>
@@ -45,9 +50,60 @@ def test_the_faults_of_all_files_are_told_at_once(tmp_path, monkeypatch):
     assert [fault.file.split("/")[-1] for fault in raised.value.faults] == ["language", "recoveryPolicy.ini", "m.xml"]
 
 
+def faults_of_load(body="<WelcomeSpeech/>", **changed):
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(body)
+    with pytest.raises(FaultsFound) as raised:
+        mission.load(settings.defaults(**changed), documents=[parse(text, "m.xml")])
+    return str(raised.value).split("\n")
+
+
+def test_a_key_that_the_robot_has_no_use_for_is_a_fault():
+    assert faults_of_load(tabletSuccessIs="yes") == [
+        "tabletSuccessIs: the tablet of the robot D5.4.3 says which button was pressed (leave tabletSuccessIs out, or choose "
+        "another robotInterface)"]
+
+
+def test_a_package_that_cannot_be_used_is_told_with_the_other_faults(monkeypatch):
+    package = extensions.Extension("a", "/a", ModuleType("a.phrases"))
+
+    def found(kind):
+        raise package.broken("it has no SPEECHES")
+
+    monkeypatch.setattr(extensions, "found", found)
+    assert [fault.split(" (")[0] for fault in faults_of_load("<Nope/>")] == [
+        "package.xml: package a, a.phrases: it has no SPEECHES", "m.xml:1:45: unknown node Nope"]
+
+
+def test_a_phrase_that_the_culture_file_lacks_is_told_with_the_file():
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><SayText name="7"/>\n<SayText name="8"/></Sequence>' \
+           '</BehaviorTree></root>'
+    loaded = mission.load(settings.defaults(robotInterface="release-1.0"), documents=[parse(text, "m.xml")])
+    assert list(map(str, loaded.warnings)) == ["m.xml:2:10: warning: the culture file has no utility phrase 8 ({})".format(
+        folders.data("cultureKnowledgeBase.dat"))]
+
+
 def test_a_mission_that_is_missing_is_told_with_those_that_are_there():
     with pytest.raises(ConfigurationError, match="there is no mission .*did you mean lab_tour"):
         mission.load(settings.defaults(scenarioSpecification="lab_tuor"))
+    with pytest.raises(ConfigurationError) as raised:
+        mission.find("x")
+    assert str(raised.value) == "scenarioSpecification: there is no mission {} (there are: lab_tour, {})".format(
+        folders.data("x.xml"), "release_1_0_tour")
+
+
+def test_on_a_robot_of_release_1_0_the_culture_file_chooses_the_language():
+    assert mission.load(settings.defaults(language="Kinyarwanda")).language == "Kinyarwanda"
+    loaded = mission.load(settings.defaults(language="Kinyarwanda", robotInterface="release-1.0"))
+    assert (loaded.language, loaded.phrases.speeches) == ("English", phrases.load("English").speeches)
+
+
+def test_the_warnings_of_the_mission_come_before_those_of_its_knowledge_files():
+    loaded = mission.load(settings.defaults(robotInterface="release-1.0"), documents=[parse(ODD, "m.xml")])
+    odd = Fault("places.dat", 3, 1, "odd", is_warning=True)
+    knowledge = dataclasses.replace(loaded.knowledge, warnings=(odd,))
+    found = dataclasses.replace(loaded, knowledge=knowledge).warnings
+    assert [fault.line for fault in loaded.warnings] == [1, 2, 3]
+    assert found == loaded.warnings + (odd,)
 
 
 def test_the_warnings_of_check_models_and_linter_stand_in_the_order_of_the_file(tmp_path):
@@ -78,6 +134,46 @@ def offers_of(element, **changed):
     text = "<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence>{}</Sequence></BehaviorTree></root>".format(element)
     loaded = mission.load(settings.defaults(**changed), documents=[parse(text)])
     return [offer.name for offer in loaded.offers]
+
+
+class Wave(Request):
+    """A request for which no robot has a service."""
+
+
+class Waves(ServiceLeaf):
+    """Makes it."""
+
+    asks = Wave
+
+    def request(self):
+        """Wave."""
+        return Wave()
+
+
+DOORS = Topic("/doors/state", "doors", "std_msgs/String", str, lambda message: message.data, "no door is seen", True)
+
+
+def tree_of(**facts):
+    """Return the tree of a mission that is one node with these facts."""
+    registry = leaves.registry()
+    registry.extend([dataclasses.replace(leaf_spec("Waves", Waves, "Waves."), **facts)])
+    return mission.build_tree([parse('<root BTCPP_format="4"><BehaviorTree ID="M"><Waves/></BehaviorTree></root>', "m.xml")],
+                              registry=registry)
+
+
+def test_what_no_robot_has_is_a_fault():
+    assert [str(fault) for fault in mission.on_robot(tree_of(listens=(DOORS, Sense.GAZE)), settings.defaults())] == [
+        "m.xml:1:45: Waves cannot work with the robot D5.4.3: it has no service for Wave, topic /doors/state "
+        "(no robot has one; declare it in the robot's interface)"]
+
+
+def test_what_a_node_does_without_is_a_warning_that_names_the_robots_that_have_it():
+    tree = tree_of(calls=(), listens=(Sense.GAZE,), does_without=True)
+    bare = Interface("bare", (), (), (), {})
+    fault, = mission.done_without(tree, bare)
+    assert str(fault) == ("m.xml:1:45: warning: Waves does nothing with the robot bare: it has no message about the visitor's "
+                          "gaze (set robotInterface D5.4.3 or release-1.0)")
+    assert mission.done_without(tree, INTERFACE) == mission.on_robot(tree, settings.defaults()) == []
 
 
 def test_a_mission_needs_what_its_nodes_use():

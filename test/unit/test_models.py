@@ -29,6 +29,12 @@ def test_other_ports():
     assert warnings("<Action ID='Sleep'><input_port name='msecs'/><output_port name='msec'/></Action>") == [
         "m.xml:4:32: warning: the palette has an unknown port msecs of Sleep (did you mean msec?)",
         "m.xml:4:46: warning: the port msec of Sleep is an input_port, not an output_port"]
+    assert warnings("<Action ID='AlwaysSuccess'><input_port name='msec'/></Action>") == [
+        "m.xml:4:40: warning: the palette has an unknown port msec of AlwaysSuccess (its ports: none)"]
+
+
+def test_a_hundred_models_are_told():
+    assert len(warnings("<Action ID='Unknown'/>" * 101)) == 100
 
 
 def test_what_fits_and_what_is_none_of_our_business():

@@ -72,6 +72,7 @@ RETRY = '<RetryUntilSuccessful num_attempts="{}"><{}/></RetryUntilSuccessful>'
     ("<Inverter><Win/></Inverter>", FAILS),
     ("<Inverter><Lose/></Inverter>", SUCCEEDS),
     ("<Inverter><LoseOrSkip/></Inverter>", SUCCEEDS | SKIPS),
+    ("<Inverter><Skip/></Inverter>", SKIPS),
     ("<ForceSuccess><LoseOrSkip/></ForceSuccess>", SUCCEEDS | SKIPS),
     ("<ForceFailure><Win/></ForceFailure>", FAILS),
     ("<ForceFailure><Skip/></ForceFailure>", SKIPS),

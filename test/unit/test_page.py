@@ -1,5 +1,6 @@
 """The live page in a real browser, and what a server must put up with."""
 import asyncio
+import errno
 import http.client
 import json
 import os
@@ -19,12 +20,13 @@ import urllib.request
 import pytest
 
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-                                        StepStarted)
+                                        RunStarted, Sources, StepStarted)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
 from behavior_controller.story import LEFT_OUT
+from behavior_controller.text import Source
 from behavior_controller.watch import board as board_module
 from behavior_controller.watch import drawing, server
 from behavior_controller.watch import page as page_module
@@ -41,14 +43,18 @@ class Stop(Exception):
     """The mission has come to the moment in question."""
 
 
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
 class Show:
     """A mission on a page."""
 
     def __init__(self, rig, address="127.0.0.1"):
         self.rig, self.warnings = rig, []
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
+        self.port = free_port()
         self.page = Page(address, self.port, Board(rig.mission.events, rig.mission.health, registry()),
                          self.warnings.append)
         self.page.show(rig.tree)
@@ -442,13 +448,37 @@ def test_without_graphviz_the_page_says_so(show, browser, monkeypatch):
 
 def test_a_drawing_is_made_once_for_a_tree(show, monkeypatch):
     made = []
-    monkeypatch.setattr(page_module, "svg", lambda tree, name, left_out: made.append(name) or b"<svg/>")
+
+    def draw(tree, name, left_out):
+        made.append((name, set(left_out)))
+        assert threading.current_thread().daemon  # else the process would wait for it at its end
+        return b"<svg/>"
+
+    monkeypatch.setattr(page_module, "svg", draw)
     shown = show(Rig())
     for count, path in enumerate(["graph.svg", "graph-operator.svg"], 1):
         assert [shown.fetch(path)[:2] for _ in range(3)] == [(200, "<svg/>")] * 3 and len(made) == count
-    assert made == 2 * [shown.rig.tree.root.name]  # no file has been told yet
+    bare = {node["uid"] for node in shown.page.board.part("mission")["nodes"] if node["bare"]}
+    name = shown.rig.tree.root.name  # no file has been told yet
+    assert bare and made == [(name, set()), (name, bare)]
+    source = Source("/m/first.xml", "-")
+    shown.rig.mission.events.emit(RunStarted("/m/first.xml", [], {}, Sources((source,), source, source, "R")))
     shown.page.show(one_leaf("<WelcomeSpeech/>").tree)
-    assert shown.fetch("graph.svg")[0] == 200 and len(made) == 3
+    assert shown.fetch("graph.svg")[2]["Content-Type"] == "image/svg+xml; charset=utf-8" and made[2:] == [("first", set())]
+
+
+def test_before_there_is_a_mission_there_is_no_drawing():
+    rig, port = Rig(), free_port()
+    page = Page("127.0.0.1", port, Board(rig.mission.events, rig.mission.health, registry()), pytest.fail)
+    try:
+        with pytest.raises(urllib.error.HTTPError) as answer:
+            urllib.request.urlopen("http://127.0.0.1:{}/graph.svg".format(port), timeout=5)
+        assert (answer.value.code, answer.value.read()) == (404, b"there is no mission yet")
+        assert answer.value.headers["Content-Type"] == "text/plain; charset=utf-8" and page.is_served
+    finally:
+        page.close()
+    with socket.socket() as client:
+        assert client.connect_ex(("127.0.0.1", port)) == errno.ECONNREFUSED
 
 
 def test_what_graphviz_cannot_do_is_a_line_and_holds_up_nothing(show, monkeypatch):
@@ -477,7 +507,8 @@ def test_what_graphviz_cannot_do_is_a_line_and_holds_up_nothing(show, monkeypatc
 
 def test_what_there_is_to_know_of_a_node_is_told_on_demand(show):
     shown = show(Rig())
-    assert json.loads(shown.fetch("node/101")[1])["type"] == "Navigate"
+    _, body, headers = shown.fetch("node/101")
+    assert json.loads(body)["type"] == "Navigate" and headers["Content-Type"] == "application/json; charset=utf-8"
     assert [shown.fetch("node/" + uid)[0] for uid in ("0", "217", "999999", "x", "1/2")] == [404] * 5
 
 
@@ -745,8 +776,10 @@ def test_it_needs_nothing_from_elsewhere_and_takes_no_orders(show):
         status, body, headers = shown.fetch(path)
         assert status == 200 and "http://" not in body.replace("http://www.w3.org/2000/svg", "") and "https://" not in body
         assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'"
-        assert headers["X-Frame-Options"] == "DENY"
-    assert json.loads(shown.fetch("state")[1]).keys() == set(PARTS)
+        assert headers["X-Frame-Options"] == "DENY" and headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Cache-Control"] == "no-store"
+    _, body, headers = shown.fetch("state")
+    assert json.loads(body).keys() == set(PARTS) and headers["Content-Type"] == "application/json; charset=utf-8"
     for method in ("POST", "PUT", "DELETE"):
         assert shown.fetch("state", method)[0] == 405
     assert shown.fetch("../page.py")[0] in (403, 404) and shown.fetch("none")[0] == 404
@@ -759,7 +792,11 @@ def test_a_foreign_name_is_refused(show, path, host):
     """A site whose name points at this computer could else read the page in the operator's browser."""
     status, body, headers = show(Rig()).fetch(path, host=host)
     assert status in (400, 403) and "mission" not in body and "<" not in body
-    assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'" or status == 400
+    if status == 403:
+        assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'"
+        assert headers["Content-Type"] == "text/plain; charset=utf-8"
+        assert body == ("This page answers to the address of its computer and to localhost, and to the name that "
+                        "monitorAddress gives, but not to the name that was asked for.\n")
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:9", "localhost", "LocalHost:8080", "127.1.2.3", "[::1]:8080"])
@@ -777,6 +814,28 @@ def test_to_the_network_the_page_answers_by_address_and_host_name(show):
             assert answer.status == 200
     for host in (own + ".rebound.example", "rebound.example", "0.0.0.0"):
         assert shown.fetch("state", host=host)[0] == 403
+    assert show(Rig()).fetch("state", host=own)[0] == 403  # the loopback address is not the network
+
+
+def test_to_the_network_the_page_answers_by_the_address_that_the_request_came_to(show):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # sends nothing
+        except OSError:
+            pytest.skip("this computer has no network")
+        address = probe.getsockname()[0]
+    shown = show(Rig(), address="0.0.0.0")
+    with urllib.request.urlopen("http://{}:{}/state".format(address, shown.port), timeout=5) as answer:
+        assert answer.status == 200
+    assert shown.fetch("state", host=address)[0] == 403  # it came to the loopback address
+
+
+def test_the_page_answers_to_the_name_that_it_is_served_at(show, monkeypatch):
+    own = socket.gethostname()
+    monkeypatch.setattr(socket, "gethostname", lambda: "elsewhere")
+    shown = show(Rig(), address=own.upper())
+    with urllib.request.urlopen("http://{}:{}/state".format(own, shown.port), timeout=5) as answer:
+        assert answer.status == 200
 
 
 def test_a_foreign_page_cannot_frame_it(show, browser, tmp_path):
@@ -813,6 +872,20 @@ def test_a_browser_that_is_served_keeps_its_place(show, monkeypatch):
         wait_until(lambda: b"stopped; last pass: none" in stream.readline())
         for each in idle:
             each.close()
+
+
+def test_a_connection_that_is_used_keeps_its_place(show, monkeypatch):
+    monkeypatch.setattr(server, "SHORTEST_IDLE", 0.0)
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    used = http.client.HTTPConnection("127.0.0.1", shown.port, timeout=5)
+    idle = []
+    for _ in range(70):  # more than there are places
+        used.request("GET", "/icon.svg")
+        assert used.getresponse().read()
+        idle.append(socket.create_connection(("127.0.0.1", shown.port)))
+    used.close()
+    for each in idle:
+        each.close()
 
 
 def answer_to(shown, request):
@@ -863,6 +936,28 @@ def test_what_happens_is_taken_also_while_no_browser_looks(show):
     wait_until(lambda: shown.page.board.versions["statuses"] != before)
 
 
+def test_a_browser_is_told_at_once_what_has_happened_so_far(show, monkeypatch):
+    monkeypatch.setattr(page_module, "PUSH_INTERVAL", 60.0)
+    monkeypatch.setattr(page_module, "svg", lambda tree, name, left_out: name.encode())
+    shown = show(one_leaf("<WelcomeSpeech/>"))
+    assert shown.fetch("state")[0] == 200  # the server has begun
+    rig = one_leaf("<Sequence name='another'><WelcomeSpeech/></Sequence>", lambda request: None)
+    shown.page.show(rig.tree)
+    assert shown.fetch("graph.svg")[1] == "another"
+    rig.tick()
+    with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
+        assert json.loads(stream.readline()[6:])["statuses"]["letters"] == "RR"
+
+
+def test_a_browser_that_disconnects_frees_its_place_though_nothing_happens(show, monkeypatch):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    with socket.create_connection(("127.0.0.1", shown.port)) as browser:
+        browser.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        wait_until(lambda: shown.page.streams)
+        monkeypatch.setattr(shown.page.board, "look", lambda: None)
+    wait_until(lambda: not shown.page.streams)
+
+
 def test_there_is_a_message_every_second_though_nothing_happens(show):
     shown = show(one_leaf("<Sleep msec='9000'/>"))
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
@@ -873,7 +968,8 @@ def test_there_is_a_message_every_second_though_nothing_happens(show):
     assert came[3] - came[1] < 4.0
 
 
-def test_the_end_reaches_a_browser_before_the_server_closes(show):
+def test_the_end_reaches_a_browser_before_the_server_closes(show, monkeypatch):
+    monkeypatch.setattr(page_module, "FAREWELL", 60.0)  # it is not needed
     shown = show(one_leaf("<Sleep msec='9000'/>"))
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
         stream.readline()
@@ -909,8 +1005,29 @@ def test_a_port_that_is_taken_is_one_line(show):
     warnings = []
     page = Page("127.0.0.1", shown.port, Board(shown.rig.mission.events, shown.rig.mission.health, registry()), warnings.append)
     page.show(shown.rig.tree)
+    assert not page.is_served
     page.close()
-    assert len(warnings) == 1 and str(shown.port) in warnings[0] and "monitorPort" in warnings[0]
+    assert warnings == ["no page in the browser: 127.0.0.1:{} cannot be opened (Address already in use); "
+                        "set monitorPort to another port, or to 0".format(shown.port)]
+
+
+def test_a_browser_too_many_is_told_so_and_one_that_takes_nothing_is_disconnected(show, monkeypatch):
+    shown = show(one_leaf("<Sleep msec='9000'/>"))
+    ask = b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    browsers = [socket.create_connection(("127.0.0.1", shown.port), timeout=5) for _ in range(20)]
+    for each in browsers:
+        each.sendall(ask)
+    assert b"\r\nContent-Type: text/event-stream; charset=utf-8\r\n" in browsers[0].recv(2000)
+    wait_until(lambda: len(shown.page.streams) == 20)
+    assert answer_to(shown, ask).startswith(b"HTTP/1.1 503 ")
+    monkeypatch.setattr(page_module, "LONGEST_IDLE", 0.2)
+    for stream in list(shown.page.streams):
+        stream.flush = asyncio.Future  # what it is sent is never taken
+    wait_until(lambda: not shown.page.streams)
+    for each in browsers:
+        while each.recv(65536):  # times out if the connection stays open
+            pass
+        each.close()
 
 
 def test_browsers_that_vanish_or_never_read_disturb_nobody(show):

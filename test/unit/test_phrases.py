@@ -1,9 +1,10 @@
 """What the robot says, and what it takes for a yes or a no."""
 import time
+from types import ModuleType
 
 import pytest
 
-from behavior_controller import folders, phrases
+from behavior_controller import extensions, folders, phrases
 from behavior_controller.errors import ConfigurationError
 
 ENGLISH = phrases.load("English")
@@ -28,6 +29,17 @@ def test_spoken_answers(utterance, meaning):
     assert ENGLISH.spoken_answer(utterance) == meaning
 
 
+def test_the_longest_phrase_counts():
+    language = phrases.Phrases({}, ("Yes", "No"), {"yes": [("sure",)], "no": [("sure", "never")], "unclear": []})
+    assert [language.spoken_answer(text) for text in ("sure", "sure, never", "never")] == ["yes", "no", None]
+
+
+@pytest.mark.parametrize("utterance, is_so", [
+    ("Error: no speech", True), ("  error yes", True), ("the recognition: Error 3", True), ("yes", False), ("no error", False)])
+def test_what_the_recognition_says_itself(utterance, is_so):
+    assert phrases.is_error(utterance) is is_so
+
+
 @pytest.mark.parametrize("response, meaning", [
     ("Yes", "yes"), ("yes", "yes"), (" YES ", "yes"), ("1", "yes"), ("No", "no"), ("no", "no"), ("2", "no"),
     ("", None), ("0", None), ("3", None), ("maybe", None),
@@ -45,6 +57,12 @@ def test_pressed_answers(response, meaning):
 ])
 def test_the_english_phrases_say_what_table_4_asks_for(node, words):
     assert words in ENGLISH.speech(node).lower()
+
+
+def test_each_utility_phrase_of_release_1_0_is_what_a_speech_says():
+    assert [ENGLISH.utility(number) for number in range(1, 9)] == [ENGLISH.speech(node) for node in (
+        "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech", "QueryTourSpeech",
+        "HereIsTheDoorSpeech", "SayGoodByeSpeech")] + [None]
 
 
 def test_the_kinyarwanda_draft_is_complete_and_says_that_it_is_one():
@@ -81,14 +99,16 @@ def broken(tmp_path, monkeypatch, *changes):
 
 def test_faults_of_a_language_come_at_once(tmp_path, monkeypatch):
     found = broken(tmp_path, monkeypatch, ("tabletYes               Yes", "tabletYes               Yes|Yeah"),
-                   ("FollowMeSpeech ", "FolowMeSpeech "))
+                   ("FollowMeSpeech ", "FolowMeSpeech "), ("unclear ", "unclear #"))
     text = "\n".join(fault.text + fault.hint for fault in found)
     assert "unknown key FolowMeSpeech" in text and "did you mean FollowMeSpeech?" in text
     assert "tabletYes cannot be \"Yes|Yeah\"" in text
+    assert "unclear cannot be emptyallowed: words with commas between them" in text
     assert "the required key FollowMeSpeech is missing" in text
     with open(str(tmp_path / "phrases_Broken.ini"), encoding="utf-8") as file:
         keys = [line.split(" ")[0] for line in file]
-    assert [fault.line for fault in found] == [keys.index("FolowMeSpeech") + 1, keys.index("tabletYes") + 1, 0]
+    assert [fault.line for fault in found] == [keys.index("FolowMeSpeech") + 1, keys.index("tabletYes") + 1,
+                                               keys.index("unclear") + 1, 0]
 
 
 def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):
@@ -98,6 +118,48 @@ def test_no_phrase_has_two_meanings(tmp_path, monkeypatch):
         ("\"of course\" is in yes and in no", "keep one of them"),
         ("\"nope\" is in no and in unclear", "keep one of them")]
     assert str(found[0]) == "{}: \"of course\" is in yes and in no (keep one of them)".format(found[0].file)
+
+
+# ---------------------------------------------------------------------------------------- what another package says
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Return the folder ``data`` of a package that adds a speech."""
+    module = ModuleType("greeter.phrases")
+    module.SPEECHES = (phrases.Speech("CuriousSpeech", False, "Wonders about a visitor."),)
+    monkeypatch.setattr(extensions, "found", lambda kind: (extensions.Extension("greeter", str(tmp_path), module),))
+    (tmp_path / "data").mkdir()
+    return tmp_path / "data"
+
+
+def faults_of_load(language="English"):
+    with pytest.raises(ConfigurationError) as raised:
+        phrases.load(language)
+    return str(raised.value).split("\n")
+
+
+def test_a_package_says_its_speech_in_its_own_file(package):
+    (package / "phrases_English.ini").write_text("CuriousSpeech   Who are you?\n")
+    found = phrases.load("English")
+    assert (found.speech("CuriousSpeech"), found.speech("WelcomeSpeech")) == (
+        "Who are you?", ENGLISH.speech("WelcomeSpeech"))
+
+
+def test_a_fault_of_a_package_is_in_its_file(package):
+    path = package / "phrases_English.ini"
+    assert faults_of_load() == ["{}: the package greeter cannot be read: No such file or directory".format(path)]
+    path.write_text("CuriosSpeech Who?\n")
+    assert faults_of_load() == [
+        "{}:1:1: unknown key CuriosSpeech (did you mean CuriousSpeech?)".format(path),
+        "{}: the required key CuriousSpeech is missing (add a line: CuriousSpeech <the text to say>)".format(path)]
+
+
+def test_the_speech_of_a_package_is_no_key_of_the_language_itself(package, monkeypatch):
+    with open(folders.data("phrases_English.ini"), encoding="utf-8") as file:
+        (package / "phrases_Ours.ini").write_text("CuriousSpeech Who?\n" + file.read(), encoding="utf-8")
+    monkeypatch.setattr(folders, "data", lambda name: str(package / name))
+    assert faults_of_load("Ours")[0].startswith("{}:1:1: unknown key CuriousSpeech".format(package / "phrases_Ours.ini"))
 
 
 def test_a_long_utterance_takes_linear_time():

@@ -8,7 +8,7 @@ from behavior_controller.bt.language.blackboard import Blackboard
 from behavior_controller.bt.language.ports import PortError
 from behavior_controller.bt.language.values import ValueFault
 from behavior_controller.bt.registry import Port
-from behavior_controller.bt.status import FAILURE, SUCCESS
+from behavior_controller.bt.status import FAILURE, IDLE, SKIPPED, SUCCESS
 
 ENUMS = {"RED": 1, "BLUE": 3}
 
@@ -62,7 +62,8 @@ def test_literals(type_name, text, value):
     (7, "int", 7), (3.0, "int", 3), (3, "double", 3.0), (2 ** 53 - 1, "double", float(2 ** 53 - 1)), (1, "bool", True),
     (2.5, "bool", True), (0.0, "bool", False), (3, "string", "3"), (1.5, "string", "1.500000"), ("12x", "int", 12),
     ("1;2", "vec_int", [1, 2]), ("v", "string", "v"), (3, "any", 3), ([1], "any", [1]), ([1, 2], "vec_int", [1, 2]),
-    ("RED", "enum", 1), (2, "enum", 2), ("SUCCESS", "NodeStatus", SUCCESS), (3, "NodeStatus", FAILURE),
+    ("RED", "enum", 1), (2, "enum", 2), ("SUCCESS", "NodeStatus", SUCCESS), (3, "NodeStatus", FAILURE), (0, "NodeStatus", IDLE),
+    (4, "NodeStatus", SKIPPED),
     (255, "uint8", 255),
 ])
 def test_reading_an_entry(stored, type_name, value):
@@ -131,6 +132,15 @@ def test_writing_what_another_port_declared():
     ports.declare("{k}", port("string"), board)
     with pytest.raises(PortError, match="shall not change"):
         ports.write("{k}", port("int"), board, 4)
+
+
+def test_an_entry_is_emptied_through_a_port_if_there_is_one():
+    board = script_made(k=5, p=6)
+    for text in ("{k}", "{none}", "k"):
+        ports.clear(text, port("int"), board)
+    assert {key: (entry.type, entry.value) for key, entry in board.local.items()} == {"k": ("any", None), "p": ("any", 6)}
+    ports.clear("{=}", port("int"), board)
+    assert board.get("p") is None
 
 
 # ------------------------------------------------------------------------------------------------------ entries at load
@@ -210,7 +220,8 @@ def test_items_that_a_loop_cannot_take(text):
 
 @pytest.mark.parametrize("left, right, same", [
     ("blue", "blue", True), ("blue", "Blue", False), ("02", "2", True), ("2.000000", "2", True), ("2abc", "2", False),
-    ("3", "BLUE", True), ("RED", "BLUE", False), ("0.30000001", "0.3", True), ("0.3001", "0.3", False),
+    ("3", "BLUE", True), ("RED", "BLUE", False), ("RED", "2", False), ("2", "3", False),
+    ("0.30000001", "0.3", True), ("0.3001", "0.3", False),
     ("-0", "0", True),
     (" 2", "2", False), ("", "0", False), ("0" * 5000 + "2", "2", True), ("\u0662", "2", False),
     ("2147483648", "2147483648.0", True),

@@ -1,12 +1,15 @@
 """The record: one JSON object a line, complete, and never a danger to the run."""
 import json
 import os
+import threading
+import time
 
 import pytest
 
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.events import LeafFinished, Noticed, PassFinished, RunStarted, Sources
-from behavior_controller.gateway import Cause, Failure, FakeGateway
+from behavior_controller.gateway import Cause, Failure, FakeGateway, FakeTopics, Sample
+from behavior_controller.interface.document import SPEECH
 from behavior_controller.interface.records import Answer, Say
 from behavior_controller.text import Source
 from behavior_controller.watch import record as module
@@ -45,8 +48,8 @@ def test_a_folder_that_cannot_be_written_is_one_complaint(tmp_path):
     record = Record(str(tmp_path / "file"), ManualClock(), complaints.append)
     record(PassFinished(1, "SUCCESS", 1.0))
     record.close()
-    assert len(complaints) == 1
-    assert "the mission goes on" in complaints[0]
+    assert not record.is_kept
+    assert complaints == ["no record is written to {}: File exists; the mission goes on".format(record.path)]
 
 
 def test_a_disk_that_is_full_is_one_complaint(tmp_path):
@@ -57,6 +60,21 @@ def test_a_disk_that_is_full_is_one_complaint(tmp_path):
         record(PassFinished(number, "SUCCESS", 1.0))
     record.close()
     assert len(complaints) == 1 and "No space left" in complaints[0]
+
+
+def test_what_happened_is_in_the_file_before_the_node_ends(tmp_path):
+    record = Record(str(tmp_path), ManualClock(), complain=None)
+    assert [thread.daemon for thread in threading.enumerate() if thread.name == "record"] == [True]  # a disk may hang
+    record(PassFinished(1, "SUCCESS", 1.0))
+    ends = time.monotonic() + 10.0
+    while not os.path.exists(record.path) or os.path.getsize(record.path) < 150:
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+    assert record.is_kept and os.stat(record.path).st_mode & 0o111 == 0
+    with open(record.path, "rb") as file:
+        data = file.read()
+    assert data.count(b"\n") == 2 and b"PassFinished" in data
+    record.close()
 
 
 def test_a_record_does_not_grow_for_ever(tmp_path, monkeypatch):
@@ -100,6 +118,20 @@ def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):
     assert early.result == early.result == Answer("1")
     assert [(line["event"], line["call"]) for line in lines(record)] == [
         ("Asked", 1), ("Asked", 2), ("Answered", 2), ("Answered", 1)]
+
+
+def test_a_recorded_robot_drops_calls_and_wakes_as_it_does(tmp_path):
+    record, woken = Record(str(tmp_path), ManualClock(), complain=None), []
+    robot, topics = FakeGateway(), FakeTopics(lambda: 7.0, lambda: woken.append(True))
+    record.gateway(robot).start(Say("now")).drop()
+    assert robot.dropped == [Say("now")]
+    recorded = record.topics(topics)
+    recorded.wake_when("key", SPEECH, lambda text: text == "yes")
+    for text in ("no", "yes"):
+        topics.publish(SPEECH, text)
+    assert woken == [True] and recorded.newest(SPEECH) == recorded.newest(SPEECH) == Sample("yes", 7.0)
+    assert [(line["event"], line.get("read"), line.get("value")) for line in lines(record)] == [
+        ("Asked", None, None), ("Message", 1, "yes")]
 
 
 def test_a_record_that_is_no_regular_file_and_odd_texts_stop_nothing(tmp_path):

@@ -1,7 +1,9 @@
 """A node type's name is taken once, and a wrong name finds its neighbour."""
+import dataclasses
+
 import pytest
 
-from behavior_controller.bt.registry import Kind, NodeSpec, Registry, did_you_mean
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, did_you_mean
 
 
 def spec(node_id):
@@ -13,6 +15,19 @@ def test_types_are_found_by_name_and_kept_in_order():
     assert registry.find("Navigate").id == "Navigate"
     assert registry.find("navigate") is None
     assert [found.id for found in registry.all()] == ["WelcomeSpeech", "Navigate"]
+
+
+def test_nothing_is_known_of_a_type_that_says_nothing():
+    silent = spec("Wave")
+    assert {name for name, value in vars(silent).items() if value} == {"id", "kind", "factory", "fewest_children"}
+    assert silent.fewest_children == 1
+    assert {name for name, value in Port("at")._asdict().items() if value} == {"name", "type", "direction", "role"}
+
+
+def test_the_summary_names_what_an_instance_may_be_called():
+    waves = NodeSpec("Wave", Kind.ACTION, lambda name: None, description="Waves.")
+    assert waves.summary == "Waves."
+    assert dataclasses.replace(waves, names=("left", "right")).summary == "Waves. Named left, right."
 
 
 def test_a_second_registration_is_refused():

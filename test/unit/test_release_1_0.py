@@ -16,6 +16,7 @@ from behavior_controller.interface.records import (AttentionStatus, Faces, GoTo,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention, SetPose,
                                                    SetRecognition, SetRecognitionLanguage)
 from behavior_controller.leaves.release_1_0 import SPECS
+from behavior_controller.phrases import SPEECHES
 from behavior_controller.text import Source
 from mission_rig import EXHIBITS, HOME, Rig, one_leaf, write
 
@@ -620,6 +621,9 @@ def test_the_warnings_of_the_tour_stand_at_their_places():
         ("<IsVisitorResponseYes/>", "with asrEnabled false IsVisitorResponseYes never succeeds, and no tour is ever "
                                     "given")]
     assert all(fault.is_warning for fault in found)
+    assert [fault.hint for fault in found[1:]] == [
+        "end the mission, or the branch, with FAILURE before it",
+        "without speech recognition, the mission stores no yes on a way to it"]
     told = foresee(tree, settings.defaults(robotInterface=RELEASE, tabletSuccessIs="yes"))
     assert [fault.text for fault in told] == [fault.text for fault in found[:2]]
     assert [fault.text for fault in foresee(tree, settings.defaults())] == [fault.text for fault in found[:2]]
@@ -643,6 +647,12 @@ NEVER = "{} can never succeed: overtAttention reports the visitor's {} only in t
     ("<Fallback>{}<HandleFallBack/></Fallback>\n<IsMutualGazeDiscovered/>".format(mode("seeking")), None, None),
     ("<Parallel>{}<SayText name='4'/></Parallel>\n<IsMutualGazeDiscovered/>".format(mode("seeking")), None, None),
     ("<Parallel><IsMutualGazeDiscovered/>{}</Parallel>".format(mode("seeking")), None, None),
+    ("<Fallback><AlwaysSuccess _skipIf='@x'/>\n<IsMutualGazeDiscovered/></Fallback>", None,
+     ("IsMutualGazeDiscovered", "gaze", "seeking")),
+    ("<TryCatch><AlwaysSuccess/>\n<IsMutualGazeDiscovered/><AlwaysSuccess/></TryCatch>", None,
+     ("IsMutualGazeDiscovered", "gaze", "seeking")),
+    ("<TryCatch><AlwaysFailure/>\n<IsMutualGazeDiscovered/></TryCatch>", None,
+     ("IsMutualGazeDiscovered", "gaze", "seeking")),
     ("\n<IsVisitorDiscovered/>" + mode("scanning"), RELEASE, ("IsVisitorDiscovered", "visitor", "scanning")),
     (mode("scanning") + "\n<IsVisitorDiscovered/>", RELEASE, None),
     (mode("scanning") + "\n<IsVisitorPresent/>", RELEASE, ("IsVisitorPresent", "presence", "social")),
@@ -653,6 +663,12 @@ def test_a_question_to_a_mode_that_was_not_set_is_told(body, robot, words):
     for each in [robot] if robot else [RELEASE, document.INTERFACE.name]:
         expected = [(2, NEVER.format(*words))] if words else []
         assert foreseen("<Sequence>{}</Sequence>".format(body), each) == expected
+
+
+def test_a_node_that_sets_the_mode_is_named():
+    tree = load_text(file("<IsMutualGazeDiscovered/>"), leaves.registry(), "m.xml")
+    assert [fault.hint for fault in foresee(tree, settings.defaults())] == [
+        "no node before it sets that mode, as SeekOvertAttentionMode does"]
 
 
 GONE = "<Fallback><IsVisitorPresent/><ForceFailure><Navigate target='1;2;3'/></ForceFailure></Fallback>"
@@ -675,11 +691,32 @@ GONE = "<Fallback><IsVisitorPresent/><ForceFailure><Navigate target='1;2;3'/></F
     ("<IfThenElse>{}<AlwaysSuccess/>\n<SayText name='7'/></IfThenElse>", True),
     ("<Sequence><Fallback>{}<HandleFallBack/></Fallback>\n<SayText name='7'/></Sequence>", False),
     ("<RetryUntilSuccessful num_attempts='3'><Sequence>\n<SayText name='7'/>{}</Sequence></RetryUntilSuccessful>", True),
+    ("<KeepRunningUntilFailure><Sequence>\n<SayText name='7'/><ForceSuccess>{}</ForceSuccess></Sequence>"
+     "</KeepRunningUntilFailure>", True),
 ])
 def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
     found = foreseen("<Sequence>{}{}</Sequence>".format(mode("social"), body.format(GONE)))
     assert [(line, text.split(":")[0].split(" ", 1)[1]) for line, text in found] == (
         [(2, "says goodbye to a visitor who has left")] if is_told else [])
+
+
+@pytest.mark.parametrize("speech", SPEECHES, ids=lambda speech: speech.node)
+def test_which_speeches_are_goodbyes_and_which_are_questions(speech):
+    body = "<Sequence>{}<ForceSuccess>{}</ForceSuccess><{}/></Sequence>".format(mode("social"), GONE, speech.node)
+    assert bool(foreseen(body)) is (speech.node in ("EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"))
+    rig = one_leaf("<{}/>".format(speech.node))
+    while rig.tick() is RUNNING:
+        pass
+    told = rig.of(LeafFinished)[-1].told
+    assert (told.kind == "asked") is (speech.node in ("QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech"))
+
+
+def test_a_goodbye_after_several_searches_for_the_visitor_is_told_once():
+    missed = "<ForceSuccess><{}/></ForceSuccess>".format
+    body = "<Sequence><IfThenElse><ScriptCondition code='@x'/>{}{}</IfThenElse><SayGoodByeSpeech/></Sequence>".format(
+        missed("IsVisitorPresent"), missed("IsVisitorDiscovered"))
+    assert [text.split(" to it ")[1] for _, text in foreseen(body, document.INTERFACE.name)] == [
+        "after IsVisitorDiscovered failed"]
 
 
 @pytest.mark.parametrize("body, robot, how", [
@@ -702,6 +739,13 @@ def test_a_tour_that_is_never_given_without_recognition_is_told(body, robot, how
 def test_a_mission_that_is_too_large_to_be_followed_still_loads(body):
     assert foreseen(body) == []
     assert Rig(file(body), robotInterface=RELEASE).tree.warnings == []
+
+
+@pytest.mark.parametrize("body", ["<Sequence>" * 149 + "<IsVisitorPresent/>" + "</Sequence>" * 149,
+                                  "<Sequence>" + "<IsVisitorPresent/>" * 1999 + "</Sequence>"])
+def test_the_largest_missions_are_followed(body):
+    assert len(foreseen(body)) == max(body.count("<IsVisitorPresent/>"), 1)
+    assert foreseen("<Sequence>{}</Sequence>".format(body)) == []
 
 
 def test_ways_through_nested_loops_are_followed_in_little_time():

@@ -14,10 +14,12 @@ from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.document import ATTENTION, FACES
 from behavior_controller.interface.records import AttentionStatus, Faces, GoTo, Say, SetAttention
+from behavior_controller.text import Source
 from behavior_controller.watch.codec import Answered, Asked, Line, Lost, Tick
 from behavior_controller.watch.record import Record, new_folder
 from behavior_controller.watch.replay import main, read_record, replay
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
+from recorded_tours import recorded_day
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
 
@@ -65,6 +67,12 @@ def edited(path, old, new):
         file.write(text.replace(old, new, 1))
 
 
+def test_answers_that_take_their_time_come_when_they_came(tmp_path, monkeypatch):
+    lines = read_record(recorded_day(tmp_path, monkeypatch, 2, ("declines", "no gaze")))
+    outcome = replay(lines)
+    assert (outcome.divergence, outcome.passes) == ("", 2)
+
+
 def test_a_replay_needs_no_file_but_the_record(tmp_path, mission, monkeypatch):
     data = os.path.dirname(mission)
     with open(os.path.join(data, "tour.xml"), "w") as file:
@@ -109,6 +117,27 @@ def test_a_record_of_another_interface_is_refused(tmp_path):
                                  "it with the release that wrote it)")
 
 
+def test_knowledge_files_for_a_robot_with_a_knowledge_base_are_refused(tmp_path):
+    lines = read_record(recorded(tmp_path, visitor_who(says="no")))
+    with pytest.raises(MissionError) as raised:
+        replay(started_with(lines, knowledge=(Source("environment", "x"), Source("culture", "y"))))
+    assert str(raised.value) == ("the record: its knowledge cannot be used: sources.knowledge: 2 files do not fit the robot "
+                                 "D5.4.3 (replay it with the release that wrote it)")
+
+
+@pytest.mark.parametrize("bad, fault", [
+    ({"missionRuns": -7}, 'missionRuns cannot be "-7" (allowed: a whole number from 0 to 1000000000)'),
+    ({"missionRuns": -7, "asrEnabled": 3, "dance": 1}, 'asrEnabled cannot be "3" (allowed: true or false); and 2 more')])
+def test_settings_that_this_release_cannot_use_are_one_line(tmp_path, bad, fault):
+    lines = [line._replace(entry=line.entry._replace(settings=dict(line.entry.settings, **bad)))
+             if isinstance(line.entry, RunStarted) else line
+             for line in read_record(recorded(tmp_path, visitor_who(says="no")))]
+    with pytest.raises(MissionError) as raised:
+        replay(lines)
+    assert str(raised.value) == ("the record: its configuration cannot be used: settings: {} (replay it with the release "
+                                 "that wrote it)".format(fault))
+
+
 @pytest.mark.parametrize("old, new, where", [
     ("<WelcomeGesture/>", "<GoodbyeGesture/>", "PerformGesture"),
     ("<WelcomeSpeech/>", "<AlwaysSuccess/>", "WelcomeSpeech"),
@@ -141,6 +170,16 @@ def test_a_replay_forgets_each_visitor_when_the_run_did(tmp_path, mission):
     assert replay(lines).divergence == ""
     # the second visitor would count as having said yes
     assert "in pass 2" in replay([line for line in lines if not isinstance(line.entry, PassStarted)]).divergence
+
+
+def test_a_replay_halts_the_tree_after_an_error_and_only_then(tmp_path, mission):
+    with open(mission, "w") as file:
+        file.write("""<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence><AlwaysSuccess _onHalted='x := 7'/>
+                      <ScriptCondition code='x == 7'/><Script code='x := 8'/></Sequence></BehaviorTree></root>""")
+    lines = read_record(recorded(tmp_path, visitor_who(), mission=mission, runs=3))
+    # x is not known in the first pass, known after the halt, and 8 after a pass that is not halted
+    assert [entry.outcome for _, entry in lines if isinstance(entry, PassFinished)] == ["FAILURE", "SUCCESS", "FAILURE"]
+    assert replay(lines).divergence == ""
 
 
 def test_another_answer_in_the_record_leads_elsewhere(tmp_path):
@@ -317,6 +356,8 @@ def test_a_folder_of_one_record_is_that_record_and_of_several_is_refused(tmp_pat
     assert main([str(tmp_path)]) == 2
     assert capsys.readouterr().err == "{0}: the folder has the records of 2 runs (name one, the newest is {0}/{1})\n".format(
         tmp_path, "20260102-000000_1")
+    assert main([str(tmp_path / "none")]) == 2
+    assert capsys.readouterr().err == "{}: the record cannot be read: No such file or directory\n".format(tmp_path / "none")
 
 
 def test_a_report_that_cannot_be_written_is_one_line(tmp_path, capsys):

@@ -1,19 +1,23 @@
 """The report of a recorded run: all of the story, a timeline, tree and file with links; nothing in it is taken for HTML."""
 import copy
 import html.parser
+import itertools
 import json
 import re
 import time
 
 import pytest
 
+from behavior_controller.bt.compiler import load_text
 from behavior_controller.errors import MissionError
 from behavior_controller.events import EVENTS, LeafFinished, Retried, RunStarted, Sources
+from behavior_controller.gateway import Cause, Failure
 from behavior_controller.leaves import registry
 from behavior_controller.story import Story
 from behavior_controller.text import Source
 from behavior_controller.watch import lanes
 from behavior_controller.watch.codec import FORMAT, VERSION, TreeNode, decode
+from behavior_controller.watch.record import shown
 from behavior_controller.watch.replay import main, read_record
 from behavior_controller.watch.report import DEEPEST, Run, to_html
 from browser import axe, findings, open_browser, reset_screen, set_screen
@@ -30,6 +34,7 @@ class Page(html.parser.HTMLParser):
         super().__init__()
         self.tags, self.ids, self.links, self.texts, self.deepest = [], [], [], [], 0
         self._open = []  # [tag, its classes, its text]
+        self.text = text
         self.feed(text)
         assert self._open == []
         self.data = json.loads(self.of("data")[0])
@@ -83,10 +88,10 @@ def told(day):
     return Page(to_html(read_record(day)))
 
 
-def lines_of(*more, nodes=(["A::1", "A", "A", 0],), mission="/m/first.xml"):
+def lines_of(*more, nodes=(["A::1", "A", "A", 0],), mission="/m/first.xml", text="-"):
     """Return a record written by hand, which begins at 100 s."""
     keys = ("path", "type", "name", "parent")
-    source = {"file": mission, "text": "-"}
+    source = {"file": mission, "text": text}
     return [{"event": "TreeShown", "time": 100.0, "id": "M", "nodes": [dict(zip(keys, node)) for node in nodes]},
             {"event": "RunStarted", "time": 100.0, "mission": mission, "leaves": [], "settings": {"missionRuns": 1},
              "sources": {"documents": [source], "phrases": source, "policy": source, "interface": "R",
@@ -182,6 +187,77 @@ def test_of_a_mission_that_was_changed_the_last_one_is_reported_and_the_first_is
     assert "C::2" in text and "A::1" not in text
 
 
+@pytest.fixture
+def two_hours_east(monkeypatch):
+    """The computer's time zone."""
+    monkeypatch.setenv("TZ", "EAST-2")
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+def begun(when, number, name):
+    return {"event": "TourAdvanced", "time": when, "uid": 1, "node": "A", "path": "A::1", "number": number, "of": 2,
+            "name": name, "state": "begun"}
+
+
+A_TOUR = [line for number, when in ((1, 1000.0), (2, 2000.0)) for line in (
+    {"event": "PassStarted", "time": when, "number": number, "at": when},
+    waits(when),
+    dict(finished(when + 5.0, path="A::1"), told={"kind": "visit", "text": "", "mark": "arrived", "at": when + 4.0}),
+    *[begun(when + 6.0, 1, "cup"), begun(when + 66.0, 2, "jug")][:3 - number],
+    {"event": "PassFinished", "time": when + 70.0, "number": number, "outcome": ("SUCCESS", "FAILURE")[number - 1],
+     "seconds": 70.0})] + [
+    {"event": "PassStarted", "time": 3000.0, "number": 3, "at": 3000.0},
+    {"event": "RunFinished", "time": 3010.25, "outcome": "stopped; last pass: FAILURE", "exit_code": 0}]
+
+
+def test_the_visits_and_the_whole_run_are_told_with_their_times(two_hours_east):
+    page = Page(page_of(lines_of(*A_TOUR)))
+    assert page.of("h1") == ["Mission first"] and page.of("header")[0].startswith(
+        "Mission first1970-01-01 02:01:40 to 02:50:10, 48 min 30 s; visits: 1 FAILURE, 1 SUCCESS; "
+        "ended: stopped; last pass: FAILURE")
+    third = page.of("visit")[-1]
+    heads = [text for names, text in page.texts if names[0] == "summary" and "Visitor" in text]
+    assert heads == ["Visitor 102:16:40✔ SUCCESS2 of 2 exhibits shown1 min 6 s, waited 4.0 s before"
+                     "the tour was given, 2 of 2 exhibits shown",
+                     "Visitor 202:33:20✘ FAILURE0 of 2 exhibits shown1 min 6 s, waited 4.0 s beforeit failed",
+                     "Visitor 302:50:00▶ under way0.0 sthe robot was stopped"]
+    assert [text for names, text in page.texts if names[0] == "tr"][:5] == [
+        "exhibitstatetookwhy", "1 of 2, cupshown1 min 0 s", "2 of 2, jugshown4.0 s",
+        "exhibitstatetookwhy", "1 of 2, cupbroken off1 min 4 sit failed"]
+    assert third == heads[2] + "02:50:10ends: stopped; last pass: FAILURE (exit code 0)Show on the timeline"
+    assert page.of("v0") == ["Before the first visit02:01:40mission first starts, 0 mission leaves"]
+    assert page.data["offset"] == 7_200_000
+    assert page.data["visits"] == [[1, 900_000, 905_000, 970_000], [2, 1_900_000, 1_905_000, 1_970_000],
+                                   [3, 2_900_000, 2_900_000, 2_910_250]]
+    assert page.data["outcomes"] == ["S", "F", "R"] and page.data["words"]["R"] == "under way"
+
+
+def test_a_visit_of_which_nothing_is_told_yet_has_no_list():
+    text = page_of(lines_of({"event": "PassStarted", "time": 101.0, "number": 1, "at": 1.0}))
+    assert text.count('<ol class="told">') == 1  # before the first visit
+    assert "no visit was ended" in text and "exhibits shown" not in text and '<table class="exhibits">' not in text
+
+
+@pytest.mark.parametrize("seconds, expected", [
+    (0.0, "0.0 s"), (59.9, "59.9 s"), (60.0, "1 min 0 s"), (119.6, "2 min 0 s"), (3599.0, "59 min 59 s"),
+    (3600.0, "1 h 0 min"), (3659.0, "1 h 0 min"), (7320.0, "2 h 2 min")])
+def test_a_duration_is_told_in_two_units(seconds, expected):
+    assert ", {}; no visit".format(expected) in Page(page_of(lines_of(gone(100.0 + seconds)))).of("header")[0]
+
+
+def test_sentences_can_be_chosen_by_what_they_are_about():
+    noticed = {"event": "Noticed", "time": 101.0, "level": "error", "text": "x"}
+    page = Page(page_of(lines_of(noticed, finished(102.0, "FAILURE", failure=FAILED), gone(103.0))))
+    assert page.of("option") == ["everything", "failure (1)", "health (1)", "notice (2)",
+                                 "all", "error (1)", "info (1)", "warning (2)", "any", "refused (1)"]
+    assert page.text.count("data-cause=") == page.text.count('data-cause="refused"') == 1
+    assert page.of("found") == [""] and "1 results in 1 bars" in page.of("timeline")[0]
+    assert page.of("legend") == ["successfailurehalteddoes not hold yeta retry failedwaiting for a visitorwarningerror"]
+
+
 @pytest.mark.parametrize("more, expected", [
     ([], "the record ends before the run"),
     ([{"event": "RunFinished", "time": 101.0, "outcome": "stopped; last pass: none", "exit_code": 0}],
@@ -208,6 +284,9 @@ def test_a_condition_that_does_not_hold_has_not_failed():
                                  finished(161.0, seconds=0.0), *ticks)))
     assert page.bars(1) == [(1000, 59000, "n", 3, "a chair is in the way"), (61000, 0, "S", 1, "")]
     assert [text for names, text in page.texts if "count" in names] == ["✔ 1", "○ 4"]
+    page = Page(page_of(lines_of(finished(101.0, "FAILURE", failure=no), finished(102.0, "FAILURE", failure=FAILED),
+                                 *ticks[-3:], nodes=(["A::1", "A", "A", 0], ["B::2", "B", "B", 1]))))
+    assert [text for names, text in page.texts if "count" in names] == ["✔ 1", "✘ 1", "○ 1"]
 
 
 def test_a_wait_lasts_until_its_condition_holds(day, told):
@@ -248,6 +327,23 @@ def test_no_result_of_a_long_run_is_dropped(monkeypatch):
     assert "3400 results in {} bars".format(len(bars)) in page.of("timeline")[0]
 
 
+@pytest.mark.parametrize("gap, bars", [(0.9, 1), (1.0, 2)])
+def test_alike_results_less_than_a_second_apart_are_one_bar(gap, bars):
+    drawn = lanes.Lanes()
+    for begin in (10.0, 10.5 + gap):
+        drawn.add(1, lanes.Bar(begin, begin + 0.5, "S"))
+    assert (drawn.results, drawn.bars, [bar.count for _, lane in drawn for bar in lane]) == (2, bars, [3 - bars] * bars)
+
+
+def test_bars_become_coarser_only_when_there_are_a_quarter_more_of_them(monkeypatch):
+    monkeypatch.setattr(lanes, "MOST", 4)
+    drawn, grains = lanes.Lanes(), []
+    for number in range(1, 10):
+        drawn.add(1, lanes.Bar(number, number, "F", "cause {}".format(number)))  # results that are never alike
+        grains.append(drawn.grain)
+    assert drawn.bars == 9 and grains == [1.0] * 4 + [2.0] * 2 + [4.0] * 2 + [8.0]
+
+
 # ------------------------------------------------------------------------------------------------------- tree and file
 
 
@@ -265,6 +361,24 @@ def test_a_node_without_events_has_its_results_from_its_changes_of_status():
     assert page.bars(1, "changes") == [(1000, 3000, "S", 1, ""), (5000, 2000, "-", 1, ""), (8000, 0, "F", 1, ""),
                                        (20000, 0, "S", 1, "")]
     assert [lane[0] for lane in Page(page_of(lines_of(finished(101.0), tick([1, "S"])))).data["changes"]] == []
+
+
+def test_a_node_has_its_place_its_ports_and_what_it_is_for():
+    body = ("<Sequence name='tour'>\n<Parallel success_count='2'><Sleep msec='7'/>\n<Sleep\nmsec='8' name='a'/></Parallel></Sequence>")
+    text = "<root BTCPP_format='4'><BehaviorTree ID='M'>\n{}\n</BehaviorTree></root>\n".format(body)
+    tree = load_text(text, registry())
+    page = Page(page_of(lines_of(tick([4, "S"], [1, "-"]), finished(108.0, path=tree.nodes[3].full_path, uid=4),
+                                 nodes=shown(tree).nodes, text=text)))
+    assert page.of("row") == ["tour(Sequence) #1haltedfirst.xml:2", "Parallel#2neverfirst.xml:3", "Sleep#3neverfirst.xml:3",
+                              "a(Sleep) #4✔ 1first.xml:4"]
+    assert page.of("bare") == ["Parallel#2neverfirst.xml:3Sleep#3neverfirst.xml:3a(Sleep) #4✔ 1first.xml:4"]
+    assert page.of("never") == page.of("row")[1:3]
+    assert page.text.count("<ul>") == 3 and "<ul></ul>" not in page.text
+    assert page.data["nodes"][1:3] == [["Parallel", [["success_count", "2", True], ["failure_count", "1", False]]],
+                                       ["Sleep", [["msec", "7", True]]]]
+    assert sorted(page.data["types"]) == ["Parallel", "Sequence", "Sleep"]
+    assert page.data["types"]["Sleep"] == registry().find("Sleep").summary
+    assert page.bars(4) == [(7500, 500, "S", 1, "")]
 
 
 def test_every_link_leads_somewhere_and_a_node_to_its_line(day, told):
@@ -362,6 +476,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
     (lines_of(dict(tick(), at=float("inf"))), "at is not a number"),
     (lines_of(nodes=(["A", "A", "A", 1],)), "a node's parent does not come before it"),
     (lines_of(nodes=(["A", "A", "A", 0], ["A", "A", "A", 0])), "a node's parent does not come before it"),
+    (lines_of(nodes=(["A", "A", "A", 0], ["A", "A", "A", 2])), "a node's parent does not come before it"),
     (lines_of()[::-1], "no tree comes before it"),
     (lines_of({"event": "Answered", "time": 1, "call": 1, "result": ["Answer", {"response": "", "exhibits": [{}]}]}),
      "result[1].exhibits[0].name is missing"),
@@ -383,6 +498,8 @@ def test_a_tree_of_many_levels_is_reported():
     nodes = [["N::{}".format(number), "N", "N", number - 1] for number in range(1, 2001)]
     page = Page(page_of(lines_of(tick([2000, "S"]), nodes=nodes)))
     assert len(page.of("row")) == 2000 and page.deepest < 2 * DEEPEST + 20
+    depth = itertools.accumulate({"<ul>": 1, "</ul>": -1}[tag] for tag in re.findall("</?ul>", page.text))
+    assert max(depth) == DEEPEST
 
 
 # ------------------------------------------------------------------------------------------------------------ in a browser
@@ -561,4 +678,6 @@ def test_a_mission_may_be_one_leaf_and_results_of_nodes_that_are_not_there_are_l
     sources = Sources((), Source("", ""), Source("", ""), "")
     run = Run(1.0, RunStarted("m.xml", [], {}, sources), [TreeNode("Say", "Say", "Say", 0)])
     run.take(2.0, LeafFinished(uid, "Say", "Say", "SUCCESS", "", 1.0, None))
+    run.take(2.0, Retried("Say", "Gone", 1, Failure(Cause.REFUSED, "", "")))
     assert run.finished == finished
+    assert [key for key, _ in run.lanes] == ([0, 1] if uid == 1 else [0])

@@ -4,13 +4,15 @@ import json
 import math
 import os
 import random
+import re
 import time
 from xml.etree import ElementTree
 
 import pytest
 
 from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.language.script import ScriptError, ScriptSyntaxError, compile_script, to_bool
+from behavior_controller.bt.language.script import (Assignment, Operand, ScriptError, ScriptSyntaxError, compile_script,
+                                                    to_bool)
 from behavior_controller.bt.language.values import ValueFault
 
 TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance", "hand")
@@ -112,6 +114,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
     with pytest.raises(ScriptSyntaxError) as raised:
         compile_script(text)
     assert str(raised.value) == reason
+    assert raised.value.position == int((re.findall(r"at position (\d+)", reason) or [0])[-1])
 
 
 @pytest.mark.parametrize("text, value", [
@@ -126,7 +129,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
     ("-2 * -3", 6.0),
     ("!0 + 1", 2.0),
     ("0 ? 1 : 0 ? 2 : 3", 3),
-    ("1 ? 0 ? 4 : 5 : 6", 5),
+    ("1 ? 0 ? 4 : 5 : 6", 5), ("0 ? 2 : 0 || 1", 1.0),
     ("x := y := 3", 3),
     ("1 2 3", 3),
     ("end := 3", 3), ("name := 1 integer := 2 real := 3 text := 4", 4), ("operator := 5; end := operator; end", 5),
@@ -143,6 +146,37 @@ def test_names_that_are_read_and_written_are_known():
     assert script.written == {"a", "c", "f", "g"}
 
 
+def test_which_statements_assign_is_known():
+    assert compile_script("a; b := 1 (c = 2) + 1;; d").facts.statements == [
+        (0, False, False), (3, True, True), (10, False, True), (24, False, False)]
+
+
+@pytest.mark.parametrize("text, kind, word, position", [
+    ("a := b", "name", "b", 5), ("a := (b)", "name", "b", 6), ("a := 'b'", "text", "'b'", 5), ("a := 1.5", "number", "1.5", 5),
+    ("a := true", "number", "true", 5), ("a := -b", "number", "", 6), ("a := b := c", "", "c", 10),
+    ("a := b := 'c'", "text", "'c'", 10), ("a := b ? c : d", "", "d", 13), ("a := b + c", "", "", 5),
+    ("a := b + 1", "", "", 5), ("a := 1 + 2", "number", "", 5), ("a := 'b' + 'c'", "text", "", 5),
+    ("a := b .. c", "text", "", 5), ("a := b - c", "number", "", 5), ("a := b < c", "number", "", 5),
+])
+def test_what_the_text_of_a_script_tells_of_a_value(text, kind, word, position):
+    assert compile_script(text).facts.assignments[-1] == Assignment("a", ":=", Operand(kind, word, position), 0)
+
+
+@pytest.mark.parametrize("text, operations", [
+    ("a < b < 'c'", [("<", ("name", "a"), ("name", "b")), ("<", ("name", "b"), ("text", "'c'"))]),
+    ("1 + 2 .. a", [("+", ("number", "1"), ("number", "2")), ("..", ("number", ""), ("name", "a"))]),
+    ("1 * a + 2", [("*", ("number", "1"), ("name", "a")), ("+", ("number", ""), ("number", "2"))]),
+    ("a + (b + c)", [("+", ("name", "b"), ("name", "c")), ("+", ("name", "a"), ("", ""))]),
+])
+def test_what_a_script_joins(text, operations):
+    found = compile_script(text).facts.operations
+    assert [(sign, left[:2], right[:2]) for sign, left, right in found] == operations
+
+
+def test_where_an_entry_is_read_first():
+    assert compile_script("a := b + c; c := b; @d").facts.names == {"a": 0, "b": 5, "c": 9, "@d": 20}
+
+
 # ------------------------------------------------------------------------------------------------------ running scripts
 
 
@@ -152,7 +186,8 @@ def test_names_that_are_read_and_written_are_known():
      ("~1.5", -2.0), ("!2", 0.0), ("!0.0", 1.0), ("- - 3", 3.0), ("-~1", 2.0),
     ("6.0 & 3", 2.0), ("5 ^ 3", 6.0),
     ("2.0 && 1", 1.0), ("0 || 0.0", 0.0),
-    ("1.0 == 1.00000001", 1.0), ("1.0 >= 1.00000001", 0.0), ("1 != 1.000001", 1.0),
+    ("1.0 == 1.00000001", 1.0), ("0 == 1.1920929e-07", 1.0), ("0 != 1.1920929e-07", 0.0),
+    ("1.0 >= 1.00000001", 0.0), ("1 != 1.000001", 1.0),
     ("'abc' < 'abd'", 1.0), ("'Z' < 'a'", 1.0), ("'\u00e9' > 'z'", 1.0), ("'ab' < 'abc'", 1.0),
     ("'3abc' == 3", 1.0), ("'true' == 1", 1.0), ("GREEN == 'GREEN'", 1.0), ("2 < '10'", 1.0),
     ("3 < 2 < nope", 0.0),
@@ -199,6 +234,7 @@ def test_values(text, value):
     ("9007199254740993 + 0", "Loss of precision"),
     ("9007199254740992 + 0", "Loss of precision"),
     ("minus + 0", "Loss of precision"),
+    ("0.5 + 9007199254740992", "Loss of precision"), ("9007199254740992 + 0.5", "Loss of precision"),
     ("list == 1", "Can't mix different types in Comparison"),
     ("list == '1'", "Can't mix different types in Comparison"),
     ("list ? 1 : 2", "must be a number"),
@@ -284,9 +320,12 @@ def test_truth(value, truth):
     assert to_bool(value) is truth
 
 
-@pytest.mark.parametrize("value", [2, -1, "true", "", None, [1]])
-def test_what_is_neither_true_nor_false(value):
-    with pytest.raises(ValueFault):
+@pytest.mark.parametrize("value, reason", [
+    (2, "2 is neither 0 nor 1"), (-1, "-1 is neither 0 nor 1"), ("true", "no known safe conversion"),
+    ("", "no known safe conversion"), (None, "it is empty"), ([1], "no known safe conversion"),
+])
+def test_what_is_neither_true_nor_false(value, reason):
+    with pytest.raises(ValueFault, match=reason):
         to_bool(value)
 
 
@@ -309,14 +348,13 @@ def test_nesting_is_limited_long_before_the_stack_ends(shape):
 
 
 def test_ninety_nine_parentheses_are_fine_and_no_more():
-    """Each takes two of the 200 levels, like its content."""
-    assert run("(" * 99 + "1" + ")" * 99)[0] == 1
-    with pytest.raises(ScriptSyntaxError, match="Nested too deeply at position 100: at most 200 levels are allowed"):
-        compile_script("(" * 100 + "1" + ")" * 100)
-
-
-def test_ninety_parentheses_are_fine():
-    assert run("(" * 90 + "1" + ")" * 90)[0] == 1
+    """Each takes two of the 200 levels, like its content; what is closed before counts no more."""
+    for before in ("", "a := (1) + 2; "):
+        assert run(before + "(" * 99 + "1" + ")" * 99)[0] == 1
+        with pytest.raises(ScriptSyntaxError) as raised:
+            compile_script(before + "(" * 100 + "1" + ")" * 100)
+        assert str(raised.value) == "Nested too deeply at position {}: at most 200 levels are allowed".format(
+            len(before) + 100)
 
 
 @pytest.mark.parametrize("text, value", [
@@ -374,8 +412,12 @@ def test_random_scripts_fail_cleanly_or_run():
 @pytest.mark.parametrize("script, hint", [
     ("a =< b", "write <="), ("a => b", "write >="), ("a === b", "write =="), ("a !== b", "write !="),
     ("a &&& b", "write &&"), ("a ||| b", "write ||"), ("a <> b", "write !="), ("a++", "write a += 1 or a -= 1"),
-    ("a--", "write a += 1 or a -= 1"), (")", ""), ("a * )", "")])
-def test_what_may_be_meant_where_an_operand_is_missing(script, hint):
+    ("a--", "write a += 1 or a -= 1"), (")", ""), ("a * )", ""), ("a + )", ""), ("a * ;", ""),
+    ("a := 'x", "the text has no closing quote"), ("a := 5s", "a number is followed by no unit"),
+    ('a := "x"', "a text needs single quotes: 'yes'"), ("a % 2", "scripts have no remainder"),
+    ("a := 1, b := 2", "statements are separated by ;"), ("\u00e9", ""),
+    ("{a} := 1", "a script names an entry without braces")])
+def test_what_may_be_meant_instead(script, hint):
     with pytest.raises(ScriptSyntaxError) as raised:
         compile_script(script)
     assert raised.value.hint == hint

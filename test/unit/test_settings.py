@@ -76,6 +76,7 @@ def test_the_mission_with_an_extension_is_tolerated(tmp_path, value, expected):
     ("mutualGazeValue 3", "test.ini:4:17: mutualGazeValue cannot be \"3\" (allowed: 1 or 2)"),
     ("welcomeGestureId 256",
      "test.ini:4:18: welcomeGestureId cannot be \"256\" (allowed: a whole number from 0 to 255)"),
+    ("  = 5", "test.ini:4:3: this is not a line of the form: key value"),
     ("language", "test.ini:4:1: language cannot be empty (allowed: the name of a language, such as English)"),
 ])
 def test_one_fault_each(tmp_path, line, expected):
@@ -84,14 +85,15 @@ def test_one_fault_each(tmp_path, line, expected):
 
 @pytest.mark.parametrize("key", ["groot2Address", "monitorAddress"])
 @pytest.mark.parametrize("value", ["", "*", "a b", "0", "0x0", "0x7f.1", "127.0.0", "1.2.3.256", "-a", "a..b", "a/b", "a:80",
-                                   "http://a", "[::1]", "::1::", "a" * 64, "b." * 127 + "b", "\u0661", "."])
+                                   "http://a", "[::1]", "::1::", "a" * 64, ("b" * 63 + ".") * 3 + "b" * 62, "\u0661", "."])
 def test_what_is_no_address_is_a_fault(tmp_path, key, value):
     found = faults(tmp_path, GOOD + "{} {}\n".format(key, value))
     assert len(found) == 1 and "{} cannot be {}".format(key, "\"{}\"".format(value) if value else "empty") in found[0]
     assert "allowed: an address or a host name of this computer" in found[0]
 
 
-@pytest.mark.parametrize("value", ["127.0.0.1", "0.0.0.0", "192.168.1.7", "::1", "::", "localhost", "pepper.local", "robot_2", "3com.com"])
+@pytest.mark.parametrize("value", ["127.0.0.1", "0.0.0.0", "192.168.1.7", "::1", "::", "localhost", "pepper.local", "robot_2", "3com.com",
+                                   ("b" * 63 + ".") * 3 + "b" * 61])  # 253 characters, the longest name
 def test_addresses_and_host_names(tmp_path, value):
     assert load(tmp_path, GOOD + "monitorAddress {}\n".format(value)).monitor_address == value
 
@@ -164,6 +166,7 @@ def test_a_line_of_blanks_takes_no_time(tmp_path, line):
 
 
 def test_a_file_of_mistakes_is_told_as_far_as_a_person_reads_it(tmp_path):
+    assert len(faults(tmp_path, GOOD + "nsense 1\n" * 100)) == 100
     found = faults(tmp_path, "no" * 20 + "nsense 1\n" * 30_000)
     assert len(found) == 101 and found[100] == "test.ini:101:1: more than 100 mistakes; the rest is not read"
     assert found[99].startswith("test.ini:100:1: unknown key nsense (")
@@ -197,7 +200,7 @@ def test_a_fault_is_one_line_whatever_the_file_says(tmp_path):
 
 
 def test_a_file_that_is_not_there_and_one_that_is_not_text(tmp_path):
-    with pytest.raises(ConfigurationError, match="cannot be read: No such file"):
+    with pytest.raises(ConfigurationError, match="none.ini: the configuration cannot be read: No such file or directory$"):
         settings.load(str(tmp_path / "none.ini"))
     (tmp_path / "binary.ini").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigurationError, match="not UTF-8"):
@@ -251,6 +254,11 @@ def test_arguments_are_kept_from_rospy():
     given = ["node", "_asrEnabled:=false", "__name:=n", "/a:=/b", "_recordDirectory:=/tmp/a:=b", "_language:=", "--help"]
     assert settings.split_arguments(given) == (["node", "__name:=n", "/a:=/b", "--help"], {
         "asrEnabled": "false", "recordDirectory": "/tmp/a:=b", "language": ""})
+
+
+def test_a_robot_of_release_1_0_has_a_gaze_value_of_its_own():
+    robots = [settings.defaults(mutualGazeValue=1, robotInterface=robot) for robot in ("D5.4.3", "release-1.0")]
+    assert [robot.gaze_value for robot in robots] == [1, 2]
 
 
 def test_each_service_has_its_deadline(tmp_path):

@@ -13,6 +13,7 @@ import unicodedata
 import pytest
 
 from behavior_controller.sinks import AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, drain, take_over_streams
+from behavior_controller.text import LONGEST
 
 CTRL_S, CTRL_Q = b"\x13", b"\x11"
 F_SETPIPE_SZ = 1031  # fcntl has the name from Python 3.10 on
@@ -81,6 +82,7 @@ def test_a_full_sink_takes_items_again_when_half_of_them_are_written():
 
 def test_a_sink_that_is_blocked_keeps_nobody_waiting():
     gate, sink = gated(most=4)
+    assert all(thread.daemon for thread in threading.enumerate() if thread.name == "test")  # not even the process at its end
     began = time.monotonic()
     for number in range(1000):
         sink.put(number)
@@ -115,13 +117,18 @@ def test_a_blocked_sink_takes_no_time_from_the_others():
     blocked, other = gated(most=4)[1], gated(most=4)
     other[0].open.set()
     other[1].put(1)
+    began = time.monotonic()
     drain([blocked, other[1]], 0.3)
-    assert other[0].written == [0, 1]
+    assert other[0].written == [0, 1] and time.monotonic() - began < 5.0
 
 
 def test_a_sink_with_a_rest_writes_a_few_items_and_rests():
     times = []
     sink = Sink("test", lambda item: times.append(time.monotonic()), str, rest=0.2)
+    sink.put("-")
+    sink.drain(5)  # it does not rest while it is drained, but later
+    assert len(times) == 1
+    del times[:]
     for number in range(2 * AT_ONCE + 1):
         sink.put(number)
     ends = time.monotonic() + 10
@@ -228,9 +235,10 @@ def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, w
     assert "".join(shown.split()) == "".join(text.split())
 
 
-def test_a_terminal_that_does_not_tell_its_width_gets_whole_lines(streams):
+@pytest.mark.parametrize("width", [0, 4])
+def test_a_terminal_that_does_not_tell_its_width_or_has_none_gets_whole_lines(streams, width):
     operator, terminal = pty.openpty()
-    wide(terminal, 0)
+    wide(terminal, width)
     sinks = take_over(terminal, terminal)
     print(WORDS)
     drain(sinks, 5)
@@ -271,6 +279,19 @@ def test_a_line_in_pieces_stays_whole_and_a_foreign_letter_gets_its_code(streams
     assert written == [b"Gr\\xfc\\xdfe\n", b"and more\n"]
 
 
+def test_a_line_has_room_for_a_long_text_and_the_message_around_it():
+    written = []
+    sink = Sink("test", written.append, str)
+    with open(os.devnull, "w", encoding="ascii") as original:
+        stream = LineStream(sink, original)
+        assert stream.fileno() == original.fileno() and not stream.isatty()
+        for length in (2 * LONGEST, 2 * LONGEST + 1):
+            stream.write(length * "x" + "\n")
+        sink.drain(5)
+    whole, cut = written
+    assert whole == 2 * LONGEST * b"x" + b"\n" and cut.count(b"x") < 2 * LONGEST and b"x \\u2026 x" in cut
+
+
 def test_what_is_printed_of_outside_text_does_nothing_to_a_terminal(streams):
     reader, writer = os.pipe()
     sinks = take_over(writer, writer)
@@ -293,3 +314,20 @@ def test_a_log_that_hangs_does_not_hold_its_caller(tmp_path):
     assert time.monotonic() - began < 1.0
     with open(fifo) as reader:
         assert reader.readline() == "not lost\n"
+
+
+def test_what_a_log_does_not_take_is_counted_in_it():
+    gate, handler = Gate(), logging.Handler(logging.INFO)
+    handler.emit = gate.write
+    detached = Detached(handler)
+    assert detached.level == logging.INFO
+    record = logging.LogRecord("rosout", logging.INFO, "", 0, "line", (), None)
+    detached.emit(record)
+    assert gate.reached.acquire(timeout=5)
+    for _ in range(1002):
+        detached.emit(record)
+    gate.open.set()
+    detached.sink.drain(10)
+    told = [each for each in gate.written if each is not record]
+    assert [(each.name, each.levelno, each.getMessage()) for each in told] == [
+        ("rosout", logging.WARNING, "behaviorController: 2 lines left out: /rosout did not take them in time")]

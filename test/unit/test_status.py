@@ -1,11 +1,15 @@
 """missionStatus: what it prints of a mission, and that no server makes it hang or fail with a traceback."""
 import contextlib
+import fcntl
 import itertools
 import json
 import os
+import select
 import socket
+import struct
 import subprocess
 import sys
+import termios
 import threading
 import time
 
@@ -15,6 +19,7 @@ from behavior_controller.events import HealthChanged, Noticed, RunFinished
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, GoTo, Say
 from behavior_controller.leaves import registry
+from behavior_controller.settings import KEYS
 from behavior_controller.watch import status
 from behavior_controller.watch.board import PARTS, Board
 from mission_rig import Rig, one_leaf, visitor_who
@@ -100,6 +105,65 @@ def test_the_story_is_not_cut_in_a_narrow_window():
     state["passes"]["text"] = "visitor 3 · exhibit 2 of 5, Robot arm · driving, 4 s of at most 180 s"
     found = status.in_window(state, False, 30, 20)
     assert " ".join(found[1:4]).startswith(state["passes"]["text"]) and all(len(line) <= 30 for line in found)
+
+
+def state_with(nodes, letters, text="driving", trouble=(), health=()):
+    """Return the board of a mission with the given nodes: (parent, name), bare ones with a name in small letters."""
+    return {"mission": {"file": "/a/tour.xml", "nodes": [
+                {"parent": parent, "name": name, "kind": "", "bare": name.islower()} for parent, name in nodes]},
+            "statuses": {"letters": letters}, "passes": {"text": text, "ended": ""}, "alive": {"age": 0.1, "hangs": False},
+            "trouble": [{"time": "12:00:0{}".format(at), "text": line} for at, line in enumerate(trouble)],
+            "health": [{"kind": "topic", "name": name, "well": False, "status": "gone", "consequence": "so"} for name in health]}
+
+
+ROW = [(0, "All")] + [(1, name) for name in "ABCDEFGHIJ"]
+CHAIN = [(number, name) for number, name in enumerate("ABCDEF")]
+TROUBLE = ["a", "b", "c", "d", "e", "f"]
+
+
+@pytest.mark.parametrize("state, is_all, width, height, expected", [
+    (state_with(CHAIN, "RRRRRR"), False, 20, 20, [
+        "tour.xml", "driving", "▶ A: running", "  ▶ B: running", "    ▶ C: running", "      ▶ D: running",
+        "        ▶ E: running", "          ▶ F: runn…"]),
+    (state_with(CHAIN, "RRRRRR"), False, 19, 20, [
+        "tour.xml", "driving", "▶ A: running", " ▶ B: running", "  ▶ C: running", "   ▶ D: running", "    ▶ E: running",
+        "    ▶ F: running"]),
+    (state_with(ROW, "RSSSSRSSSS-"), False, 40, 9, [
+        "driving", "▶ All: running", "  …", "  ✔ D: success", "  ▶ E: running", "  ✔ F: success", "  …"]),
+    (state_with(ROW, "RSSSSRSSSS-"), False, 40, 10, [
+        "driving", "▶ All: running", "  …", "  ✔ C: success", "  ✔ D: success", "  ▶ E: running", "  ✔ F: success", "  …"]),
+    (state_with(ROW, "RSSSSRSSSS-"), False, 40, 13, [
+        "driving", "▶ All: running"] + ["  ✔ {}: success".format(name) for name in "ABCD"] + ["  ▶ E: running"] + [
+        "  ✔ {}: success".format(name) for name in "FGHI"]),
+    (state_with(ROW, "RSSSSSSSSSR"), False, 40, 7, [
+        "driving", "▶ All: running", "  …", "  ✔ I: success", "  ▶ J: running"]),
+    (state_with(ROW, "S----------", "", TROUBLE, ["/a"]), False, 40, 20, [
+        "between two visits", "✔ All: success", "topic /a: gone; so", "12:00:01  b", "12:00:02  c", "12:00:03  d", "12:00:04  e",
+        "12:00:05  f"]),
+    (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 9, [
+        "between two visits", "▶ All: running", "topic /a: gone; so", "12:00:04  e", "12:00:05  f"]),
+    (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 7, [
+        "between two visits", "▶ All: running", "topic /a: gone; so", "12:00:05  f"]),
+    (state_with(ROW, "RSSSSRSSSS-", "driving", ["a"]), False, 40, 10, [
+        "driving", "▶ All: running", "  …", "  ✔ D: success", "  ▶ E: running", "  ✔ F: success", "  …", "12:00:00  a"]),
+    (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 5, ["between two visits", "▶ All: running", "topic /a: gone; so"]),
+    (state_with(ROW[:2], "RR"), False, 40, 3, ["  ▶ A: running"]), (state_with(ROW[:2], "RR"), False, 40, 1, []),
+    (state_with(ROW[:2], "RR"), False, 40, 4, ["driving", "  ▶ A: running"]),
+    (state_with([(0, "Tour"), (1, "sequence"), (2, "A"), (2, "B"), (1, "C")], "RRSR-"), False, 40, 20, [
+        "driving", "▶ Tour: running", "  ✔ A: success", "  ▶ B: running"]),
+    (state_with([(0, "Tour"), (1, "sequence"), (2, "A"), (2, "B"), (1, "C")], "RRSR-"), True, 40, 20, [
+        "driving", "▶ Tour: running", "  ▶ sequence: running", "    ✔ A: success", "    ▶ B: running", "  · C"]),
+    (state_with([(0, "Tour"), (1, "delay"), (2, "A")], "RR-"), False, 40, 20, [
+        "driving", "▶ Tour: running", "  ▶ delay: running"]),
+    (state_with([(0, "Tour"), (2, "A"), (7, "B"), (1, "C")], "sfr"), True, 40, 20, [
+        "driving", "✔ Tour: was success", "✘ A: was failure", "■ B: was halted", "  · C"]),
+    (state_with([(0, "Tour"), (1, "Bravo")], "-?"), False, 40, 20, ["driving", "· Tour", "  ? Bravo"]),
+    (state_with([(0, "A" * 29), (1, "B" * 28)], "RF"), False, 40, 20, [
+        "driving", "▶ " + "A" * 29 + ": running", "  ✘ " + "B" * 28 + ": failu…"]),
+    (state_with([], ""), False, 40, 20, ["driving"])])
+def test_a_window_line_by_line(state, is_all, width, height, expected):
+    clock, *found = status.in_window(state, is_all, width, height)
+    assert found == expected and clock[8:] in ("  mission tour.xml", "  mission")
 
 
 def test_names_cannot_steer_the_terminal():
@@ -198,7 +262,7 @@ def test_a_bad_server_is_one_line(capsys, pieces, expected, arguments):
     printed = capsys.readouterr()
     assert printed.out == "" and printed.err.count("\n") == 1 and "\x1b" not in printed.err
     assert "http://127.0.0.1:{} ".format(port) in printed.err and "monitorPort" in printed.err
-    if not arguments:
+    if not arguments or "bytes" in expected:
         assert expected in printed.err
 
 
@@ -215,6 +279,7 @@ def test_a_server_that_drips_is_not_waited_for(capsys, monkeypatch, pieces, argu
         assert status.main(["--port", str(port)] + arguments) == 1
         assert time.monotonic() - began < 5.0
     assert "(no complete answer within 0.5 s)" in capsys.readouterr().err
+    assert all(each.daemon for each in threading.enumerate() if each.name == "messages")  # the command ends in spite of it
 
 
 def event(state):
@@ -236,6 +301,41 @@ def test_watching_tells_how_the_mission_ended(capsys):
     assert printed.err == ""
 
 
+@pytest.mark.parametrize("columns, rows, expected", [
+    (40, 3, "\x1b[H{}  mission\x1b[K\n▶ WelcomeSpeech #1: running\x1b[K\n\x1b[J"), (0, 0, "mission ; \n▶ WelcomeSpeech #1: running\n"),
+    (80, 1, "\x1b[H{}  mission\x1b[K\n\x1b[J")])
+def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatch, columns, rows, expected):
+    terminal, inside = os.openpty()
+    fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+    state = dict(good(), statuses={"letters": "R"})
+    with os.fdopen(inside, "w", encoding="utf-8") as stdout, server(STREAM, event(state), event(
+            {"passes": {"text": "", "ended": "stopped"}, "statuses": {"letters": "R"}})) as port:
+        monkeypatch.setattr(sys, "stdout", stdout)
+        assert status.main(["--watch", "--port", str(port)]) == 0
+        printed = b""
+        while not printed.endswith(b"stopped\r\n") and select.select([terminal], [], [], 5.0)[0]:
+            printed += os.read(terminal, 10000)
+    os.close(terminal)
+    found = printed.decode().replace("\r\n", "\n")
+    clock = found.partition("\x1b[H")[2][:8]
+    assert found == expected.format(clock) + "missionStatus: the mission has ended: stopped\n"
+
+
+def test_once_is_once_though_the_mission_has_ended(capsys):
+    with server(changed(passes={"text": "", "ended": "stopped"})) as port:
+        assert status.main(["--port", str(port)]) == 0
+    assert capsys.readouterr().out == "mission ; \n· WelcomeSpeech #1\n"
+
+
+@pytest.mark.parametrize("length, code", [(0, 0), (-1, 1)])
+def test_a_message_may_have_so_many_bytes(capsys, monkeypatch, length, code):
+    body = json.dumps(good()).encode()
+    monkeypatch.setattr(status, "MOST_BYTES", len(body) + length)
+    with server(http(body)) as port:
+        assert status.main(["--port", str(port)]) == code
+    assert ("the answer has more than {} bytes".format(len(body) - 1) in capsys.readouterr().err) == bool(code)
+
+
 @pytest.mark.parametrize("last, expected", [
     (b"", "the connection was closed"), (b"data: {\n\n", "not JSON"),
     (event({"passes": 3}), "passes is not an object")])
@@ -253,6 +353,7 @@ def test_watching_a_controller_that_is_frozen_tells_how_old_the_picture_is(capsy
     with server(STREAM, event(good()), keeps_open=True) as port:
         assert status.main(["--watch", "--port", str(port)]) == 1
     printed = capsys.readouterr()
+    assert "no message for 0 s: what is shown may be old" in printed.out
     assert "no message for 1 s: what is shown may be old" in printed.out and "(no message for 3 s)" in printed.err
 
 
@@ -288,6 +389,23 @@ def test_nobody_there_is_one_line(capsys):
     assert status.main(["--port", "9"]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "http://127.0.0.1:9" in error and "monitorPort" in error
+
+
+@pytest.mark.parametrize("port, is_one", [("0", False), ("1", True), ("65535", True), ("65536", False), ("x", False)])
+def test_the_numbers_of_ports(capsys, port, is_one):
+    with contextlib.nullcontext() if is_one else pytest.raises(SystemExit):
+        assert status.main(["--port", port]) == 1
+    assert ("'{}' is not a port: 1 to 65535".format(port) in capsys.readouterr().err) != is_one
+
+
+def test_the_command_s_help_tells_the_default_of_the_configuration(capsys):
+    with pytest.raises(SystemExit):
+        status.main(["--help"])
+    printed = " ".join(capsys.readouterr().out.split())
+    defaults = {key.name: key.default for key in KEYS}
+    for name in ("monitorAddress", "monitorPort"):
+        assert "{} of the node (default {})".format(name, defaults[name]) in printed
+    assert " ".join(status.EXIT_CODES.split()) in printed and "--watch go on" in printed and "--all also" in printed
 
 
 @pytest.mark.parametrize("arguments, code", [

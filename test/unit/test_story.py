@@ -6,11 +6,13 @@ import py_trees
 import pytest
 
 from behavior_controller.events import (EVENTS, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
-                                        Recovering, StepStarted, Told, TourAdvanced)
+                                        Recovering, Retried, RunFinished, RunStarted, Sources, StepStarted, Told,
+                                        TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Prompt, Say
-from behavior_controller.story import BROKEN_OFF, KEPT, KINDS, LEFT_OUT, SHOWN, UNDER_WAY, Story
+from behavior_controller.story import BROKEN_OFF, KEPT, KINDS, LEFT_OUT, SHOWN, UNDER_WAY, Story, ordinal
+from behavior_controller.text import Source
 from behavior_controller.watch.record import Record
 from behavior_controller.watch.replay import read_record, replay
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
@@ -157,8 +159,10 @@ def test_each_kind_of_visit_is_told_with_its_causes_and_the_record_tells_the_sam
     assert [line for line in expected if not any(told.startswith(line) for told in rest)] == []
     assert teller.recorded() == teller.lines
     assert {sentence.kind for sentence in teller.sentences} <= set(KINDS)
-    assert all(sentence.uid and sentence.path for sentence in teller.sentences if sentence.kind not in (
-        "notice", "health") and not sentence.text.startswith("pass"))
+    nowhere = [sentence for sentence in teller.sentences if sentence.kind in ("notice", "health") or
+               sentence.text.startswith("pass")]
+    assert {(sentence.uid, sentence.path) for sentence in nowhere} == {(0, "")}
+    assert all(sentence.uid and sentence.path for sentence in teller.sentences if sentence not in nowhere)
 
 
 def test_a_budget_that_is_spent_is_the_reason_of_the_visit_s_end():
@@ -396,11 +400,214 @@ def test_the_robot_s_requests_have_words_for_leaves_of_any_package():
     assert Teller(rig).run(lambda rig: None).lines[1:3] == ["drove to 1, 2, 90°", "pointed at 1, 2, 3"]
 
 
+# ------------------------------------------------------------------------------------------- event by event
+
+
+RUN = RunStarted("/home/pepper/lab_tour.xml", [["a", "Say"], ["b", "Navigate"]], {}, Sources((), Source("", ""), Source("", ""), ""))
+START, BUSY = PassStarted(1, 0.0), Failure(Cause.REFUSED, "busy", "/go")
+NOT_REACHED = "Navigate failed: refused, busy (/go)"
+
+
+def leaf(mark="", kind="visit", text="", uid=1, at=0.0):
+    """Return that a leaf succeeded which tells something."""
+    return LeafFinished(uid, "Leaf", "tour/leaf", "SUCCESS", "", 0.0, None, Told(kind, text, mark, at))
+
+
+def failed(failure=BUSY, uid=1, seconds=0.0, status="FAILURE"):
+    return LeafFinished(uid, "Navigate", "tour/go", status, "/go", seconds, failure)
+
+
+def begins(uid=1, words="driving", what="", limit=0.0, is_wait=False, path="tour/go"):
+    return StepStarted(uid, "Navigate", path, words, what, limit, is_wait)
+
+
+def exhibit(state, number=1):
+    return TourAdvanced(8, "SelectExhibit", "tour/select", number, 2, "Arm", state)
+
+
+def recovering(attempt=1, substitute=""):
+    return Recovering(5, "Navigate", "tour/go", BUSY, attempt, 3, substitute)
+
+
+def recovered(outcome, reason="", failure=BUSY, policy="-", attempts=2):
+    return Recovered("Navigate", "tour/go", failure, policy, attempts, outcome != "given up", outcome, reason, 5)
+
+
+def story_of(*events):
+    """Return the story of events, one each second from 0 on."""
+    story = Story()
+    for at, event in enumerate(events):
+        story.take(at, event)
+    return story
+
+
+NO_FACE = Failure(Cause.CONDITION_FALSE, "no face; the newest message is 9 s old")
+ARRIVED, ENGAGED, LEFT, ASKED = leaf("arrived"), leaf("engaged"), leaf("left"), leaf("asked", "asked")
+THREE_TIMES = "Navigate failed 3 times: refused, busy (/go)"
+
+
+@pytest.mark.parametrize("events, outcome, why", [
+    ([], "SUCCESS", "done"), ([leaf("yes", "heard")], "SUCCESS", "done"), ([ASKED, leaf("yes", "heard")], "SUCCESS", "done"),
+    ([ASKED, leaf("no", "heard")], "SUCCESS", "the visitor did not want a tour"),
+    ([ASKED, leaf("", "said")], "SUCCESS", "the visitor did not answer"),
+    ([ASKED, leaf("", "heard"), ASKED], "SUCCESS", "the visitor answered neither yes nor no"),
+    ([ASKED, leaf("", "heard"), START, ASKED], "SUCCESS", "the visitor did not answer"),
+    ([exhibit("begun")], "SUCCESS", "the tour was given, 1 of 2 exhibits shown"),
+    ([ARRIVED, exhibit("begun"), failed(), exhibit("over")], "SUCCESS", "the tour was given, 0 of 2 exhibits shown"),
+    ([ARRIVED, exhibit("begun"), exhibit("over"), LEFT], "SUCCESS", "the tour was given, 1 of 2 exhibits shown"),
+    ([ARRIVED, exhibit("begun"), exhibit("over"), LEFT], "FAILURE", "the visitor left"),
+    ([ARRIVED, LEFT], "SUCCESS", "done"), ([ARRIVED, LEFT], "FAILURE", "the visitor left"),
+    ([ARRIVED, LEFT, ARRIVED], "FAILURE", "it failed"), ([ARRIVED, LEFT, ENGAGED], "FAILURE", "it failed"),
+    ([ARRIVED, LEFT, START], "FAILURE", "it failed"), ([LEFT], "FAILURE", "it failed"),
+    ([Noticed("error", "no heap"), leaf()], "FAILURE", "no heap"), ([Noticed("warning", "no heap")], "FAILURE", "it failed"),
+    ([failed(), leaf(uid=2)], "FAILURE", NOT_REACHED), ([failed(), failed(None, status="IDLE")], "FAILURE", NOT_REACHED),
+    ([failed(), leaf()], "FAILURE", "it failed"), ([failed(), START], "FAILURE", "it failed"),
+    ([failed(NO_FACE)], "FAILURE", "no face"), ([failed(NO_FACE._replace(message=""))], "FAILURE", "Navigate failed"),
+    ([recovered("given up"), failed(uid=5)], "FAILURE", "gave up: " + THREE_TIMES),
+    ([recovered("given up", "the budget is spent")], "FAILURE", "gave up: the budget is spent; " + THREE_TIMES),
+    ([recovered("given up"), START], "FAILURE", "it failed"), ([failed(), recovered("skipped")], "FAILURE", "it failed"),
+    ([recovered("skipped"), failed(uid=5)], "FAILURE", "it failed"),
+    ([recovered("skipped"), START, failed(uid=5)], "FAILURE", NOT_REACHED),
+    ([exhibit("begun"), exhibit("omitted"), recovered("given up")], "FAILURE",
+     "gave up at exhibit 1 of 2, Arm: " + THREE_TIMES),
+    ([exhibit("begun"), exhibit("omitted"), recovered("given up"), exhibit("omitted"), recovered("skipped")], "FAILURE",
+     "it failed")])
+def test_why_a_visit_ended_so(events, outcome, why):
+    story = story_of(START, *events, PassFinished(1, outcome, 9.0))
+    assert (story.visit.why, story.visit.outcome) == (why, outcome)
+
+
+@pytest.mark.parametrize("events, state, why", [
+    ([exhibit("over")], SHOWN, ""), ([failed(), exhibit("over")], BROKEN_OFF, NOT_REACHED),
+    ([failed(), begins(2), exhibit("over")], SHOWN, ""),
+    ([failed(), begins(2, is_wait=True), leaf(uid=2), exhibit("over")], BROKEN_OFF, NOT_REACHED),
+    ([begins(2), failed(), leaf(uid=2), exhibit("over")], SHOWN, ""),
+    ([begins(2), failed(), failed(None, 2, status="IDLE"), exhibit("over")], BROKEN_OFF, NOT_REACHED),
+    ([failed(), leaf(uid=2), exhibit("over")], BROKEN_OFF, NOT_REACHED), ([failed(), leaf(), exhibit("over")], SHOWN, ""),
+    ([failed(), exhibit("over"), exhibit("begun")], UNDER_WAY, ""),
+    ([failed(), exhibit("over"), exhibit("begun"), exhibit("over")], SHOWN, ""),
+    ([recovered("given up"), leaf(), exhibit("over")], BROKEN_OFF, THREE_TIMES),
+    ([recovered("done"), exhibit("over")], SHOWN, ""), ([failed(), recovered("skipped"), exhibit("over")], SHOWN, ""),
+    ([exhibit("omitted")], UNDER_WAY, ""), ([exhibit("omitted"), recovered("skipped")], LEFT_OUT, THREE_TIMES),
+    ([exhibit("omitted", 2), recovered("skipped")], UNDER_WAY, ""), ([recovered("skipped")], UNDER_WAY, ""),
+    ([exhibit("omitted", 2), recovered("skipped"), recovered("skipped")], UNDER_WAY, ""),
+    ([exhibit("omitted"), recovered("given up")], BROKEN_OFF, THREE_TIMES),
+    ([exhibit("over"), exhibit("omitted"), recovered("skipped")], SHOWN, ""),
+    ([ARRIVED, LEFT, exhibit("omitted"), recovered("given up")], BROKEN_OFF, "the visitor left"),
+    ([exhibit("omitted"), recovered("given up"), exhibit("omitted"), recovered("skipped", "budget")], LEFT_OUT,
+     "budget; " + THREE_TIMES),
+    ([exhibit("omitted"), recovered("given up"), exhibit("omitted"), recovered("given up", "budget")], BROKEN_OFF,
+     THREE_TIMES),
+    ([RunFinished("stopped", 0)], BROKEN_OFF, "the robot was stopped")])
+def test_how_an_exhibit_ends(events, state, why):
+    story = story_of(START, exhibit("begun"), *events)
+    assert [(shown.number, shown.state, shown.why) for shown in story.visit.exhibits] == [(1, state, why)]
+
+
+@pytest.mark.parametrize("events, state", [
+    ([], UNDER_WAY), ([exhibit("over", 2)], SHOWN), ([failed(), exhibit("over", 2)], BROKEN_OFF),
+    ([exhibit("omitted", 2), recovered("skipped")], LEFT_OUT)])
+def test_the_exhibit_before_stays_as_it_is(events, state):
+    story = story_of(START, exhibit("begun"), exhibit("over"), exhibit("begun", 2), *events)
+    assert [(shown.number, shown.state) for shown in story.visit.exhibits] == [(1, SHOWN), (2, state)]
+
+
+@pytest.mark.parametrize("before, event, severity, text, leads_to", [
+    ([], RUN, "info", "mission lab_tour starts, 2 mission leaves", ()),
+    ([], RunFinished("stopped", 3), "info", "ends: stopped (exit code 3)", ()),
+    ([START], PassFinished(1, "SUCCESS", 2.0), "info", "pass 1: SUCCESS after 2.0 s: done", ()),
+    ([START], PassFinished(1, "FAILURE", 2.0), "warning", "pass 1: FAILURE after 2.0 s: it failed", ()),
+    ([], Noticed("error", "no heap"), "error", "no heap", ()), ([], Noticed("odd", "no heap"), "warning", "no heap", ()),
+    ([], HealthChanged("topic", "/a", "", True, "well", ""), "info", "topic /a: well", ()),
+    ([], HealthChanged("topic", "/a", "b", False, "ill", "so"), "warning", "topic /a (of node /b): ill; so", ()),
+    ([START], leaf("arrived", uid=3), "info", "visitor 1 arrived", (3, "tour/leaf")),
+    ([START], leaf("engaged", uid=3), "info", "visitor 1 looks at the robot", (3, "tour/leaf")),
+    ([], leaf("", "said", "said “Hello”", 3), "info", "said “Hello”", (3, "tour/leaf")),
+    ([START], exhibit("begun"), "info", "exhibit 1 of 2, Arm", (8, "tour/select")),
+    ([START, exhibit("begun")], exhibit("over"), "info", "exhibit 1 of 2, Arm, was shown", (8, "tour/select")),
+    ([START, exhibit("begun"), failed()], exhibit("over"), "warning", "exhibit 1 of 2, Arm, is broken off: " + NOT_REACHED,
+     (8, "tour/select")),
+    ([], failed(), "warning", NOT_REACHED, (1, "tour/go")),
+    ([begins(3)], recovering(), "info", "retrying Navigate, 1 of 3", (3, "tour/go")),
+    ([begins(3)], recovering(2), "info", "retrying Navigate, 2 of 3: refused, busy (/go)", (3, "tour/go")),
+    ([begins(3)], recovering(0, "Say"), "info", "doing Say in place of Navigate", (3, "tour/go")),
+    ([begins(3)], recovered("done"), "info", "Navigate is done at the 3rd try", (3, "tour/go")),
+    ([begins(3)], recovered("skipped"), "warning",
+     "went on without Navigate, which failed 3 times: refused, busy (/go)", (3, "tour/go")),
+    ([begins(3), recovering(0, "Say")], recovered("substituted"), "warning",
+     "did Say in place of Navigate: refused, busy (/go)", (3, "tour/go")),
+    ([begins(3)], recovered("skipped", failure=BUSY._replace(message="a motor failed"), attempts=1), "warning",
+     "went on without Navigate, which failed 2 times: refused, a motor failed (/go)", (3, "tour/go")),
+    ([START, exhibit("begun"), exhibit("omitted", 2)], recovered("given up"), "error", "gave up: " + THREE_TIMES,
+     (0, "tour/go")),
+    ([START, exhibit("begun"), exhibit("omitted"), recovered("given up"), exhibit("omitted")],
+     recovered("given up", failure=BUSY._replace(message="stuck")), "error",
+     "gave up: Navigate failed 3 times: refused, stuck (/go)", (0, "tour/go")),
+    ([begins(3)], recovered("given up", attempts=0), "error", "gave up: " + NOT_REACHED, (3, "tour/go")),
+    ([begins(3), RUN], recovered("done", attempts=1), "info", "Navigate is done at the 2nd try", (0, "tour/go")),
+    ([START, exhibit("begun"), begins(3), exhibit("omitted")], recovered("skipped"), "warning",
+     "exhibit 1 of 2, Arm, is left out: " + THREE_TIMES, (3, "tour/go")),
+    ([START, exhibit("begun"), begins(3), exhibit("omitted")], recovered("given up"), "error",
+     "exhibit 1 of 2, Arm, is broken off: " + THREE_TIMES, (3, "tour/go"))])
+def test_the_sentence_about_an_event(before, event, severity, text, leads_to):
+    told, = story_of(*before).take(60.0, event)
+    assert (told.at, told.visit, told.severity, told.text, told.kind in KINDS) == (60.0, int(START in before), severity, text, True)
+    assert (told.uid, told.path) == (leads_to or (0, ""))
+
+
+@pytest.mark.parametrize("before, event", [
+    ([], failed(NO_FACE)), ([recovered("skipped")], failed(uid=5)), ([START, ARRIVED], ARRIVED), ([START, ENGAGED], ARRIVED),
+    ([], ARRIVED), ([], ENGAGED), ([], ASKED), ([START], leaf()), ([], begins()), ([], exhibit("over")),
+    ([recovered("given up")], recovered("given up", "budget", policy="other")), ([], PassFinished(1, "SUCCESS", 1.0))])
+def test_what_is_no_news_has_no_sentence(before, event):
+    assert story_of(*before).take(60.0, event) == ()
+
+
+@pytest.mark.parametrize("events, now", [
+    ([begins()], "driving, 60 s"), ([begins(limit=180.0)], "driving, 60 s of at most 180 s"),
+    ([begins(what="to Arm")], "driving to Arm, 60 s"),
+    ([START, exhibit("begun"), begins(what="to Arm")], "exhibit 1 of 2, Arm · driving, 58 s"),
+    ([START, exhibit("begun"), begins(what="to its home")], "exhibit 1 of 2, Arm · driving to its home, 58 s"),
+    ([START, begins()], "driving, 59 s"), ([START, ARRIVED, begins()], "visitor 1 · driving, 58 s"),
+    ([START, ARRIVED, PassFinished(1, "SUCCESS", 1.0)], ""), ([begins(), START], ""), ([begins(), RUN], ""),
+    ([begins(), RunFinished("stopped", 0)], ""), ([START, begins(), PassFinished(1, "SUCCESS", 1.0)], ""),
+    ([begins(), leaf()], ""), ([begins(), leaf(uid=2)], "driving, 60 s"), ([begins(), failed(NO_FACE)], ""),
+    ([begins(is_wait=True), failed(NO_FACE, seconds=9.0)], "driving, 60 s"), ([begins(is_wait=True), failed()], ""),
+    ([begins(limit=9.0, is_wait=True), failed(NO_FACE, seconds=8.0)], "driving, 60 s of at most 9 s"),
+    ([begins(limit=9.0, is_wait=True), failed(NO_FACE, seconds=9.0)], ""), ([begins(is_wait=True), leaf()], ""),
+    ([begins(is_wait=True), begins(2, "waiting", is_wait=True), leaf(uid=2)], ""),
+    ([begins(), begins(2, "speaking")], "speaking, 59 s"), ([begins(), begins(2, "speaking"), leaf(uid=2)], "driving, 60 s"),
+    ([begins(), begins(2, "speaking"), begins()], "driving, 58 s"),
+    ([begins(), begins(2, "waiting", is_wait=True), leaf(uid=2)], "driving, 60 s"),
+    ([recovering()], "retrying Navigate, 1 of 3, 60 s"), ([recovering(), begins(5)], "driving (retry 1 of 3), 59 s"),
+    ([recovering(), recovered("done"), begins()], "driving, 58 s"),
+    ([recovering(), START, begins()], "driving, 58 s"),
+    ([recovering(), begins(2), leaf(uid=2)], "retrying Navigate, 1 of 3, 60 s"),
+    ([begins(), Retried("Navigate", "tour/go", 1, BUSY)], ""), ([begins(), Retried("Say", "say", 1, BUSY)], "driving, 60 s"),
+    ([begins(), recovered("done")], ""), ([begins(path="a"), recovered("done")], "driving, 60 s")])
+def test_what_the_robot_does_now(events, now):
+    assert story_of(*events).now(60.0) == now
+
+
+def test_the_times_of_a_visit_are_those_when_each_thing_happened_first():
+    visit = story_of(PassStarted(1, 100.0), leaf("arrived", at=130.0), leaf("engaged", at=140.0), ASKED, ARRIVED, ENGAGED, ASKED,
+                     leaf("yes", "heard"), PassFinished(1, "SUCCESS", 50.0)).visit
+    assert (visit.began, visit.arrived, visit.engaged, visit.asked, visit.answer) == (0, 1, 2, 3, "yes")
+    assert (visit.waited, visit.seconds) == (30.0, 20.0)
+    assert story_of(START, leaf("engaged", at=4.0), ARRIVED).visit[1:4] == (0, 1, 1)
+
+
+@pytest.mark.parametrize("words", ["1st 2nd 3rd 4th 10th 11th 12th 13th 20th 21st 22nd 23rd 24th 101st 111th 112th 121st"])
+def test_ordinals(words):
+    assert [ordinal(int(word[:-2])) for word in words.split()] == words.split()
+
+
 # ------------------------------------------------------------------------------------------------------- what it bears
 
 
 def test_it_keeps_a_bounded_number_of_visits_and_steps():
     story = Story()
+    assert (story.visit_count, story.outcomes) == (0, {})
     for number in range(1, KEPT + 10):
         story.take(1.0, PassStarted(number, 0.0))
         story.take(1.0, StepStarted(number, "x", "x", "doing", "", 0.0, False))

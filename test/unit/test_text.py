@@ -94,6 +94,16 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
     assert all(text and clean(text) == text for text in refusals)
 
 
+def test_no_file_stays_open(tmp_path):
+    (tmp_path / "a.ini").write_text("12345")
+    before = os.listdir("/proc/self/fd")
+    read_bytes(str(tmp_path / "a.ini"))
+    for path, most in ((tmp_path, 5), (tmp_path / "a.ini", 4)):
+        with pytest.raises(Unreadable):
+            read_bytes(str(path), most)
+    assert len(os.listdir("/proc/self/fd")) == len(before)
+
+
 def test_a_wrong_byte_has_its_place():
     with pytest.raises(UnicodeDecodeError) as raised:
         decode(b"ab\xffcd")

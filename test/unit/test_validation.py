@@ -1,4 +1,5 @@
 """What validateMission makes of the files that an author has: projects, folders, parts, palettes, other robots."""
+import itertools
 import os
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import pytest
 
 from behavior_controller import cli, folders
 from behavior_controller.bt.checking.lint import is_misspelling
-from behavior_controller.validation import Validation
+from behavior_controller.validation import Judgement, Validation
 
 HEAD = '<root BTCPP_format="4">\n{}\n</root>'
 TREE = '<BehaviorTree ID="{}">{}</BehaviorTree>'
@@ -91,6 +92,14 @@ def test_what_the_robot_provides_is_not_asked_for(file):
                           "(taken as stubs): Drive"]
 
 
+@pytest.mark.parametrize("count, rest", [(20, ""), (21, ", …")])
+def test_of_many_stubs_the_first_are_named(count, rest):
+    names = tuple("Node{}".format(number) for number in range(1, count + 1))
+    assert str(Judgement("m.xml", nodes=30, stubs=names)) == (
+        "m.xml: checked, 30 nodes, 0 warnings; not a mission of this robot, which lacks {} node types (taken as stubs): {}{}"
+        .format(count, ", ".join(names[:20]), rest))
+
+
 @pytest.mark.parametrize("port, is_told", [
     ('<input_port name="speed"/>', False),
     ('<input_port name="speed" optional="true"/>', False),
@@ -135,6 +144,29 @@ def test_what_is_a_misspelling(word, other, is_so):
     assert is_misspelling(word, other) is is_so
 
 
+def test_a_misspelling_is_one_edit():
+    words = {"".join(letters) for length in range(5) for letters in itertools.product("abc", repeat=length)}
+    for word in words:
+        edits = set()
+        for at in range(len(word) + 1):
+            begin, rest = word[:at], word[at:]
+            edits |= {begin + letter + rest for letter in "abc"} | {begin + rest[1:], begin + rest[1::-1] + rest[2:]}
+            edits |= {begin + letter + rest[1:] for letter in "abc" if rest}
+        assert {other for other in words if is_misspelling(word, other)} == edits & words - {word}
+
+
+@pytest.mark.parametrize("inside, codes", [
+    ('<Out out="{abcd}"/><Drive goal="{abce}"/>', ["never-written"]),  # a robot's entries are its own, but this is near
+    ('<Out out="{abc}"/><Drive goal="{abd}"/>', []), ('<Out out="{abcd}"/><Drive goal="{wxyz}"/>', []),
+    ('<Out out="{abcd}"/><Drive goal="abcd"/>', []), ('<Script code="count = 1"/><Drive/>', []),
+    ('<Script code="1 == 1"/><Drive/>', ["script-no-effect"])])
+def test_what_is_said_of_entries_in_a_mission_for_another_robot(file, inside, codes):
+    path = file("m.xml", TREE.format("Main", "<Sequence>{}</Sequence>".format(inside)), "<TreeNodesModel>{}{}</TreeNodesModel>"
+                .format('<Action ID="Out"><output_port name="out"/></Action>',
+                        '<Action ID="Drive"><input_port name="goal"/></Action>'))
+    assert [code for _, _, code in told(path)] == codes
+
+
 # ------------------------------------------------------------------------------------------- files that belong together
 
 
@@ -143,6 +175,9 @@ def test_an_included_file_is_judged_as_a_part(file):
     whole = file("whole.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
     assert told(part) == [("part.xml", 1, "main-tree-missing")]
     assert said(part, whole) == ["part.xml: a part of whole.xml", "whole.xml: can be run, 2 nodes, 0 warnings"]
+    validation = Validation()
+    assert len(list(validation.judge([whole]))) == 1
+    assert validation.files == {part, whole}
 
 
 def test_files_that_include_each_other_are_no_parts(file):
@@ -160,6 +195,19 @@ def test_each_tree_of_a_project_that_no_other_calls_is_a_main_tree(file):
     file("b.xml", TREE.format("B", LEAF), TREE.format("C", LEAF))
     assert said(project) == ["p.btproj: can be run from each of A, B, 3 nodes, 0 warnings"]
     assert said(project, main="A") == ["p.btproj: can be run, 2 nodes, 0 warnings"]
+    assert said(file("q.btproj", '<include path="a.xml"/>', '<include path="c.xml"/>')) == ["q.btproj: 1 fault"]
+    file("c.xml", TREE.format("C", LEAF))
+    assert said(file("q.btproj", '<include path="a.xml"/>', '<include path="c.xml"/>')) == [
+        "q.btproj: can be run, 2 nodes, 0 warnings"]
+
+
+def test_a_project_may_say_which_tree_is_the_main_one(file):
+    file("a.xml", TREE.format("A", LEAF), TREE.format("B", LEAF))
+    project = file("p.btproj", '<include path="a.xml"/>')
+    assert said(project) == ["p.btproj: can be run from each of A, B, 2 nodes, 0 warnings"]
+    with open(project, "w", encoding="utf-8") as opened:
+        opened.write('<root BTCPP_format="4" main_tree_to_execute="A"><include path="a.xml"/></root>')
+    assert said(project) == ["p.btproj: can be run, 1 node, 0 warnings"]
 
 
 def test_the_palette_of_a_project_is_that_of_its_files(file):
@@ -168,9 +216,18 @@ def test_the_palette_of_a_project_is_that_of_its_files(file):
     assert told(project) == []
 
 
+def test_a_palette_may_be_in_the_file_of_another_mission(file):
+    robot = file("robot.xml", TREE.format("X", LEAF), '<TreeNodesModel><Action ID="Drive"/></TreeNodesModel>')
+    path = file("m.xml", TREE.format("Main", "<Drive/>"))
+    assert [code for _, _, code in told(robot, path)] == ["unknown-node"]
+    assert [os.path.basename(judgement.file) for judgement in judged(path, palettes=[robot])] == ["m.xml"]
+    assert told(path, palettes=[robot]) == []
+
+
 def test_the_main_tree_may_be_chosen(file):
     path = file("m.xml", TREE.format("A", LEAF), TREE.format("B", "<Sequence>{0}{0}</Sequence>".format(LEAF)))
     assert said(path) == ["m.xml: 1 fault"]
+    assert said(path, main="C") == ["m.xml: 1 fault"]
     assert told(path, main="B") == [("m.xml", 2, "tree-unused")]
     assert told(path, main="C") == [("m.xml", 1, "main-tree-unknown")]
 
@@ -183,6 +240,8 @@ def test_a_folder_is_all_missions_in_it(file, tmp_path):
     (tmp_path / ".git").mkdir()
     file(".git/c.xml", TREE.format("C", LEAF))
     assert [os.path.basename(judgement.file) for judgement in judged(str(tmp_path))] == ["a.xml", "b.xml"]
+    (tmp_path / "latin.xml").write_bytes(HEAD.format(TREE.format("Café", LEAF)).encode("latin-1"))
+    assert told(str(tmp_path)) == [("latin.xml", 2, "not-text")]
 
 
 def test_trees_are_found_in_the_files_beside_only_when_asked(file):
@@ -191,6 +250,9 @@ def test_trees_are_found_in_the_files_beside_only_when_asked(file):
     file("third.xml", TREE.format("B", LEAF))
     assert told(path) == [("m.xml", 2, "unknown-tree")]
     assert said(path, in_folder=True) == ["m.xml: can be run, 4 nodes, 0 warnings"]
+    file("third.xml", TREE.format("B", "<Drive/>"), '<TreeNodesModel><Action ID="Drive"/></TreeNodesModel>')
+    assert said(path, in_folder=True) == ["m.xml: checked, 4 nodes, 0 warnings; not a mission of this robot, which lacks 1 "
+                                          "node type (taken as stubs): Drive"]
 
 
 def test_a_file_of_a_ros_package_is_included(file, tmp_path, monkeypatch):
@@ -224,6 +286,11 @@ def test_a_warning_may_be_left_out_and_a_fault_not(file, capsys):
     assert capsys.readouterr().out == "{}: can be run, 2 nodes, 0 warnings\n".format(path)
     path = file("m.xml", TREE.format("Main", "<Slep/>"))
     assert cli.validate(["--ignore", "unknown-node", path]) == 2
+
+
+def test_faults_and_warnings_are_counted_apart(file):
+    path = file("m.xml", TREE.format("Main", '<Sequence><Slep/><Sleep msec="2 min"/></Sequence>'))
+    assert said(path) == ["m.xml: 1 fault, 1 warning"]
 
 
 def test_a_code_that_does_not_exist_is_a_wrong_call(capsys):

@@ -19,7 +19,7 @@ ENUMS = {"RED": 1}
     ("double", "2.5m", 2.5), ("double", ".5", 0.5), ("double", "-1.5e-3", -0.0015), ("double", "1e", 1.0),
     ("double", "1.", 1.0),
     ("double", "INF", math.inf), ("double", "-infinity", -math.inf), ("double", "1e2.5", 100.0),
-    ("bool", "True", True), ("bool", "FALSE", False),
+    ("bool", "True", True), ("bool", "FALSE", False), ("bool", "False", False),
     ("string", " a\tb ", " a\tb "),
     ("enum", "RED", 1), ("enum", "-5", -5),
     ("NodeStatus", "IDLE", IDLE), ("NodeStatus", "SKIPPED", SKIPPED),
@@ -42,10 +42,10 @@ def test_from_text(type_name, text, value):
     ("int", "2147483648", "out of bound"), ("int", "-2147483649", "out of bound"), ("int", "9" * 5000, "out of bound"),
     ("int", "-" + "9" * 5000, "out of bound"), ("int64", "9223372036854775808", "out of bound"),
     ("int8", "300", "-128 to 127"),
-    ("uint", "-1", "to integer"), ("uint", "4294967296", "out of bound"),
+    ("uint", "-1", "Can't convert string [-1] to integer"), ("uint", "4294967296", "out of bound"),
     ("double", "abc", "to double"), ("double", "+1.5", "to double"), ("double", " 1", "to double"),
     ("double", ".", "to double"),
-    ("double", "\u0131nf", "to double"), ("double", "1e999", "out of bound"),
+    ("double", "\u0131nf", "to double"), ("double", "1e999", "out of bound"), ("double", "9" * 400 + "e5", "out of bound"),
     ("bool", "2", "0 1 true false"), ("bool", "tRue", "invalid bool"), ("bool", " true", "invalid bool"),
     ("bool", "", "invalid bool"),
     ("enum", "PINK", "known names: RED"), ("enum", "1x", "enum"), ("enum", "1" * 5000, "enum"),
@@ -142,6 +142,14 @@ def test_how_an_entry_holds_a_value(value, held):
 ])
 def test_how_a_message_quotes_a_text(text, line):
     assert values.shown(text) == line
+
+
+@pytest.mark.parametrize("type_name, text, rest", [
+    ("int", "2 min", "min"), ("int", "12", ""), ("int", "x", ""), ("double", "1e", "e"), ("string", "2 min", ""),
+    ("vec_int", "1;2.5;3 x", ".5"), ("vec_double", "1.5;2", ""), ("vec_int", "json:[1.5]", ""), ("vec_bool", "1 x", ""),
+])
+def test_what_is_passed_over_after_a_number(type_name, text, rest):
+    assert values.unread(text, type_name) == rest
 
 
 def test_huge_texts_take_no_time():

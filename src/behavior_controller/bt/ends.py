@@ -87,7 +87,7 @@ def retried(attributes: Attributes, children: List[int]) -> int:
 
 
 def _in_rounds(count: str, child: int, goes_on: int, ends: int) -> int:
-    may_be_none = count != "-1" and not (count.isdigit() and int(count[:9]) > 0)
+    may_be_none = count != "-1" and not count.strip("0").isdigit()
     may_be_the_last = count != "-1" and child & goes_on
     return child & (ends | SKIPS) | (goes_on if may_be_none or may_be_the_last else 0)
 

@@ -144,5 +144,5 @@ def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     ``likeness`` is the required similarity, from 0 to 1 (equal).
     """
     by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), list(by_lower), n=1, cutoff=likeness)
+    near = difflib.get_close_matches(word.lower(), list(by_lower), cutoff=likeness)
     return "did you mean {}?".format(by_lower[near[0]]) if near else ""

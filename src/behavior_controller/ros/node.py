@@ -106,8 +106,7 @@ def _explain(arguments: List[str]) -> int:
     """Print the usage; the exit code says whether it was requested."""
     is_asked = arguments[0] in ("-h", "--help")
     if is_asked:
-        print("\n".join([USAGE, "", "keys, their defaults and meanings:"] + help_lines(
-            KEYS, {key.name: key.default_text for key in KEYS})))
+        print("\n".join([USAGE, "", "keys, their defaults and meanings:"] + help_lines(KEYS)))
     else:
         print("behaviorController: unknown argument {!r}\n{}".format(arguments[0], USAGE), file=sys.stderr)
     return exits.SUCCESS if is_asked else exits.WRONG_INPUT

@@ -68,5 +68,6 @@ def svg(tree: Tree, title: str, left_out: Collection[int] = ()) -> bytes:
     except subprocess.TimeoutExpired:
         raise NotDrawn("graphviz did not draw the tree within {:g} s".format(LIMIT))
     except (OSError, subprocess.CalledProcessError) as error:
-        raise NotDrawn("graphviz cannot draw the tree: {}".format(getattr(error, "stderr", None) or error))
+        said = getattr(error, "stderr", b"").decode("utf-8", "replace").strip()
+        raise NotDrawn("graphviz cannot draw the tree: {}".format(said or error))
     return done.stdout

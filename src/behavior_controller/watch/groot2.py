@@ -46,10 +46,10 @@ LOOK_INTERVAL = 0.25
 PACE = 0.002
 """The shortest time between two requests, in seconds: a client that floods must not slow the mission."""
 
-MOST_REQUEST = 32 * 1024
+MOST_REQUEST = 32_768
 """The most bytes of a request."""
 
-MOST_SUBSCRIPTIONS = 4 * 1024
+MOST_SUBSCRIPTIONS = 4096
 """The most bytes from a client on the port of breakpoints reached: ZeroMQ keeps them in a hundred times the memory."""
 
 MOST_QUEUED = 2
@@ -119,7 +119,7 @@ class Groot2Publisher:
     # ------------------------------------------------------------------------------------------ on the publisher's thread
 
     def _begin(self) -> None:
-        self._context = zmq.asyncio.Context(1)
+        self._context = zmq.asyncio.Context()
         self._context.set(ZERO_COPY_RECV, 0)
         self._requests, self._news = self._context.socket(zmq.ROUTER), self._context.socket(zmq.PUB)
         self._requests.setsockopt(zmq.SNDHWM, MOST_QUEUED)

@@ -153,7 +153,6 @@ class _Replay:
         elif isinstance(entry, Lost):
             raise Diverged("the record lacks {} lines".format(entry.lines))
         elif isinstance(entry, PassStarted):
-            self.clock.set_to(entry.at)
             self._mission.begin_visit(self.tree.blackboard, entry.at)
         elif isinstance(entry, HealthChanged):
             self._health.report(entry.respect, entry)
@@ -183,13 +182,11 @@ class _Replay:
 
     def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
         """Raise ``Diverged`` at the first difference."""
-        differences = [self._world.difference()]
-        for was, now in itertools.zip_longest(recorded, self._now):
-            if was != now:
-                differences.insert(0, "recorded is {}, now it is {}".format(_words(was), _words(now)))
-                break
-        if any(differences):
-            raise Diverged("{:.1f} s after its mission began: {}".format(seconds, "; ".join(filter(None, differences))))
+        status = next(("recorded is {}, now it is {}".format(_words(was), _words(now))
+                       for was, now in itertools.zip_longest(recorded, self._now) if was != now), "")
+        differences = "; ".join(filter(None, (status, self._world.difference())))
+        if differences:
+            raise Diverged("{:.1f} s after its mission began: {}".format(seconds, differences))
 
 
 def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:

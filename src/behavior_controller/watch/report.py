@@ -1,14 +1,15 @@
 """A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes, the mission file."""
 import base64
-import datetime
+import collections
 import hashlib
 import html
 import itertools
 import json
 import os
 import re
+from time import localtime, strftime
 from types import SimpleNamespace
-from typing import Any, Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Counter, DefaultDict, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from behavior_controller import leaves
 from behavior_controller.bt.engine.node import label
@@ -65,7 +66,7 @@ class Run:
         self.story = Story()
         self.visits: Dict[int, Visit] = {}
         self.ends: Dict[int, float] = {}  # of the visits that are over
-        self.told: Dict[int, List[Told]] = {0: []}  # by visit; 0 is what was before the first
+        self.told: Dict[int, List[Told]] = {}  # by visit; 0 is what was before the first
         self.outcome = ""
         self.lost = 0  # lines that the record lacks
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # statuses of each node
@@ -235,7 +236,7 @@ def _seconds(seconds: float) -> str:
 
 
 def _sign(letter: str, word: str) -> str:
-    return '<b class="{}" title="{}">{}</b>'.format(letter if letter != "-" else "h", word, SIGNS[letter])
+    return '<b class="{}" title="{}">{}</b>'.format(letter, word, SIGNS[letter])
 
 
 def _options(first: str, values: Iterable[str]) -> str:
@@ -246,9 +247,9 @@ def _options(first: str, values: Iterable[str]) -> str:
 
 def _header(run: Run, earlier: List[RunStarted]) -> str:
     """Return when the mission ran, how it ended, and what the report lacks."""
-    began = datetime.datetime.fromtimestamp(run.began)
     ends = ", ".join("{} {}".format(count, outcome) for outcome, count in sorted(run.story.outcomes.items()))
-    told = ["{:%Y-%m-%d} {} to {}, {}".format(began, clock(run.began), clock(run.ended), _seconds(run.ended - run.began)),
+    told = ["{} {} to {}, {}".format(strftime("%Y-%m-%d", localtime(run.began)), clock(run.began),
+                                     clock(run.ended), _seconds(run.ended - run.began)),
             "visits: {}".format(ends) if ends else "no visit was ended",
             "ended: " + run.outcome if run.outcome else
             "the record ends before the run: the node was killed, or the record full"]
@@ -277,10 +278,9 @@ def _story(run: Run) -> str:
                  _options("everything", (each.sentence.kind for each in told)),
                  _options("all", (each.sentence.severity for each in told)),
                  _options("any", (each.cause for each in told)))
-    before = _sentences(run.told[0])
-    return '<section id="story"><h2>Story</h2>{}{}{}</section>'.format(
-        tools, '<details class="visit" id="v0"><summary><h3>Before the first visit</h3></summary>{}</details>'.format(
-            before) if before else "", "".join(_visit(run, visit) for visit in run.visits.values()))
+    return ('<section id="story"><h2>Story</h2>{}<details class="visit" id="v0"><summary><h3>Before the first visit</h3>'
+            "</summary>{}</details>{}</section>").format(
+                tools, _sentences(run.told[0]), "".join(_visit(run, visit) for visit in run.visits.values()))
 
 
 def _visit(run: Run, visit: Visit) -> str:
@@ -359,8 +359,7 @@ def _data(run: Run, written: Dict[str, Written]) -> str:
     visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (
         visit.began, visit.arrived or visit.began, run.ends.get(visit.number, run.ended))] for visit in run.visits.values()]
     outcomes = [LETTER_OF.get(visit.outcome, "R") for visit in run.visits.values()]
-    offset = datetime.datetime.fromtimestamp(run.began).astimezone().utcoffset()
-    data = {"began": round(1000 * run.began), "offset": round(1000 * offset.total_seconds()) if offset else 0,
+    data = {"began": round(1000 * run.began), "offset": 1000 * localtime(run.began).tm_gmtoff,
             "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
             "lanes": lanes, "changes": _numbers(run.changes, notes),
             "notes": list(notes), "nodes": [[node.type, written[node.path].ports if node.path in written else []]
@@ -376,7 +375,7 @@ def _data(run: Run, written: Dict[str, Written]) -> str:
 def _tree(run: Run, written: Dict[str, Written], doubt: str) -> str:
     """Return the tree as nested lists, each node with its results and its place; what never ran is grey."""
     nodes = run.nodes
-    children: List[List[int]] = [[] for _ in range(len(nodes) + 1)]
+    children: DefaultDict[int, List[int]] = collections.defaultdict(list)
     for number, node in enumerate(nodes, 1):
         children[node.parent].append(number)
     registry = leaves.registry()

@@ -231,7 +231,7 @@ def in_window(state: State, is_all: bool, width: int, height: int) -> List[str]:
 
 
 def _cut(line: str, width: int) -> str:
-    return line if len(line) <= width else line[:max(0, width - 1)] + "…"
+    return line if len(line) <= width else line[:width - 1] + "…"
 
 
 def _troubles(state: State) -> List[str]:

@@ -157,7 +157,7 @@ def usage(remarks: Mapping[str, str]) -> str:
     lines += ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())]
     width = shutil.get_terminal_size().columns
     return "\n".join(line for text in lines for line in textwrap.wrap(
-        text, width, subsequent_indent=" " * (len(text) - len(text.lstrip())), break_on_hyphens=False) or [""])
+        text, width, subsequent_indent=" " * (len(text) - len(text.lstrip()))) or [""])
 
 
 def _table(chosen: Sequence[Key], values: Mapping[str, object], remarks: Mapping[str, str]) -> List[str]:

@@ -24,9 +24,9 @@ def main(command: List[str]) -> int:
         return 0  # the report names the fault and ends the launch
     folder = parameters.folder()
     os.makedirs(folder, exist_ok=True)
-    process = subprocess.Popen(command_line(command, test, folder))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)  # the controller gets the signal too: wait for it to stop
+    process = subprocess.Popen(command_line(command, test, folder))
     code = process.wait()
     with open(os.path.join(folder, EXIT_CODE), "w") as file:
         file.write("{}\n".format(code))
@@ -55,7 +55,7 @@ def _keep_record(folder: str) -> None:
             os.makedirs(wanted, exist_ok=True)
             shutil.copy(os.path.join(folder, RECORD), wanted)
         except OSError as error:
-            print("no record in {}: {}".format(wanted, error.strerror), flush=True)
+            print("no record in {}: {}".format(wanted, error.strerror))
 
 
 def read_exit_code(folder: str) -> Optional[int]:

@@ -30,7 +30,6 @@ class Wait(NamedTuple):
     """A leaf that asked for a sign of the visitor, from when until when. ``sign``: the first that came in that time."""
 
     node: str
-    path: str
     sense: Sense
     began: float
     ended: float
@@ -78,9 +77,7 @@ class Signs:
 
     def is_told(self, sense: Sense) -> bool:
         """Return whether a simulated node publishes the evidence."""
-        interface = self._facts.interface
-        return interface.tells(sense) and interface.evidence(sense).topic.name in TOPICS and \
-            interface.evidence(sense).topic.node not in self._facts.real
+        return self._facts.interface.evidence(sense).topic.node not in self._facts.real
 
     def may_hold(self, sense: Sense, at: float) -> bool:
         """Return whether there was a sign that counted at that time."""
@@ -110,7 +107,7 @@ class Watch:
                 self._traverse(event["time"], event["changes"])
             elif event["event"] == "PassFinished":
                 self._end_all(event["time"])
-        self.endless = self._end_all(max([line.time for line in facts.journal[-1:]], default=0.0))
+        self.endless = self._end_all(max([line.time for line in facts.journal], default=0.0))
         """Waits that the end of the test cut off."""
 
     def _senses(self, node: str) -> List[Sense]:
@@ -152,4 +149,4 @@ class Watch:
     def _end(self, uid: int, now: float, held: bool) -> None:
         began, sense = self._since.pop(uid), self._asked[uid]
         sign = self._signs.first(sense, began, now)
-        self.waits.append(Wait(self._tree.types[uid], self._tree.paths[uid], sense, began, now, held, sign))
+        self.waits.append(Wait(self._tree.types[uid], sense, began, now, held, sign))

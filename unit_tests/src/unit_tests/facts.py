@@ -35,7 +35,6 @@ class Tree:
         shown = of(events, "TreeShown")
         nodes = shown[-1]["nodes"] if shown else []
         self.types: Dict[int, str] = {uid: node["type"] for uid, node in enumerate(nodes, 1)}
-        self.paths: Dict[int, str] = {uid: node["path"] for uid, node in enumerate(nodes, 1)}
         self._parents: Dict[int, int] = {uid: node["parent"] for uid, node in enumerate(nodes, 1)}
 
     def __bool__(self) -> bool:
@@ -64,6 +63,8 @@ class Pass(NamedTuple):
 
     number: int
     outcome: str
+    began: float
+    ended: float
     events: Sequence[Event]
     lines: Sequence[Line]
 
@@ -82,7 +83,7 @@ def of(events: Sequence[Event], kind: str) -> List[Event]:
 def passes(facts: Facts) -> Iterator[Pass]:
     began = 0.0
     for end in of(facts.events, "PassFinished"):
-        yield Pass(end["number"], end["outcome"],
+        yield Pass(end["number"], end["outcome"], began, end["time"],
                    [event for event in facts.events if began < event["time"] <= end["time"]],
                    [line for line in facts.journal if began < line.time <= end["time"]])
         began = end["time"]

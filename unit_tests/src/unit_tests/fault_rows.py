@@ -54,19 +54,14 @@ class Told:
         self._pass_ends = [event["time"] for event in of(facts.events, "PassFinished")]
         under_way = [(0.0, "")] + list(_exhibits(facts.events))
         self._exhibits, self._exhibit_times = [name for _, name in under_way], [time for time, _ in under_way]
-        self._round_of: Dict[int, Round] = {}  # id() of a failure -> the recovery from it
-        self._chains: Dict[int, List[Round]] = {}  # id() of a first failure -> all recoveries that it led to
+        self._rounds: Dict[int, List[Round]] = {}  # id() of a failure -> the recovery from it, and those around that one
         for each in rounds(facts.events):
-            attempts = _attempts(each)
-            for event in attempts:
-                self._round_of.setdefault(id(event), each)
-            for event in attempts[:1]:
-                self._chains.setdefault(id(event), []).append(each)
+            for event in _attempts(each):
+                self._rounds.setdefault(id(event), []).append(each)
 
     def rows(self) -> List[Row]:
         """Return a row for each injected fault, and for each failure beside them that is no false condition, in order."""
         ends = [event for event in self._facts.events if _is_failure(event) or _is_halt(event) or _is_given_up(event)]
-        ends.sort(key=lambda event: float(event["time"]))
         times = [event["time"] for event in ends]
         taken: Set[int] = set()
         found = []
@@ -109,15 +104,15 @@ class Told:
 
     def _recovery(self, failed: Event) -> Tuple[str, float]:
         """Return what the recovery did about a failure, and when the step was done, tried again or given up."""
-        mine = self._round_of.get(id(failed))
-        if mine is None:
+        if id(failed) not in self._rounds:
             return NO_RECOVERY, failed["time"]
+        mine = self._rounds[id(failed)][0]
         later = [event for event in _attempts(mine) if event["time"] > failed["time"]]
         if later:
             is_other = any(event is later[0] for event in mine.instead)
             return later[0]["node"] + " instead" if is_other else AGAIN, self._began(later[0], failed["time"])
         # an outer HandleFallBack goes on with the failure that an inner one gave up
-        ends = [each.recovered for each in self._chains[id(_attempts(mine)[0])]]
+        ends = [each.recovered for each in self._rounds[id(_attempts(mine)[0])]]
         return ", then ".join(dict.fromkeys(map(_outcome, ends))), ends[-1]["time"]
 
     def _began(self, retried: Event, after: float) -> float:

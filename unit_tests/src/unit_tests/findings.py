@@ -175,7 +175,7 @@ def _left_on(look: Look) -> Iterator[Seen]:
 def _not_home(look: Look) -> Iterator[Seen]:
     drives, home = look.drives(), look.stage.knowledge.home.location
     if look.outcome and drives and drives[-1].goal[:2] != home[:2] and not _is_home_unknown(look):
-        yield "", "the last drive leads to {:g}, {:g} and not home".format(*drives[-1].goal[:2])
+        yield "", "the last drive leads to {:g}, {:g} and not home".format(*drives[-1].goal)
 
 
 def _is_home_unknown(look: Look) -> bool:
@@ -196,9 +196,9 @@ def _abandoned(look: Look) -> Iterator[Seen]:
 
 def _goodbye(look: Look) -> Iterator[Seen]:
     for at, event, spec in look.of_leaves():
-        name = event.path.rpartition("/")[2]
-        if spec.says_goodbye(name) and event.status == "SUCCESS" and not look.is_visitor_here(at - event.seconds):
-            yield event.path, "the visitor had left {:.0f} s before".format(at - event.seconds - _left(look, at))
+        name, began = event.path.rpartition("/")[2], at - event.seconds
+        if spec.says_goodbye(name) and event.status == "SUCCESS" and not look.is_visitor_here(began):
+            yield event.path, "the visitor had left {:.0f} s before".format(began - _left(look, began))
 
 
 def _left(look: Look, at: float) -> float:
@@ -264,7 +264,7 @@ def unreached(stage: Stage, reached: FrozenSet[int]) -> List[Tuple[str, str, str
     """Return the nodes that no play has reached; of a whole branch only the topmost."""
     nodes = [node for node in stage.mission.tree.nodes
              if node.uid not in reached and (node.parent is None or node.parent.uid in reached)]
-    return [(UNREACHED.name, clean(node.full_path or node.name), "with {} below it".format(_leaves_below(node)))
+    return [(UNREACHED.name, clean(node.full_path), "with {} below it".format(_leaves_below(node)))
             for node in nodes]
 
 

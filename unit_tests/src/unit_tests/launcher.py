@@ -24,7 +24,7 @@ def main(given: List[str]) -> int:
         print("{}\n{}".format(error, NOTHING_TESTED))
         return NOT_RUN
     code, text = read_verdict(_launch(values)) or (NOT_RUN, NOTHING_TESTED)
-    print("\n" + text, flush=True)
+    print("\n" + text)
     return code
 
 

@@ -215,8 +215,8 @@ class _Tour:
         self._begin()
 
     def _begin(self) -> None:
-        self._next, self._left_out = 0, set()  # type: int, Set[int]
-        self._current: Optional[int] = None  # the exhibit on whose behalf the robot is under way
+        self._left_out: Set[float] = set()
+        self._current: Optional[float] = None  # when the exhibit was chosen on whose behalf the robot is under way
 
     def take(self, event: Event) -> None:
         """Follow the leaves that choose where the robot goes."""
@@ -230,8 +230,7 @@ class _Tour:
         if spec.writes(data.EXHIBITS.name):
             self._begin()
         elif spec.writes(data.CURRENT_EXHIBIT.name):
-            self._current = self._next
-            self._next += 1
+            self._current = event["time"]
         elif spec.writes(data.TARGET_LOCATION.name):
             self._current = None
 
@@ -239,11 +238,5 @@ class _Tour:
         """Leave the exhibit under way out; return whether the tour may, None if the number of exhibits is not known."""
         if self._current is None:
             return True
-        is_new = self._current not in self._left_out
         self._left_out.add(self._current)
-        if self._is_unknown:
-            return None
-        may = len(self._left_out) < self._number
-        if not may and is_new:
-            self._next = self._current  # it goes back to the list, once
-        return may
+        return None if self._is_unknown else len(self._left_out) < self._number

@@ -123,13 +123,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--planned", type=_list_of(_planned), metavar="NODE:CALL:KIND",
                         help="calls that go wrong, with commas between them, instead of --faults")
     parser.add_argument("--silent", type=_list_of(str), metavar="TOPICS", help="topics that are silent, as --planned")
-    parser.add_argument("--runs", type=_number(1, 10 ** 6, int), metavar="N",
+    parser.add_argument("--runs", type=_number(1, 1e6, int), metavar="N",
                         help="play N passes for each failure rate, with random faults, instead of --faults")
     parser.add_argument("--failureRate", type=_list_of(_number(0, 1)), metavar="P",
                         help="failure rates for --runs, with commas between them; {} if not given".format(
                             ", ".join(map("{:g}".format, RATES))))
-    parser.add_argument("--seed", type=_number(1, 10 ** 9, int), metavar="N", help="the first seed for --runs; 1 if not given")
-    parser.add_argument("--limit", type=_number(1, 10 ** 6), default=LIMIT, metavar="SECONDS",
+    parser.add_argument("--seed", type=_number(1, 1e9, int), metavar="N", help="the first seed for --runs; 1 if not given")
+    parser.add_argument("--limit", type=_number(1, 1e6), default=LIMIT, metavar="SECONDS",
                         help="of the mission's time, after which a pass does not end; {:g} if not given".format(LIMIT))
     parser.add_argument("--jobs", type=_number(1, 1024, int), default=len(os.sched_getaffinity(0)), metavar="N",
                         help="processes; one for each core if not given")
@@ -142,12 +142,20 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     """Exit with one line if options contradict each other."""
     ways = [name for name in ("faults", "planned", "silent", "runs") if getattr(options, name)]
     if len(ways) > 1 and ways != ["planned", "silent"]:
-        parser.error("--{} and --{} exclude each other".format(*ways[:2]))
+        parser.error("--{} and --{} exclude each other".format(ways[0], ways[-1]))
     for name in ("failureRate", "seed"):
         if getattr(options, name) is not None and not options.runs:
             parser.error("--{} is for --runs".format(name))
     if options.kinds and (options.planned or options.silent or options.faults == NONE):
         parser.error("--kinds is for --faults and --runs")
+
+
+def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
+    """Return the options of the command. Exits with one line if they are wrong."""
+    parser = _parser()
+    options = parser.parse_intermixed_args(argv)
+    _check(parser, options)
+    return options
 
 
 def plan(options: argparse.Namespace) -> Plan:
@@ -219,9 +227,7 @@ def _check_robot(interface: Any, options: argparse.Namespace) -> None:
 def main(argv: Optional[List[str]] = None) -> int:
     """Play, print the findings, and return the exit code."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    parser = _parser()
-    options = parser.parse_intermixed_args(argv)
-    _check(parser, options)
+    options = read(argv)
     page = open(options.html, "w", encoding="utf-8") if options.html else None
     try:
         todo = plan(options)
@@ -254,7 +260,7 @@ def _play(todo: Plan, jobs: int, survey: Survey) -> None:
         pass
     finally:
         if sys.stderr.isatty():
-            sys.stderr.write("\r" + " " * (BAR + 40) + "\r")
+            sys.stderr.write("\r\x1b[K")  # takes the line away
 
 
 def _show_progress(done: int, of: int) -> None:

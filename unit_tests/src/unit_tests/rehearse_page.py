@@ -16,8 +16,10 @@ th { color: #5d6975; } code { background: #f2f5f8; overflow-wrap: anywhere; } su
 .at { color: #5d6975; text-align: right; white-space: nowrap; } svg { max-width: 100%; height: auto; }
 """
 
-LEFT, TOP, WIDE, HIGH = 50, 10, 520, 220
-"""Position and size of the plot's area, in pixels."""
+PLOT = """<svg role="img" aria-label="share of successes over the failure rate" width="590" height="260"
+viewBox="-50 -10 590 260" font-size="12" fill="#5d6975">{0}<polyline points="{1}" fill="none" stroke="#0072b2"/>{2}
+<text x="260" y="246" text-anchor="middle">failure rate</text></svg>"""
+"""The plot's area is 520 pixels wide and 220 high, from the origin on; the axes' labels are outside of it."""
 
 PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{0}</title>
@@ -82,26 +84,20 @@ def _found(found: Found) -> str:
 
 def plot(shares: Sequence[Share]) -> str:
     """Return the shares over the failure rate as SVG: points joined by lines, each with its interval."""
-    axes = []
-    for tenth in range(0, 11, 2):
-        x, y = _x(tenth / 10), _y(tenth / 10)
-        axes.append("<path d=\"M{0} {1}H{2}\" stroke=\"#d5dbe1\"/><text x=\"{3}\" y=\"{4}\" text-anchor=\"end\">{5} %</text>"
-                    .format(LEFT, y, LEFT + WIDE, LEFT - 6, y + 4, tenth * 10))
-        axes.append("<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{:g}</text>".format(x, TOP + HIGH + 18, tenth / 10))
+    axes = ["<path d=\"M0 {1}H520\" stroke=\"#d5dbe1\"/><text x=\"-6\" y=\"{1}\" dy=\"4\" text-anchor=\"end\">{2:.0f} %</text>"
+            "<text x=\"{0}\" y=\"238\" text-anchor=\"middle\">{3:g}</text>".format(_x(at), _y(at), 100 * at, at)
+            for at in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)]
     points = " ".join("{},{}".format(_x(share.rate), _y(share.share)) for share in shares)
     marks = ["<path d=\"M{0} {1}V{2}\" stroke=\"#0072b2\"/><circle cx=\"{0}\" cy=\"{3}\" r=\"3.5\" fill=\"#0072b2\">"
-             "<title>{4}</title></circle>".format(_x(share.rate), _y(share.interval[0]), _y(share.interval[1]),
-                                                  _y(share.share), _text("; ".join(share_cells(share))))
+             "<title>{4}</title></circle>".format(_x(share.rate), *map(_y, share.interval), _y(share.share),
+                                                  _text("; ".join(share_cells(share))))
              for share in shares]
-    return ("<svg role=\"img\" aria-label=\"share of successes over the failure rate\" width=\"{0}\" height=\"{1}\" "
-            "viewBox=\"0 0 {0} {1}\" font-size=\"12\" fill=\"#5d6975\">{2}<polyline points=\"{3}\" fill=\"none\" "
-            "stroke=\"#0072b2\"/>{4}<text x=\"{5}\" y=\"{6}\" text-anchor=\"middle\">failure rate</text></svg>").format(
-                LEFT + WIDE + 20, TOP + HIGH + 40, "".join(axes), points, "".join(marks), LEFT + WIDE / 2, TOP + HIGH + 36)
+    return PLOT.format("".join(axes), points, "".join(marks))
 
 
-def _x(rate: float) -> float:
-    return round(LEFT + WIDE * rate, 1)
+def _x(rate: float) -> str:
+    return "{:g}".format(520 * rate)
 
 
-def _y(share: float) -> float:
-    return round(TOP + HIGH * (1 - share), 1)
+def _y(share: float) -> str:
+    return "{:g}".format(220 * (1 - share))

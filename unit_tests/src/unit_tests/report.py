@@ -1,6 +1,8 @@
 """The report of a test as text: the verdict and its cause first, then failures and counts, and the verdict at the end."""
 import datetime
+import math
 import os
+import sys
 from collections import Counter
 from typing import Iterator, List, NamedTuple, Sequence, Tuple
 
@@ -66,7 +68,7 @@ def summary_lines(facts: Facts) -> List[str]:
     lines += ["{:<28} {:>6} {:>8}".format(node, ran[node], failed[node]) for node in sorted(ran)]
     lines += ["", "{:<28} {:>6} {:>8}".format("simulated node", "calls", "injected")]
     for node in servers(facts.interface):
-        calls = [line for line in facts.journal if line.node == node and line.call > 0]
+        calls = [line for line in facts.journal if line.node == node and line.call]
         lines.append("{:<28} {:>6} {:>8}".format(node, len(calls), sum(line.fault is not None for line in calls)))
     ended = Counter(event["outcome"] for event in of(facts.events, "Recovered"))
     lines += ["", "recoveries: {}{}".format(sum(ended.values()), "".join(
@@ -134,7 +136,7 @@ class Report(NamedTuple):
         return lines + shown + [""] if self.rows else lines
 
 
-WIDEST = 10 ** 6
+WIDEST = sys.maxsize
 """Columns of a file."""
 
 MOST_SHOWN, MOST_OBJECTIONS = 40, 10
@@ -157,7 +159,7 @@ def _visitors(facts: Facts, rows: Sequence[Row]) -> Iterator[str]:
         mine = [row for row in rows if row.visitor == a_pass.number]
         told = ends.get(a_pass.number, "pass {}: {}".format(a_pass.number, a_pass.outcome))
         reasons = dict.fromkeys(reason_of(event) for event in of(a_pass.events, "Recovered"))
-        parts = [told] + [reason for reason in reasons if reason and reason not in told]
+        parts = [told] + [reason for reason in reasons if reason not in told]
         parts += ["{}, {:.1f} s lost".format(
             count(sum(row.is_injected for row in mine), "fault", "faults"), sum(row.lost for row in mine))]
         parts += [count(sum(map(_is_false, a_pass.events)), "condition", "conditions") + " false for a while"]
@@ -177,9 +179,10 @@ def _ends(facts: Facts) -> Iterator[Tuple[int, str]]:
 def _under_way(facts: Facts) -> Iterator[Pass]:
     """Yield the pass that did not end, if there is one."""
     ended = of(facts.events, "PassFinished")
-    events = [event for event in facts.events if not ended or event["time"] > ended[-1]["time"]]
+    began = ended[-1]["time"] if ended else 0.0
+    events = [event for event in facts.events if event["time"] > began]
     if of(events, "LeafFinished"):
-        yield Pass(len(ended) + 1, "did not end", events, ())
+        yield Pass(len(ended) + 1, "did not end", began, math.inf, events, ())
 
 
 def _is_false(event: Event) -> bool:

@@ -115,7 +115,7 @@ class Survey:
     def place(self, path: str) -> str:
         """Return file, line and column of the node at ``path``; empty if there is none."""
         for node in self.theatre.stage(self._outcomes[0][0].by_voice).mission.tree.nodes:
-            if path and clean(node.full_path or node.name) == path:
+            if path and clean(node.full_path) == path:
                 return "{}:{}:{}".format(clean(node.element.document.file), *node.element.place())
         return ""
 

@@ -113,8 +113,7 @@ class Case:
 
     def is_lost(self, each: Round) -> bool:
         """Return whether more than one step is left undone: a recovery gave up, or skipped a whole SubTree."""
-        is_one_step = bool(each.failures) and self.tree.are_neighbours(
-            each.failures[0].get("uid", 0), each.fallback["uid"])
+        is_one_step = bool(each.failures) and self.tree.are_neighbours(each.failures[0]["uid"], each.fallback["uid"])
         return each.outcome == GIVEN_UP or not each.helped and not is_one_step
 
     def _is_given(self, wait: Wait, a_pass: Pass) -> bool:
@@ -132,14 +131,14 @@ def _told(each: Round) -> str:
 
 
 def _is_within(time: float, a_pass: Pass) -> bool:
-    return bool(a_pass.events) and a_pass.events[0]["time"] <= time <= a_pass.events[-1]["time"]
+    return a_pass.began < time <= a_pass.ended
 
 
 def judge(facts: Facts) -> Verdict:
     case = Case(facts)
     answers = tuple((question, tuple(map(clean, answer(case)))) for question, answer in QUESTIONS)
     ended = len(case.passes)
-    calls = [line for line in facts.journal if line.call > 0]
+    calls = [line for line in facts.journal if line.call]
     praise = "{} as a visitor who {} should; {} of {} calls were made to fail, and all of these are on record".format(
         count(ended, "pass ended", "passes ended"), DOES[facts.behaviour],
         sum(line.fault is not None for line in calls), len(calls))
@@ -342,7 +341,7 @@ def _visits(a_pass: Pass) -> List[Tuple[float, float]]:
     """Return from when until when the robot was about each exhibit that it chose."""
     chosen = [event["time"] for event in of(a_pass.events, "LeafFinished") if event["status"] == "SUCCESS"
               and event["node"] in SPECS and SPECS[event["node"]].writes(data.CURRENT_EXHIBIT.name)]
-    return list(zip(chosen, chosen[1:] + [a_pass.events[-1]["time"]]))
+    return list(zip(chosen, chosen[1:] + [a_pass.ended]))
 
 
 def _is_broken_off(case: Case, visit: Tuple[float, float]) -> bool:
@@ -350,7 +349,7 @@ def _is_broken_off(case: Case, visit: Tuple[float, float]) -> bool:
     began, ended = visit
     return any(began < each.fallback["time"] <= ended and case.is_lost(each) for each in case.rounds) or any(
         began < wait.ended <= ended and not wait.held and wait.sign is None for wait in case.watch.waits) or any(
-        a_pass.outcome == "FAILURE" and ended == a_pass.events[-1]["time"] for a_pass, _ in case.passes)
+        a_pass.outcome == "FAILURE" and ended == a_pass.ended for a_pass, _ in case.passes)
 
 
 def _is_mute_for_a_while(case: Case, visit: Tuple[float, float]) -> bool:

@@ -22,7 +22,7 @@ from unit_tests.visitor import Visitor
 ENOUGH = 0.95
 """The share of waits in which messages should come in time; a lower share is reported before the start."""
 
-MOST_MESSAGES = 20
+MESSAGES = range(1, 21)
 """Evidence that has not come in so many messages does not come from this visitor, whatever the rate."""
 
 
@@ -137,11 +137,11 @@ def _messages(node: TopicCondition, world: World) -> Optional[int]:
         return None
     visitor = Visitor(world.visitor.manners)
     robot = world.settings.interface
-    for question in visitor.manners.questions[:1]:
+    for question in visitor.manners.questions:
         visitor.notice(Line(0.0, robot.service(Say).node, "", 1, {"message": question}))
     if node.evidence.mode:
         visitor.notice(Line(0.0, robot.service(SetAttention).node, "", 1, {"state": node.evidence.mode}))
-    for number in range(1, MOST_MESSAGES + 1):
+    for number in MESSAGES:
         value = TOPICS[node.topic.name].content(world._replace(visitor=visitor))
         if value is not None and node.is_evidence(value):
             return number

@@ -1,5 +1,6 @@
 """Tests of the arguments of a test: each key of both configurations, and unknown words."""
 import functools
+import subprocess
 
 import pytest
 
@@ -26,6 +27,15 @@ def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeyp
         assert told.startswith("{} ({}; ".format(key.plain_meaning, key.allowed))
         assert key.default_text + ")" in told
         assert told.endswith(")") == (key.name not in ("arrivalRate", "recordDirectory"))
+
+
+def test_the_help_tells_what_is_required_and_what_is_simulated_by_default(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "1000")
+    usage = arguments.usage({})
+    assert "messages per minute on each topic, on average; 1 or more, inf allowed (" in usage
+    assert "; required)" in usage and "default required" not in usage
+    assert "  use_real_faceDetection     false\n      the real faceDetection is running; it is not simulated (" \
+           "true or false; default false)\n" in usage
 
 
 def test_the_help_fits_the_terminal(monkeypatch):
@@ -118,6 +128,17 @@ def test_what_only_another_robot_has_is_named():
 ))
 def test_what_roslaunch_was_given_for_our_file(command, given):
     assert arguments.given_to_roslaunch(command) == given
+
+
+def test_the_command_of_the_parent_is_read_word_by_word(monkeypatch):
+    command = ["cat", "-", "-"]
+    parent = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+    parent.stdin.write(b"x")
+    assert parent.stdout.read(1) == b"x", "it runs"
+    monkeypatch.setattr(arguments.os, "getppid", lambda: parent.pid)
+    assert arguments.parent_command() == command
+    parent.communicate()
+    assert arguments.parent_command() == []
 
 
 @pytest.mark.parametrize("command, expected", (

@@ -27,7 +27,8 @@ def kolmogorov_smirnov(sample, cumulative):
 
 @pytest.mark.parametrize("rate", RATES)
 def test_the_mean_gap_is_sixty_seconds_by_the_rate(rate):
-    assert sum(gaps(rate)) / GAPS == pytest.approx(60 / rate, rel=0.03)
+    number = 10 * GAPS
+    assert sum(gaps(rate, number=number)) / number == pytest.approx(60 / rate, rel=0.01)  # three standard errors
 
 
 @pytest.mark.parametrize("rate", RATES)

@@ -49,7 +49,8 @@ def test_arguments_override_the_file(given, field, value):
     ({"verboseMode": "yes"}, "true or false"),
     ({"visitorBehaviour": "shouts"}, "one of engages, silent, unclear, declines, leaves, noGaze, random, complete, "
      "partial01"),
-    ({"missionRuns": "0"}, "a whole number from 1 to 1000000"),
+    ({"missionRuns": "0"}, r"a whole number from 1 to 1000000\)"),
+    ({"testTimeout": "0.5"}, r"seconds from 1 to 1000000\)"),
     ({"randomSeed": "1000000000"}, "from 0 to 999999999, or nothing"),
     ({"faultKinds": ""}, "some of refused, exception, unanswered"),
     ({"faultKinds": "slow"}, "some of refused, exception, unanswered"),
@@ -61,6 +62,17 @@ def test_arguments_override_the_file(given, field, value):
 def test_what_is_not_allowed_is_said_with_what_is(given, message):
     with pytest.raises(ConfigurationError, match=message):
         configuration.load(given)
+
+
+def test_without_the_file_a_message_comes_at_once_and_nothing_is_printed():
+    made = configuration.defaults(missionRuns=2)
+    assert (made.mission_runs, made.arrival_rate, made.verbose_mode) == (2, math.inf, False)
+
+
+def test_an_installed_package_has_its_files_in_its_share_folder(tmp_path, monkeypatch):
+    module = tmp_path / "lib" / "python3" / "dist-packages" / "unit_tests" / "configuration.py"
+    monkeypatch.setattr(configuration, "__file__", str(module))
+    assert configuration.share() == str(tmp_path / "share" / "unit_tests")
 
 
 def test_all_faults_come_at_once():

@@ -1,7 +1,7 @@
 """Tests of the journal that the simulated nodes share."""
 import threading
 
-from unit_tests.journal import Journal, Line
+from unit_tests.journal import Journal, Line, Told
 
 
 def line(number, node="textToSpeech"):
@@ -26,6 +26,20 @@ def test_what_was_there_before_can_be_skipped(tmp_path):
     reader.write(line(2))
     assert reader.news() == [line(2)]
     assert reader_of_all.news() == [line(1), line(2)]
+
+
+def test_nothing_is_skipped_where_nothing_is(tmp_path):
+    journal = Journal(str(tmp_path))
+    journal.skip()
+    journal.write(line(1))
+    assert journal.news() == [line(1)]
+
+
+def test_a_message_gets_a_line_if_it_has_changed_or_a_tenth_of_a_second_has_passed():
+    told = Told()
+    assert [told.is_due({"data": text}, at) for text, at in (
+        ("a", 0.0), ("a", 0.05), ("a", 0.1), ("b", 0.11), ("a", 0.12), ("a", 0.2))] == [
+        True, False, True, True, True, False]
 
 
 def test_half_a_line_is_left_for_later(tmp_path):

@@ -1,6 +1,8 @@
 """Tests of the arguments of a test's processes, of the controller's start, and of a simulated node's."""
 import importlib.util
 import os
+import shutil
+import signal
 import subprocess
 import sys
 
@@ -53,6 +55,21 @@ def test_a_wrong_argument_is_a_fault_in_every_process(given):
         parameters.read_configuration()
 
 
+def test_a_wrong_argument_of_the_controller_or_of_roslaunch_is_a_fault_too(given, monkeypatch):
+    given("monitorPort:=99999")
+    with pytest.raises(ConfigurationError, match="monitorPort cannot be"):
+        parameters.read_configuration()
+    given()
+    roslaunch = subprocess.Popen(["roslaunch", "-", "behaviorControllerTest.launch", "mision:=x"], stdin=subprocess.PIPE,
+                                 stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0, executable=shutil.which("cat"))
+    roslaunch.stdin.write(b"x")
+    assert roslaunch.stdout.read(1) == b"x", "it runs"
+    monkeypatch.setattr(os, "getppid", lambda: roslaunch.pid)
+    with pytest.raises(ConfigurationError, match="argument mision:=x: unknown"):
+        parameters.read_configuration()
+    roslaunch.communicate()
+
+
 def test_the_nodes_that_are_real(given):
     assert parameters.real_nodes() == frozenset()
     given("use_real_textToSpeech:=true", "use_real_faceDetection:=false")
@@ -97,6 +114,25 @@ def test_how_the_controller_ended_is_noted(given, program, tmp_path, end, noted,
     words = (folder / "words").read_text().splitlines()
     assert words[0] == "__name:=behaviorController"
     assert {"_missionRuns:=2", "_verboseMode:=true", "_startupTimeout:=30"} < set(words)
+
+
+@pytest.fixture(name="ignored")
+def own_handlers():
+    """The signals that reach this process outside of the controller's start, which has handlers of its own."""
+    ignored, numbers = [], (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda got, _: ignored.append(got)) for number in numbers]
+    yield ignored
+    for number, handler in zip(numbers, before):
+        signal.signal(number, handler)
+
+
+def test_the_controller_ends_by_itself_after_a_signal_to_all(given, program, tmp_path, ignored):
+    for folder in ("run", "copies"):  # of an earlier test
+        (tmp_path / folder).mkdir()
+    given("folder:={}".format(tmp_path / "run"), "recordDirectory:={}".format(tmp_path / "copies"))
+    end = "[os.kill(os.getppid(), number) for number in (signal.SIGINT, signal.SIGTERM)]; sys.exit(4)"
+    assert controller.main([program("controller", end)]) == 4 and ignored == []
+    assert (tmp_path / "copies" / "mission.jsonl").exists()
 
 
 def test_a_copy_of_the_record_that_fails_is_one_line(given, program, tmp_path, capfd):

@@ -1,4 +1,6 @@
 """rehearseMission: each planted mistake is found by its name, and nothing in the lab tour."""
+import html
+import io
 import json
 import math
 import os
@@ -15,17 +17,14 @@ from xml.etree import ElementTree
 import pytest
 
 from behavior_controller import exits, folders
-from behavior_controller.events import Recovered
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.records import Say
+from behavior_controller.health import Health
+from behavior_controller.interface.records import SetAttention
+from behavior_controller.story import Sentence
 
-from unit_tests import findings, rehearse, rehearse_page, scenes, visitor
+from unit_tests import findings, rehearse, rehearse_page, scenes
 from unit_tests.faults import KINDS, PlannedFault
-from unit_tests.journal import Line
-from unit_tests.recoveries import SPECS
 from unit_tests.scenes import Outcome, Scene, Theatre
-from unit_tests.stage import BUSY, START, Played
-from unit_tests.survey import Share, Survey
+from unit_tests.survey import Found, Row, Share, Survey
 from unit_tests.visitor import BEHAVIOURS
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -57,7 +56,9 @@ def planted(name):
 def run(capsys, *words):
     """Return the exit code and what was printed."""
     code = rehearse.main(list(words) + ["--jobs", "1"])
-    return code, capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    return code, printed.out
 
 
 def found(capsys, *words):
@@ -103,13 +104,6 @@ def test_nothing_is_found_in_the_lab_tour_with_single_faults_and_each_node_is_re
     for scene in calm + list(scenes.single(theatre, calm, ("crash",))):
         survey.take(theatre.look(scene))
     assert survey.found(is_complete=True) == []
-
-
-def test_a_request_that_makes_no_sense_is_found():
-    look = Theatre({}, planted("good"), 900.0).play(Scene("engages"))
-    senseless = [line._replace(objection="there is no text") for line in look.played.journal[-1:]]
-    found_now = findings.look_at(look._replace(played=look.played._replace(journal=senseless)))
-    assert found_now == [("senseless-request", senseless[0].resource, "there is no text")]
 
 
 def test_the_tour_of_release_1_0_is_rehearsed_too(capsys):
@@ -161,6 +155,42 @@ def test_pairs_are_each_two_calls_and_each_call_with_its_repetition():
     assert len(set(made)) == len(made) == 6 + 4 - 1  # of four calls, two of which follow each other on one node
 
 
+def test_random_scenes_have_the_visitors_in_turn_and_a_seed_for_each_run():
+    both = [Scene("engages"), Scene("silent", False)]
+    first = [Scene("engages", rate=0.5, seed=7, kinds=("crash",)), Scene("silent", False, rate=0.5, seed=8, kinds=("crash",)),
+             Scene("engages", rate=0.5, seed=9, kinds=("crash",))]
+    assert scenes.random(both, 3, (0.5, 0.0), 7, ["crash"]) == first + [each._replace(rate=0.0) for each in first]
+
+
+def test_a_scene_counts_its_faults_and_knows_how_it_goes_without(tmp_path):
+    theatre = Theatre({}, mission(tmp_path, "<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/></Sequence>"), 900.0)
+    seen = [theatre.play(scene) for scene in (Scene("engages"), Scene("engages", True, TWO[:1], ("/x", "/y")))]
+    assert [(look.outcome, look.faults, look.calm) for look in seen] == [("SUCCESS", 0, ""), ("FAILURE", 3, "SUCCESS")]
+    assert theatre.look(Scene("engages")).switched == {SetAttention("scanning")}
+
+
+@pytest.mark.parametrize("oldest, gap", [(1.0, 0.5), (60.0, 1.0)])
+def test_messages_are_never_late(tmp_path, oldest, gap):
+    theatre = Theatre({"topicMaxAge": oldest}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
+    times = [line.time for line in theatre.play(Scene("engages")).played.journal if line.node == "faceDetection"]
+    assert [later - sooner for sooner, later in zip(times, times[1:])] == pytest.approx([gap] * int(5 / gap - 1))
+
+
+def test_a_pass_without_an_end_says_why(tmp_path, monkeypatch):
+    for body, silent, ended in (
+            ("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec='9999999'/></ReactiveFallback>", ("/faceDetection/data",),
+             scenes.NO_VISITOR), ("<Sleep msec='9999999'/>", (), "")):
+        assert Theatre({}, mission(tmp_path, body), 10.0).look(Scene("engages", silent=silent)).outcome == ended
+    monkeypatch.setattr(Health, "publish", lambda self, events: 1 / 0)
+    assert Theatre({}, mission(tmp_path, SPEECH), 10.0).look(Scene("engages")).outcome == scenes.BROKEN
+
+
+@pytest.mark.parametrize("number, jobs", [(61, 1), (60, 8)])
+def test_a_few_plays_start_no_process(number, jobs):
+    theatre = SimpleNamespace(look=str)  # which another process could not make
+    assert list(scenes.play_all(theatre, (), range(number), jobs)) == [str(each) for each in range(number)]
+
+
 def test_the_share_of_successes_has_wilsons_interval():
     # n = 20, 12 successes: (0.6 + 0.09604 ± 1.96 * sqrt(0.012 + 0.0024010)) / 1.19208
     low, high = Share(0.3, 20, 12, 1.0).interval
@@ -178,31 +208,89 @@ def test_the_page_stands_alone_and_has_the_plot(capsys, tmp_path):
 
 
 def test_a_share_of_the_plot_stands_where_the_axes_say():
-    plot = ElementTree.fromstring(rehearse_page.plot([Share(0.4, 10, 8, 1.0)]))
-    wide, high = (float(plot.get(name)) for name in ("width", "height"))
-    assert plot.get("viewBox") == "0 0 {:g} {:g}".format(wide, high)
+    plot = ElementTree.fromstring(rehearse_page.plot([Share(0.4, 10, 8, 1.0), Share(1.0, 10, 0, 1.0)]))
+    left, top, wide, high = map(float, plot.get("viewBox").split())
+    assert (plot.get("width"), plot.get("height")) == ("{:g}".format(wide), "{:g}".format(high))
     labels = {label.text: label for label in plot.findall("text")}
     assert list(labels) == [text for tenth in (0, 2, 4, 6, 8, 10) for text in (
         "{} %".format(tenth * 10), "{:g}".format(tenth / 10))] + ["failure rate"]
-    assert all(0 < float(label.get("x")) < wide and 0 < float(label.get("y")) < high for label in labels.values())
-    point = plot.find("circle")
-    assert point.get("cx") == labels["0.4"].get("x")
-    lines = [line.get("d").replace("H", " ").split()[1] for line in plot.findall("path")]  # M<left> <y>H<right>
-    assert point.get("cy") == lines[4]  # of 0, 20, 40, 60 and 80 %
-    assert float(labels["80 %"].get("y")) - float(lines[4]) == float(labels["0 %"].get("y")) - float(lines[0])
+    assert all(0 < float(label.get("x")) - left < wide and 0 < float(label.get("y")) - top < high
+               for label in labels.values())
+    lines = [re.fullmatch(r"M([\d.]+) ([\d.]+)([HV])([\d.]+)", line.get("d")).groups() for line in plot.findall("path")]
+    (begin, bottom, _, end), (_, height, _, _) = lines[0], lines[5]  # of 0 % and 100 %
+    assert [line[1] for line in lines[:6]] == [labels["{} %".format(share)].get("y") for share in (0, 20, 40, 60, 80, 100)]
+    assert (begin, end) == (labels["0"].get("x"), labels["1"].get("x"))
+
+    def at(share):
+        return pytest.approx(float(bottom) + share * (float(height) - float(bottom)), abs=0.1)
+
+    point, last = plot.findall("circle")
+    assert (point.get("cx"), last.get("cx")) == (labels["0.4"].get("x"), labels["1"].get("x"))
+    assert (point.get("cy"), last.get("cy")) == (lines[4][1], bottom)
+    assert point.find("title").text == "0.4; 10; 8; 80.0 %; 49.0 to 94.3 %; 1 s"  # by Wilson's formula as above
+    assert lines[6][0] == point.get("cx") and lines[6][2] == "V"
+    assert [float(lines[6][1]), float(lines[6][3])] == [at(0.490), at(0.943)]
+    assert plot.find("polyline").get("points") == "{},{} {},{}".format(
+        point.get("cx"), point.get("cy"), last.get("cx"), last.get("cy"))
+
+
+def test_the_page_tells_the_visitors_the_shares_and_the_findings():
+    rows = [Row("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2))), Row("leaves", False, "", 59.6, 0, ()),
+            Row("silent", False, "FAILURE", 59.4, 0, ())]
+    shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
+    left_on, not_home = (findings.BY_NAME[name] for name in ("left-on", "not-home"))
+    told = [Found(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
+                  (Sentence(1.25, 1, "said", "info", "said “&”"),), "lab_tour --planned 'a b'"),
+            Found(not_home, "", "", "far away", 0, None, 0.0, (), "")]
+    parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "", rehearse_page.to_html("a < b", rows, shares, told))
+    parts = re.sub("<[^>]*>", "\n", parts).split("\n")
+    assert [html.unescape(part) for part in parts if part] == [
+        "a < b", "a < b", "Visitors", "visitor", "answers by", "outcome", "after", "exhibits", "with faults",
+        "engages", "voice", "SUCCESS", "2 min 0 s", "5", "7 SUCCESS, 2 without an end",
+        "leaves", "tablet", "no end", "1 min 0 s", "0", "-", "silent", "tablet", "FAILURE", "59 s", "0", "-",
+        "Share of successes", "failure rate", "runs", "successes", "share", "95 % interval", "pass takes",
+        "0.5", "10", "8", "80.0 %", "49.0 to 94.3 %", "2 min 5 s", "1", "10", "0", "0.0 %", "0.0 to 27.8 %", "-",
+        "Findings", "left-on: Say::2", left_on.means, "<b> is on (", "m.xml:3:4", ")", "the shortest of 3 plays",
+        "1.2 s", "said “&”", "Again: ", "lab_tour --planned 'a b'",
+        "not-home: the mission", not_home.means, "far away"]
+
+
+def test_a_page_without_visitors_shares_and_findings_has_no_tables():
+    page = rehearse_page.to_html("a", [], [], [])
+    assert "Nothing was found." in page and "<table" not in page and "<svg" not in page
 
 
 @pytest.mark.parametrize("words, told", [
     (["lab_tour", "--falts", "none"], "did you mean --faults?"),
-    (["lab_tour", "--faults", "singel"], "did you mean single?"),
+    (["lab_tour", "--falts=none"], "unrecognized arguments: --falts=none (did you mean --faults?)"),
+    (["lab_tour", "--fault", "none"], "did you mean --faults?"),  # an abbreviation may mean another option tomorrow
+    (["lab_tour", "--xyz"], "unrecognized arguments: --xyz\n"),
+    (["lab_tour", "--runs"], "argument --runs: expected one argument\n"),
+    (["lab_tour", "--faults", "singel"], "argument --faults: there is no singel (did you mean single?)"),
+    (["lab_tour", "--faults", ""], "there is no empty word (allowed: none, single, pairs)"),
     (["lab_tour", "--visitors", "engages,leafs"], "did you mean leaves?"),
     (["lab_tour", "--kinds", "crsh"], "did you mean crash?"),
-    (["lab_tour", "--runs", "0"], "allowed: 1 to"),
-    (["lab_tour", "--failureRate", "2", "--runs", "1"], "allowed: 0 to 1"),
+    (["lab_tour", "--runs", "0"], "argument --runs: it cannot be 0 (allowed: 1 to 1e+06)"),
+    (["lab_tour", "--runs", "1.5"], "argument --runs: it cannot be 1.5 (allowed: 1 to 1e+06)"),
+    (["lab_tour", "--failureRate", "0.5, 2", "--runs", "1"], "it cannot be 2 (allowed: 0 to 1)"),
+    (["lab_tour", "--failureRate=-0.1", "--runs", "1"], "it cannot be -0.1 (allowed: 0 to 1)"),
+    (["lab_tour", "--seed", "0", "--runs", "1"], "it cannot be 0 (allowed: 1 to 1e+09)"),
+    (["lab_tour", "--limit", "0.5"], "it cannot be 0.5 (allowed: 1 to 1e+06)"),
+    (["lab_tour", "--jobs", "0"], "it cannot be 0 (allowed: 1 to 1024)"),
+    (["lab_tour", "--jobs", "1025"], "it cannot be 1025 (allowed: 1 to 1024)"),
     (["lab_tour", "--failureRate", "0.5"], "--failureRate is for --runs"),
-    (["lab_tour", "--runs", "2", "--faults", "none"], "exclude each other"),
-    (["lab_tour", "--kinds", "crash", "--faults", "none"], "--kinds is for"),
-    (["lab_tour", "--planned", "textToSpeech"], "node:call:kind"),
+    (["lab_tour", "--seed", "1"], "--seed is for --runs"),
+    (["lab_tour", "--runs", "2", "--faults", "none"], "--faults and --runs exclude each other"),
+    (["lab_tour", "--planned", "x:1", "--silent", "/x", "--runs", "2"], "--planned and --runs exclude each other"),
+    (["lab_tour", "--planned", "x:1", "--silent", "/x", "--faults", "none"], "--faults and --silent exclude each other"),
+    (["lab_tour", "--kinds", "crash", "--faults", "none"], "--kinds is for --faults and --runs"),
+    (["lab_tour", "--kinds", "crash", "--planned", "x:1"], "--kinds is for --faults and --runs"),
+    (["lab_tour", "--kinds", "crash", "--silent", "/x"], "--kinds is for --faults and --runs"),
+    (["lab_tour", "--planned", "textToSpeech"], "textToSpeech is not of the form node:call:kind"),
+    (["lab_tour", "--planned", ":1"], ":1 is not of the form node:call:kind"),
+    (["lab_tour", "--planned", "textToSpeech:0"], "textToSpeech:0 is not of the form node:call:kind"),
+    (["lab_tour", "--planned", "textToSpeech:-1"], "textToSpeech:-1 is not of the form node:call:kind"),
+    (["lab_tour", "--planned", "textToSpeech:1:crsh"], "there is no crsh (did you mean crash?)"),
 ])
 def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
     with pytest.raises(SystemExit) as end:
@@ -217,6 +305,9 @@ def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
     (["lab_tour", "asrEnabeld:=true"], "argument asrEnabeld:=true: this is not a key of the controller's configuration"),
     (["lab_tour", "asrEnabled:=perhaps"], "asrEnabled cannot be"),
     (["lab_tour", "--planned", "textToSpeach:1"], "did you mean textToSpeech?"),
+    (["lab_tour", "lnguage:=English", "asrEnabled"], "argument asrEnabled: this is not a key of the controller's "
+     "configuration (did you mean asrEnabled?)"),
+    (["lab_tour", "xyz"], "(the form is key:=value)"),
     (["lab_tour", "--planned", "x:1"], "argument --planned: the robot D5.4.3 has no node x (there are: "),
     (["lab_tour", "--silent", "/faces"], "/faceDetection/data"),
     (["lab_tour", "--silent", "/x"], "argument --silent: the robot D5.4.3 has no topic /x (there are: "),
@@ -224,6 +315,233 @@ def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
 def test_what_cannot_be_played_is_told(capsys, words, told):
     code, text = run(capsys, *words)
     assert code == exits.WRONG_INPUT and told in text and "Traceback" not in text
+
+
+UNREACHED = "<Fallback><AlwaysSuccess/><WelcomeSpeech/></Fallback>"
+SPEECH = "<Fallback><WelcomeSpeech/><AlwaysSuccess/></Fallback>"
+
+
+def mission(folder, body):
+    """Write a mission and return its path, which does not look like one."""
+    path = folder / "mission"
+    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(body))
+    return str(path)
+
+
+# six visitors by voice and by tablet, and three topics that may be silent
+@pytest.mark.parametrize("body, words, plays, is_complete", [
+    (UNREACHED, [], 12 + 12 * 3, True),
+    (UNREACHED, ["--faults", "single", "--limit", "3600"], 12 + 12 * 3, True),
+    (UNREACHED, ["--faults", "pairs"], 12 + 12 * 3, True),
+    (UNREACHED, ["--visitors", ",".join(BEHAVIOURS)], 12 + 12 * 3, True),
+    (UNREACHED, ["--limit", "3599"], 12 + 12 * 3, False),
+    (UNREACHED, ["--faults", "none"], 12, False),
+    (UNREACHED, ["asrEnabled:=true"], 6 + 6 * 3, False),
+    (UNREACHED, ["--kinds", "crash"], 12 + 12 * 3, False),
+    (UNREACHED, ["--visitors", "engages, partial03"], 4 + 4 * 3, False),
+    (UNREACHED, ["--silent", "/faceDetection/data"], 12, False),
+    (UNREACHED, ["--planned", "textToSpeech:1", "--silent", "/faceDetection/data"], 12, False),
+    (UNREACHED, ["--runs", "2"], 2 * 8, False),  # of a visitor who engages, at each of eight failure rates
+    (UNREACHED, ["--runs", "3", "--failureRate", "0, 1", "--seed", "5"], 3 * 2, False),
+    (SPEECH, ["--visitors", "engages"], 2 + 5 + 2 * 3, False),  # by tablet the call is the same
+    (SPEECH, ["--visitors", "engages", "--kinds", "crash, refused"], 2 + 2 + 2 * 3, False),
+    (SPEECH, ["--visitors", "engages", "--kinds", "crash", "--faults", "pairs"], 2 + 1 + 2 * 3 + 2, False)])
+def test_what_is_played_and_whether_it_is_all(tmp_path, body, words, plays, is_complete):
+    todo = rehearse.plan(rehearse.read([mission(tmp_path, body), *words]))
+    assert (len(todo.scenes), todo.is_complete) == (plays, is_complete)
+
+
+def test_the_only_play_is_told(capsys, tmp_path):
+    path = mission(tmp_path, "<Fallback><WelcomeSpeech/><EndTourSpeech/></Fallback>")
+    words = [path, "language:=Kinyarwanda", "asrEnabled:=true", "--faults", "none"]
+    assert rehearse.plan(rehearse.read(words)).chosen == [path, "language:=Kinyarwanda"]
+    code, text = run(capsys, *words, "--visitors", "engages")
+    lines = text.splitlines()
+    assert re.fullmatch(r"mission, robot D5.4.3: 1 play in \d+\.\d s", lines[0])
+    assert [line.split() for line in lines[1:4]] == [
+        [], "visitor answers by outcome after exhibits with faults".split(), "engages voice SUCCESS 4 s 0 -".split()]
+    assert lines[5].startswith("    0.0 s  ") and lines[-2:] == ["", "nothing was found"]
+    assert "0.0 s  " not in run(capsys, *words, "--visitors", "engages,silent")[1]
+
+
+SAID = Sentence(0.5, 1, "said", "info", "the robot says hello", 0, "")
+TWO = (PlannedFault("textToSpeech", 1, "crash"), PlannedFault("textToSpeech", 2, "crash"))
+FOUND = [
+    Found(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5", "it is ticked again and again", 12,
+          Scene("engages", True, TWO, ("/faces",)), 4.0, (SAID, SAID._replace(at=61.04, text="it waits")), "again 1"),
+    Found(findings.BY_NAME["busy-loop"], "", "", "and again", 1, Scene("silent", False, rate=0.5, seed=7), 4.0, (SAID,),
+          "again 2"),
+    Found(findings.BY_NAME["not-home"], "", "", "the last drive", 1, Scene("silent"), 4.0, (SAID,), "again 3"),
+    Found(findings.UNREACHED, "Nap", "m.xml:4:5", "with 1 mission leaf below it", 0, None, 0.0, (), "")]
+TOLD = """
+mission, robot D5.4.3: 7 plays in 1.5 s, stopped before the other 5
+
+visitor  answers by  outcome  after      exhibits  with faults
+engages  voice       SUCCESS  1 min 5 s  5         1 without an end, 3 SUCCESS
+silent   tablet      no end   9 s        0         -
+
+failure rate  runs  successes  share   95 % interval  pass takes
+0.5           4     1          25.0 %  4.6 to 69.9 %  59 s
+
+busy-loop: The mission never waits: it takes a whole core, and nothing else of the robot gets a turn. Put a Sleep or a
+  Delay into the loop.
+  Loop (m.xml:3:5): it is ticked again and again
+    in 12 plays, the shortest: visitor engages, by voice, textToSpeech:1:crash, textToSpeech:2:crash, /faces silent
+          0.5 s  the robot says hello
+         61.0 s  it waits
+    again: again 1
+  the mission: and again
+    in 1 play, the shortest: visitor silent, by tablet, failure rate 0.5, seed 7
+    again: again 2
+
+not-home: The robot does not drive home after a tour.
+  the mission: the last drive
+    in 1 play, the shortest: visitor silent, by voice, no fault
+          0.5 s  the robot says hello
+    again: again 3
+
+unreached: No visitor and no fault brings the mission to this node.
+  Nap (m.xml:4:5): with 1 mission leaf below it
+
+found: 3 kinds of mistakes at 4 places"""
+
+
+@pytest.fixture(name="result")
+def made_result(tmp_path):
+    """A result with all that can be in it."""
+    todo = rehearse.plan(rehearse.read([mission(tmp_path, SPEECH), "--faults", "none"]))
+    rows = [Row("engages", True, "SUCCESS", 65.0, 5, (("", 1), ("SUCCESS", 3))), Row("silent", False, "", 9.0, 0, ())]
+    return rehearse.Result(todo, rows, [Share(0.5, 4, 1, 59.0)], FOUND, 7, 1.5, ("one line",))
+
+
+def test_a_result_is_told_as_text(result):
+    # Wilson's interval of 1 in 4: (0.25 + 0.4802 ± 1.96 * sqrt(0.046875 + 0.060025)) / 1.9604
+    assert "\n" + rehearse.as_text(result) == TOLD
+    assert rehearse.as_text(result._replace(found=FOUND[2:3])).endswith("\n\nfound: 1 kind of mistake at 1 place")
+    calm = result._replace(rows=[], shares=[], found=[], plays=12)
+    assert rehearse.as_text(calm) == "mission, robot D5.4.3: 12 plays in 1.5 s\n\none line\n\nnothing was found"
+    assert rehearse.as_text(calm._replace(story=())) == "mission, robot D5.4.3: 12 plays in 1.5 s\n\nnothing was found"
+
+
+def test_a_result_is_data_for_other_programs(result):
+    told = json.loads(json.dumps(rehearse.as_json(result)))
+    assert (os.path.basename(told["mission"]), told["plays"], told["planned_plays"]) == ("mission", 7, 12)
+    assert [(row["visitor"], row["with_faults"]) for row in told["visitors"]] == [
+        ("engages", {"": 1, "SUCCESS": 3}), ("silent", {})]
+    assert [(share["rate"], share["share"]) for share in told["shares"]] == [(0.5, 0.25)]
+    first, last = told["found"][0], told["found"][-1]
+    assert (first["kind"], first["place"], first["plays"]) == ("busy-loop", "m.xml:3:5", 12)
+    assert first["scene"]["planned"] == ["textToSpeech:1:crash", "textToSpeech:2:crash"]
+    assert [sentence["text"] for sentence in first["story"]] == ["the robot says hello", "it waits"]
+    assert (last["kind"], last["scene"], last["story"]) == ("unreached", None, [])
+
+
+def outcome(scene, ended, seconds, exhibits=0, *found):
+    return Outcome(scene, ended, seconds, exhibits, found, frozenset(), frozenset())
+
+
+def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    for each in [
+            outcome(Scene("engages"), "SUCCESS", 60.0, 5), outcome(Scene("engages", False), "SUCCESS", 70.0, 4),
+            outcome(Scene("silent"), "", 900.0), outcome(Scene("engages", silent=("/x",)), "", 900.0),
+            outcome(Scene("engages", planned=TWO), "FAILURE", 5.0), outcome(Scene("engages", planned=TWO[:1]), "SUCCESS", 5.0),
+            outcome(Scene("engages", False, TWO), "FAILURE", 5.0), outcome(Scene("silent", True, TWO), "SUCCESS", 5.0)]:
+        survey.take(each)
+    assert survey.plays == 8 and survey.shares() == []
+    assert survey.rows() == [
+        Row("engages", True, "SUCCESS", 60.0, 5, (("", 1), ("FAILURE", 1), ("SUCCESS", 1))),
+        Row("engages", False, "SUCCESS", 70.0, 4, (("FAILURE", 1),)), Row("silent", True, "", 900.0, 0, (("SUCCESS", 1),))]
+
+
+def test_a_share_is_counted_for_each_failure_rate(tmp_path):
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    drawn = [Scene("engages", rate=rate, seed=seed) for rate in (0.5, 0.0) for seed in (1, 2, 3)]
+    for scene, ended, seconds in zip(drawn, ("SUCCESS", "FAILURE", "", "", "", ""), (10.0, 20.0, 900.0) + 3 * (900.0,)):
+        survey.take(outcome(scene, ended, seconds))
+    none, half = survey.shares()
+    assert half == Share(0.5, 3, 1, 15.0) and none[:3] == (0.0, 3, 0) and math.isnan(none.seconds)
+
+
+@pytest.mark.parametrize("scene, words", [
+    (Scene("engages"), "--visitors engages --faults none asrEnabled:=true"),
+    (Scene("silent", False, TWO, ("/speechEvent/text", "/faceDetection/data")),
+     "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2:crash --silent /speechEvent/text,/faceDetection/data "
+     "asrEnabled:=false"),
+    (Scene("engages", rate=0.25, seed=7),
+     "--visitors engages --runs 1 --failureRate 0.25 --seed 7 asrEnabled:=true"),
+    (Scene("engages", rate=0.25, seed=7, kinds=("crash", "wrong")),
+     "--visitors engages --runs 1 --failureRate 0.25 --seed 7 --kinds crash,wrong asrEnabled:=true")])
+def test_a_command_plays_its_scene_again(tmp_path, scene, words):
+    path = mission(tmp_path, SPEECH)
+    survey = Survey(Theatre({}, path, 900.0), [path, "language:=a b"])
+    assert survey.command(scene) == "rosrun unit_tests rehearseMission {} 'language:=a b' {}".format(path, words)
+    assert rehearse.plan(rehearse.read([path] + words.split())).scenes == [scene]
+
+
+def test_a_call_without_a_kind_is_refused(tmp_path):
+    words = [mission(tmp_path, SPEECH), "--visitors", "engages", "--planned", "textToSpeech:3", "asrEnabled:=true"]
+    assert rehearse.plan(rehearse.read(words)).scenes == [
+        Scene("engages", planned=(PlannedFault("textToSpeech", 3, "refused"),))]
+
+
+def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_path):
+    survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0))
+    later, sooner, other = (("left-on", where, "x") for where in ("/b", "/a", "AlwaysSuccess::2"))
+    survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, 0, later, sooner, ("busy-loop", "", "y")))
+    assert [each.where for each in survey.found(True)] == ["", "/a", "/b", "Fallback::1"]
+    survey.take(outcome(Scene("engages"), "SUCCESS", 3.0, 0, other))
+    told = survey.found(False)
+    assert [(each.kind.name, each.where) for each in told] == [
+        ("busy-loop", ""), ("left-on", "AlwaysSuccess::2"), ("left-on", "/a"), ("left-on", "/b")]
+    assert [each.place.partition(":")[2] for each in told] == ["", "1:55", "", ""]
+    assert told[1].story[0].at == pytest.approx(0.0, abs=0.01) and told[1].command.startswith("rosrun ")
+    whole = survey.found(True)
+    assert [(each.where, each.plays, each.scene, each.seconds, each.story, each.command) for each in whole[4:]] == [
+        ("Fallback::1", 0, None, 0.0, (), "")], "nothing was reached"
+    survey.take(outcome(Scene("leaves"), "", 900.0))
+    assert survey.found(True) == told, "what is behind a pass that does not end is not known"
+
+
+@pytest.mark.parametrize("shorter, longer", [
+    (Scene("noGaze"), Scene("engages", silent=("/x",))),
+    (Scene("noGaze", planned=TWO, silent=("/x",)), Scene("engages", rate=0.5, seed=1)),
+    (Scene("engages"), Scene("silent")), (Scene("silent"), Scene("silent", False)),
+    (Scene("engages", planned=(PlannedFault("a", 9, "refused"),)), Scene("engages", planned=(PlannedFault("a", 1, "crash"),)))])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_of_two_plays_the_shorter_is_told(tmp_path, shorter, longer, turn):
+    survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
+    for scene in (shorter, longer)[::turn]:
+        survey.take(outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0, ("not-home", "", "x")))
+    assert survey.found(False)[0].scene == shorter
+
+
+class Terminal(io.StringIO):
+    """A terminal on which Ctrl-C may be pressed; it shows what is flushed."""
+
+    shown, pressed_at = "", ""
+
+    def isatty(self):
+        return True
+
+    def flush(self):
+        self.shown = self.getvalue()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        if self.pressed_at and self.shown.endswith(self.pressed_at):
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("pressed_at, code, told", [("", 0, "2 plays in"), ("1 of 2 plays", 1, "1 play in")])
+def test_the_bar_grows_with_the_plays_until_ctrl_c(capsys, monkeypatch, tmp_path, pressed_at, code, told):
+    terminal = Terminal()
+    terminal.pressed_at = pressed_at
+    monkeypatch.setattr(sys, "stderr", terminal)
+    returned, text = run(capsys, mission(tmp_path, SPEECH), "--faults", "none", *ENGAGES)
+    half, whole = "\r[{}{}] 1 of 2 plays".format("#" * 15, "." * 15), "\r[{}] 2 of 2 plays".format("#" * 30)
+    assert terminal.shown == (half if pressed_at else half + whole)
+    assert terminal.getvalue()[len(terminal.shown):] == "\r\x1b[K"
+    assert returned == code and told in text and ("s, stopped before the other 1\n" in text) is bool(pressed_at)
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL  # the result is printed: Ctrl-C may cut it short
 
 
 def start(*words, complaints):
@@ -296,31 +614,3 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
 
 def test_all_visitors_are_played():
     assert [scene.visitor for scene in scenes.calm(BEHAVIOURS, [True])] == list(BEHAVIOURS)
-
-
-def a_look(nodes, **played):
-    """Return a look at a play of 100 s of leaves of these types, that had not ended when its time was up."""
-    told = dict(entries=[], journal=[], exit_code=None, cut_off="", error="", reached=frozenset(), waiting=(), seconds=100.0,
-                asked=[], presence=[])
-    tree = SimpleNamespace(nodes=[SimpleNamespace(spec=SPECS[node]) for node in nodes])
-    stage = SimpleNamespace(mission=SimpleNamespace(tree=tree, policy=SimpleNamespace(most=10, seconds=60.0)))
-    return findings.Look(stage, Played(**dict(told, **played)), visitor.ENGAGES, 0)
-
-
-@pytest.mark.parametrize("node, played, waits", [
-    ("IsVisitorDiscovered", {}, True), ("IsMutualGazeDiscovered", {}, False),
-    ("IsVisitorDiscovered", {"exit_code": 0}, False), ("IsVisitorDiscovered", {"cut_off": BUSY}, False),
-    ("IsVisitorDiscovered", {"asked": [(START + 79.0, Say("x"))]}, True),
-    ("IsVisitorDiscovered", {"asked": [(START + 81.0, Say("x"))]}, False)])
-def test_a_mission_waits_for_a_visitor_that_has_not_ended_and_asks_for_nothing_any_more(node, played, waits):
-    assert findings.waits_for_a_visitor(a_look([node], waiting=(1,), **played)) is waits
-
-
-@pytest.mark.parametrize("own, is_spent", [(0, False), (5, False), (6, True), (11, True)])
-def test_a_budget_is_told_as_spent_if_most_of_it_went_where_no_fault_was(own, is_spent):
-    resources = ["/calm"] * own + ["/faulty"] * (11 - own)
-    recovered = [(START + at, Recovered("Navigate", "x", Failure(Cause.REFUSED, "no", resource), "-", 0, True, "done"))
-                 for at, resource in enumerate(resources)]
-    faults = [Line(START, "a node", "/faulty", 1, {}, fault="refused")]
-    found = list(findings.BY_NAME["budget-spent"].see(a_look([], entries=recovered, journal=faults)))
-    assert found == is_spent * [("x", "more than 10 recoveries in 60 s: whatever fails from here on is given up")]

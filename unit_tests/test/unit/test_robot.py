@@ -16,8 +16,9 @@ from behavior_controller.settings import defaults
 
 from unit_tests import configuration, exhibits
 from unit_tests.exhibits import Knowledge
+from unit_tests.faults import CRASH, REFUSED, WRONG
 from unit_tests.journal import Line
-from unit_tests.robot import NODES, SERVERS, SERVICES, TOPICS, World, nodes, nonsense
+from unit_tests.robot import NODES, SERVERS, SERVICES, TOPICS, World, nodes, nonsense, possible, usual_seconds
 from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, NO_GAZE, NOTHING_HEARD, SILENT, SMALL_TALK, Manners,
                                 Visitor)
 
@@ -28,6 +29,9 @@ GESTURE = {"gesture_type": "iconic", "gesture_id": 1, "gesture_duration": 3000, 
 
 class Lamp(Request):
     """A request of another package."""
+
+
+LAMP = Service(Lamp, "/lamp/set", "lamp", "a/B", lambda lamp: (), Success("done", True, False), 5.0, "no light")
 
 
 def world(behaviour=ENGAGES, *states, **settings):
@@ -50,8 +54,7 @@ def test_each_declared_service_and_topic_is_simulated(interface):
 
 def test_what_another_package_declares_is_not_simulated():
     more = INTERFACE.with_more(
-        (Service(Lamp, "/lamp/set", "lamp", "a/B", lambda lamp: (), Success("done", True, False), 5.0, "no light"),),
-        (Topic("/lamp/text", "lamp", "std_msgs/String", str, str, "no light", is_continuous=False),))
+        (LAMP,), (Topic("/lamp/text", "lamp", "std_msgs/String", str, str, "no light", is_continuous=False),))
     assert len(more.offers) == len(INTERFACE.offers) + 2 and nodes(more) == nodes(INTERFACE)
 
 
@@ -74,6 +77,34 @@ def test_each_kind_of_request_has_a_robot_that_is_asked_so():
 def test_success_is_what_the_contract_says(kind, request_fields, answer):
     assert SERVICES[kind].object_to(request_fields) is None
     assert SERVICES[kind].answer(request_fields, world(ENGAGES, "scanning")) == answer
+
+
+def test_a_gesture_may_be_as_short_as_it_likes():
+    assert SERVICES[PerformGesture].object_to(dict(GESTURE, gesture_duration=1)) is None
+
+
+@pytest.mark.parametrize("request_fields, kind, seconds", (
+    (GESTURE, PerformGesture, 3.0), ({"message": "x" * 28}, Say, 2.0), ({"state": "disabled"}, SetAnimation, 0.2)))
+def test_a_gesture_takes_its_time_and_a_second_has_fourteen_letters(request_fields, kind, seconds):
+    assert usual_seconds(INTERFACE.service(kind), request_fields) == pytest.approx(seconds)
+
+
+def test_another_packages_service_takes_a_second():
+    assert usual_seconds(LAMP, {"colour": "red"}) == 1.0
+
+
+@pytest.mark.parametrize("kind, response, fault", (
+    (GoTo, ("navigation_goal_success",), WRONG),  # a number, which may be neither success nor failure
+    (QueryKnowledge, ("success", "exhibits"), WRONG), (QueryKnowledge, ("success",), REFUSED),
+    (Prompt, ("success", "response"), WRONG), (Prompt, ("success",), REFUSED),
+    (Say, ("success",), REFUSED), (Say, ("success", "more"), REFUSED)))
+def test_an_answer_is_nonsense_only_where_a_field_can_hold_any(kind, response, fault):
+    assert possible(WRONG, INTERFACE.service(kind), response) == fault
+    assert [possible(other, INTERFACE.service(kind), response) for other in (None, CRASH)] == [None, CRASH]
+
+
+def test_what_another_package_answers_is_never_nonsense():
+    assert possible(WRONG, LAMP, ("done", "more")) == REFUSED
 
 
 def test_what_tells_an_outcome_may_be_neither_yes_nor_no():

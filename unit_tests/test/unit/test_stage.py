@@ -17,7 +17,8 @@ from unit_tests.stage import CALM, START, Stage
 from unit_tests.verdict import judge
 
 LAB_TOUR = Stage(settings.defaults())
-SAY = '<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback><WelcomeSpeech/><HandleFallBack/></Fallback></BehaviorTree></root>'
+M = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
+SAY = M.format("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>")
 
 
 def play(on=LAB_TOUR, silent=(), **changed):
@@ -30,6 +31,12 @@ def of_text(text, **chosen):
 
 def of(kind, played):
     return [event for _, event in played.events if isinstance(event, kind)]
+
+
+def changes_of_health(played):
+    """Return seconds from the beginning and the status of each change."""
+    return [(pytest.approx(at - START, abs=0.01), event.status) for at, event in played.events
+            if isinstance(event, HealthChanged)]
 
 
 def facts(played, behaviour="engages", runs=1, on=LAB_TOUR):
@@ -51,10 +58,11 @@ def test_all_that_happened_has_a_time_of_its_own():
 
 
 @pytest.mark.parametrize("kind, cause, seconds", [
-    ("refused", "refused", 0.01), ("exception", "exception", 0.01), ("unanswered", "no-answer", 60.0),
-    ("crash", "connection-lost", 0.01), ("wrong", "refused", 0.01)])
+    ("refused", "refused", 9.0), ("exception", "exception", 0.0), ("unanswered", "no-answer", 60.0),
+    ("crash", "connection-lost", 0.0), ("wrong", "refused", 9.0)])
 def test_each_kind_of_fault_is_met_as_on_the_real_robot(kind, cause, seconds):
-    played = play(of_text(SAY), planned_faults=(PlannedFault("textToSpeech", 1, kind),))
+    test = dataclasses.replace(CALM, planned_faults=(PlannedFault("textToSpeech", 1, kind),))
+    played = of_text(SAY).play(test, durations=lambda service, fields: 9.0)
     failed = of(LeafFinished, played)[0]
     assert failed.failure.cause.value == cause and failed.seconds == pytest.approx(seconds, abs=0.01)
     assert [line.fault for line in played.journal if line.call == 1] == ["refused" if kind == "wrong" else kind]
@@ -64,9 +72,37 @@ def test_each_kind_of_fault_is_met_as_on_the_real_robot(kind, cause, seconds):
     ("knowledgeBase", "LookUpHome", "unusable-answer"), ("gestureExecution", "WelcomeGesture", "unusable-answer"),
     ("tabletEvent", "PressYesNoDialogue", "unusable-answer")])
 def test_an_answer_that_means_nothing_is_found_unusable(node, leaf, cause):
-    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><{}/></BehaviorTree></root>'.format(leaf)
-    played = play(of_text(text), planned_faults=(PlannedFault(node, 1, "wrong"),))
+    played = play(of_text(M.format("<{}/>".format(leaf))), planned_faults=(PlannedFault(node, 1, "wrong"),))
     assert [event.failure.cause.value for event in of(LeafFinished, played)] == [cause]
+
+
+def test_a_request_without_sense_is_refused_at_once():
+    blank = tuple(exhibit._replace(description1=" ") for exhibit in LAB_TOUR.knowledge.exhibits)
+    on = Stage(settings.defaults(), [parse(M.format(
+        '<Sequence><RetrieveListOfExhibits/><SelectExhibit/><DescribeExhibitSpeech name="1"/></Sequence>'))],
+        LAB_TOUR.world._replace(knowledge=LAB_TOUR.knowledge._replace(exhibits=blank)))
+    played = on.play(CALM, durations=lambda service, fields: 3.0)
+    speech = of(LeafFinished, played)[-1]
+    assert (speech.failure.cause.value, speech.seconds) == ("refused", pytest.approx(0.0, abs=0.01))
+    assert [line.objection for line in played.journal if line.call] == [None, "there is no text"]
+
+
+def test_a_call_that_takes_half_its_time_is_slow_until_one_is_in_time_again():
+    played = play(of_text(SAY), planned_faults=(PlannedFault("textToSpeech", 1, "unanswered"),), mission_runs=2)
+    assert changes_of_health(played) == [(30.0, "slow: no answer for 30 s"), (60.0, "answers in time again")]
+
+
+def test_a_call_that_was_answered_is_neither_slow_nor_failing():
+    played = play(of_text(M.format('<Sequence>{}<Sleep msec="100000"/></Sequence>'.format("<WelcomeSpeech/>" * 3))))
+    assert played.exit_code == 0 and changes_of_health(played) == []
+
+
+def test_a_node_that_has_crashed_is_not_reachable_until_it_is_back():
+    played = play(of_text(M.format('<Sequence>{}<Sleep msec="2000"/><WelcomeSpeech/><Sleep msec="200"/></Sequence>'.format(
+        "<ForceSuccess><WelcomeSpeech/></ForceSuccess>" * 2))), planned_faults=(PlannedFault("textToSpeech", 1, "crash"),))
+    causes = [event.failure and event.failure.cause.value for event in of(LeafFinished, played)]
+    assert causes == ["connection-lost", "not-reachable", None]
+    assert changes_of_health(played) == [(0.1, "gone: not reachable: connection refused"), (2.1, "available again")]
 
 
 def test_a_node_that_has_crashed_is_away_until_it_is_back():
@@ -82,7 +118,7 @@ def test_the_topic_of_a_node_that_has_crashed_is_silent_meanwhile():
     played = play(planned_faults=(PlannedFault("overtAttention", 2, "crash"),))
     said = [line.time for line in played.journal if line.node == "overtAttention" and not line.call]
     crashed = [line.time for line in played.journal if line.fault == "crash"][0]
-    assert not [at for at in said if crashed < at < crashed + stage.AWAY]
+    assert min(at for at in said if at > crashed) == pytest.approx(crashed + stage.AWAY, abs=0.1)
 
 
 def test_the_faults_are_those_that_the_simulated_nodes_draw():
@@ -112,12 +148,22 @@ def test_a_mission_that_does_not_end_is_cut_off_and_says_where_it_waits():
     assert played.exit_code is None and played.seconds == pytest.approx(100.0, abs=1.0)
     assert played.cut_off == "the mission did not end within 100 s"
     assert 1 in played.reached and set(played.waiting) <= played.reached  # though they have not ended
+    assert [LAB_TOUR.mission.tree.nodes[uid - 1].name for uid in played.waiting] == ["ForEver"]
     assert not judge(facts(played)).passed
 
 
+def test_a_mission_that_ends_with_its_time_was_in_time():
+    assert play(of_text(M.format('<Sleep msec="10000"/>')), test_timeout=10.0).exit_code == 0
+
+
+def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_second():
+    loop = '<KeepRunningUntilFailure><Script code="x := 1"/></KeepRunningUntilFailure>'
+    ticks = [line["at"] for line in play(of_text(M.format(loop)), test_timeout=60.0).record() if line["event"] == "Tick"]
+    assert ticks[-1] - ticks[-21] == pytest.approx(5.0)
+
+
 def test_a_mission_that_busy_loops_is_cut_off():
-    played = play(of_text('<root BTCPP_format="4"><BehaviorTree ID="M"><Repeat num_cycles="-1"><AlwaysSuccess/></Repeat>'
-                          '</BehaviorTree></root>'))
+    played = play(of_text(M.format('<Repeat num_cycles="-1"><AlwaysSuccess/></Repeat>')))
     assert (played.exit_code, played.cut_off, played.seconds) == (None, "the mission busy-loops", 0.0)
 
 
@@ -126,6 +172,29 @@ def test_a_service_that_the_robot_lacks_is_done_or_not_advertised():
     played = play(release, absent_services=("/robotLocalization/set_pose",))
     assert played.exit_code == 0
     assert not [line for line in played.journal if line.resource == "/robotLocalization/set_pose"]
+
+
+@pytest.mark.parametrize("body, absent, cause", [
+    ("<SetSpeechEvent name='enabled'/>", "/speechEvent/set_enabled", None),
+    ("<PressYesNoDialogue/>", "/tabletEvent/prompt_and_get_response", "not-advertised")])
+def test_a_leaf_without_its_service_succeeds_unless_the_mission_needs_an_answer(body, absent, cause):
+    played = play(of_text(M.format(body), robotInterface="release-1.0"), absent_services=(absent,))
+    ended, = of(LeafFinished, played)
+    assert (ended.failure and ended.failure.cause.value, ended.seconds) == (cause, pytest.approx(0.0, abs=0.01))
+
+
+def test_a_visitor_is_present_from_the_first_request_to_the_drive_home():
+    played = play()
+    home = LAB_TOUR.knowledge.home.location
+    requests = [line for line in played.journal if line.call]
+    left, = [line.time for line in requests if line.content.get("goal_x") == home.x and line.content["goal_y"] == home.y]
+    assert played.presence == [(requests[0].time, True), (left, False)]
+    assert [at for at, _ in played.asked] == sorted(at for at, _ in played.asked)
+    assert [type(request) for _, request in played.asked] == [service_of(line).request for line in requests]
+
+
+def service_of(line):
+    return next(service for service in LAB_TOUR.settings.interface.services if service.name == line.resource)
 
 
 @pytest.mark.parametrize("recognise_by", ("topic", "action"))
@@ -153,5 +222,6 @@ def test_an_exception_beside_the_leaves_ends_the_mission(monkeypatch):
 def test_the_record_is_what_a_record_holds():
     record = play().record()
     assert [line["event"] for line in record[:2]] == ["TreeShown", "RunStarted"] and record[-1]["event"] == "RunFinished"
+    assert [1, "R"] in [line["changes"] for line in record if line["event"] == "Tick"][0]
     failed = [line for line in record if line["event"] == "LeafFinished" and line["failure"]][0]
     assert failed["failure"]["cause"] == "condition-false" and math.isfinite(failed["time"])

@@ -120,6 +120,7 @@ def finished(story, outcome="SUCCESS"):
 def test_a_tour_of_all_exhibits_passes():
     story = Story()
     story.tour()
+    story.journal.append(Line(story.now, "speechEvent", "/speechEvent/text", 0, {"data": "What a bright room"}))
     verdict = judge(finished(story).facts())
     assert verdict.passed
     assert str(verdict) == ("PASSED: 1 pass ended as a visitor who engages should; "
@@ -185,6 +186,8 @@ def test_a_crash_excuses_what_fails_until_the_node_is_back():
     story = Story(leaves=("WelcomeSpeech",))
     story.say("Hello", "crash")
     story.failed("WelcomeSpeech", SAY, "connection-lost")
+    for node, resource in (("overtAttention", ATTEND), ("animateBehavior", ANIMATE), ("knowledgeBase", "/knowledge")):
+        story.call(node, resource, state="-")
     story.failed("FollowMeSpeech", SAY, "not-reachable")
     assert finished(story).objections() == []
     story = Story(leaves=("WelcomeSpeech",))
@@ -241,8 +244,16 @@ def test_the_mission_that_counts_is_the_one_after_a_change():
     assert finished(story).objections() == ["pass 1: the robot was sent to 1 place without a visitor who wants a tour"]
 
 
-def test_a_mission_without_a_tour_needs_no_exhibits():
-    assert finished(Story(leaves=("WelcomeSpeech",))).objections() == []
+@pytest.mark.parametrize("leaves", [("WelcomeSpeech",), TOUR_LEAVES[1:], TOUR_LEAVES[:1] + TOUR_LEAVES[2:], TOUR_LEAVES[:2]])
+def test_a_mission_without_a_tour_needs_no_exhibits(leaves):
+    assert finished(Story(leaves=leaves)).objections() == []
+
+
+def test_who_follows_to_two_exhibits_sees_all_of_a_building_with_two():
+    story = Story("leaves", leaves=GAZING)
+    story.tour()
+    facts = finished(story).facts()
+    assert judge(facts._replace(knowledge=KNOWLEDGE._replace(exhibits=EXHIBITS[:2]))).passed
 
 
 def test_a_mission_that_does_not_ask_gives_its_tour_to_everybody():
@@ -338,10 +349,12 @@ def test_a_controller_that_never_started():
     assert story.objections() == [story.cut_off]
 
 
-def test_a_controller_that_refused_to_start():
+@pytest.mark.parametrize("exit_code, how", [
+    (2, "ended with exit code 2"), (0, "ended with exit code 0"), (-1, "was ended by signal 1")])
+def test_a_controller_that_refused_to_start(exit_code, how):
     story = Story()
-    story.events, story.exit_code = [], 2
-    assert story.objections() == ["the controller ended with exit code 2 before it started its mission"]
+    story.events, story.exit_code = [], exit_code
+    assert story.objections() == ["the controller {} before it started its mission".format(how)]
 
 
 def test_a_controller_that_crashed():
@@ -505,6 +518,19 @@ def test_the_safe_state_may_fail_when_a_recovery_gives_up():
     assert finished(story).objections() == []
 
 
+def test_of_each_request_for_the_safe_state_one_may_fail_and_no_other_request():
+    story = without_tour()
+    story.call("overtAttention", ATTEND, "refused", state="seeking")
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    story.say("Hello", "refused")
+    for _ in range(2):
+        story.call("overtAttention", ATTEND, "refused", state="disabled")
+    story.recovered("Navigate", GO, 0, success=False)
+    assert [text.split(" was")[0] for text in finished(story).objections()] == [
+        "call 1 of " + ATTEND, "call 1 of " + SAY, "call 3 of " + ATTEND]
+
+
 def test_without_giving_up_there_is_no_safe_state():
     story = without_tour()
     story.go(1.0, "refused")
@@ -521,6 +547,38 @@ def test_the_answer_of_a_halted_leaf_is_lost():
     assert finished(story).objections() == []
 
 
+def test_of_a_halted_leaf_one_answer_is_lost():
+    story = without_tour()
+    story.say("Hello", "unanswered")
+    story.say("Hello", "unanswered")
+    story.failed("WelcomeSpeech", SAY, "", status="IDLE")
+    assert [text[:7] for text in finished(story).objections()] == ["call 2 "]
+
+
+def test_the_answers_that_a_halted_recovery_waited_for_are_lost():
+    story = without_tour()
+    story.say("Hello", "refused")  # of another leaf, which says nothing of it
+    story.go(1.0, "refused")
+    story.failed("Navigate", GO, "refused")
+    for _ in range(2):
+        story.go(1.0, "unanswered")
+        story.call("overtAttention", ATTEND, "unanswered", state="disabled")
+    story.record("LeafFinished", uid=2, node="HandleFallBack", path="-", status="IDLE", resource="", seconds=5.5, failure=None)
+    assert [text.split(" was")[0] for text in finished(story).objections()] == [
+        "call 1 of " + SAY, "call 3 of " + GO, "call 2 of " + ATTEND]
+
+
+@pytest.mark.parametrize("seconds, left", [(0.5, [1, 2]), (2.5, [1, 3]), (3.5, [2, 3])])
+def test_a_failure_comes_from_the_first_fault_while_its_leaf_ran_or_from_the_newest_before(seconds, left):
+    story = without_tour()
+    for _ in range(3):
+        story.say("Hello", "refused")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.events[-1]["seconds"] = seconds
+    assert [text.split(" was")[0] for text in finished(story).objections()] == [
+        "call {} of {}".format(call, SAY) for call in left]
+
+
 def test_conditions_that_are_false_need_no_injection():
     story = without_tour()
     story.failed("IsMutualGazeDiscovered", "/overtAttention/mode", "condition-false")
@@ -534,9 +592,20 @@ def test_only_a_silent_visitor_presses_nothing():
         assert len(finished(story).objections()) == number
 
 
-# ---------------------------------------------------------------------------------------------- a robot of release 1.0
-
 PROMPT, SPEECH = "/tabletEvent/prompt_and_get_response", "/speechEvent/text"
+
+
+@pytest.mark.parametrize("node, resource, behaviour, real, is_wrong", [
+    ("PressYesNoDialogue", PROMPT, "silent", (), True), ("PressYesNoDialogue", PROMPT, "declines", (), False),
+    ("PressYesNoDialogue", PROMPT, "silent", ("tabletEvent",), False), ("WelcomeSpeech", SAY, "silent", (), False)])
+def test_what_a_silent_visitor_pressed_is_wrong(node, resource, behaviour, real, is_wrong):
+    story = Story(behaviour, leaves=())
+    story.done(node, resource)
+    assert list(judge(finished(story).facts()._replace(real=frozenset(real))).objections) == is_wrong * [
+        "PressYesNoDialogue ended with SUCCESS, and the visitor pressed nothing"]
+
+
+# ---------------------------------------------------------------------------------------------- a robot of release 1.0
 
 
 def of_release(story, **more):
@@ -553,6 +622,14 @@ def test_a_refusal_of_a_tablet_that_does_not_tell_is_the_visitors_no(behaviour, 
     assert len(judge(of_release(finished(story))).objections) == number
 
 
+def test_each_refusal_of_a_tablet_that_does_not_tell_is_judged_by_its_own_call():
+    story = Story("declines", leaves=())
+    for fault in ("refused", None):
+        story.call("tabletEvent", PROMPT, fault, message="'Yes'|'No'")
+        story.failed("PressYesNoDialogue", PROMPT, "refused")
+    assert judge(of_release(finished(story))).passed
+
+
 def test_a_refusal_of_a_tablet_that_tells_is_none():
     story = Story("declines", leaves=())
     story.call("tabletEvent", PROMPT, message="Yes|No")
@@ -567,8 +644,17 @@ def test_only_of_an_unclear_visitor_the_recognition_tells_an_error(behaviour, nu
     assert len(judge(of_release(finished(story))).objections) == number
 
 
+def test_with_a_node_all_of_its_services_crash():
+    story = Story(leaves=())
+    story.call("speechEvent", "/speechEvent/set_language", "crash", language="English")
+    story.failed("SetSpeechEvent", "/speechEvent/set_language", "connection-lost")
+    story.failed("SetSpeechEvent", "/speechEvent/set_enabled", "not-reachable")
+    assert judge(of_release(finished(story))).passed
+
+
 def test_a_service_that_the_robot_does_not_offer_fails_by_itself():
     story = Story("engages", leaves=())
+    story.say("Hello")
     story.failed("PressYesNoDialogue", PROMPT, "not-advertised")
     facts = of_release(finished(story))
     assert len(judge(facts).objections) == 1

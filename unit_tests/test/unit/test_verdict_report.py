@@ -72,11 +72,12 @@ def test_the_summary_counts_every_node():
     story.failed("WelcomeSpeech", SAY, "refused")
     story.say("Hello")
     story.recovered("WelcomeSpeech", SAY, 1)
+    story.say("Follow me")
     story.done("FollowMeSpeech", SAY)
     counts = [line.split() for line in summary_lines(story.facts())]
     assert ["FollowMeSpeech", "1", "0"] in counts
     assert ["WelcomeSpeech", "1", "1"] in counts
-    assert ["textToSpeech", "2", "1"] in counts
+    assert ["textToSpeech", "3", "1"] in counts
     assert ["robotNavigation", "0", "0"] in counts
     assert "recoveries: 1; 1 done" in summary_lines(story.facts())
     assert decision_lines(story.facts()) == ["  WelcomeSpeech: refused; policy: retry; 1 attempt: done"]
@@ -106,6 +107,11 @@ def test_a_fault_that_a_retry_puts_right_costs_the_time_until_then():
     story.say("Hello")
     recovered(story, "WelcomeSpeech", SAY, 1)
     assert rows(finished(story)) == [(1, "WelcomeSpeech", "textToSpeech:1", "refused", "done by retry 1", 3.0)]
+    told = write(story.facts(), "title")
+    assert told.visitors == ["pass 1: SUCCESS; 1 fault, 3.0 s lost; 0 conditions false for a while"]
+    assert told.began == story.events[0]["time"]
+    decisions = told.text().split("# recoveries\n")[1].split("\n\n")[0]
+    assert decisions == "  WelcomeSpeech: refused; policy: retry; 1 attempt: done"
 
 
 def test_each_fault_of_a_recovery_has_its_row_and_no_second_is_counted_twice():
@@ -120,6 +126,34 @@ def test_each_fault_of_a_recovery_has_its_row_and_no_second_is_counted_twice():
         (1, "Navigate", "robotNavigation:1", "refused", "tried again", 2.0),
         (1, "Navigate", "robotNavigation:2", "exception", "given up", 3.0),
         (1, "Navigate", "animateBehavior:1", "refused", "on the way to the safe state", 0.0)]
+    assert "; 3 faults, 5.0 s lost; " in write(story.facts(), "title").visitors[0]
+
+
+def test_a_failure_has_the_row_of_a_fault_only_with_its_service_and_its_cause():
+    story = without_tour()
+    story.say("Hello", "exception")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.go(1.0, "refused")
+    story.failed("FollowMeSpeech", SAY, "refused")
+    assert rows(finished(story)) == [
+        (1, "", "textToSpeech:1", "exception", "not on record", 0.0), (1, "WelcomeSpeech", SAY, "refused", "none", 0.0),
+        (1, "", "robotNavigation:1", "refused", "not on record", 0.0), (1, "FollowMeSpeech", SAY, "refused", "none", 0.0)]
+    assert "; 2 faults, 0.0 s lost; " in write(story.facts(), "title").visitors[0]
+
+
+def test_each_row_names_the_exhibit_that_was_under_way():
+    story = without_tour()
+    story.record("PassStarted", number=1, at=1.0)
+    for number, (name, state) in enumerate((("", ""), ("Arm", "begun"), ("Base", "begun"), ("Base", "over"))):
+        if name:
+            story.record("TourAdvanced", uid=1, node="SelectExhibit", path="-", number=1 + (name == "Base"), of=2, name=name,
+                         state=state)
+        for _ in range(2):
+            story.say("Hello", "refused")
+            story.failed("WelcomeSpeech", SAY, "refused", path=str(number))
+    told = Told(finished(story).facts()).rows()
+    assert [row.exhibit for row in told] == ["", "", "Arm", "Arm", "Base", "Base", "", ""]
+    assert table(told, 0.0, 200)[3].split()[:3] == ["{:.1f}".format(told[2].at), "1", "Arm"]
 
 
 def test_a_budget_that_is_spent_is_the_cause():
@@ -172,6 +206,31 @@ def test_the_failure_of_a_substitute_belongs_to_the_recovery_that_chose_it():
         (1, "LocationOvertAttentionMode", "overtAttention:1", "refused", "skipped", 2.0)]
 
 
+def test_a_pass_is_told_with_the_exhibits_that_were_left_out():
+    story = without_tour()
+    story.record("PassStarted", number=1, at=1.0)
+    why = "the visitor did not look at the robot"
+    for name, state in (("Arm", "begun"), ("Base", "begun"), ("Base", "omitted"), ("Desk", "begun"), ("Desk", "over")):
+        story.record("TourAdvanced", uid=1, node="SelectExhibit", path="-", number=1 + "ABD".index(name[0]), of=3, name=name,
+                     state=state)
+        if state == "omitted":
+            story.record("Recovered", uid=2, node="IsMutualGazeDiscovered", path="-", policy="skip", attempts=0, success=True,
+                         outcome="skipped", reason="", failure={"cause": "condition-false", "message": why, "resource": "-"})
+    told, = write(finished(story).facts(), "title").visitors
+    assert told.split("; ")[1:] == ["Base left out: " + why, "0 faults, 0.0 s lost",
+                                    "0 conditions false for a while"]
+    assert "2 of 3 exhibits" in told.split("; ")[0]
+
+
+def test_a_controller_that_did_not_start_has_its_report():
+    story = without_tour()
+    story.events, story.cut_off = [], "the controller did not start its mission within 60 s"
+    told = write(story.facts(), "title")
+    assert (told.rows, told.visitors, told.began) == ([], [], 0.0)
+    assert told.text().splitlines()[:2] == ["# title", "FAILED: " + story.cut_off]
+    assert "coverage" not in told.text() and "# recoveries" not in told.text()
+
+
 def test_false_conditions_are_counted_and_no_rows():
     story = without_tour()
     for _ in range(3):
@@ -204,6 +263,15 @@ def test_the_table_fits_its_columns():
         "      call            kind     recovery          lost",
         " 2.0        1  -        WelcomeSpeech",
         "      textToSpeech:1  refused  done by retry 1  2.0 s"]
+    wide = max(map(len, table(told, 100.0, 120)))
+    assert [len(table(told, 100.0, width)) for width in (wide, wide - 1)] == [2, 4]
+
+
+def test_no_word_of_the_table_is_broken():
+    story = without_tour()
+    story.failed("PressYesNoDialogue", "/tabletEvent", "missing-data")
+    told = Told(story.facts()).rows()
+    assert "      /tabletEvent" in table(told, 100.0, len("      /tabletEvent  missing-"))
 
 
 def test_a_terminal_shows_so_many_rows_and_the_verdict_last(monkeypatch):
@@ -223,6 +291,9 @@ def test_a_terminal_shows_so_many_rows_and_the_verdict_last(monkeypatch):
     assert shown[-5:] == ["where the files are", ""] + verdict[:2] + ["        and 1 more in the report"]
     assert len(verdict) == 3
     assert "textToSpeech:3" in told.text() and "textToSpeech:3" not in "\n".join(shown)
+    monkeypatch.setattr(report, "MOST_SHOWN", len(told.rows))
+    monkeypatch.setattr(report, "MOST_OBJECTIONS", len(verdict))
+    assert "more in the report" not in told.shown(100)
 
 
 # ------------------------------------------------------------------------------------------------------------ the whole

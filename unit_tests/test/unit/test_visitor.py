@@ -43,12 +43,20 @@ def after(behaviour, *lines):
 
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
 def test_nobody_is_there_before_the_robot_wakes_up(behaviour):
-    assert not visitor(behaviour).is_here
+    person = visitor(behaviour)
+    assert (person.is_here, person.utterance(), person.press(["Oui", "Non"]), person.gaze()) == (False, "", "", GAZE_FAILED)
     assert after(behaviour, attention("scanning")).is_here
 
 
 def test_a_visitor_comes_to_a_robot_that_does_not_scan_too():
-    assert after(ENGAGES, say("Hello")).is_here
+    person = after(ENGAGES, say("Hello"))
+    assert person.is_here and person.gaze() == STILL_SEEKING
+
+
+@pytest.mark.parametrize("state, is_here", (("enabled", True), ("disabled", False)))
+def test_the_next_visitor_comes_to_a_robot_that_stirs(state, is_here):
+    person = after(ENGAGES, attention("scanning"), drive(*HOME), line("animateBehavior", state=state))
+    assert person.is_here is is_here
 
 
 def test_messages_on_topics_wake_nobody():
@@ -64,6 +72,19 @@ def test_the_visitor_is_gone_when_the_robot_drives_home_and_the_next_one_comes()
     assert not person.is_here
     person.notice(attention("scanning"))
     assert person.is_here
+
+
+def told(at):
+    return Line(at, "faceDetection", "/faceDetection/data", 0, {})
+
+
+@pytest.mark.parametrize("seconds, is_here", ((299.0, False), (301.0, True)))
+def test_the_next_visitor_comes_after_a_long_wait(seconds, is_here):
+    assert after(ENGAGES, attention("scanning"), drive(*HOME), told(seconds)).is_here is is_here
+
+
+def test_a_visitor_who_is_there_answers_after_a_long_wait():
+    assert after(ENGAGES, say("A tour?"), told(301.0)).utterance() == "Yes"
 
 
 def test_who_leaves_follows_to_two_exhibits():
@@ -149,8 +170,8 @@ def test_without_an_open_question_there_is_small_talk(lines):
 
 
 @pytest.mark.parametrize("call", (
-    attention("social"), line("animateBehavior", state="disabled"), line("speechEvent", status="true"),
-    line("tabletEvent", message="Yes|No")))
+    attention("social"), line("animateBehavior", state="disabled"), line("animateBehavior", state="enabled"),
+    line("speechEvent", status="true"), line("tabletEvent", message="Yes|No")))
 def test_a_robot_that_prepares_to_listen_does_not_go_on(call):
     assert after(DECLINES, say("A tour?"), call).utterance() == "No"
 
@@ -158,6 +179,16 @@ def test_a_robot_that_prepares_to_listen_does_not_go_on(call):
 def test_a_question_may_be_put_again():
     assert after(DECLINES, say("A tour?"), say("Yes or no?")).utterance() == "No"
     assert after(DECLINES, say("A tour?"), say("Yes or no?", "refused")).utterance() == "No", "the first one stands"
+
+
+def test_the_robot_listens_until_it_switches_its_speech_recognition_off():
+    person = visitor()
+    heard = [person.is_listened_to]
+    for fault, content in ((None, {"language": "English"}), ("refused", {"status": "false"}), (None, {"status": "false"}),
+                           ("refused", {"status": "true"}), (None, {"status": "true"})):
+        person.notice(line("speechEvent", fault, **content))
+        heard.append(person.is_listened_to)
+    assert heard == [True, True, True, False, False, True]
 
 
 @pytest.mark.parametrize("language", phrases.languages())

@@ -32,6 +32,17 @@ def test_the_chance_of_two_messages():
 def test_the_chance_of_one_message():
     # 6 a minute: 1 is expected in 10 s; 1 - e^-1
     assert SPEECH.chance(6) == pytest.approx(0.63212, abs=1e-5)
+    assert SPEECH.told(6).endswith(" in about 63 % of waits")
+    assert SPEECH.told(0.1).endswith(" in about 2 % of waits")  # 1 - e^(-1/60)
+
+
+def test_the_chance_of_three_messages():
+    # 12 a minute: 3 are expected in 15 s; 1 - e^-3 (1 + 3 + 3^2 / 2)
+    assert GAZE._replace(messages=3).chance(12) == pytest.approx(0.57681, abs=1e-5)
+
+
+def test_where_one_message_a_minute_is_enough_no_lower_rate_is_told():
+    assert waits.lowest_rate([SPEECH._replace(seconds=180.0)]) == 1  # m = 3, see below
 
 
 def test_a_condition_after_another_is_weighted_with_the_failures_of_that_one():
@@ -98,10 +109,11 @@ def test_a_wait_without_a_known_bound_is_left_out(given, tmp_path, monkeypatch, 
     assert of(mission, tmp_path, monkeypatch) == []
 
 
-def test_condition_wait_is_a_bound(given, tmp_path, monkeypatch):
-    given("scenarioSpecification:=small", "conditionWait:=12")
+@pytest.mark.parametrize("seconds", (12.0, 0.5))
+def test_condition_wait_is_a_bound(given, tmp_path, monkeypatch, seconds):
+    given("scenarioSpecification:=small", "conditionWait:={}".format(seconds))
     wait, = of("<IsYesNoUttered/>", tmp_path, monkeypatch)
-    assert wait.seconds == 12.0
+    assert wait.seconds == seconds
 
 
 def test_a_mission_that_cannot_be_loaded_has_none(given):

@@ -5,9 +5,9 @@ is likely a mistake. The compiler finds what depends on an instance (types of en
 """
 import difflib
 import itertools
-import math
 import re
-from typing import Callable, Collection, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
+import sys
+from typing import Callable, Collection, Counter, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.bt import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
@@ -19,12 +19,13 @@ from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role
 from behavior_controller.bt.rules import Rule
 from behavior_controller.errors import Fault
 
-FORBIDDEN = " \t\n\r<>&\"'/\\:*?|."
+_FORBIDDEN = re.compile(r"[\x00- \x7f<>&\"'/\\:*?|.]")  # in names
 CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
 PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
 RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
 
 MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
+_MANY = 10 ** 9  # nodes: counted no further
 MOST_FAULTS = 1_000  # that are told, and as many warnings
 LONGEST_SCRIPT = 20_000  # characters
 _COMPARISONS = 20_000  # names compared for "did you mean", in all: each takes some 10 microseconds
@@ -99,13 +100,12 @@ def below(tree: Element) -> List[Element]:
     """Return every element below ``tree``, in document order."""
     # a loop, not recursion: a file may be nested deeper than Python's stack
     found: List[Element] = []
-    waiting = tree.children[::-1]
+    waiting = [tree]
     while waiting:
         element = waiting.pop()
         found.append(element)
-        if element.children:
-            waiting.extend(element.children[::-1])
-    return found
+        waiting.extend(reversed(element.children))
+    return found[1:]
 
 
 class _Faults:
@@ -192,7 +192,7 @@ class _Index(_Faults):
             elif child.tag not in _BELOW_ROOT:
                 self.warn(rules.IGNORED_BELOW_ROOT, child, "<{}> below <root> is ignored".format(child.tag),
                           self.nearest(child.tag, _BELOW_ROOT))
-        for model in models[:1]:
+        for model in models:
             self._models(model)
 
     def _format(self, root: Element) -> None:
@@ -231,16 +231,16 @@ class _Index(_Faults):
             self.fault(rules.ID_OF_A_NODE, element,
                        "{} is the name of a node type; a tree cannot be called so".format(tree_id),
                        "a node of that type is written <{}/>".format(tree_id) if element.tag == "SubTree" else "", "ID")
-        elif any(letter in FORBIDDEN or letter < " " or letter == "\x7f" for letter in tree_id):
-            self._forbidden(element, tree_id)
+        else:
+            self._letters(element, tree_id)
 
-    def _forbidden(self, element: Element, tree_id: str) -> None:
-        bad = sorted({letter for letter in tree_id if letter in FORBIDDEN or letter < " " or letter == "\x7f"})
+    def _letters(self, element: Element, tree_id: str) -> None:
+        bad = sorted(set(_FORBIDDEN.findall(tree_id)))
         shown = " and ".join(repr(letter) for letter in bad)
         if not set(bad) <= set(self.tolerated):
             self.fault(rules.ID_LETTERS, element, "the ID {} contains {}; not allowed are blanks and any of "
                        "<>&\"'/\\:*?|.".format(tree_id, shown), attribute="ID")
-        elif element.tag == "BehaviorTree":
+        elif bad and element.tag == "BehaviorTree":
             self.warn(rules.ID_BLANKS, element,
                       "the ID {} contains {}; BehaviorTree.CPP 4.10 refuses such a name".format(tree_id, shown),
                       attribute="ID")
@@ -268,7 +268,7 @@ class _Index(_Faults):
             wrong = "{} is a reserved attribute; a port cannot be called so".format(name)
         elif name[0] in "0123456789":
             wrong = "the name of a port cannot start with a digit: {}".format(name)
-        elif any(letter in FORBIDDEN or letter < " " for letter in name):
+        elif _FORBIDDEN.search(name):
             wrong = "the name of a port cannot contain blanks or any of <>&\"'/\\:*?|.: {}".format(name)
         else:
             return True
@@ -290,12 +290,11 @@ class _Index(_Faults):
             self.fault(rules.MAIN_TREE_UNKNOWN, root, "there is no tree {} to execute".format(named),
                        self.nearest(named, self.trees, "the trees"), None if wanted else "main_tree_to_execute")
             return ""
-        if len(own) == 1 or len(self.trees) == 1:
-            return own[0] if len(own) == 1 else next(iter(self.trees))
         called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
         free = [tree_id for tree_id in self.trees if tree_id not in called]
-        if guess and len(free) == 1:
-            return free[0]
+        for choice in (own, list(self.trees), free if guess else []):
+            if len(choice) == 1:
+                return choice[0]
         if root.tag == "root":
             self._no_main_tree(root, free)
         return ""
@@ -312,18 +311,18 @@ class _Index(_Faults):
 
     def check_calls(self, main: str) -> None:
         """Note the used trees; find SubTrees that contain themselves, and missions that are too large."""
-        sizes: Dict[str, int] = {}
+        sizes: Counter[str] = Counter()
         for start in [main] if main else list(self.trees):
             self._unfold(start, sizes, self.fault)
         self.used = set(sizes)
-        if main and sizes.get(main, 0) > MOST_NODES:
+        if sizes[main] > MOST_NODES:
             self.fault(rules.TOO_LARGE, self.trees[main], "the mission unfolds to {} nodes; at most {} are allowed"
-                       .format("more than a billion" if sizes[main] > 10 ** 9 else sizes[main], MOST_NODES),
+                       .format("a billion or more" if sizes[main] >= _MANY else sizes[main], MOST_NODES),
                        "call fewer SubTrees")
         for start in self.trees:
             self._unfold(start, sizes, self.warn)
 
-    def _unfold(self, start: str, sizes: Dict[str, int], complain: Callable[..., None]) -> None:
+    def _unfold(self, start: str, sizes: Counter[str], complain: Callable[..., None]) -> None:
         """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each tree, unfolded."""
         path: List[str] = []
         opened: Dict[str, int] = {}  # where in the path a tree is
@@ -334,18 +333,19 @@ class _Index(_Faults):
                 del opened[path.pop()]
                 sizes[tree_id] = self._size(tree_id, sizes)
             elif tree_id in opened:
-                circle = path[opened[tree_id]:opened[tree_id] + 8]
+                begin = opened[tree_id]
+                shown = path[begin:begin + 8] + ["…"] * (len(path) > begin + 8) + [tree_id]
                 complain(rules.TREE_CIRCLE, call, "the tree {} contains itself: {}".format(
-                    tree_id, " > ".join(circle + [tree_id])), attribute="ID")
+                    tree_id, " > ".join(shown)), attribute="ID")
             elif tree_id in self.calls and tree_id not in sizes:
                 opened[tree_id] = len(path)
                 path.append(tree_id)
                 waiting.append((tree_id, None))
                 waiting.extend((found.attributes.get("ID", ""), found) for found in reversed(self.calls[tree_id]))
 
-    def _size(self, tree_id: str, sizes: Dict[str, int]) -> int:
-        inner = sum(sizes.get(call.attributes.get("ID", ""), 0) for call in self.calls[tree_id])
-        return min(len(below(self.trees[tree_id])) + inner, 10 ** 10)
+    def _size(self, tree_id: str, sizes: Counter[str]) -> int:
+        inner = sum(sizes[call.attributes.get("ID", "")] for call in self.calls[tree_id])
+        return min(len(below(self.trees[tree_id])) + inner, _MANY)
 
 
 # ----------------------------------------------------------------------------------------------------------- the nodes
@@ -359,14 +359,9 @@ class _Known(NamedTuple):
     fewest: int  # children
     most: int
 
-    @property
-    def minds_children(self) -> bool:
-        """Return whether it has rules about its children in addition to their number."""
-        return self.spec.refuses_explicit or bool(self.spec.at_most_one)
-
 
 def _known(spec: NodeSpec) -> _Known:
-    fewest, most = {Kind.CONTROL: (spec.fewest_children, 10 ** 9), Kind.DECORATOR: (1, 1)}.get(spec.kind, (0, 0))
+    fewest, most = {Kind.CONTROL: (spec.fewest_children, sys.maxsize), Kind.DECORATOR: (1, 1)}.get(spec.kind, (0, 0))
     return _Known(spec, {port.name: port for port in spec.ports}, fewest, most)
 
 
@@ -378,27 +373,22 @@ class _Nodes:
         self.index = index
         self.fault = index.fault
         self.warn = index.warn
-        self.is_used = True  # the tree being checked is part of the mission
+        self.is_used: bool  # the tree being checked is part of the mission
         self._known = {spec.id: _known(spec) for spec in registry.all() if spec.kind is not Kind.SUBTREE}
-        self._compact = {name: known for name, known in self._known.items()
-                         if name not in EXPLICIT and not known.minds_children
-                         and not known.spec.warning and not known.spec.names}
         self._scripts: Dict[str, Optional[ScriptSyntaxError]] = {}  # text -> what is wrong with it
 
     def check_tree(self, tree: Element, is_used: bool) -> None:
         """Check what is below a <BehaviorTree>. What BehaviorTree.CPP notices only when it makes a node is a warning
         in a tree that the mission does not use."""
         self.is_used = is_used
-        known = self._compact
         for element in below(tree):
-            found = known.get(element.tag) or self._identified(element)
+            found = self._identified(element)
             if found is None:
                 continue
             if not found.fewest <= len(element.children) <= found.most:
                 self._children(element, found)
             for name, text in element.attributes.items():
-                if name != "name":
-                    self._attribute(element, found, name, text)
+                self._attribute(element, found, name, text)
 
     def fault_in_use(self, rule: Rule, element: Element, text: str, hint: str = "", attribute: Optional[str] = None,
                      at: int = 0) -> None:
@@ -420,8 +410,7 @@ class _Nodes:
             return None
         if known.spec.warning:
             self.warn(rules.NODE_TYPE_WARNING, element, known.spec.warning)
-        if known.minds_children:
-            self._kinds_of_children(element, known.spec)
+        self._kinds_of_children(element, known.spec)
         if known.spec.names:
             self._name(element, known.spec)
         return known
@@ -455,7 +444,7 @@ class _Nodes:
                 self.fault(rules.EXPLICIT_IN_REACTIVE, child,
                            "BehaviorTree.CPP refuses <{}> directly below {}".format(child.tag, spec.id),
                            "write <{}/>".format(child.type_id))
-        if spec.at_most_one and sum(child.tag == spec.at_most_one for child in element.children) > 1:
+        if sum(child.tag == spec.at_most_one for child in element.children) > 1:
             self.fault(rules.TWO_ASYNC, element, "a {} cannot have more than one {} child".format(
                 spec.id, spec.at_most_one))
 
@@ -532,7 +521,7 @@ class _Nodes:
             self.index.check_id(element, tree_id)
         if element.children:
             self.fault(rules.LEAF_CHILDREN, element, "<SubTree ID=\"{}\"> cannot have children".format(tree_id))
-        if tree_id and id(element) not in self.index.faulty:
+        if id(element) not in self.index.faulty:
             self._call(element, tree_id)
 
     def _call(self, element: Element, tree_id: str) -> None:
@@ -604,19 +593,18 @@ def _meant(text: str, port: Port, type_name: str) -> str:
         return "the number is of milliseconds: {} is {:.0f}".format(text, milliseconds)
     if _THOUSANDS.fullmatch(text):
         return "a number has no separators: write {}".format(re.sub("[^-0-9]", "", text))
-    if number is not None and type_name == "double":
+    if number is None:
+        return "the type is {}".format(type_name)
+    if type_name == "double":
         return "write {}".format(text.replace(",", "."))
-    if number is not None and type_name != "double":
-        is_whole = math.isfinite(number) and number == int(number)
-        return "the type is {}{}".format(type_name, ": write {:.0f}".format(number) if is_whole else
-                                         ", without fraction")
-    return "the type is {}".format(type_name)
+    return "the type is {}{}".format(type_name, ": write {:.0f}".format(number) if number.is_integer() else
+                                     ", without fraction")
 
 
 def condition_meant(name: str) -> str:
     """Return ``did you mean _…?`` if an attribute is a condition that lacks its underscore."""
     by_lower = {condition.lower(): condition for condition in CONDITIONS}
-    near = difflib.get_close_matches("_" + name.lower(), list(by_lower), n=1, cutoff=0.8)
+    near = difflib.get_close_matches("_" + name.lower(), list(by_lower), cutoff=0.8)
     return "did you mean {}?".format(by_lower[near[0]]) if near else ""
 
 
@@ -640,4 +628,4 @@ def _script_fault(text: str) -> Optional[ScriptSyntaxError]:
 def is_port_name(name: str) -> bool:
     """Return whether an attribute counts as a port: others, like ``_uid`` or ``xmlns:x``, have no meaning."""
     return (name[0].isalpha() and name[0].isascii() and name not in ("name", "ID")
-            and not any(letter in FORBIDDEN for letter in name))
+            and not _FORBIDDEN.search(name))

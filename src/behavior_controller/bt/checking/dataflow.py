@@ -1,6 +1,7 @@
 """Which blackboard entries a mission reads and writes, and which are the same: by remapping, ``@`` and SubTrees."""
-from typing import Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
+from typing import Counter, Dict, List, Mapping, NamedTuple, Optional, Set, Tuple
 
+from behavior_controller.bt.checking.checks import is_port_name
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
 from behavior_controller.bt.language import ports
 from behavior_controller.bt.language.document import Element
@@ -16,7 +17,7 @@ class Read(NamedTuple):
     key: Key
     element: Element
     attribute: str
-    at: int = 0
+    at: int
 
 
 class Use(NamedTuple):
@@ -42,7 +43,7 @@ class Flow:
         self.readers: Dict[Key, Port] = {}  # the first port that reads an entry
         self.created: Set[Key] = set()  # entries that exist without a script, or by := in one
         self.touched: Set[Key] = set()  # entries that not only scripts write
-        self.mentions: Dict[Key, int] = {}  # how often a tree names an entry
+        self.mentions: Counter[Key] = Counter()  # how often a tree names an entry
         self.used: Dict[str, Set[str]] = {}  # tree -> names that it uses itself; not what its callers give it
         self._same: Dict[Key, Key] = {}
         self._created: Optional[Set[Key]] = None
@@ -60,22 +61,19 @@ class Flow:
 
     def write(self, tree: str, name: str) -> None:
         """Note that an entry is written other than by a script."""
-        key = self._used(tree, name)
-        self.written.add(key)
-        self.created.add(key)
-        self.touched.add(key)
+        self._used(tree, name)
+        self.give(tree, name)
 
     def give(self, tree: str, name: str) -> None:
-        """Note that a caller of ``tree`` gives it an entry."""
+        """Note that an entry is written other than by a script or a node of ``tree``: by what calls the tree."""
         key = self.key(tree, name)
-        self.written.add(key)
-        self.created.add(key)
-        self.touched.add(key)
+        for keys in (self.written, self.created, self.touched):
+            keys.add(key)
 
     def _used(self, tree: str, name: str) -> Key:
         key = self.key(tree, name)
         self.used.setdefault(key[0], set()).add(key[1])
-        self.mentions[key] = self.mentions.get(key, 0) + 1
+        self.mentions[key] += 1
         return key
 
     def remap(self, called: str, inner: str, tree: str, outer: str) -> None:
@@ -118,12 +116,13 @@ def flow(trees: Mapping[str, List[Element]], main: str, models: Mapping[str, Lis
     result = Flow(main)
     for tree, elements in trees.items():
         for element in elements:
-            spec = registry.find(element.type_id)
             if element.tag == "SubTree":
-                _call(result, tree, element, models.get(element.attributes.get("ID", ""), []))
+                _call(result, tree, element, models.get(element.attributes["ID"], []))
             else:
-                for port in spec.ports if spec is not None else ():
-                    _port(result, tree, element, port, spec is not None and spec.kind is not Kind.ACTION)
+                spec = registry.find(element.type_id)
+                assert spec is not None  # guaranteed by the check
+                for port in spec.ports:
+                    _port(result, tree, element, port, spec.kind is not Kind.ACTION)
             for name in PRE_CONDITIONS + POST_CONDITIONS:
                 if name in element.attributes:
                     _script(result, tree, element, name, element.attributes[name], name in PRE_CONDITIONS)
@@ -156,22 +155,21 @@ def _port(result: Flow, tree: str, element: Element, port: Port, is_condition: b
 
 def _script(result: Flow, tree: str, element: Element, attribute: str, text: str, is_condition: bool) -> None:
     try:
-        script = compile_script(text, allow_empty=True)
+        script = compile_script(text)
     except ScriptSyntaxError:
-        return
+        return  # an empty one
     result.scripts.append(Use(tree, element, attribute, script, is_condition))
     for name in sorted(script.read):
-        result.read(tree, name, element, attribute, script.facts.names.get(name, 0))
+        result.read(tree, name, element, attribute, script.facts.names[name])
     creates = {assignment.name for assignment in script.facts.assignments if assignment.sign == ":="}
     for name in script.written:
         result.assign(tree, name, name in creates)
 
 
 def _call(result: Flow, tree: str, element: Element, model: List[Port]) -> None:
-    called = element.attributes.get("ID", "")
+    called = element.attributes["ID"]
     given: Dict[str, Optional[str]] = {port.name: port.default for port in model}
-    given.update((name, text) for name,
-                 text in element.attributes.items() if name[0] != "_" and name not in ("ID", "name"))
+    given.update((name, text) for name, text in element.attributes.items() if is_port_name(name))
     for name, text in given.items():
         outer = None if text in (None, "=") else ports.reference(str(text), name)
         if outer is not None:

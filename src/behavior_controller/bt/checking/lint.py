@@ -37,7 +37,7 @@ def lint(documents: Sequence[Document], checked: Checked, registry: Registry,
 
     ``given`` are entries of the root's blackboard that the host provides, and names of enums.
     """
-    if not checked.main or checked.errors:
+    if checked.errors:
         return []
     linter = _Linter(checked, registry, given)
     linter.unused(documents[-1])
@@ -57,10 +57,9 @@ def _called_first(checked: Checked) -> Dict[str, List[Element]]:
         tree, is_done = waiting.pop()
         if is_done:
             order[tree] = below(checked.trees[tree])
-        elif tree in checked.trees and tree not in order:
+        elif tree not in order:
             waiting.append((tree, True))
-            waiting.extend((call.attributes.get("ID", ""), False) for call in checked.calls[tree]
-                           if call.attributes.get("ID", "") not in order)
+            waiting.extend((call.attributes["ID"], False) for call in checked.calls[tree])
     return order
 
 
@@ -103,8 +102,7 @@ class _Linter:
 
     def node(self, element: Element, tree: str) -> None:
         """Apply the rules of one element of ``tree``."""
-        if element.attributes:
-            self._ignored_attributes(element)
+        self._ignored_attributes(element)
         if element.tag == "SubTree":
             self._call(element, tree)
             return
@@ -237,7 +235,7 @@ class _Linter:
 
     def _count(self, element: Element, port: Port, text: str) -> None:
         attribute, count = port.name, len(element.children)
-        if text.isdigit() and len(text) < 10 and int(text) > count:
+        if text.isdigit() and int(text[:9]) > count:
             self.warn(rules.COUNT_TOO_HIGH, element, "{}=\"{}\", but there are only {} children".format(
                 attribute, text, count), "it will fail when it is ticked", attribute)
         elif text == "0":
@@ -251,8 +249,11 @@ class _Linter:
         for name, text in element.attributes.items():
             if not is_port_name(name):
                 continue
-            self._remapped(element, name, text, tree)
-            self._given(element, name, text, called)
+            outer = None if text == "=" else ports.reference(text, name)
+            if outer is not None:
+                self._remapped(element, name, outer, tree)
+            else:
+                self._given(element, name, text, called)
             if not self._braces(element, name, text, tree) and name not in used | model:
                 near = self.nearest(name, (used | model) - set(element.attributes)) if len(name) > 2 else ""
                 if condition_meant(name):
@@ -268,7 +269,7 @@ class _Linter:
     def _given(self, element: Element, name: str, text: str, called: str) -> None:
         """Warn of a literal that a port of the called tree reads in part, or cannot read."""
         port = self.flow.readers.get((called, name))
-        if port is None or ports.reference(text, name) is not None or ports.subtree_literal(text)[0] != TEXT:
+        if port is None or ports.subtree_literal(text)[0] != TEXT:
             return
         said = read_in_part(text, port, port.type)
         wrong = ports.literal_fault(text, port, {})
@@ -278,11 +279,10 @@ class _Linter:
             self.warn(rules.WRONG_LITERAL, element, "{}=\"{}\" cannot be of type {}, as the port {} there".format(
                 name, text, port.type, port.name), wrong, name)
 
-    def _remapped(self, element: Element, name: str, text: str, tree: str) -> None:
+    def _remapped(self, element: Element, name: str, outer: str, tree: str) -> None:
         """Warn of an entry that occurs only here in the tree, if a similar name occurs."""
-        outer = ports.reference(text, name)
-        key = self.flow.key(tree, outer) if outer is not None else None
-        if key is None or self.flow.mentions.get(key, 0) > 1:
+        key = self.flow.key(tree, outer)
+        if self.flow.mentions[key] > 1:
             return
         known = self.flow.used.get(key[0], set())
         self._comparisons -= len(known)
@@ -348,7 +348,7 @@ def is_misspelling(word: str, other: str) -> bool:
 
     Names that differ by a digit or an s at the end count as different on purpose.
     """
-    if word == other or word.rstrip("s0123456789") == other.rstrip("s0123456789"):
+    if word.rstrip("s0123456789") == other.rstrip("s0123456789"):
         return False
     short, long = sorted((word, other), key=len)
     at = next((index for index, pair in enumerate(zip(short, long)) if pair[0] != pair[1]), len(short))

@@ -18,7 +18,7 @@ def outcomes(trees: Mapping[str, List[Element]], registry: Registry) -> Dict[int
     for tree_id, elements in trees.items():
         for element in reversed(elements):  # so that children come before their parent
             known[id(element)] = _ends(element, known, ends_of_tree, registry)
-        ends_of_tree[tree_id] = known[id(elements[0])] if elements else ANY
+        ends_of_tree[tree_id] = known[id(elements[0])]
     return known
 
 

@@ -57,7 +57,7 @@ def _effects(use: Use) -> Iterator[Remark]:
 
 def _assigning(use: Use) -> Iterator[Remark]:
     facts = use.script.facts
-    if not use.is_condition or not facts.statements:
+    if not use.is_condition:
         return
     last = facts.statements[-1]
     for assignment in facts.assignments:
@@ -167,7 +167,6 @@ def _wrong(operation: Operation, left: str, right: str) -> Optional[Tuple[str, s
     if sign in _COMPARISONS:
         if {left, right} == {"text", "number"}:
             return "{} compares a text with a number".format(said), "a text needs single quotes, a number none"
-    elif sign != ".." and "text" in (left, right) and ((left, right) != ("text", "text") or sign not in ("+", "+=")):
-        if {left, right} != {"text", ""} or sign not in ("+", "+="):
-            return "{} calculates with a text".format(said), "texts are joined with .."
+    elif "text" in (left, right) and sign != ".." and (sign not in ("+", "+=") or "number" in (left, right)):
+        return "{} calculates with a text".format(said), "texts are joined with .."
     return None

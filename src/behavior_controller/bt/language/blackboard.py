@@ -171,7 +171,7 @@ def _natural_type(value: Any) -> str:
     if isinstance(value, bool):
         return "bool"
     if isinstance(value, int):
-        return "int" if -2 ** 31 <= value < 2 ** 31 else "int64"
+        return "int" if values.INT[0] <= value <= values.INT[1] else "int64"
     return values.origin_of(value)
 
 
@@ -197,13 +197,10 @@ def _fits(entry_type: str, value: Any) -> bool:
         return type(value).__name__ == entry_type
     if (target.python is not None and isinstance(value, target.python)) or values.is_vector(value, entry_type):
         return True
-    if not values.is_number(value) or entry_type == "bool":
-        return False
     try:
         if entry_type == "double":
             return int(values.to_real(value)) == value
-        return target.low is not None and target.high is not None and \
-            values.to_int(value, target.low, target.high) == value
+        return target.limits is not None and values.to_int(value, *target.limits) == value
     except ValueFault:
         return False
 

@@ -89,8 +89,6 @@ class Document:
     def _in_value(self, attribute: Any, at: int) -> int:
         """Return the offset of a character of the value if there is a line break before it, else 0."""
         begin, end = attribute.start(2) + 1, attribute.end(2) - 1
-        if not at or "\n" not in self.text[begin:end] and "\r" not in self.text[begin:end]:
-            return 0
         pieces = itertools.islice(CHARACTER.finditer(self.text, begin, end), at, None)
         offset = next((piece.start() for piece in pieces), end)
         return offset if self.position(offset)[0] > self.position(begin)[0] else 0
@@ -200,17 +198,13 @@ def _parsed(clean: str, document: Document) -> Element:
         opened.pop()
 
     parser = etree.XMLParser(target=_Target(start, end, lambda: above.children[0] if above.children else None),
-                             huge_tree=True, no_network=True)
+                             huge_tree=True)
     return etree.fromstring(clean.encode("utf-8"), parser)
 
 
 def _not_well_formed(document: Document, error: Exception) -> MissionError:
-    faults = [document.fault(fault) for fault in diagnosis(document.text)]
-    if not faults:
-        message = re.sub(r",? line \d+(, column \d+)?.*", "", str(error))
-        faults = [Fault(document.file, getattr(error, "lineno", None) or 0, 0,
-                        clean("not well-formed XML: " + message, _LONGEST), code=rules.NOT_WELL_FORMED.code)]
-    return MissionError(faults)
+    faults = diagnosis(document.text) or [MarkupFault(rules.NOT_WELL_FORMED, "not well-formed XML: {}".format(error), 0)]
+    return MissionError([document.fault(fault) for fault in faults])
 
 
 # ------------------------------------------------------------------------------------------------------- included files

@@ -177,8 +177,7 @@ _UNENDED = (
 def _refusal(text: str, offset: int) -> MarkupFault:
     """Return why the ``<`` at ``offset`` does not begin a tag."""
     if text.startswith("<?", offset):
-        closed = text.find("?>", offset) >= 0
-        if not closed:
+        if "?>" not in text[offset:]:
             return MarkupFault(rules.NOT_CLOSED, "the instruction <? is never closed", offset)
         return MarkupFault(rules.INSTRUCTION, "a processing instruction <?…?> is not allowed inside <root>", offset)
     for begin, rule, wrong, hint in _UNENDED:

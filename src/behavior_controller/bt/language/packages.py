@@ -1,4 +1,5 @@
 """Finds ROS packages by name as ``rospack`` does, without ROS: for ``<include ros_pkg="…" path="…"/>``."""
+import itertools
 import os
 import re
 from typing import Iterator, List, Optional
@@ -21,17 +22,12 @@ def package_folder(name: str) -> Optional[str]:
 
 
 def _packages(roots: List[str]) -> Iterator[str]:
-    looked_at = 0
-    for root in roots:
-        for folder, inner, files in os.walk(root):
-            looked_at += 1
-            if looked_at > MOST_FOLDERS:
-                return
-            if "package.xml" in files:
-                yield folder
-            if "package.xml" in files or any(name in files for name in _IGNORED):
-                inner.clear()  # a package holds no other
-            inner[:] = sorted(name for name in inner if not name.startswith("."))
+    for folder, inner, files in itertools.islice(itertools.chain.from_iterable(map(os.walk, roots)), MOST_FOLDERS):
+        if "package.xml" in files:
+            yield folder
+        if "package.xml" in files or any(name in files for name in _IGNORED):
+            inner.clear()  # a package holds no other
+        inner[:] = sorted(name for name in inner if not name.startswith("."))
 
 
 def _is_package(folder: str, name: str) -> bool:

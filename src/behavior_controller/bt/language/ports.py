@@ -7,8 +7,6 @@ from behavior_controller.bt.language.values import GENERIC, TYPES, Enums, ValueF
 from behavior_controller.bt.registry import Port
 
 BLANKS = " \t\n\r"
-_INT = (-2 ** 31, 2 ** 31 - 1)
-_INT64 = (-2 ** 63, 2 ** 63 - 1)
 
 
 class PortError(ValueFault):
@@ -113,7 +111,7 @@ def declare(text: str, port: Port, blackboard: Blackboard) -> None:
 
 def subtree_literal(text: str) -> Tuple[str, Any]:
     """Return the type and value that a literal attribute of a SubTree gets by its appearance (BT.CPP section 10)."""
-    for name, bounds in (("int", _INT), ("int64", _INT64)):
+    for name, bounds in (("int", values.INT), ("int64", values.INT64)):
         integer = values.whole_integer(text, *bounds)
         if integer is not None:
             return name, integer
@@ -140,7 +138,7 @@ def same_text_or_number(left: str, right: str, enums: Enums) -> bool:
 
 
 def _as_int(text: str, enums: Enums) -> Optional[int]:
-    return int(enums[text]) if text in enums else values.whole_integer(text, *_INT)
+    return int(enums[text]) if text in enums else values.whole_integer(text, *values.INT)
 
 
 def _as_real(text: str, _enums: Enums) -> Optional[float]:

@@ -132,7 +132,7 @@ def _integer(text: str) -> int:
     base, digits = (16, text[2:]) if text[:2] in ("0x", "0X") else (10, text)
     digits = digits.lstrip("0")
     # one that does not fit is 0, as in the library; Python takes long for very many digits, or refuses them
-    value = int(digits or "0", base) if len(digits) < 20 else 2 ** 63
+    value = int(digits or "0", base) if len(digits) < 20 else 0
     return value if value < 2 ** 63 else 0
 
 
@@ -149,9 +149,9 @@ class _Parser:
         self.read: Set[str] = set()
         self.written: Set[str] = set()
         self.bare: Optional[str] = None  # the name that the operand read last is, if it is nothing more
-        self.last = Operand("", "", 0)  # the operand read last
+        self.last: Operand  # the operand read last
         self.facts = Facts([], [], [], {})
-        self._is_assignment = False  # the expression read last
+        self._is_assignment: bool  # the expression read last
 
     def script(self) -> List[Evaluate]:
         """Return one closure for each statement; the semicolon between statements is optional."""
@@ -287,7 +287,7 @@ class _Parser:
 
     def _missing_operand(self, kind: str) -> str:
         at = self.at - (kind != "end") - 1
-        return _hint_between(self.tokens[at][0], kind) if at >= 0 else ""
+        return _hint_between(self.tokens[at][0], kind)  # before the first token is the end
 
     def _name(self, name: str, position: int) -> Evaluate:
         if name in ("true", "false"):

@@ -8,12 +8,14 @@ import json
 import math
 import re
 from functools import partial
-from typing import Any, Callable, Dict, List, NamedTuple, Optional
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.bt.status import BY_NAME, NAMES
 from behavior_controller.errors import BehaviorControllerError
 
 EPSILON = 1.1920929e-07  # of a C++ float: the tolerance of BT.CPP's equality
+INT = (-2 ** 31, 2 ** 31 - 1)
+INT64 = (-2 ** 63, 2 ** 63 - 1)
 EXACT = 2 ** 53  # every integer nearer to 0 is a real without loss
 
 ANY = "any"  # no type given: an entry that scripts made, a port that takes anything
@@ -36,8 +38,7 @@ class ValueType(NamedTuple):
 
     name: str
     from_text: Optional[Callable[[str, Enums], Any]]
-    low: Optional[int] = None
-    high: Optional[int] = None
+    limits: Optional[Tuple[int, int]] = None  # the lowest and highest value of an integer
     checked_at_load: bool = True
     number: Optional["re.Pattern[str]"] = None
     python: Optional[type] = None  # the class of its values, if it is a PortType
@@ -53,7 +54,7 @@ _BOOLEANS = {"1": True, "true": True, "TRUE": True, "True": True,
 
 def shown(text: str, longest: int = 80) -> str:
     """Return ``text`` as a message quotes it: on one line, not too long, and what cannot be seen as its escape."""
-    line = _BLANKS.sub(" ", text[:longest + 1])
+    line = _BLANKS.sub(" ", text[:longest])
     if not line.isprintable():
         line = ascii(line)[1:-1]
     return line if len(text) <= longest else line[:longest] + "…"
@@ -124,7 +125,7 @@ def _status(text: str, _enums: Enums) -> Any:
 def _enumerator(text: str, enums: Enums) -> int:
     if text in enums:
         return enums[text]
-    number = whole_integer(text, -2 ** 31, 2 ** 31 - 1)
+    number = whole_integer(text, *INT)
     if number is None:
         raise ValueFault("Can't convert string [{}] to an enum; known names: {}".format(
             shown(text), " ".join(enums) or "none"))
@@ -162,7 +163,7 @@ def _json_item(kind: type) -> Callable[[Any], Any]:
             return to_real(value)
         if type(value) is not kind:
             raise ValueFault("the JSON item {} is not of type {}".format(shown(json.dumps(value)), _JSON_NAMES[kind]))
-        return to_int(value, -2 ** 31, 2 ** 31 - 1) if kind is int else value
+        return to_int(value, *INT) if kind is int else value
     return check
 
 
@@ -170,7 +171,7 @@ _JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
 
 
 def _integer_type(name: str, low: int, high: int) -> ValueType:
-    return ValueType(name, _integer_reader(low, high), low, high, number=_INTEGER)
+    return ValueType(name, _integer_reader(low, high), (low, high), number=_INTEGER)
 
 
 class _Types(Dict[str, ValueType]):
@@ -219,22 +220,22 @@ def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], tex
 
 TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_type in (
     ValueType(TEXT, lambda text, _enums: text),
-    _integer_type("int", -2 ** 31, 2 ** 31 - 1),
+    _integer_type("int", *INT),
     _integer_type("uint", 0, 2 ** 32 - 1),
     _integer_type("int8", -2 ** 7, 2 ** 7 - 1),
     _integer_type("uint8", 0, 2 ** 8 - 1),
-    _integer_type("int64", -2 ** 63, 2 ** 63 - 1),
+    _integer_type("int64", *INT64),
     _integer_type("uint64", 0, 2 ** 64 - 1),
     ValueType("double", real_from_text, number=_REAL),
-    ValueType("bool", _boolean, 0, 1),
+    ValueType("bool", _boolean),
     ValueType("NodeStatus", _status, checked_at_load=False),
     ValueType("enum", _enumerator, checked_at_load=False),
-    ValueType("vec_int", _vector_reader(_integer_reader(-2 ** 31, 2 ** 31 - 1), _json_item(int))),
+    ValueType("vec_int", _vector_reader(_integer_reader(*INT), _json_item(int))),
     ValueType("vec_double", _vector_reader(real_from_text, _json_item(float))),
     ValueType("vec_string", _vector_reader(lambda text, _enums: text, _json_item(str))),
     ValueType("vec_bool", _vector_reader(_boolean, _json_item(bool))),
-    ValueType(ANY, None, checked_at_load=False),
-    ValueType(BT_ANY, None, checked_at_load=False),
+    ValueType(ANY, None),
+    ValueType(BT_ANY, None),
 ))
 
 
@@ -307,7 +308,7 @@ def to_real(value: Any) -> float:
     raise ValueFault("[Any::convert]: {} is not a number".format(_named(value)))
 
 
-def to_int(value: Any, low: int = -2 ** 63, high: int = 2 ** 63 - 1) -> int:
+def to_int(value: Any, low: int = INT64[0], high: int = INT64[1]) -> int:
     """Return a number as an integer of that range. Raises ValueFault for a fraction and out of range."""
     if isinstance(value, float):
         if not value.is_integer():
@@ -362,9 +363,7 @@ def _as_number(value: Any, wanted: str) -> Any:
         return to_real(value)
     if wanted == "NodeStatus":
         return _CODES[to_int(value, 0, len(_CODES) - 1)]
-    target = TYPES[wanted]
-    low = -2 ** 31 if target.low is None else target.low
-    return to_int(value, low, 2 ** 31 - 1 if target.high is None else target.high)
+    return to_int(value, *(TYPES[wanted].limits or INT))
 
 
 def _no_conversion(value: Any, wanted: str) -> ValueFault:
