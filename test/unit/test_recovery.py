@@ -359,10 +359,21 @@ def test_a_subtree_has_no_stand_in(tmp_path):
     assert len(rig.requests) == 1
 
 
+VISIT = ("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
+         "<HandleFallBack/></Fallback></Sequence>")
+
+
+def test_an_exhibit_goes_back_to_the_list_once():
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/>{0}<ForceSuccess>{0}</ForceSuccess>{0}</Sequence>".format(VISIT))
+    assert to_the_end(rig) is FAILURE
+    assert [event.success for event in rig.of(Recovered)] == [True, False, False]
+    assert [(event.number, event.state) for event in rig.of(TourAdvanced)] == [
+        (1, "begun"), (1, "omitted")] + 2 * [(2, "begun"), (2, "omitted")]
+    assert rig.tree.blackboard.get("nextExhibit") == 2
+
+
 def test_a_visit_may_be_wrapped_otherwise():
-    visit = ("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
-             "<HandleFallBack/></Fallback></Sequence>")
-    rig = one_leaf("<Sequence><RetrieveListOfExhibits/>{}{}</Sequence>".format(visit, visit))
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/>{}{}</Sequence>".format(VISIT, VISIT))
     assert to_the_end(rig) is FAILURE
     assert [event.success for event in rig.of(Recovered)] == [True, False]
     assert rig.tree.blackboard.get("nextExhibit") == 1  # the second one goes back to the list
