@@ -176,6 +176,10 @@ def test_nothing_has_to_write_what_a_leaf_can_do_without(element):
     assert "never-written" not in {warning.code for warning in one_leaf(element).tree.warnings}
 
 
+def test_the_part_of_a_description_need_not_be_given():
+    assert "port-missing" not in {warning.code for warning in one_leaf("<DescribeExhibitSpeech/>").tree.warnings}
+
+
 @pytest.mark.parametrize("result, cause", [(Answer(), Cause.MISSING_DATA),
                                            (Failure(Cause.REFUSED, "no", "/textToSpeech/say_text"), Cause.REFUSED)])
 def test_a_question_that_cannot_note_its_time_fails_and_says_so_once(result, cause):
