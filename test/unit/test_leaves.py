@@ -38,6 +38,11 @@ def test_the_vocabulary_is_table_4_and_the_documented_extensions():
     assert all(spec.description for spec in leaves.SPECS)
 
 
+def test_what_makes_no_sense_after_the_visitor_has_left():
+    assert {spec.id for spec in leaves.SPECS if spec.is_farewell} == {
+        "HereIsTheDoorSpeech", "EndTourSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"}
+
+
 @pytest.mark.parametrize("node, request_", [
     ("EnableAnimateBehavior", SetAnimation("enabled")),
     ("DisableAnimateBehavior", SetAnimation("disabled")),
