@@ -181,6 +181,10 @@ def test_nothing_has_to_write_what_a_leaf_can_do_without(element):
     assert "never-written" not in {warning.code for warning in one_leaf(element).tree.warnings}
 
 
+def test_what_a_leaf_cannot_do_without_has_to_be_written():
+    assert [warning.code for warning in one_leaf("<Navigate/>").tree.warnings] == ["never-written"]
+
+
 def test_the_part_of_a_description_need_not_be_given():
     assert "port-missing" not in {warning.code for warning in one_leaf("<DescribeExhibitSpeech/>").tree.warnings}
 
