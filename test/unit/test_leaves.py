@@ -379,12 +379,13 @@ def test_a_leaf_tells_what_it_does_and_for_how_long_at_most(node, words, deadlin
     assert rig.of(StepStarted) == [StepStarted(1, node, path, words, what, deadline, False)]
 
 
-def test_a_leaf_names_the_places_that_the_robot_has_learnt():
+def test_a_leaf_names_its_gesture_and_the_places_that_the_robot_has_learnt():
     there = "<Navigate/><PerformDeicticGesture/><LocationOvertAttentionMode/>"
-    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><SelectExhibit/>{0}<LookUpEntrance/>{0}<LookUpHome/><Navigate/>"
-                   "</Sequence>".format(there))
+    rig = one_leaf("<Sequence><WelcomeGesture/><RetrieveListOfExhibits/><SelectExhibit/>{0}<LookUpEntrance/>{0}"
+                   "<LookUpHome/><Navigate/></Sequence>".format(there))
     assert rig.tick() is SUCCESS
     assert [(event.words, event.what) for event in rig.of(StepStarted) if event.what] == [
+        ("making", "the welcome gesture"),
         ("driving", "to exhibit 1"), ("pointing", "at exhibit 1"), ("looking", "at exhibit 1"),
         ("driving", "to the entrance"), ("pointing", "at the entrance"), ("looking", "at the entrance"),
         ("driving", "to its home")]
