@@ -241,9 +241,8 @@ def test_what_a_tick_changed_is_acted_on_without_an_event():
     ("<Script code='rounds := 0'/>", []), ("<Delay delay_msec='100'><Script code='rounds := 0'/></Delay>", [None])])
 def test_a_loop_that_is_running_after_each_round_goes_on(first, wait):
     # KeepRunningUntilFailure signals no wake-up: BT.CPP comes round by ticking every 10 ms
-    rig, asked = run_until_it_waits(
-        "<Sequence>{}<KeepRunningUntilFailure><Script code='rounds += 1'/></KeepRunningUntilFailure></Sequence>".format(first),
-        waits=len(wait) + 103)
+    loop = "<KeepRunningUntilFailure><Script code='rounds += 1'/></KeepRunningUntilFailure>"
+    rig, asked = run_until_it_waits("<Sequence>{}{}</Sequence>".format(first, loop), waits=len(wait) + 103)
     assert rig.tree.blackboard.get("rounds") > 100
     rounds = asked[len(wait):]
     assert asked[:len(wait)] == wait and max(rounds[:100]) < 0.001 and rounds[100:] == 3 * [0.01]
