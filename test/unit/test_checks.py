@@ -167,8 +167,8 @@ def test_each_rule_has_its_fault_at_its_place(rule):
 def chain(length):
     """Return trees of which each calls the next one twice; the first unfolds to 4 * 2 ** ``length`` - 3 nodes."""
     twice = '<BehaviorTree ID="T{0}"><Sequence><SubTree ID="T{1}"/><SubTree ID="T{1}"/></Sequence></BehaviorTree>'
-    return root("".join(twice.format(number, number + 1) for number in range(length)) + tree(LEAF, "T{}".format(length)),
-                'BTCPP_format="4" main_tree_to_execute="T0"')
+    trees = [twice.format(number, number + 1) for number in range(length)] + [tree(LEAF, "T{}".format(length))]
+    return root("".join(trees), 'BTCPP_format="4" main_tree_to_execute="T0"')
 
 
 def circle(length):
@@ -188,9 +188,10 @@ MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where
     (root(ELEVEN, 'BTCPP_format="4"'), "main_tree_to_execute is not given, and these trees are called by no other: {} "
      "(name the main tree in <root main_tree_to_execute=\"…\">)".format(", ".join(
          "T{}".format(number) for number in range(10)))),
-    (root(tree(LEAF, "Navigate"), 'BTCPP_format="4"'), "Navigate is the name of a node type; a tree cannot be called so ()"),
-    (root(tree(LEAF, "a|b\x7f:c"), 'BTCPP_format="4"'), "the ID a|b\\x7f:c contains ':' and '|' and '\\x7f'; not allowed are "
-     "blanks and any of <>&\"'/\\:*?|. ()"),
+    (root(tree(LEAF, "Navigate"), 'BTCPP_format="4"'),
+     "Navigate is the name of a node type; a tree cannot be called so ()"),
+    (root(tree(LEAF, "a|b\x7f:c"), 'BTCPP_format="4"'), "the ID a|b\\x7f:c contains ':' and '|' and '\\x7f'; "
+     "not allowed are blanks and any of <>&\"'/\\:*?|. ()"),
     (circle(8), "the tree T0 contains itself: T0 > T1 > T2 > T3 > T4 > T5 > T6 > T7 > T0 ()"),
     (circle(9), "the tree T0 contains itself: T0 > T1 > T2 > T3 > T4 > T5 > T6 > T7 > … > T0 ()"),
     (chain(27), "the mission unfolds to 536870909 nodes; at most 250000 are allowed (call fewer SubTrees)"),
@@ -199,8 +200,8 @@ MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where
      "seeking)"),
     (main('<Attend name="shy"/>'), "the name of Attend cannot be shy (allowed: name=\"…\" with social, seeking)"),
     (main('<Attend name=" Social" mode="1"/>'), "Attend has no port mode (its argument is its name: social, seeking)"),
-    (root(tree('<SubTree ID="S" _post="1" where="1" when="2" wo="3"/>') + MODEL), "the model of S asks for the port who, "
-     "which is not given; it has no port wo (did you mean who?)"),
+    (root(tree('<SubTree ID="S" _post="1" where="1" when="2" wo="3"/>') + MODEL),
+     "the model of S asks for the port who, which is not given; it has no port wo (did you mean who?)"),
     (root(tree('<SubTree ID="S" where="1" when="2"/>') + MODEL),
      "the model of S asks for the port who, which is not given (write who=\"{who}\")"),
 ])
@@ -328,8 +329,8 @@ def test_another_main_tree_may_be_asked_for():
 
 
 def test_a_mission_without_a_tree_runs_the_only_one_that_it_includes():
-    included, own = parse(root(tree(LEAF, "A"), 'BTCPP_format="4"'), "lib.xml"), parse('<root BTCPP_format="4"/>', "m.xml")
-    found = check([included, own], REGISTRY, strict=True)
+    included = parse(root(tree(LEAF, "A"), 'BTCPP_format="4"'), "lib.xml")
+    found = check([included, parse('<root BTCPP_format="4"/>', "m.xml")], REGISTRY, strict=True)
     assert (found.main, found.faults) == ("A", [])
 
 

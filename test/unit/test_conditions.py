@@ -249,14 +249,19 @@ def test_with_a_condition_wait_the_evidence_may_come_later():
     rig.topics.publish(FACES, FACE)
     assert woken(rig)
     assert rig.tick() is SUCCESS
+    rig.clock.advance(0.2)
+    assert not woken(rig)
 
 
 def test_a_condition_wait_ends_exactly_then_and_begins_anew():
     rig = one_leaf("<IsVisitorDiscovered/>", conditionWait=3.0)
     assert rig.tick() is RUNNING
-    rig.clock.advance(3.0)
+    rig.clock.advance(1.0)
+    assert rig.tick() is RUNNING
+    rig.clock.advance(2.0)
     assert woken(rig)
     assert rig.tick() is FAILURE
+    assert rig.clock.next_due() is None
     assert rig.tick() is RUNNING
     rig.clock.advance(3.0)
     assert woken(rig)

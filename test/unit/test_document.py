@@ -126,7 +126,8 @@ def test_an_attribute_is_not_found_inside_the_value_of_another():
 
 
 @pytest.mark.parametrize("at, place", [
-    (0, (2, 9)), (1, (2, 9)), (2, (2, 9)), (3, (3, 1)), (5, (3, 6)), (6, (3, 7)), (7, (4, 1)), (8, (4, 2)), (99, (4, 3)),
+    (0, (2, 9)), (1, (2, 9)), (2, (2, 9)), (3, (3, 1)), (5, (3, 6)), (6, (3, 7)), (7, (4, 1)), (8, (4, 2)),
+    (99, (4, 3)),
 ])
 def test_a_fault_stands_at_the_line_of_its_character_in_a_value_of_several_lines(at, place):
     fault = node(mission('\n<Script code="a;\n&lt; b\r\n c"/>')).fault(rules.NO_TREE, "x", attribute="code", at=at)
@@ -421,7 +422,8 @@ def packages_below(folder, *names):
 ])
 def test_where_a_ros_package_is(tmp_path, monkeypatch, name, found):
     packages_below(tmp_path, "one/direct=direct", "one/a/b=below", "one/b/second=twice", "one/b/first=twice",
-                   "one/a/b/c=in_a_package", "one/d/e=ignored", "one/.f/g=hidden", "one/misnamed=another", "two/c=second")
+                   "one/a/b/c=in_a_package", "one/d/e=ignored", "one/.f/g=hidden", "one/misnamed=another",
+                   "two/c=second")
     (tmp_path / "one" / "d" / "CATKIN_IGNORE").write_text("")
     (tmp_path / "one" / "nameless").mkdir()
     (tmp_path / "one" / "nameless" / "package.xml").write_text("<package/>")

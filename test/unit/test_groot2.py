@@ -1,4 +1,5 @@
 """Groot2's protocol over real sockets: as captured from the library's publisher, and robust against any client."""
+import asyncio
 import errno
 import json
 import os
@@ -458,7 +459,7 @@ def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(served, monke
     client.ask("I", hook(1, mode=0, status="SKIPPED"))
     assert tree.tick_exactly_once() is RUNNING
     monkeypatch.setattr(groot2, "PACE", "an internal error")
-    client.ask("S")
+    client.requests.send(struct.pack("<BBI", 2, ord("S"), 7))
     assert served.told("Groot2 is cut off by an internal error; its breakpoints and replacements are removed", 1)
     assert tree.tick_exactly_once() is SUCCESS
 
@@ -683,6 +684,28 @@ def test_a_client_that_pings_is_answered(served):
     assert events.poll(1000) == 0
     sock.disable_monitor()
     context.destroy(0)
+
+
+def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_unanswered():
+    async def serve(sock):
+        found = front.Front(sock, 1000)
+        assert front.MOST_CONNECTIONS == 16  # as the operator's guide says
+        assert [sock.getsockopt(option) for option in (
+            zmq.LINGER, zmq.RECONNECT_IVL, zmq.MAXMSGSIZE, zmq.HANDSHAKE_IVL, zmq.HEARTBEAT_IVL)] == [0, -1, 1000, 5000, 20000]
+        clients = {b"one": types.SimpleNamespace(unanswered=7), b"other": types.SimpleNamespace(unanswered=7)}
+        for name, client in clients.items():
+            found.connect(name, client)
+        found.note_request(b"one")
+        found.note_request(b"unknown")
+        found.disconnect(b"other")
+        found.note_request(b"other")
+        assert [client.unanswered for client in clients.values()] == [0, 7]
+        with pytest.raises(zmq.ZMQError):
+            sock.disconnect("ipc://@other")
+        sock.disconnect("ipc://@one")
+
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
+        asyncio.run(serve(router))
 
 
 @pytest.mark.parametrize("offset", [0, 1])

@@ -66,9 +66,10 @@ def statuses(health):
 
 def test_three_failures_in_a_row_are_told_until_a_call_succeeds():
     health = Health()
-    for has_failed in (True, True, False, True, True, True, True, False, False):
-        health.ended("/say", 0.1, 9.0, has_failed)
-    assert statuses(health) == [(False, "failing"), (True, "works again")]
+    for calls, told in ("FF.FF", []), (".FFF", [(False, "failing")]), ("F", []), ("..", [(True, "works again")]):
+        for call in calls:
+            health.ended("/say", 0.1, 9.0, call == "F")
+        assert statuses(health) == told
 
 
 def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline():
@@ -76,9 +77,10 @@ def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline(
     health = Health(lambda: wakes.append(True))
     health.slow("/say", 8.0)
     assert wakes == [True]
-    health.ended("/say", 5.0, 8.0, False)
+    health.ended("/say", 4.0, 8.0, False)
     health.ended("/say", 1.0, 8.0, True)
-    assert statuses(health) == [(False, "slow")]
+    assert [(event.status, event.consequence) for event in published(health)] == [
+        ("slow: no answer for 4 s", "the call is given up after 8 s")]
     health.ended("/say", 3.9, 8.0, False)
     assert statuses(health) == [(True, "answers in time again")]
 

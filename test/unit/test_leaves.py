@@ -38,6 +38,11 @@ def test_the_vocabulary_is_table_4_and_the_documented_extensions():
     assert all(spec.description for spec in leaves.SPECS)
 
 
+def test_what_makes_no_sense_after_the_visitor_has_left():
+    assert {spec.id for spec in leaves.SPECS if spec.is_farewell} == {
+        "HereIsTheDoorSpeech", "EndTourSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"}
+
+
 @pytest.mark.parametrize("node, request_", [
     ("EnableAnimateBehavior", SetAnimation("enabled")),
     ("DisableAnimateBehavior", SetAnimation("disabled")),
@@ -170,9 +175,18 @@ def test_data_of_the_wrong_kind_is_a_failure_and_never_an_exception(element, ent
 
 @pytest.mark.parametrize("element", [
     "<IsYesNoUttered/>", "<IsMutualGazeDiscovered/>", "<IsVisitorPresent/>", "<SetOvertAttentionMode name='social'/>",
-    "<SetRobotPose/>", "<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>"])
+    "<SetRobotPose/>", "<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>",
+    "<ScriptCondition code='@questionAskedAt &gt; 0'/>", "<Script code='left := @leftOutExhibits'/>"])
 def test_nothing_has_to_write_what_a_leaf_can_do_without(element):
     assert "never-written" not in {warning.code for warning in one_leaf(element).tree.warnings}
+
+
+def test_what_a_leaf_cannot_do_without_has_to_be_written():
+    assert [warning.code for warning in one_leaf("<Navigate/>").tree.warnings] == ["never-written"]
+
+
+def test_the_part_of_a_description_need_not_be_given():
+    assert "port-missing" not in {warning.code for warning in one_leaf("<DescribeExhibitSpeech/>").tree.warnings}
 
 
 @pytest.mark.parametrize("result, cause", [(Answer(), Cause.MISSING_DATA),
@@ -365,12 +379,13 @@ def test_a_leaf_tells_what_it_does_and_for_how_long_at_most(node, words, deadlin
     assert rig.of(StepStarted) == [StepStarted(1, node, path, words, what, deadline, False)]
 
 
-def test_a_leaf_names_the_places_that_the_robot_has_learnt():
+def test_a_leaf_names_its_gesture_and_the_places_that_the_robot_has_learnt():
     there = "<Navigate/><PerformDeicticGesture/><LocationOvertAttentionMode/>"
-    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><SelectExhibit/>{0}<LookUpEntrance/>{0}<LookUpHome/><Navigate/>"
-                   "</Sequence>".format(there))
+    rig = one_leaf("<Sequence><WelcomeGesture/><RetrieveListOfExhibits/><SelectExhibit/>{0}<LookUpEntrance/>{0}"
+                   "<LookUpHome/><Navigate/></Sequence>".format(there))
     assert rig.tick() is SUCCESS
     assert [(event.words, event.what) for event in rig.of(StepStarted) if event.what] == [
+        ("making", "the welcome gesture"),
         ("driving", "to exhibit 1"), ("pointing", "at exhibit 1"), ("looking", "at exhibit 1"),
         ("driving", "to the entrance"), ("pointing", "at the entrance"), ("looking", "at the entrance"),
         ("driving", "to its home")]

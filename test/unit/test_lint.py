@@ -107,7 +107,8 @@ CANNOT_BE_MEANT = {
     "an entry given in place of the default": ('<Sequence><Aim/><Hurry/>\n<Drive target="{gaol}"/></Sequence>', (3, 8), [
         "the entry gaol is read here, but nothing writes it"]),
     "an optional port's entry that the file gives": ('<Stroll mood="{mod}"/>', (2, 9), ["the entry mod is read here"]),
-    "any node of a kind, by its type": ('<Fallback><Begin/>\n<Action ID="Act"/></Fallback>', (3, 1), ["Act is never reached"]),
+    "any node of a kind, by its type": ('<Fallback><Begin/>\n<Action ID="Act"/></Fallback>', (3, 1), [
+        "Act is never reached"]),
     "what TryCatch tries": ("<TryCatch><AlwaysFailure/>\n<Act/><Act/></TryCatch>", (3, 1), ["Act is never reached"]),
     "a watched entry without its second brace": (
         '<Sequence><SkipUnlessUpdated\nentry="{given"><Act/></SkipUnlessUpdated></Sequence>', (3, 1),
@@ -196,12 +197,14 @@ SCRIPTS = {  # what the first Script says, and what follows it -> line and text 
     "a word that is an entry": (SEQUENCE.format("not := 1; given := not", ""), []),
     "no effect": (SEQUENCE.format("given := 1;\n given == 1; given == 2", ""), [
         (4, "a statement of code has no effect (a value is assigned with :=)")]),
-    "two conditions": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1\n given == 2\n given == 3"/>'), [
+    "two conditions": (SEQUENCE.format(
+        "given := 1", '<ScriptCondition code="given == 1\n given == 2\n given == 3"/>'), [
         (4, "a statement of code has no effect (&& or || joins two conditions)")]),
     "no effect, and assigns": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1;\n given = 2"/>'), [
         (4, "a statement of code has no effect (&& or || joins two conditions)"),
         (5, "code assigns to given instead of comparing (write given == …)")]),
-    "assigns among others": (SEQUENCE.format("given := 1", '<ScriptCondition code="given == 1 &amp;&amp; (given = 2)"/>'), [
+    "assigns among others": (SEQUENCE.format(
+        "given := 1", '<ScriptCondition code="given == 1 &amp;&amp; (given = 2)"/>'), [
         (4, "code assigns to given instead of comparing (write given == …)")]),
     "assigns on purpose": (SEQUENCE.format("given := 1", '<ScriptCondition code="given = 2; (a := 3) == given"/>'), []),
     "an empty condition": (SEQUENCE.format("given := 1", '<ScriptCondition code=""/>'), []),
@@ -229,8 +232,8 @@ SCRIPTS = {  # what the first Script says, and what follows it -> line and text 
         (4, "a >= b compares a text with a number (a text needs single quotes, a number none)"),
         (5, "… != 'y' compares a text with a number (a text needs single quotes, a number none)"),
         (6, "'z' == … compares a text with a number (a text needs single quotes, a number none)")]),
-    "calculated": (SEQUENCE.format("a := 'x'; a += 'y'; b := a + 'z'; b := given + a; b := a .. 1;\n a += 1;\n b := a - a;\n"
-                                   " b := given * a", ""), [
+    "calculated": (SEQUENCE.format("a := 'x'; a += 'y'; b := a + 'z'; b := given + a; b := a .. 1;\n a += 1;\n"
+                                   " b := a - a;\n b := given * a", ""), [
         (4, "a += 1 calculates with a text (texts are joined with ..)"),
         (5, "a - a calculates with a text (texts are joined with ..)"),
         (6, "given * a calculates with a text (texts are joined with ..)")]),
@@ -244,7 +247,8 @@ def test_what_is_said_of_a_script(rule):
 
 
 def test_a_name_is_suggested_only_if_the_tree_itself_creates_it():
-    found = warnings('<Sequence><SubTree ID="Sub"/><Script code="count := 1"/></Sequence>', tree("Sub", '<Script code="cuont += 1"/>'))
+    found = warnings('<Sequence><SubTree ID="Sub"/><Script code="count := 1"/></Sequence>',
+                     tree("Sub", '<Script code="cuont += 1"/>'))
     assert [text for _, _, text in found] == [
         "cuont += …, but nothing creates the entry cuont (create it first: cuont := …)"]
 
@@ -294,12 +298,14 @@ def test_entries_are_followed_through_subtrees(call, inside, is_written):
 
 @pytest.mark.parametrize("main, inside, place, hint", [
     ('<SubTree ID="Sub"/>', '<In in="{given}"/>', (3, 28), "that of the whole mission is @given"),
-    ('<Sequence><Out out="{x}"/><SubTree ID="Sub"/></Sequence>', '<In in="{x}"/>', (3, 28), "that of the whole mission is @x"),
+    ('<Sequence><Out out="{x}"/><SubTree ID="Sub"/></Sequence>', '<In in="{x}"/>', (3, 28),
+     "that of the whole mission is @x"),
     ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{x}"/>', (3, 5),
      "the tree Sub writes one of its own; that of the whole mission is @x"),
     ('<Sequence><SubTree ID="Sub"/>\n<In in="{x}"/></Sequence>', '<Out out="{other}"/>', (3, 5), ""),
     ('<SubTree ID="Sub"/>', '<Drive target="1"/>', (3, 24), "Hurry or Stroll writes it"),
-    ('<SubTree ID="Sub"/>', '<Sequence><Out out="{pause}"/><In in="{paus}"/></Sequence>', (3, 58), "did you mean pause?"),
+    ('<SubTree ID="Sub"/>', '<Sequence><Out out="{pause}"/><In in="{paus}"/></Sequence>', (3, 58),
+     "did you mean pause?"),
 ])
 def test_an_entry_that_is_written_elsewhere_is_pointed_out(main, inside, place, hint):
     (line, column, text), = warnings(main, tree("Sub", inside))

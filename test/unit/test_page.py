@@ -18,6 +18,7 @@ import urllib.error
 import urllib.request
 
 import pytest
+from tornado.iostream import IOStream
 
 from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
                                         RunStarted, Sources, StepStarted)
@@ -872,6 +873,71 @@ def test_a_browser_that_is_served_keeps_its_place(show, monkeypatch):
         wait_until(lambda: b"stopped; last pass: none" in stream.readline())
         for each in idle:
             each.close()
+
+
+def test_a_newcomer_gets_the_place_of_what_was_idle_for_two_seconds(monkeypatch):
+    now, ends = [100.0], []
+    monkeypatch.setattr(server, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
+
+    def stream():
+        ends.extend(socket.socketpair())
+        return IOStream(ends[-1])
+
+    async def visit():
+        connections = server.Connections(2)
+        first, second = stream(), stream()
+        assert connections.admit(first)
+        now[0] = 101.0
+        assert connections.admit(second) and first.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        now[0] = 101.9
+        early = stream()
+        assert not connections.admit(early) and early.closed() and not first.closed()
+        now[0] = 102.0
+        third, fourth, fifth = stream(), stream(), stream()
+        assert connections.admit(third) and first.closed() and not second.closed()
+        now[0] = 103.0
+        connections.use(second)
+        now[0] = 104.0
+        assert connections.admit(fourth) and third.closed() and not second.closed()
+        second.close()
+        assert connections.admit(fifth) and not fourth.closed()
+        for each in (fourth, fifth):
+            each.close()
+
+    asyncio.run(visit())
+    for each in ends:
+        each.close()
+
+
+def test_a_loop_runs_what_it_is_told_on_its_own_thread_until_it_is_closed():
+    told, is_running = [], threading.Event()
+
+    async def lasts():
+        try:
+            await asyncio.sleep(1000.0)
+        except asyncio.CancelledError:
+            told.append("cancelled")
+
+    async def finish():
+        told.append("finish")
+
+    def begin():
+        told.append(threading.current_thread().name)
+        told.append(asyncio.ensure_future(lasts()).get_loop())
+        is_running.set()
+
+    def end():
+        told.append("end" if asyncio.get_event_loop() is told[1] else "end without its loop")
+
+    loop = server.LoopThread("a loop", begin, end)
+    assert is_running.wait(5.0)
+    thread, = [each for each in threading.enumerate() if each.name == "a loop"]
+    assert thread.daemon
+    loop.call(told.append, "called")
+    loop.close(finish)
+    assert not thread.is_alive()
+    loop.call(told.append, "late")
+    assert told[:1] + told[2:] == ["a loop", "called", "finish", "end", "cancelled"] and told[1].is_closed()
 
 
 def test_a_connection_that_is_used_keeps_its_place(show, monkeypatch):

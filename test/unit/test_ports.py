@@ -62,8 +62,8 @@ def test_literals(type_name, text, value):
     (7, "int", 7), (3.0, "int", 3), (3, "double", 3.0), (2 ** 53 - 1, "double", float(2 ** 53 - 1)), (1, "bool", True),
     (2.5, "bool", True), (0.0, "bool", False), (3, "string", "3"), (1.5, "string", "1.500000"), ("12x", "int", 12),
     ("1;2", "vec_int", [1, 2]), ("v", "string", "v"), (3, "any", 3), ([1], "any", [1]), ([1, 2], "vec_int", [1, 2]),
-    ("RED", "enum", 1), (2, "enum", 2), ("SUCCESS", "NodeStatus", SUCCESS), (3, "NodeStatus", FAILURE), (0, "NodeStatus", IDLE),
-    (4, "NodeStatus", SKIPPED),
+    ("RED", "enum", 1), (2, "enum", 2), ("SUCCESS", "NodeStatus", SUCCESS), (3, "NodeStatus", FAILURE),
+    (0, "NodeStatus", IDLE), (4, "NodeStatus", SKIPPED),
     (255, "uint8", 255),
 ])
 def test_reading_an_entry(stored, type_name, value):
@@ -138,7 +138,7 @@ def test_an_entry_is_emptied_through_a_port_if_there_is_one():
     board = script_made(k=5, p=6)
     for text in ("{k}", "{none}", "k"):
         ports.clear(text, port("int"), board)
-    assert {key: (entry.type, entry.value) for key, entry in board.local.items()} == {"k": ("any", None), "p": ("any", 6)}
+    assert {key: entry.value for key, entry in board.local.items()} == {"k": None, "p": 6}
     ports.clear("{=}", port("int"), board)
     assert board.get("p") is None
 

@@ -126,6 +126,9 @@ def test_a_recorded_robot_drops_calls_and_wakes_as_it_does(tmp_path):
     record.gateway(robot).start(Say("now")).drop()
     assert robot.dropped == [Say("now")]
     recorded = record.topics(topics)
+    topics.listen = lambda *wanted: woken.append(wanted)
+    recorded.listen(SPEECH, 2.5)
+    assert woken.pop() == (SPEECH, 2.5)
     recorded.wake_when("key", SPEECH, lambda text: text == "yes")
     for text in ("no", "yes"):
         topics.publish(SPEECH, text)

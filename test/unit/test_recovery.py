@@ -6,7 +6,8 @@ import pytest
 from behavior_controller import folders, leaves, policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.events import HealthChanged, LeafFinished, Noticed, Recovered, Recovering, Retried
+from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, Recovered, Recovering, Retried,
+                                        TourAdvanced)
 from behavior_controller.gateway import Cause, Failure
 from behavior_controller.health import GONE
 from behavior_controller.interface.records import (Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation,
@@ -358,13 +359,33 @@ def test_a_subtree_has_no_stand_in(tmp_path):
     assert len(rig.requests) == 1
 
 
+VISIT = ("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
+         "<HandleFallBack/></Fallback></Sequence>")
+
+
+def test_an_exhibit_goes_back_to_the_list_once():
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/>{0}<ForceSuccess>{0}</ForceSuccess>{0}</Sequence>".format(VISIT))
+    assert to_the_end(rig) is FAILURE
+    assert [event.success for event in rig.of(Recovered)] == [True, False, False]
+    assert [(event.number, event.state) for event in rig.of(TourAdvanced)] == [
+        (1, "begun"), (1, "omitted")] + 2 * [(2, "begun"), (2, "omitted")]
+    assert rig.tree.blackboard.get("nextExhibit") == 2
+
+
 def test_a_visit_may_be_wrapped_otherwise():
-    visit = ("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
-             "<HandleFallBack/></Fallback></Sequence>")
-    rig = one_leaf("<Sequence><RetrieveListOfExhibits/>{}{}</Sequence>".format(visit, visit))
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/>{}{}</Sequence>".format(VISIT, VISIT))
     assert to_the_end(rig) is FAILURE
     assert [event.success for event in rig.of(Recovered)] == [True, False]
     assert rig.tree.blackboard.get("nextExhibit") == 1  # the second one goes back to the list
+    assert [(event.number, event.of, event.state) for event in rig.of(TourAdvanced)] == [
+        (1, 2, "begun"), (1, 2, "omitted"), (2, 2, "begun"), (2, 2, "omitted")]
+
+
+def test_a_place_of_the_tour_that_was_not_selected_is_not_left_out():
+    rig = one_leaf("<Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence><HandleFallBack/></Fallback>")
+    write(rig, exhibits=list(EXHIBITS), targetLocation=EXHIBITS[0].location)
+    assert to_the_end(rig) is SUCCESS
+    assert (rig.tree.blackboard.get("leftOutExhibits"), rig.of(TourAdvanced)) == (None, [])
 
 
 def test_what_is_left_out_and_cannot_be_noted_is_told_and_no_exception():

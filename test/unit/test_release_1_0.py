@@ -57,6 +57,8 @@ def test_the_words_of_the_release_are_there_and_those_with_an_argument_say_which
         "SayText": tuple("12345678"), "SetOvertAttentionMode": ("disabled", "social", "scanning", "seeking", "location"),
         "SetAnimateBehavior": ("enabled", "disabled"), "SetSpeechEvent": ("true", "false", "enabled", "disabled"),
         "PerformIconicGesture": ("welcome", "goodbye")}
+    assert {spec.id: spec.farewells for spec in SPECS if spec.farewells} == {
+        "SayText": ("6", "7"), "PerformIconicGesture": ("goodbye",)}  # "Here is the door." and "Goodbye!"
 
 
 @pytest.mark.parametrize("element, request_", [
@@ -258,6 +260,7 @@ def test_an_answer_is_one_that_comes_after_the_leaf_began_to_listen(robot, says,
     assert (rig.tick(), stored(rig)) == (SUCCESS, answer)
     event, = rig.of(LeafFinished)
     assert (event.seconds, event.told) == (6.0, Told("heard", "heard “{}”: {}".format(says, answer), answer))
+    assert rig.clock.next_due() is None
 
 
 @pytest.mark.parametrize("robot", [RELEASE, document.INTERFACE.name])
@@ -364,13 +367,14 @@ def test_a_robot_that_gives_up_the_search_for_gaze_ends_the_wait():
     rig.clock.advance(1000.0)
     says_mode(rig, "seeking", 1)
     assert rig.tick() is RUNNING, "the release waits without a limit"
+    assert rig.clock.next_due() is None
     rig.tree.wake.test_and_clear()
     says_mode(rig, "seeking", 3)
     assert rig.tree.wake.test_and_clear()
     assert rig.tick() is FAILURE
     assert rig.of(LeafFinished)[0].failure == Failure(
         Cause.CONDITION_FALSE, "the visitor did not look at the robot", "/overtAttention/mode")
-    assert (rig.clock.next_due(), [(event.limit, event.is_wait) for event in rig.of(StepStarted)]) == (None, [(0.0, True)])
+    assert [(event.limit, event.is_wait) for event in rig.of(StepStarted)] == [(0.0, True)]
     says_mode(rig, "seeking", 1)
     assert not rig.tree.wake.test_and_clear()
     says_mode(rig, "seeking", 2)

@@ -364,7 +364,8 @@ def test_a_node_without_events_has_its_results_from_its_changes_of_status():
 
 
 def test_a_node_has_its_place_its_ports_and_what_it_is_for():
-    body = ("<Sequence name='tour'>\n<Parallel success_count='2'><Sleep msec='7'/>\n<Sleep\nmsec='8' name='a'/></Parallel></Sequence>")
+    body = ("<Sequence name='tour'>\n<Parallel success_count='2'><Sleep msec='7'/>\n<Sleep\nmsec='8' name='a'/></Parallel>"
+            "</Sequence>")
     text = "<root BTCPP_format='4'><BehaviorTree ID='M'>\n{}\n</BehaviorTree></root>\n".format(body)
     tree = load_text(text, registry())
     page = Page(page_of(lines_of(tick([4, "S"], [1, "-"]), finished(108.0, path=tree.nodes[3].full_path, uid=4),

@@ -237,14 +237,15 @@ def test_what_a_tick_changed_is_acted_on_without_an_event():
     assert len(asked) == 1 and asked[0] < 0.001  # other threads go on, nothing is waited for
 
 
-def test_a_loop_that_is_running_after_each_round_goes_on():
+@pytest.mark.parametrize("first, wait", [
+    ("<Script code='rounds := 0'/>", []), ("<Delay delay_msec='100'><Script code='rounds := 0'/></Delay>", [None])])
+def test_a_loop_that_is_running_after_each_round_goes_on(first, wait):
     # KeepRunningUntilFailure signals no wake-up: BT.CPP comes round by ticking every 10 ms
-    rig, asked = run_until_it_waits(
-        "<Sequence><Delay delay_msec='100'><Script code='rounds := 0'/></Delay><KeepRunningUntilFailure>"
-        "<Script code='rounds += 1'/></KeepRunningUntilFailure></Sequence>", waits=104)
+    loop = "<KeepRunningUntilFailure><Script code='rounds += 1'/></KeepRunningUntilFailure>"
+    rig, asked = run_until_it_waits("<Sequence>{}{}</Sequence>".format(first, loop), waits=len(wait) + 103)
     assert rig.tree.blackboard.get("rounds") > 100
-    assert asked[0] is None  # for the Delay
-    assert max(asked[1:101]) < 0.001 and asked[101:] == 3 * [0.01]
+    rounds = asked[len(wait):]
+    assert asked[:len(wait)] == wait and max(rounds[:100]) < 0.001 and rounds[100:] == 3 * [0.01]
 
 
 def test_a_loop_that_changes_nothing_waits_for_an_event():

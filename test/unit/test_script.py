@@ -152,7 +152,8 @@ def test_which_statements_assign_is_known():
 
 
 @pytest.mark.parametrize("text, kind, word, position", [
-    ("a := b", "name", "b", 5), ("a := (b)", "name", "b", 6), ("a := 'b'", "text", "'b'", 5), ("a := 1.5", "number", "1.5", 5),
+    ("a := b", "name", "b", 5), ("a := (b)", "name", "b", 6), ("a := 'b'", "text", "'b'", 5),
+    ("a := 1.5", "number", "1.5", 5),
     ("a := true", "number", "true", 5), ("a := -b", "number", "", 6), ("a := b := c", "", "c", 10),
     ("a := b := 'c'", "text", "'c'", 10), ("a := b ? c : d", "", "d", 13), ("a := b + c", "", "", 5),
     ("a := b + 1", "", "", 5), ("a := 1 + 2", "number", "", 5), ("a := 'b' + 'c'", "text", "", 5),

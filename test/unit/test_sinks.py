@@ -12,7 +12,8 @@ import unicodedata
 
 import pytest
 
-from behavior_controller.sinks import AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, drain, take_over_streams
+from behavior_controller.sinks import (AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, columns, drain,
+                                       fitted, take_over_streams)
 from behavior_controller.text import LONGEST
 
 CTRL_S, CTRL_Q = b"\x13", b"\x11"
@@ -235,6 +236,18 @@ def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, w
     assert "".join(shown.split()) == "".join(text.split())
 
 
+@pytest.mark.parametrize("line, width, expected", [
+    ("aaaa bbbb cccc\n", 10, "aaaa bbbb\n    cccc\n"), ("aaaa bbb  \n", 10, "aaaa bbb  \n"),
+    ("aaaa bb-cc\n", 9, "aaaa\n    bb-cc\n"), ("aaaaaa\n", 5, "aaaaa\n    a\n"),
+    ("aaaaaa\n", 4, "aaaaaa\n"), ("aaaaaa\n", 0, "aaaaaa\n"),
+    ("\x1b[33maaaa bbbb cccc\x1b[0m\n", 10, "\x1b[33maaaa bbbb\n    cccc\x1b[0m\n"),
+    ("\x1b[33maaaa bbbb\x1b[0m\n", 9, "\x1b[33maaaa bbbb\x1b[0m\n"),
+    ("\x1b[33maaaa bbbb cccc\n", 10, "\x1b[33maaaa bbbb\n    cccc\n"),
+    (12 * "展" + "\n", 20, 10 * "展" + "\n    " + 2 * "展" + "\n"), (10 * "展" + "\n", 20, 10 * "展" + "\n")])
+def test_a_line_is_broken_where_the_terminal_ends(line, width, expected):
+    assert fitted(line, width) == expected
+
+
 @pytest.mark.parametrize("width", [0, 4])
 def test_a_terminal_that_does_not_tell_its_width_or_has_none_gets_whole_lines(streams, width):
     operator, terminal = pty.openpty()
@@ -243,6 +256,11 @@ def test_a_terminal_that_does_not_tell_its_width_or_has_none_gets_whole_lines(st
     print(WORDS)
     drain(sinks, 5)
     assert os.read(operator, 65536).decode() == WORDS + "\r\n"
+
+
+def test_the_width_of_what_is_no_terminal_is_not_known():
+    with open(os.devnull) as file:
+        assert columns(file.fileno()) == 0
 
 
 def test_a_pipe_that_another_process_made_non_blocking_loses_nothing(streams):

@@ -137,6 +137,15 @@ TROUBLE = ["a", "b", "c", "d", "e", "f"]
         "  ✔ {}: success".format(name) for name in "FGHI"]),
     (state_with(ROW, "RSSSSSSSSSR"), False, 40, 7, [
         "driving", "▶ All: running", "  …", "  ✔ I: success", "  ▶ J: running"]),
+    (state_with(ROW, "SSSSSSSSSSS", trouble=["a"]), False, 40, 5, ["driving", "✔ All: success", "12:00:00  a"]),
+    (state_with(ROW, "RSSSSRSSSS-"), False, 40, 6, ["driving", "…", "  ▶ E: running", "  …"]),
+    (state_with(ROW, "RSSSSSSSSRS"), False, 40, 7, ["driving", "▶ All: running", "  …", "  ▶ I: running", "  …"]),
+    (state_with([(0, "Tour"), (1, "A"), (2, "B")] + [(3, name) for name in "CDEFGH"], "RRRSSSSSR"), False, 40, 8, [
+        "driving", "▶ Tour: running", "  ▶ A: running", "    ▶ B: running", "      …", "      ▶ H: running"]),
+    (state_with([(0, "Tour"), (1, "A"), (1, "B"), (3, "C"), (1, "D")], "RSRSS"), False, 40, 6, [
+        "driving", "…", "  ▶ B: running", "    …"]),
+    (state_with([(0, "Tour"), (1, "A"), (2, "B"), (2, "C"), (1, "D")], "RSSSR"), False, 40, 7, [
+        "driving", "▶ Tour: running", "  …", "    ✔ C: success", "  ▶ D: running"]),
     (state_with(ROW, "S----------", "", TROUBLE, ["/a"]), False, 40, 20, [
         "between two visits", "✔ All: success", "topic /a: gone; so", "12:00:01  b", "12:00:02  c", "12:00:03  d", "12:00:04  e",
         "12:00:05  f"]),
@@ -319,6 +328,18 @@ def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatc
     found = printed.decode().replace("\r\n", "\n")
     clock = found.partition("\x1b[H")[2][:8]
     assert found == expected.format(clock) + "missionStatus: the mission has ended: stopped\n"
+
+
+def test_watching_prints_at_once_what_a_pipe_is_to_carry_on(monkeypatch):
+    monkeypatch.setattr(status, "LATE", 0.1)
+    monkeypatch.setattr(status, "GIVEN_UP", 0.1)
+    carried, pipe = os.pipe()
+    os.set_blocking(carried, False)
+    with os.fdopen(pipe, "w", encoding="utf-8") as stdout, server(STREAM, event(good()), keeps_open=True) as port:
+        monkeypatch.setattr(sys, "stdout", stdout)
+        assert status.main(["--watch", "--port", str(port)]) == 1
+        assert b"WelcomeSpeech" in os.read(carried, 10000)
+    os.close(carried)
 
 
 def test_once_is_once_though_the_mission_has_ended(capsys):

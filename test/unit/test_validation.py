@@ -161,9 +161,9 @@ def test_a_misspelling_is_one_edit():
     ('<Out out="{abcd}"/><Drive goal="abcd"/>', []), ('<Script code="count = 1"/><Drive/>', []),
     ('<Script code="1 == 1"/><Drive/>', ["script-no-effect"])])
 def test_what_is_said_of_entries_in_a_mission_for_another_robot(file, inside, codes):
-    path = file("m.xml", TREE.format("Main", "<Sequence>{}</Sequence>".format(inside)), "<TreeNodesModel>{}{}</TreeNodesModel>"
-                .format('<Action ID="Out"><output_port name="out"/></Action>',
-                        '<Action ID="Drive"><input_port name="goal"/></Action>'))
+    models = '<Action ID="Out"><output_port name="out"/></Action><Action ID="Drive"><input_port name="goal"/></Action>'
+    path = file("m.xml", TREE.format("Main", "<Sequence>{}</Sequence>".format(inside)),
+                "<TreeNodesModel>{}</TreeNodesModel>".format(models))
     assert [code for _, _, code in told(path)] == codes
 
 

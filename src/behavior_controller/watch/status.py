@@ -267,8 +267,6 @@ class _Row(NamedTuple):
 
 def _about(rows: List[_Row], room: int) -> List[_Row]:
     """Return at most ``room`` of the rows: the path to the running nodes, and the rows nearest to them."""
-    if len(rows) <= room:
-        return rows
     here = max((at for at, row in enumerate(rows) if row.letter == "R"), default=0)
     way = [at for at, row in enumerate(rows) if row.number in rows[here].ancestors]
     others = sorted(set(range(len(rows))) - set(way) - {here}, key=lambda at: abs(at - here))

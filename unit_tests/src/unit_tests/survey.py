@@ -75,7 +75,7 @@ class Survey:
     plays: int = 0
     _outcomes: List[Tuple[Scene, str, float, int]] = field(default_factory=list)
     _shortest: Dict[Tuple[str, str], Tuple[Outcome, str]] = field(default_factory=dict)
-    _often: Dict[Tuple[str, str], int] = field(default_factory=Counter)
+    _often: "Counter[Tuple[str, str]]" = field(default_factory=Counter)
     _reached: Set[int] = field(default_factory=set)
     _switched: Set[Request] = field(default_factory=set)
 
@@ -86,7 +86,7 @@ class Survey:
         self._reached |= outcome.reached
         self._switched |= outcome.switched
         for name, where, what in outcome.found:
-            self._often[name, where] = self._often.get((name, where), 0) + 1
+            self._often[name, where] += 1
             known = self._shortest.get((name, where))
             if known is None or _length(outcome) < _length(known[0]):
                 self._shortest[name, where] = outcome, what
@@ -108,7 +108,7 @@ class Survey:
 
     def _told(self, name: str, where: str, what: str, outcome: Optional[Outcome]) -> Found:
         scene = outcome.scene if outcome is not None else None
-        return Found(findings.BY_NAME[name], where, self.place(where), what, self._often.get((name, where), 0), scene,
+        return Found(findings.BY_NAME[name], where, self.place(where), what, self._often[name, where], scene,
                      outcome.seconds if outcome is not None else 0.0, self.story(scene) if scene is not None else (),
                      self.command(scene) if scene is not None else "")
 

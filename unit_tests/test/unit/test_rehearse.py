@@ -240,7 +240,7 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
     shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
     left_on, not_home = (findings.BY_NAME[name] for name in ("left-on", "not-home"))
     told = [Found(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
-                  (Sentence(1.25, 1, "said", "info", "said “&”"),), "lab_tour --planned 'a b'"),
+                  (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""),), "lab_tour --planned 'a b'"),
             Found(not_home, "", "", "far away", 0, None, 0.0, (), "")]
     parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "", rehearse_page.to_html("a < b", rows, shares, told))
     parts = re.sub("<[^>]*>", "\n", parts).split("\n")
@@ -349,6 +349,7 @@ def mission(folder, body):
 def test_what_is_played_and_whether_it_is_all(tmp_path, body, words, plays, is_complete):
     todo = rehearse.plan(rehearse.read([mission(tmp_path, body), *words]))
     assert (len(todo.scenes), todo.is_complete) == (plays, is_complete)
+    assert {scene.by_voice for scene in todo.scenes} == ({True} if "asrEnabled:=true" in words else {True, False})
 
 
 def test_the_only_play_is_told(capsys, tmp_path):
@@ -357,7 +358,7 @@ def test_the_only_play_is_told(capsys, tmp_path):
     assert rehearse.plan(rehearse.read(words)).chosen == [path, "language:=Kinyarwanda"]
     code, text = run(capsys, *words, "--visitors", "engages")
     lines = text.splitlines()
-    assert re.fullmatch(r"mission, robot D5.4.3: 1 play in \d+\.\d s", lines[0])
+    assert re.fullmatch(r"mission, robot D5.4.3: 1 play in \d\.\d s", lines[0])
     assert [line.split() for line in lines[1:4]] == [
         [], "visitor answers by outcome after exhibits with faults".split(), "engages voice SUCCESS 4 s 0 -".split()]
     assert lines[5].startswith("    0.0 s  ") and lines[-2:] == ["", "nothing was found"]
@@ -479,10 +480,12 @@ def test_a_command_plays_its_scene_again(tmp_path, scene, words):
     assert rehearse.plan(rehearse.read([path] + words.split())).scenes == [scene]
 
 
-def test_a_call_without_a_kind_is_refused(tmp_path):
-    words = [mission(tmp_path, SPEECH), "--visitors", "engages", "--planned", "textToSpeech:3", "asrEnabled:=true"]
-    assert rehearse.plan(rehearse.read(words)).scenes == [
-        Scene("engages", planned=(PlannedFault("textToSpeech", 3, "refused"),))]
+@pytest.mark.parametrize("words, scene", [
+    (["--planned", "textToSpeech:3"], Scene("engages", planned=(PlannedFault("textToSpeech", 3, "refused"),))),
+    (["--runs", "1", "--failureRate", "0.5"], Scene("engages", rate=0.5, seed=1))])
+def test_a_call_is_refused_and_a_seed_is_1_if_not_told_otherwise(tmp_path, words, scene):
+    words = [mission(tmp_path, SPEECH), "--visitors", "engages", "asrEnabled:=true"] + words
+    assert rehearse.plan(rehearse.read(words)).scenes == [scene]
 
 
 def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_path):

@@ -203,8 +203,8 @@ def _parsed(clean: str, document: Document) -> Element:
 
 
 def _not_well_formed(document: Document, error: Exception) -> MissionError:
-    faults = diagnosis(document.text) or [MarkupFault(rules.NOT_WELL_FORMED, "not well-formed XML: {}".format(error), 0)]
-    return MissionError([document.fault(fault) for fault in faults])
+    unknown = MarkupFault(rules.NOT_WELL_FORMED, "not well-formed XML: {}".format(error), 0)
+    return MissionError([document.fault(fault) for fault in diagnosis(document.text) or [unknown]])
 
 
 # ------------------------------------------------------------------------------------------------------- included files
