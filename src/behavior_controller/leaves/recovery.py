@@ -39,7 +39,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         if failed is None:
             failure = Failure(Cause.MISSING_DATA, "no mission node failed before")
             self._tell(self, failure, "give up", 0, GIVEN_UP, "")
-            return self._finished(GIVEN_UP, failure)
+            return self._finished(GIVEN_UP, None)
         can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
         self._round = _Round(self, failed, Recovery(
             self.mission.policy, failed.leaf.spec, failed.failure, can_redo, self._is_affordable(),
@@ -89,7 +89,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         self.mission.events.emit(Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts,
                                            outcome != GIVEN_UP, outcome, reason, self.uid))
 
-    def _finished(self, outcome: str, failure: Failure) -> Result:
+    def _finished(self, outcome: str, failure: Optional[Failure]) -> Result:
         # a failed recovery is not recorded as a failure: an outer HandleFallBack looks for the original one
         result = FAILURE if outcome == GIVEN_UP else SUCCESS
         self.report(result, failure if result is FAILURE else None)
