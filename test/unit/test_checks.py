@@ -485,7 +485,7 @@ def test_texts_without_end_are_no_trouble():
 def timed(text):
     began = time.process_time()
     found = checked(text)
-    assert time.process_time() - began < 1.0
+    assert time.process_time() - began < 3.0  # what it guards against takes minutes
     return found
 
 
@@ -556,7 +556,7 @@ def test_ten_thousand_nodes_are_checked_in_a_moment():
     document = parse(main("<Sequence>{}</Sequence>".format(inner * 100)))
     began = time.process_time()
     assert check([document], REGISTRY).faults == []
-    assert time.process_time() - began < 0.5
+    assert time.process_time() - began < 1.5
 
 
 @pytest.mark.parametrize("body, words", [

@@ -456,7 +456,7 @@ def test_a_large_mission_is_linted_in_a_moment(body):
     inside = '<Script code="{}"/>'.format(";".join("b{0}:=a{0}".format(number) for number in range(1000)))
     began = time.process_time()
     assert warnings("<Sequence>{}</Sequence>".format(body), tree("Sub", inside))
-    assert time.process_time() - began < 2.0
+    assert time.process_time() - began < 4.0
 
 
 # ------------------------------------------------------------------------------------- names that choose what a node does

@@ -403,7 +403,7 @@ def test_the_robot_s_requests_have_words_for_leaves_of_any_package():
 # ------------------------------------------------------------------------------------------- event by event
 
 
-RUN = RunStarted("/home/pepper/lab_tour.xml", [["a", "Say"], ["b", "Navigate"]], {}, Sources((), Source("", ""), Source("", ""), ""))
+RUN = RunStarted("/missions/lab_tour.xml", [["a", "Say"], ["b", "Navigate"]], {}, Sources((), Source("", ""), Source("", ""), ""))
 START, BUSY = PassStarted(1, 0.0), Failure(Cause.REFUSED, "busy", "/go")
 NOT_REACHED = "Navigate failed: refused, busy (/go)"
 

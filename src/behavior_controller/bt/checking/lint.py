@@ -254,7 +254,7 @@ class _Linter:
                 self._remapped(element, name, outer, tree)
             else:
                 self._given(element, name, text, called)
-            if not self._braces(element, name, text, tree) and name not in used | model:
+            if not self._braces(element, name, text, tree) and name not in used and name not in model:
                 near = self.nearest(name, (used | model) - set(element.attributes)) if len(name) > 2 else ""
                 if condition_meant(name):
                     self.warn(rules.SUBTREE_CONDITION, element, "{} is an entry of the tree {}, no condition".format(
