@@ -41,5 +41,8 @@ def test_a_launch_without_a_verdict_has_tested_nothing(given, program, tmp_path,
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_interrupts_roslaunch(given, program, monkeypatch, number):
     program("roslaunch", "signal.pause()")
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
     monkeypatch.setattr(launcher.signal, "signal", lambda given, handler: handler() if given == number else None)
     assert launcher.main(["failureRate:=0"]) == NOT_RUN
+    monkeypatch.undo()
+    signal.signal(signal.SIGINT, before)
