@@ -239,7 +239,7 @@ class _Compiler:
                 if port.default is not None:
                     given.setdefault(port.name, port.default)
         for name, text in given.items():
-            outer = None if text == "=" else ports.reference(text, name)
+            outer = ports.subtree_reference(text, name)
             if outer is not None:
                 inner.add_remapping(name, outer)
             else:

@@ -120,9 +120,9 @@ def _exceptions(look: Look) -> Iterator[Seen]:
 
 def _missing_data(look: Look) -> Iterator[Seen]:
     for _, event, spec in look.of_leaves():
-        # pressing nothing is the visitor's answer, and a recovery reports another node's failure, or that there is none
+        # pressing nothing is the visitor's answer, and a recovery reports another node's failure
         if event.failure is not None and event.failure.cause is Cause.MISSING_DATA \
-                and Prompt not in spec.calls and not spec.is_recovery:
+                and Prompt not in spec.calls and not (spec.is_recovery and event.failure.resource):
             yield event.path, event.failure.message
 
 

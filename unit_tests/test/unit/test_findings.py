@@ -69,7 +69,7 @@ LATE, EARLY = [(START + 81.0, Say("x"))], [(START + 79.0, Say("x"))]
     (look(leaf("drive", "FAILURE", REFUSED), leaf("drive", "FAILURE")), []),
     (look(leaf("press", "FAILURE", NO_DATA)), []),  # nothing was pressed
     (look(leaf("help", "FAILURE", NO_DATA)), []),  # it is the failure of another node
-    (look(leaf("help", "FAILURE", NO_DATA._replace(resource=""))), []),  # no node failed before
+    (look(leaf("help", "FAILURE", NO_DATA._replace(resource=""))), [("missing-data", "path of help", "no {x}")]),
     (look(journal=[FAULT, FAULT._replace(fault=None, objection="there is no text")]),
      [("senseless-request", "/x", "there is no text")])])
 def test_what_goes_wrong_in_a_play_is_found(seen, found):

@@ -314,13 +314,18 @@ def test_of_a_real_tour_it_is_unknown_whether_every_exhibit_was_left_out(outcome
     assert [text for text in judge(facts).objections if text.startswith("the recovery")] == []
 
 
+def speech_fails(story, outcome):
+    """Have a speech fail once, with this outcome of its recovery."""
+    story.say("Hello", "refused")
+    story.failed("WelcomeSpeech", SAY, "refused")
+    story.end_of("WelcomeSpeech", SAY, outcome)
+
+
 def left_out(story, *outcomes):
     """Have the speech fail at an exhibit for each of these outcomes."""
     for outcome in outcomes:
         story.choose()
-        story.say("Hello", "refused")
-        story.failed("WelcomeSpeech", SAY, "refused")
-        story.end_of("WelcomeSpeech", SAY, outcome)
+        speech_fails(story, outcome)
 
 
 @pytest.mark.parametrize("begin, number", [
@@ -341,9 +346,7 @@ def test_after_the_exhibits_nothing_is_left_out_of_the_tour():
     left_out(story, "skipped", "skipped")
     story.choose()
     story.done("LookUpHome")
-    story.say("Hello", "refused")
-    story.failed("WelcomeSpeech", SAY, "refused")
-    story.end_of("WelcomeSpeech", SAY, "skipped")
+    speech_fails(story, "skipped")
     assert about(story) == []
 
 
@@ -357,9 +360,7 @@ def test_an_exhibit_is_left_out_once_however_many_of_its_steps_are():
     story = Recovered("SelectExhibit", "WelcomeSpeech", policy=POLICY.replace("budget 2", "budget 9"))
     left_out(story, "skipped")
     for _ in range(2):
-        story.say("Hello", "refused")
-        story.failed("WelcomeSpeech", SAY, "refused")
-        story.end_of("WelcomeSpeech", SAY, "skipped")
+        speech_fails(story, "skipped")
     assert about(story) == []
 
 

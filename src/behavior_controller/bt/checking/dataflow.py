@@ -171,7 +171,7 @@ def _call(result: Flow, tree: str, element: Element, model: List[Port]) -> None:
     given: Dict[str, Optional[str]] = {port.name: port.default for port in model}
     given.update((name, text) for name, text in element.attributes.items() if is_port_name(name))
     for name, text in given.items():
-        outer = None if text in (None, "=") else ports.reference(str(text), name)
+        outer = None if text is None else ports.subtree_reference(text, name)
         if outer is not None:
             result.remap(called, name, tree, outer)
         elif text is not None:

@@ -249,7 +249,7 @@ class _Linter:
         for name, text in element.attributes.items():
             if not is_port_name(name):
                 continue
-            outer = None if text == "=" else ports.reference(text, name)
+            outer = ports.subtree_reference(text, name)
             if outer is not None:
                 self._remapped(element, name, outer, tree)
             else:

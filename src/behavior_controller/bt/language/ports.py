@@ -109,6 +109,11 @@ def declare(text: str, port: Port, blackboard: Blackboard) -> None:
                         "but the port [{}] here has type [{}]".format(key, entry.type, port.name, port.type))
 
 
+def subtree_reference(text: str, name: str) -> Optional[str]:
+    """Return the entry that an attribute of a SubTree refers to, or None; there a sole ``=`` is a literal."""
+    return None if text == "=" else reference(text, name)
+
+
 def subtree_literal(text: str) -> Tuple[str, Any]:
     """Return the type and value that a literal attribute of a SubTree gets by its appearance (BT.CPP section 10)."""
     for name, bounds in (("int", values.INT), ("int64", values.INT64)):
