@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Do messages come on each topic at Poisson times of the configured rate?"""
 import math
+import statistics
 import sys
 import threading
 import time
@@ -42,15 +43,27 @@ class TestArrivals(unittest.TestCase):
 
     def test_gaps_vary_as_exponential_ones_do(self):
         for topic, times in self.arrivals.items():
-            gaps = [after - before for before, after in zip(times, times[1:])]
-            mean = sum(gaps) / len(gaps)
-            deviation = math.sqrt(sum((gap - mean) ** 2 for gap in gaps) / len(gaps))
-            self.assertAlmostEqual(deviation / mean, 1.0, delta=0.25, msg=topic)  # even gaps have 0
+            self.assertAlmostEqual(in_most_seconds(variation, times), 1.0, delta=0.25, msg=topic)  # even gaps have 0
 
     def test_topics_do_not_keep_step(self):
         first, second, _ = self.arrivals.values()
-        together = sum(any(abs(a - b) < 0.0005 for b in second) for a in first)
-        self.assertLess(together, 0.3 * len(first))  # 5 % are expected by chance
+
+        def together(times):
+            return sum(any(abs(a - b) < 0.0005 for b in second) for a in times) / len(times)
+
+        self.assertLess(in_most_seconds(together, first), 0.3)  # 5 % are expected by chance
+
+
+def in_most_seconds(measure, times):
+    """Return the median over the seconds: a machine that stands still for a moment spoils one of them, not the sum."""
+    seconds = [[time for time in times if second <= time < second + 1] for second in range(int(SECONDS))]
+    return statistics.median(measure(each) for each in seconds if len(each) > 2)
+
+
+def variation(times):
+    """Return the standard deviation of the gaps in units of their mean."""
+    gaps = [after - before for before, after in zip(times, times[1:])]
+    return statistics.pstdev(gaps) / statistics.mean(gaps)
 
 
 if __name__ == "__main__":
