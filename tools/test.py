@@ -7,6 +7,7 @@ Python. A virtual machine may lose its processors to others: a suite that fails 
 measures time, is run again when all others are over, and a line says so; it has failed if it fails each time.
 """
 import concurrent.futures
+import fcntl
 import glob
 import os
 import shutil
@@ -147,7 +148,13 @@ def main(words: List[str]) -> int:
     """Run the suites, print the sum, and return the exit code."""
     os.chdir(REPOSITORY)
     os.environ["BEHAVIOR_CONTROLLER_CHECK_THREADS"] = "1"  # see bt/ownership.py; nodes inherit it
-    shutil.rmtree(LOGS, ignore_errors=True)
+    os.makedirs(LOGS, exist_ok=True)
+    lock = open(LOGS + ".lock", "w")
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        sys.exit("another run of the tests is writing its results to {}: wait for its end".format(os.path.relpath(LOGS)))
+    shutil.rmtree(LOGS)
     os.makedirs(LOGS)
     started = time.monotonic()
     chosen = [suite for suite in suites() if not words or any(word in suite.name for word in words)]

@@ -18,18 +18,18 @@ EXIT_CODE = "exitCode"
 
 def main(command: List[str]) -> int:
     """Run the controller's command line (it is a launch-prefix) and return its exit code."""
+    folder = parameters.folder()
+    os.makedirs(folder, exist_ok=True)
     try:
         test = parameters.read_configuration()
     except ConfigurationError:
+        _note_exit_code(folder, 0)
         return 0  # the report names the fault and ends the launch
-    folder = parameters.folder()
-    os.makedirs(folder, exist_ok=True)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)  # the controller gets the signal too: wait for it to stop
     process = subprocess.Popen(command_line(command, test, folder))
     code = process.wait()
-    with open(os.path.join(folder, EXIT_CODE), "w") as file:
-        file.write("{}\n".format(code))
+    _note_exit_code(folder, code)
     _keep_record(folder)
     if code == exits.FAILURE:
         return 0  # roslaunch would report a crash; the verdict judges the exit code
@@ -45,6 +45,11 @@ def command_line(command: List[str], test: configuration.Configuration, folder: 
     if test.verbose_mode:
         keys["verboseMode"] = "true"
     return others + ["_{}:={}".format(*pair) for pair in keys.items()]
+
+
+def _note_exit_code(folder: str, code: int) -> None:
+    with open(os.path.join(folder, EXIT_CODE), "w") as file:
+        file.write("{}\n".format(code))
 
 
 def _keep_record(folder: str) -> None:

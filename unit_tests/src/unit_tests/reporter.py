@@ -87,11 +87,15 @@ def _test() -> int:
 
 
 def _await_nodes() -> None:
-    """Wait for the simulated nodes: a node that is still starting when the launch ends would print a traceback."""
+    """Wait for the nodes of the launch: one that is still starting when the launch ends would print a traceback."""
     master = rosgraph.Master(rospy.get_name())
+    folder = parameters.folder()
+    starts = [lambda node=node: _is_registered(master, node)
+              for node in parameters.present_nodes() - parameters.real_nodes()]
+    starts.append(lambda: read_exit_code(folder) is not None or os.path.exists(os.path.join(folder, RECORD)))
     ends = time.monotonic() + START_LIMIT
-    for node in parameters.present_nodes() - parameters.real_nodes():
-        while not _is_registered(master, node) and time.monotonic() < ends and not rospy.is_shutdown():
+    for has_started in starts:
+        while not has_started() and time.monotonic() < ends and not rospy.is_shutdown():
             time.sleep(LOOK_INTERVAL)
 
 
