@@ -20,7 +20,7 @@ def test_the_limit_ends_the_wait():
     began = time.monotonic()
     with pytest.raises(Late, match="^not done in 0.1 s$"):
         run_apart(threading.Event().wait, WakeUp(), lambda: False, 0.1)
-    assert 0.1 <= time.monotonic() - began < 2.0
+    assert 0.1 <= time.monotonic() - began < 4.0
 
 
 def test_the_end_of_the_work_ends_the_wait_at_once(monkeypatch):
@@ -70,7 +70,7 @@ def test_one_that_hangs_does_not_keep_the_others_from_their_work():
     began = time.monotonic()
     run_together([threading.Event().wait, lambda: done.append(1), lambda: done.append(2)], 0.2)
     assert sorted(done) == [1, 2]
-    assert time.monotonic() - began < 2.0
+    assert time.monotonic() - began < 4.0
 
 
 def test_work_that_takes_its_time_is_waited_for():
