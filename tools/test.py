@@ -4,7 +4,8 @@
 The output of each suite and its results as JUnit XML are in a separate folder under build/log/tests.
 A rostest file that says ``measures time`` in a comment runs alone, one that says ``every Python`` runs on each supported
 Python. A virtual machine may lose its processors to others: a suite that fails while that happens, or that
-measures time, is run again when all others are over, and a line says so; it has failed if it fails each time.
+measures time, is run again when all others are over (of pytest only the failed tests), and a line says so; it has
+failed if it fails each time.
 """
 import concurrent.futures
 import fcntl
@@ -16,7 +17,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass, replace
-from typing import Dict, Iterator, List, NamedTuple, Optional, Set
+from typing import Dict, Iterator, List, NamedTuple, Optional, Set, Tuple
 from xml.etree import ElementTree
 
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -35,6 +36,7 @@ MEASURES_TIME = "measures time"
 EVERY_PYTHON = "every Python"
 STEAL = 7  # the place of that time in /proc/stat, proc(5)
 TRIES = 3
+SOME_FAILED = "exit code 1"  # of pytest: all tests have run
 STOLEN = 0.01
 """Share of the processors' time taken by others with which a failure says nothing."""
 
@@ -50,6 +52,7 @@ class Suite:
     environment: Dict[str, str]
     missing: str = ""
     is_alone: bool = False
+    only_failed: Tuple[str, ...] = ()  # arguments with which the command runs only the tests that failed
 
     @property
     def log(self) -> str:
@@ -65,6 +68,7 @@ class Outcome(NamedTuple):
     skipped: List[str]
     seconds: float = 0.0
     stolen: float = 0.0  # share of the processors' time that went to other virtual machines
+    fault: str = ""  # of the command
 
 
 # ----------------------------------------------------------------------------------------------------------- the suites
@@ -92,8 +96,10 @@ def pytest_suite(name: str, folders: List[str], version: str, python: str, envir
                  missing: str = "") -> Suite:
     """Return the suite that runs pytest over ``folders``."""
     results = os.path.join(LOGS, "{}-{}".format(name.replace(" ", "-"), version))
-    command = [python, "-m", "pytest", "-q", "-rfE", "--junit-xml", os.path.join(results, "pytest.xml")] + folders
-    return Suite("{}, Python {}".format(name, version), command, results, PYTEST_LIMIT, environment, missing)
+    command = [python, "-m", "pytest", "-q", "-rfE", "--junit-xml", os.path.join(results, "pytest.xml"),
+               "-o", "cache_dir=" + results + "-cache"] + folders
+    return Suite("{}, Python {}".format(name, version), command, results, PYTEST_LIMIT, environment, missing,
+                 only_failed=("--last-failed",))
 
 
 def types_suite() -> Suite:
@@ -161,7 +167,8 @@ def main(words: List[str]) -> int:
     ended = run_all([suite for suite in chosen if not suite.is_alone], SIDE_BY_SIDE)
     ended.update(run_all([suite for suite in chosen if suite.is_alone], 1))
     for _ in range(TRIES - 1):
-        ended.update(run_all([suite for suite in ended if is_doubtful(suite, ended[suite])], 1))
+        for suite in [each for each in ended if is_doubtful(each, ended[each])]:
+            ended[suite] = run_again(suite, ended[suite])
     outcomes = list(ended.values())
     failed = sum(len(outcome.failed) for outcome in outcomes)
     passed = sum(outcome.passed for outcome in outcomes)
@@ -201,7 +208,17 @@ def run(suite: Suite) -> Outcome:
         fault = execute(suite, log)
     spent = [after - earlier for after, earlier in zip(processor_times(), before)]
     return read_results(suite.folder, fault)._replace(
-        seconds=time.monotonic() - started, stolen=spent[STEAL] / max(1, sum(spent)))
+        seconds=time.monotonic() - started, stolen=spent[STEAL] / max(1, sum(spent)), fault=fault)
+
+
+def run_again(suite: Suite, before: Outcome) -> Outcome:
+    """Run a suite anew, or only its failed tests if all have run, and return the outcome of the whole."""
+    is_part = bool(suite.only_failed) and before.fault == SOME_FAILED
+    outcome = run(replace(suite, command=suite.command + list(suite.only_failed)) if is_part else suite)
+    show(suite, outcome)
+    if is_part:
+        return outcome._replace(passed=before.passed + outcome.passed, skipped=before.skipped)
+    return outcome
 
 
 def processor_times() -> List[int]:
