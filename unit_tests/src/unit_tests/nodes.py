@@ -40,6 +40,12 @@ SHORTEST_GAP = 0.001
 LONGEST_STEP = 0.1
 """Seconds until a cancelled goal is noticed."""
 
+ENDING = {signal.SIGINT, signal.SIGTERM}
+"""The signals that end a node."""
+
+LOOK_INTERVAL = 0.2
+"""Seconds until it is noticed that ROS has shut down without a signal."""
+
 FACE_CENTRE = Point(320.0, 240.0, 1.5)
 """The position of the visitor's face: pixels, and metres from the camera."""
 
@@ -50,7 +56,9 @@ def main(name: str) -> None:
     if not rosgraph.is_master_online():
         sys.exit("{}: no ROS master at {}: start roscore, or use the launch file".format(
             name, rosgraph.get_master_uri()))
-    rospy.init_node(name, argv=parameters.for_rospy())
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # before any thread is started: threads inherit it
+    rospy.init_node(name, argv=parameters.for_rospy(), disable_signals=True)
+    threading.Thread(target=_shut_down_at_a_signal).start()
     try:
         Node(name).run()
     except BehaviorControllerError as error:
@@ -58,6 +66,15 @@ def main(name: str) -> None:
             print(error)
             sys.exit(exits.WRONG_INPUT)
         rospy.spin()  # the report names the fault once for all nodes, and ends the launch
+    finally:
+        rospy.signal_shutdown("the node ends")
+
+
+def _shut_down_at_a_signal() -> None:
+    """Shut ROS down when a signal comes. rospy's own handler, on the main thread, waits for locks which that may hold."""
+    while not rospy.is_shutdown():
+        if signal.sigtimedwait(ENDING, LOOK_INTERVAL):
+            rospy.signal_shutdown("signal")
 
 
 def _end_or_sleep_if_absent(name: str) -> None:
@@ -67,7 +84,7 @@ def _end_or_sleep_if_absent(name: str) -> None:
     if not arguments.is_roslaunch(arguments.parent_command()):
         print("{}: this robot has no such node: choose another robotInterface".format(name))
         sys.exit(exits.WRONG_INPUT)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ENDING:
         signal.signal(number, signal.SIG_DFL)
     while True:
         signal.pause()
