@@ -4,7 +4,10 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import unittest
+import xmlrpc.client
+import xmlrpc.server
 
 import rosnode
 import rospy
@@ -94,12 +97,46 @@ class TestNodesAlone(unittest.TestCase):
                                  "(allowed: a number from 0 to 1)\n")
         self.assertEqual(process.returncode, 2)
 
+    def test_a_signal_ends_it_while_it_registers(self):
+        with SlowMaster(os.environ["ROS_MASTER_URI"]) as master:
+            process = self.start("tabletEvent", ROS_MASTER_URI=master.uri)
+            self.assertTrue(master.was_asked.wait(LIMIT))
+            process.terminate()
+            master.may_answer.set()
+            process.communicate(timeout=LIMIT)
+
     def test_without_a_master_it_says_so_in_one_line(self):
         process = self.start("textToSpeech", ROS_MASTER_URI="http://localhost:9")
         output, _ = process.communicate(timeout=LIMIT)
         self.assertEqual(output, "textToSpeech: no ROS master at http://localhost:9: "
                                  "start roscore, or use the launch file\n")
         self.assertEqual(process.returncode, 1)
+
+
+class SlowMaster(xmlrpc.server.SimpleXMLRPCServer):
+    """Passes calls on to a master, but the first registration of a service that is not rospy's own only when it may."""
+
+    allow_reuse_address = True
+
+    def __init__(self, master):
+        super().__init__(("localhost", 0), logRequests=False, allow_none=True)
+        self._master = master
+        self.uri = "http://localhost:{}".format(self.server_address[1])
+        self.was_asked, self.may_answer = threading.Event(), threading.Event()
+
+    def _dispatch(self, method, params):
+        if method == "registerService" and "prompt" in params[1]:
+            self.was_asked.set()
+            self.may_answer.wait(LIMIT)
+        return getattr(xmlrpc.client.ServerProxy(self._master), method)(*params)
+
+    def __enter__(self):
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+        return self
+
+    def __exit__(self, *_):
+        self.shutdown()
+        self.server_close()
 
 
 def offers(row):
