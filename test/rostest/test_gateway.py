@@ -252,12 +252,16 @@ class TestGateway(unittest.TestCase):
 
     # ------------------------------------------------------------------------------------------------ time
 
+    def assert_at_the_deadline(self, seconds):
+        self.assertGreater(seconds, 0.45)
+        self.assertLess(seconds, 1.5)  # any other limit of the gateway is longer, on a machine that stands still too
+
     def test_a_call_that_hangs_ends_at_its_deadline_and_blocks_no_other(self):
         robot = self.robot({"/textToSpeech/say_text": "hang"})
         self.deadline = 0.5
         result, seconds = self.finish(self.gateway.start(Say("first")))
         self.assertEqual((result.cause, result.message), (Cause.NO_ANSWER, "waited 0.5 s"))
-        self.assertLess(abs(seconds - 0.5), 0.2)
+        self.assert_at_the_deadline(seconds)
         robot.set_mode(SAY, "done")
         self.assertIsInstance(self.ask(Say("second")), Answer)
         robot.wait_for_request(SAY, 5, message="second")
@@ -270,7 +274,7 @@ class TestGateway(unittest.TestCase):
         result, seconds = self.finish(self.gateway.start(Say("hello")))
         self.assertEqual(result.cause, Cause.NO_ANSWER)
         self.assertIn("nothing was asked", result.message)
-        self.assertLess(abs(seconds - 0.5), 0.2)
+        self.assert_at_the_deadline(seconds)
         self.assert_at_rest(0, 0.3)
 
     def test_a_host_that_does_not_take_the_connection(self):
@@ -284,7 +288,7 @@ class TestGateway(unittest.TestCase):
         result, seconds = self.finish(self.gateway.start(Say("hello")))
         self.assertEqual(result.cause, Cause.NO_ANSWER)
         self.assertIn("still connecting", result.message)
-        self.assertLess(abs(seconds - 0.5), 0.2)
+        self.assert_at_the_deadline(seconds)
         self.assert_at_rest(0, 0.3)
         self.deadline = 20.0
         result, seconds = self.finish(self.gateway.start(Say("hello")))  # the connection has its own limit
