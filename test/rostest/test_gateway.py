@@ -391,12 +391,17 @@ class TestGateway(unittest.TestCase):
         declared = INTERFACE.service(Say)
         for changed, told in (
                 ({"type": "cssr_system/songService"}, "the type cssr_system/songService of /textToSpeech/say_text is not "
-                 "built: the package cssr_system needs srv/songService.srv"),
+                 "built: the package cssr_system needs srv/songService.srv; build its workspace when that is there"),
+                ({"answer": lambda response: Answer(response=response.text)}, "the declaration of /textToSpeech/say_text "
+                 "reads a field that cssr_system/textService does not have: 'textServiceResponse' object has no attribute "
+                 "'text'"),
                 ({"success": Success("done", True, False)}, "the response of cssr_system/textService has no field done, "
                  "which is to tell the outcome of /textToSpeech/say_text; it has: success, response")):
             with self.assertRaises(ImportError) as raised:
                 types.found(dataclasses.replace(declared, **changed))
             self.assertEqual(str(raised.exception), told)
+        self.assertIs(types.found(dataclasses.replace(declared, answer=lambda response: response.response[0])),
+                      types.TYPES[declared])  # an answer need not be readable while it is empty
 
 
 def remap(*arguments):

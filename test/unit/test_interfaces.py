@@ -1,4 +1,5 @@
 """The types of services and topics: the fields' names, types and order decide whether the robot understands us."""
+import dataclasses
 import hashlib
 import math
 import os
@@ -6,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from behavior_controller.interface import Interface, Sense, Unusable, release_1_0
+from behavior_controller.interface import Interface, Sense, Success, Unusable, release_1_0
 from behavior_controller.interface.document import FACES, INTERFACE
 from behavior_controller.interface.records import (AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point,
                                                    Prompt, QueryKnowledge, Request, Say, SetAnimation, SetAttention,
@@ -282,6 +283,16 @@ def test_a_declaration_that_contradicts_itself_is_refused():
         Interface("twice", (say, tell), (), (), {})
     with pytest.raises(LookupError, match="no service is declared for the request SetAttention"):
         Interface("unsafe", (say,), (), (SetAttention("disabled"),), {})
+
+
+@pytest.mark.parametrize("piece, following", [
+    ("fields", Success("success", True, False)), ("success", 5.0), ("deadline", "it is dark"), ("absence", lambda response: None),
+    ("answer", True)])
+def test_a_service_names_the_piece_that_is_left_out(piece, following):
+    with pytest.raises(TypeError) as raised:
+        dataclasses.replace(INTERFACE.service(Say), **{piece: following})
+    assert str(raised.value) == "the declaration of /textToSpeech/say_text has no {}, but {!r} in its place".format(
+        piece, following)
 
 
 @pytest.mark.parametrize("request_, doing", [

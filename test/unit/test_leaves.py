@@ -6,6 +6,7 @@ import pytest
 from behavior_controller import leaves
 from behavior_controller.bt.compiler import load_text
 from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.language.ports import literal_fault
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
@@ -15,9 +16,11 @@ from behavior_controller.interface import Sense
 from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
                                                    QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.interface.robots import INTERFACES
-from behavior_controller.leaves import registry
-from behavior_controller.leaves.base import FailureLog, ServiceLeaf, leaf_spec
+from behavior_controller.leaves import data, registry
+from behavior_controller.leaves.base import FailureLog, InstantCondition, ServiceLeaf, leaf_spec
+from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
+from behavior_controller.mission_spec import MissionSpec, whole_mission
 from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
 TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
@@ -35,11 +38,23 @@ def test_the_vocabulary_is_table_4_and_the_documented_extensions():
     assert {spec.id for spec in leaves.SPECS} >= set(TABLE_4 + EXTENSIONS)
     conditions = {spec.id for spec in leaves.SPECS if spec.kind.value == "Condition"}
     assert conditions & set(TABLE_4) == {name for name in TABLE_4 if name.startswith("Is")}
-    assert all(spec.description for spec in leaves.SPECS)
+    assert [spec.id for spec in leaves.SPECS if not spec.description] == []
+
+
+def test_a_default_is_a_value_of_its_port_s_type():
+    wrong = [(spec.id, port.name, port.default) for spec in registry().all() for port in spec.ports
+             if port.default is not None and literal_fault(port.default, port, {}) is not None]
+    assert wrong == []
+
+
+def test_an_entry_that_a_leaf_shares_is_cleared_for_the_next_visitor():
+    shared = {port.default for spec in leaves.SPECS for port in spec.ports if str(port.default).startswith("{@")}
+    assert shared <= {whole_mission(datum.name) for datum in data.ALL}, "declare the entry in leaves/data.py"
 
 
 def test_what_makes_no_sense_after_the_visitor_has_left():
-    assert {spec.id for spec in leaves.SPECS if spec.is_farewell} == {
+    known = set(TABLE_4 + EXTENSIONS)
+    assert known & {spec.id for spec in leaves.SPECS if isinstance(spec, MissionSpec) and spec.is_farewell} == {
         "HereIsTheDoorSpeech", "EndTourSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"}
 
 
@@ -507,9 +522,30 @@ def test_each_leaf_and_decorator_has_its_row():
     assert {kind.__qualname__ for kind in ours - made} == set(), "no row in the SPECS of their modules"
 
 
+BARE = "<root BTCPP_format='4'><BehaviorTree ID='M'><Bare/></BehaviorTree></root>"
+
+
 @pytest.mark.parametrize("leaf", [partial(FixedSpeech, phrase="WelcomeSpeech"), DescribeExhibitSpeech])
 def test_a_leaf_that_is_declared_without_its_facts_is_refused_at_load(leaf):
     types = registry()
     types.extend([NodeSpec("Bare", Kind.ACTION, leaf)])
     with pytest.raises(FaultsFound, match="Bare is a mission leaf.*declare it with leaf_spec"):
-        load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Bare/></BehaviorTree></root>", types)
+        load_text(BARE, types)
+
+
+def test_a_condition_that_does_not_say_what_it_checks_is_refused_at_load():
+    types = registry()
+    types.extend([leaf_spec("Bare", TopicCondition, "A condition without its sense.")])
+    with pytest.raises(FaultsFound, match="Bare does not say what it checks: its class needs a sense, or own_evidence"):
+        load_text(BARE, types)
+
+
+@pytest.mark.parametrize("kind", [
+    type("Never", (InstantCondition,), {"holds": lambda self: False}), type("Seen", (TopicCondition,), {"sense": Sense.VISITOR})])
+def test_a_condition_needs_no_message_of_its_own(kind, monkeypatch):
+    types = registry()
+    types.extend([leaf_spec("Bare", kind, "A condition.")])
+    monkeypatch.setattr(leaves, "registry", lambda: types)
+    rig = one_leaf("<Bare/>")
+    assert rig.tick() is FAILURE
+    assert rig.of(LeafFinished)[-1].failure.message == "it does not hold"

@@ -63,6 +63,16 @@ class Service(Generic[Asked]):
     fails_without: bool = False
     rehearsed: Callable[[Asked], Answer] = lambda request: Answer()
 
+    def __post_init__(self) -> None:
+        """Raise TypeError, which names it, if a piece is missing, so that the next one stands in its place."""
+        fits = {"fields": callable(self.fields), "success": isinstance(self.success, Success),
+                "deadline": isinstance(self.deadline, (int, float)), "absence": isinstance(self.absence, str),
+                "answer": callable(self.answer)}
+        for piece in fits:
+            if not fits[piece]:
+                raise TypeError("the declaration of {} has no {}, but {!r} in its place".format(
+                    self.name, piece, getattr(self, piece)))
+
     @property
     def deadline_key(self) -> str:
         """The configuration's key for the deadline."""

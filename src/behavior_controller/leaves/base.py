@@ -193,7 +193,7 @@ class InstantAction(MissionLeaf, SyncActionLeaf):
 class InstantCondition(MissionLeaf, ConditionLeaf):
     """A condition on the mission's own data."""
 
-    otherwise: str  # the message of its failure
+    otherwise = "it does not hold"  # the message of its failure
 
     @abstractmethod
     def holds(self) -> bool:
@@ -354,8 +354,11 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
     """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
 
     ``ports`` are added to those of the class, ``arguments`` are the constructor's after the name. With ``choices`` the
-    name of an instance chooses them.
+    name of an instance chooses them. Raises ImportError if a service leaf does not say what it asks for.
     """
+    if issubclass(leaf, ServiceLeaf) and not hasattr(leaf, "asks"):
+        raise ImportError("{}.{}, the leaf of {}, does not say what it asks for: asks = the kind of request".format(
+            leaf.__module__, leaf.__qualname__, node_id))
     return MissionSpec(
         node_id, Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION,
         partial(_named, leaf, choices) if choices else partial(leaf, **arguments) if arguments else leaf,

@@ -4,7 +4,7 @@ from typing import Any, Optional, Tuple
 
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.leaf import ConditionLeaf
-from behavior_controller.bt.engine.node import Result
+from behavior_controller.bt.engine.node import ConfigureError, Result
 from behavior_controller.bt.language.ports import PortError
 from behavior_controller.bt.status import FAILURE, RUNNING
 from behavior_controller.events import Told
@@ -23,7 +23,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     """
 
     sense: Sense
-    otherwise: str  # the message of its failure
+    otherwise = "it does not hold"  # the message of its failure
     awaiting = ""  # what the robot does that waits for it, in people's words, in place of those of the sense
     _is_asked_again: bool
     _mission_waits: Optional[float] = None  # see ``wait_for``
@@ -31,6 +31,13 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     _patience: Optional[Timer] = None
     _is_over = False
     _told: Tuple[str, float] = ("", 0.0)  # the failure reported last, and what a message had to be newer than then
+
+    def configure(self) -> None:
+        """Refuse a class that does not say what it checks."""
+        super().configure()
+        if self.sense is None and self.own_evidence is None:
+            raise ConfigureError("{} does not say what it checks: its class needs a sense, or own_evidence".format(
+                self.registration_id))
 
     def setup(self, **kwargs: Any) -> None:
         """Find out whether the mission waits for it."""
