@@ -80,7 +80,7 @@ def _resources(spec: NodeSpec) -> str:
     if spec.is_recovery:
         return "that of the failed node"
     names = [_robot(request).resource(request) for request in spec.calls] + [
-        DEFAULT.evidence(sense).topic.name for sense in spec.listens] if isinstance(spec, MissionSpec) else []
+        topic.name for topic in DEFAULT.used((), spec.listens)] if isinstance(spec, MissionSpec) else []
     return ", ".join(names) or "–"
 
 

@@ -239,7 +239,7 @@ def _response(service: Service, answer: Optional[Answer], outcome: Any = None) -
         elif slot == "exhibits":
             response.exhibits = [_exhibit_message(exhibit) for exhibit in (answer or Answer()).exhibits]
         else:
-            setattr(response, slot, (answer or Answer()).response)
+            setattr(response, slot, getattr(answer or Answer(), slot))
     return response
 
 

@@ -383,7 +383,7 @@ class _UnderWay:
             return self._nonsense()
         if answer is None:
             return self._failure(Cause.REFUSED, "answered {} = {!r}".format(success.field, success.refused))
-        return answer
+        return self._decoded(answer) if self._service.request in SERVICES else answer
 
     def _nonsense(self) -> Union[Answer, Failure]:
         field, done, refused = self._service.success
@@ -391,23 +391,32 @@ class _UnderWay:
         if value is not None:
             return self._failure(Cause.UNUSABLE_ANSWER, "answered {} = {!r}: neither {!r} (done) nor {!r} (refused)"
                                  .format(field, value, done, refused))
+        return self._decoded(SERVICES[self._service.request].nonsense or Answer())
+
+    def _decoded(self, answer: Answer) -> Union[Answer, Failure]:
+        """Return what the controller reads in the response that carries ``answer``."""
         try:
-            return self._service.answer(_message(SERVICES[self._service.request].nonsense or Answer()))
+            return self._service.answer(message(answer))
         except Unusable as unusable:
             return self._failure(Cause.UNUSABLE_ANSWER, str(unusable))
 
 
-def _message(answer: Answer) -> Any:
+def message(answer: Answer) -> Any:
     """Return the response that carries ``answer``, with the fields of the ROS message."""
-    return SimpleNamespace(response=answer.response, exhibits=[
-        SimpleNamespace(name=place.name, description1=place.description1, description2=place.description2,
-                        location=SimpleNamespace(x=place.location.x, y=place.location.y, theta=place.location.theta_deg),
-                        gesture=place.gesture) for place in answer.exhibits])
+    exhibits = [SimpleNamespace(
+        name=place.name, description1=place.description1, description2=place.description2, gesture=place.gesture,
+        location=SimpleNamespace(x=place.location.x, y=place.location.y, theta=place.location.theta_deg))
+        for place in answer.exhibits]
+    return SimpleNamespace(**dict(answer._asdict(), exhibits=exhibits))
 
 
 def _fields(service: Service, request: Request, names: Sequence[str]) -> Fields:
-    """Return the fields of the srv request; without an srv file, those of the record."""
-    return dict(zip(names, service.fields(request))) if names else dict(vars(request))
+    """Return the fields of the srv request; without an srv file, those of the record. Raises ValueError."""
+    values = service.fields(request)
+    if names and len(names) != len(values):
+        raise ValueError("the declaration of {} gives {} values for the fields of {}: {}".format(
+            service.name, len(values), service.type, ", ".join(names)))
+    return dict(zip(names, values)) if names else dict(vars(request))
 
 
 @functools.lru_cache(maxsize=None)

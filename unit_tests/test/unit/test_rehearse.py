@@ -615,5 +615,15 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
     assert code == exits.FOUND and "exception: " in text and "the answer was blue" in text
 
 
+def test_a_service_that_gives_another_number_of_fields_is_told_by_name(tmp_path):
+    folder = tmp_path / "greeter"
+    shutil.copytree(GREETER, str(folder))
+    interface = folder / "src" / "greeter" / "interface.py"
+    interface.write_text(interface.read_text().replace("(request.colour,)", "()"))
+    code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
+    assert code == exits.FOUND
+    assert "the declaration of /lights/set_colour gives 0 values for the fields of greeter/lightsService: colour" in text
+
+
 def test_all_visitors_are_played():
     assert [scene.visitor for scene in scenes.calm(BEHAVIOURS, [True])] == list(BEHAVIOURS)

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.interface import Sense, Service, Success, Topic, document
+from behavior_controller.interface import Sense, Service, Success, Topic, Unusable, document
 from behavior_controller.interface.document import INTERFACE
 from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
                                                    PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
@@ -18,7 +18,8 @@ from unit_tests import configuration, exhibits
 from unit_tests.exhibits import Knowledge
 from unit_tests.faults import CRASH, REFUSED, WRONG
 from unit_tests.journal import Line
-from unit_tests.robot import NODES, SERVERS, SERVICES, TOPICS, World, nodes, nonsense, possible, usual_seconds
+from unit_tests.robot import NODES, SERVERS, SERVICES, TOPICS, World, nodes, nonsense, possible, services, usual_seconds
+from unit_tests.stage import message, slots
 from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, NO_GAZE, NOTHING_HEARD, SILENT, SMALL_TALK, Manners,
                                 Visitor)
 
@@ -50,6 +51,26 @@ def test_each_declared_service_and_topic_is_simulated(interface):
     assert {service.request for service in interface.services} - set(SERVICES) == set()
     assert {topic.name for topic in interface.topics} - set(TOPICS) == set()
     assert set(nodes(interface)) <= set(NODES) and {service.node for service in interface.services} <= set(SERVERS)
+
+
+@pytest.mark.parametrize("request_", [kind for kind, simulated in SERVICES.items() if simulated.nonsense is not None])
+def test_an_answer_is_read_on_one_of_the_robots(request_):
+    declared = [service for interface in INTERFACES.values() for service in interface.services if service.request is request_]
+    assert any(is_read(service, SERVICES[request_].nonsense) for service in declared), "its service needs an ``answer``"
+
+
+def is_read(service, answer):
+    try:
+        return service.answer(message(answer)) != Answer()
+    except Unusable:
+        return True
+
+
+@pytest.mark.parametrize("interface", INTERFACES.values())
+def test_each_field_of_a_response_has_the_name_of_what_it_brings(interface):
+    strange = [(service.type, field) for service in services(interface) for field in slots(service)[1]
+               if field not in (service.success.field,) + Answer._fields]
+    assert strange == [], "add a field of that name to records.Answer"
 
 
 def test_what_another_package_declares_is_not_simulated():
