@@ -75,7 +75,7 @@ def test_a_record_of_version_2_is_read_without_what_it_does_not_have():
 def test_all_that_the_interface_asks_and_tells_can_be_recorded():
     assert [service.request for service in INTERFACE.services if not issubclass(service.request, Request)] == []
     assert {type(request) for request in REQUESTS} <= {service.request for service in INTERFACE.services}
-    assert {message.topic for message in MESSAGES} == {topic.name for topic in INTERFACE.topics}
+    assert {message.topic for message in MESSAGES} <= {topic.name for topic in INTERFACE.topics}
     for message in MESSAGES[:-1]:
         assert type(message.value) is INTERFACE.topic(message.topic).value
 

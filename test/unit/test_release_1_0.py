@@ -705,12 +705,19 @@ def test_a_goodbye_to_a_visitor_who_has_left_is_told(body, is_told):
 @pytest.mark.parametrize("speech", SPEECHES, ids=lambda speech: speech.node)
 def test_which_speeches_are_goodbyes_and_which_are_questions(speech):
     body = "<Sequence>{}<ForceSuccess>{}</ForceSuccess><{}/></Sequence>".format(mode("social"), GONE, speech.node)
-    assert bool(foreseen(body)) is (speech.node in ("EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"))
+    assert bool(foreseen(body)) is speech.is_farewell
     rig = one_leaf("<{}/>".format(speech.node))
     while rig.tick() is RUNNING:
         pass
     told = rig.of(LeafFinished)[-1].told
-    assert (told.kind == "asked") is (speech.node in ("QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech"))
+    assert (told.kind == "asked") is speech.asks
+
+
+def test_the_questions_of_table_4():
+    others = ("WelcomeSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech")
+    asks = {speech.node: speech.asks for speech in SPEECHES}
+    assert all(asks[node] for node in ("QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech"))
+    assert not any(asks[node] for node in others)
 
 
 def test_a_goodbye_after_several_searches_for_the_visitor_is_told_once():
