@@ -1,6 +1,8 @@
 """Groot2's protocol over real sockets: as captured from the library's publisher, and robust against any client."""
 import asyncio
+import contextlib
 import errno
+import gc
 import json
 import os
 import random
@@ -574,7 +576,7 @@ def test_a_client_whose_requests_are_longer_than_the_answers_is_served_on(served
 def test_clients_that_come_and_go_leave_nothing_behind(served):
     served.show(tree_of('<Act name="a"/>', a="S"))
     served.client().ask("S")
-    before = len(os.listdir("/proc/self/fd"))
+    before, known = len(os.listdir("/proc/self/fd")), links()
     for number in range(1000 if ALL else 40):
         client = Client(served.port)
         client.requests.send_multipart([struct.pack("<BBI", 2, ord("T"), number)])
@@ -588,6 +590,16 @@ def test_clients_that_come_and_go_leave_nothing_behind(served):
     while len(os.listdir("/proc/self/fd")) > before + 20 and time.monotonic() < ends:
         time.sleep(0.05)  # the library closes its ends on another thread
     assert len(os.listdir("/proc/self/fd")) <= before + 20
+    ends = time.monotonic() + 2 * front.FORGETTING
+    while links() > known + 10 and time.monotonic() < ends:
+        time.sleep(0.1)
+    assert links() <= known + 10
+
+
+def links():
+    """Return how many objects of the front are alive."""
+    gc.collect()
+    return sum(type(each).__module__ == front.__name__ for each in gc.get_objects())
 
 
 def resident():
@@ -644,6 +656,18 @@ def test_a_message_without_an_end_closes_its_connection(served):
                 while time.monotonic() < ends:
                     stranger.sendall(endless)
     assert served.client().statuses() == {1: 0}
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.0\r\n\r\n" + bytes(3000)])
+def test_a_stranger_is_disconnected(served, sent, monkeypatch, caplog):
+    monkeypatch.setattr(front, "FIRST_BYTE", 0.3)
+    served.show(tree_of('<Act name="a"/>', a="S"))
+    with socket.create_connection(("127.0.0.1", served.port), timeout=8) as stranger:
+        stranger.sendall(sent)
+        with contextlib.suppress(ConnectionResetError):
+            while stranger.recv(1000):
+                pass
+    assert caplog.records == []
 
 
 def test_without_descriptors_the_process_goes_on(served):
@@ -714,6 +738,7 @@ def test_idle_connections_are_capped_and_make_room(served, offset, monkeypatch):
     served.show(tree_of('<Act name="a"/>', a="S"))
     active = served.client()
     active.ask("S")
+    disconnected = active.requests.get_monitor_socket(zmq.EVENT_DISCONNECTED)
     before = len(os.listdir("/proc/self/fd"))
     idle = [socket.create_connection(("127.0.0.1", served.port + offset)) for _ in range(100)]
     ends = time.monotonic() + 8.0
@@ -724,5 +749,7 @@ def test_idle_connections_are_capped_and_make_room(served, offset, monkeypatch):
     newcomer.requests.send(struct.pack("<BBI", 2, ord("S"), 1))
     while newcomer.requests.poll(20) == 0:  # it gets the place of a connection that is idle, not of one in use
         assert active.statuses() == {1: 0} and time.monotonic() < ends
+    assert disconnected.poll(100) == 0
+    active.requests.disable_monitor()
     for each in idle:
         each.close()

@@ -125,7 +125,6 @@ class _Client:
         try:
             await self._copy_in(first, link)
         finally:
-            self._stream.close()
             if not link.closed():
                 link.socket.shutdown(socket.SHUT_WR)
             await asyncio.wait([out], timeout=PARTING)
