@@ -667,6 +667,7 @@ def test_a_stranger_is_disconnected(served, sent, monkeypatch, caplog):
         with contextlib.suppress(ConnectionResetError):
             while stranger.recv(1000):
                 pass
+    assert served.client().statuses() == {1: 0}
     assert caplog.records == []
 
 
