@@ -541,7 +541,8 @@ def test_a_condition_that_does_not_say_what_it_checks_is_refused_at_load():
 
 
 @pytest.mark.parametrize("kind", [
-    type("Never", (InstantCondition,), {"holds": lambda self: False}), type("Seen", (TopicCondition,), {"sense": Sense.VISITOR})])
+    type("Never", (InstantCondition,), {"holds": lambda self: False}),
+    type("Seen", (TopicCondition,), {"sense": Sense.VISITOR})])
 def test_a_condition_needs_no_message_of_its_own(kind, monkeypatch):
     types = registry()
     types.extend([leaf_spec("Bare", kind, "A condition.")])
