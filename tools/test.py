@@ -154,13 +154,13 @@ def main(words: List[str]) -> int:
     """Run the suites, print the sum, and return the exit code."""
     os.chdir(REPOSITORY)
     os.environ["BEHAVIOR_CONTROLLER_CHECK_THREADS"] = "1"  # see bt/ownership.py; nodes inherit it
-    os.makedirs(LOGS, exist_ok=True)
+    os.makedirs(os.path.dirname(LOGS), exist_ok=True)
     lock = open(LOGS + ".lock", "w")
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         sys.exit("another run of the tests is writing its results to {}: wait for its end".format(os.path.relpath(LOGS)))
-    shutil.rmtree(LOGS)
+    shutil.rmtree(LOGS, ignore_errors=True)
     os.makedirs(LOGS)
     started = time.monotonic()
     chosen = [suite for suite in suites() if not words or any(word in suite.name for word in words)]

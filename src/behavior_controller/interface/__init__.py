@@ -68,8 +68,8 @@ class Service(Generic[Asked]):
         fits = {"fields": callable(self.fields), "success": isinstance(self.success, Success),
                 "deadline": isinstance(self.deadline, (int, float)), "absence": isinstance(self.absence, str),
                 "answer": callable(self.answer)}
-        for piece in fits:
-            if not fits[piece]:
+        for piece, is_there in fits.items():
+            if not is_there:
                 raise TypeError("the declaration of {} has no {}, but {!r} in its place".format(
                     self.name, piece, getattr(self, piece)))
 

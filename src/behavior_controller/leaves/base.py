@@ -116,6 +116,7 @@ class MissionLeaf(Node):
     mission: MissionContext
     sense: Optional[Sense] = None  # the sign of the visitor that it checks
     own_evidence: Optional[Evidence] = None  # of a topic that another package declares, instead of a sense
+    otherwise = "it does not hold"  # the message of a condition's failure
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
     told: Optional[Told] = None  # the sentence for people when the leaf ends
@@ -192,8 +193,6 @@ class InstantAction(MissionLeaf, SyncActionLeaf):
 
 class InstantCondition(MissionLeaf, ConditionLeaf):
     """A condition on the mission's own data."""
-
-    otherwise = "it does not hold"  # the message of its failure
 
     @abstractmethod
     def holds(self) -> bool:

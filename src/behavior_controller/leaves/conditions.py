@@ -23,7 +23,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     """
 
     sense: Sense
-    otherwise = "it does not hold"  # the message of its failure
     awaiting = ""  # what the robot does that waits for it, in people's words, in place of those of the sense
     _is_asked_again: bool
     _mission_waits: Optional[float] = None  # see ``wait_for``

@@ -58,7 +58,7 @@ def main(name: str) -> None:
             name, rosgraph.get_master_uri()))
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # before any thread is started: threads inherit it
     rospy.init_node(name, argv=parameters.for_rospy(), disable_signals=True)
-    threading.Thread(target=_shut_down_at_a_signal).start()
+    threading.Thread(target=_shut_down_at_a_signal).start()  # no daemon: the process ends after its shutdown of ROS
     try:
         Node(name).run()
     except BehaviorControllerError as error:

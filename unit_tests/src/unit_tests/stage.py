@@ -412,11 +412,13 @@ def message(answer: Answer) -> Any:
 
 def _fields(service: Service, request: Request, names: Sequence[str]) -> Fields:
     """Return the fields of the srv request; without an srv file, those of the record. Raises ValueError."""
+    if not names:
+        return dict(vars(request))
     values = service.fields(request)
-    if names and len(names) != len(values):
+    if len(names) != len(values):
         raise ValueError("the declaration of {} gives {} values for the fields of {}: {}".format(
             service.name, len(values), service.type, ", ".join(names)))
-    return dict(zip(names, values)) if names else dict(vars(request))
+    return dict(zip(names, values))
 
 
 @functools.lru_cache(maxsize=None)
