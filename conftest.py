@@ -1,4 +1,9 @@
-"""Check the thread rule in all tests; skip by name the test modules that need ROS where the interpreter has none."""
+"""Check the thread rule in all tests; skip by name the test modules that need ROS where the
+interpreter has none.
+
+What a test prints is made printable: some print half characters, which pytest-xdist cannot send.
+The plugin for rostest files is tools/rostest_items.py.
+"""
 import ast
 import importlib.util
 import os
@@ -6,10 +11,14 @@ from typing import Iterator
 
 import pytest
 
-os.environ.setdefault("BEHAVIOR_CONTROLLER_CHECK_THREADS", "1")  # before anything of ours is imported
+# before anything of ours is imported
+os.environ.setdefault("BEHAVIOR_CONTROLLER_CHECK_THREADS", "1")
 
-ROS = {"actionlib", "actionlib_msgs", "cssr_system", "genpy", "geometry_msgs", "rosgraph", "roslaunch", "roslib", "rospy",
-       "rostest", "std_msgs"}
+pytest_plugins = ["rostest_items"]
+ROS = {
+    "actionlib", "actionlib_msgs", "cssr_system", "diagnostic_msgs", "genpy", "geometry_msgs",
+    "rosgraph", "roslaunch", "roslib", "rospy", "rostest", "std_msgs", "std_srvs"
+}
 
 
 class _WithoutRos(pytest.Module):
@@ -30,7 +39,9 @@ def _imports(path) -> Iterator[str]:
 
 
 def _needs_ros(name: str) -> bool:
-    return name.split(".")[0] in ROS or (name + ".").startswith(("behavior_controller.ros.", "unit_tests.nodes."))
+    return name.split(".")[0] in ROS or (name + ".").startswith(
+        ("behavior_controller.ros.", "unit_tests.robot.ros_nodes.", "unit_tests.robot.claims.",
+         "unit_tests.robot.ros_messages.", "unit_tests.run.controller."))
 
 
 def pytest_pycollect_makemodule(module_path, parent):
@@ -38,3 +49,11 @@ def pytest_pycollect_makemodule(module_path, parent):
     if importlib.util.find_spec("rospy") is None and any(map(_needs_ros, _imports(module_path))):
         return _WithoutRos.from_parent(parent, path=module_path)
     return None
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item):
+    """Write half characters in the output of the test as escapes."""
+    report = (yield).get_result()
+    report.sections = [(name, text.encode("utf-8", "backslashreplace").decode())
+                       for name, text in report.sections]

@@ -1,4 +1,5 @@
-"""What catkin and pip install of the Python package; pyproject.toml says what pip alone needs. Not for use by itself."""
+"""What catkin and pip install of the Python package; pyproject.toml says what pip alone needs. Not
+for use by itself."""
 from distutils.core import setup
 from xml.etree import ElementTree
 
@@ -11,14 +12,20 @@ setup(
     packages=[
         "behavior_controller",
         "behavior_controller.bt",
-        "behavior_controller.bt.checking",
         "behavior_controller.bt.engine",
-        "behavior_controller.bt.language",
-        "behavior_controller.interface",
+        "behavior_controller.bt.linter",
+        "behavior_controller.bt.loader",
+        "behavior_controller.bt.script",
+        "behavior_controller.config",
+        "behavior_controller.execution",
         "behavior_controller.leaves",
+        "behavior_controller.missions",
+        "behavior_controller.monitoring",
+        "behavior_controller.monitoring.groot2",
+        "behavior_controller.monitoring.record",
+        "behavior_controller.robot",
         "behavior_controller.ros",
-        "behavior_controller.watch",
     ],
-    package_data={"behavior_controller.watch": ["page_files/*", "report_files/*"]},
+    package_data={"behavior_controller.monitoring": ["page_files/*", "report_files/*"]},
     package_dir={"": "src"},
 )

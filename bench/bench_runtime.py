@@ -1,8 +1,10 @@
-"""Measure the running node against stubs that answer at once, and compare it with the minimum of rospy, in one run.
+"""Measure the running node against a robot that answers at once, and compare it with the minimum of
+rospy, in one run.
 
-Reaction: from a message that leaves its publisher to the request that follows arriving at the server. Step: from an
-answer to the next request, where all answers come at once, and where each takes 20 ms. Ticks while every server hangs,
-hung calls, floods and idling are measured too. Prints JSON.
+Reaction: from a message that leaves its publisher to the request that follows arriving at the
+server. Step: from an answer to the next request, where all answers come at once, and where each
+takes 20 ms. Ticks while every server hangs, hung calls, floods and idling are measured too. Prints
+JSON.
 """
 import json
 import os
@@ -21,7 +23,7 @@ from robot import Controller, Package, Robot, start_master  # noqa: E402
 
 FACES, ATTENTION, SPEECH = "/faceDetection/data", "/overtAttention/mode", "/speechEvent/text"
 SAY, MODE = "/textToSpeech/say_text", "/overtAttention/set_mode"
-A_FACE, NO_FACE = (["1"], [[0.0, 0.0, 1.0]], [True]), ([], [], [])
+NO_FACE = [], [], []
 TEN_FACES = ([str(n) for n in range(10)], [[0.0, 0.0, 1.0]] * 10, [False] * 10)
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
   <Repeat num_cycles="-1"><Sequence>{}</Sequence></Repeat></BehaviorTree></root>"""
@@ -37,7 +39,7 @@ SETTLE = 0.02  # s between an answer and the message that follows: a visitor is 
 
 
 class Bench:
-    """A master, and one stub robot and node after the other."""
+    """A master, and one robot and node after the other."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -48,25 +50,27 @@ class Bench:
         self.clients = None
 
     def start(self, mission, modes=None, is_watched=False):
-        """Start a stub robot whose services behave by ``modes``, and the node with this mission.
+        """Start a robot whose services behave by ``modes``, and the node with this mission.
 
         If it is watched, Groot2 and a browser monitor the run, and it is recorded.
         """
         self.robot = Robot(modes)
         self.package.write("data/m.xml", MISSION.format(mission))
         ports = {"groot2Port": "21667", "monitorPort": "28080"}
-        keys = dict(ports, recordDirectory=os.path.join(self.folder, "record")) if is_watched else {}
+        keys = dict(ports, recordDirectory=os.path.join(self.folder,
+                                                        "record")) if is_watched else {}
         self.package.configure(scenarioSpecification="m", **keys)
         self.node = Controller(self.package)
         self.node.lines.wait_for(lambda line: " starts, " in line, 20)
         if is_watched:
             clients = os.path.join(HERE, "monitoring_clients.py")
-            self.clients = subprocess.Popen([sys.executable, clients] + list(ports.values()), stdout=subprocess.PIPE)
+            self.clients = subprocess.Popen([sys.executable, clients] + list(ports.values()),
+                                            stdout=subprocess.PIPE)
             self.clients.stdout.readline()
         time.sleep(0.5)
 
     def floor(self, what):
-        """Start a stub robot and the bare rospy node."""
+        """Start a robot and the bare rospy node."""
         self.robot = Robot()
         self.node = subprocess.Popen([sys.executable, os.path.join(HERE, "floor_node.py"), what],
                                      stderr=subprocess.DEVNULL)
@@ -91,13 +95,14 @@ class Bench:
         start = len(self.robot.lines.all)
         self.robot.publish(topic, *values)
         arrived = self.robot.wait_for_request(service, 5, start)["time"]
-        sent = next(event["time"] for event in map(json.loads, (line for _, line in self.robot.lines.all[start:]))
+        sent = next(event["time"]
+                    for event in map(json.loads, (line for _, line in self.robot.lines.all[start:]))
                     if event.get("topic") == topic)
         self.robot.lines.wait_for(lambda line: '"answered": "{}"'.format(service) in line, 5, start)
         time.sleep(SETTLE)
         return arrived - sent
 
-    # -------------------------------------------------------------------------------------------------- measurements
+    # --------------------------------------------------------------------------------- measurements
 
     def reaction(self, mission, *messages, is_watched=False):
         """Return the reaction times to the messages, each ``(topic, values…)``, in turn."""
@@ -110,7 +115,7 @@ class Bench:
         """Return the reaction times of the bare node."""
         self.floor("reaction")
         time.sleep(0.5)
-        taken = [self.next_request(SAY, FACES, *A_FACE) for _ in range(ROUNDS)]
+        taken = [self.next_request(SAY, FACES) for _ in range(ROUNDS)]
         self.stop()
         return taken
 
@@ -124,7 +129,8 @@ class Bench:
                 if "answered" in before and "service" in after][50:]
 
     def paced_steps(self, is_watched=False):
-        """Return the seconds from each answer to the next request where each service takes ``SETTLE`` to answer."""
+        """Return the seconds from each answer to the next request where each service takes
+        ``SETTLE`` to answer."""
         self.start(STEPS, dict.fromkeys(STEP_SERVICES, "hang"), is_watched)
         taken, seen, answered = [], 0, 0.0
         for turn in range(ROUNDS):
@@ -135,14 +141,16 @@ class Bench:
             seen = len(self.robot.lines.all)
             time.sleep(SETTLE)
             self.robot.set_mode(service, "done")
-            _, line = self.robot.lines.wait_for(lambda line: '"answered": "{}"'.format(service) in line, 5, seen)
+            _, line = self.robot.lines.wait_for(
+                lambda line: '"answered": "{}"'.format(service) in line, 5, seen)
             answered = json.loads(line)["time"]
             self.robot.set_mode(service, "hang")
         self.stop()
         return taken
 
     def load(self, seconds, *floods):
-        """Return the share of a core that the node takes that waits for a gaze, while ``floods`` are sent.
+        """Return the share of a core that the node takes that waits for a gaze, while ``floods``
+        are sent.
 
         A flood is ``(topic, values, hertz)``.
         """
@@ -157,7 +165,8 @@ class Bench:
         return share
 
     def reaction_in_flood(self):
-        """Return the reaction times to a visitor's answer while the two other topics are flooded."""
+        """Return the reaction times to a visitor's answer while the two other topics are flooded.
+        """
         self.start(YES)
         self.robot.publish(ATTENTION, "seeking", 3, hertz=2000)
         self.robot.publish(FACES, *TEN_FACES, hertz=30)
@@ -177,22 +186,26 @@ def processor_seconds(pid):
 def in_ms(times):
     """Return the percentiles of times in seconds as milliseconds."""
     ordered = sorted(times)
-    return {"p50": round(1000 * statistics.median(ordered), 3), "p95": round(1000 * ordered[len(ordered) * 95 // 100], 3),
-            "p99": round(1000 * ordered[len(ordered) * 99 // 100], 3), "max": round(1000 * ordered[-1], 3),
-            "rounds": len(ordered)}
+    return {
+        "p50": round(1000 * statistics.median(ordered),
+                     3), "p95": round(1000 * ordered[len(ordered) * 95 // 100],
+                                      3), "p99": round(1000 * ordered[len(ordered) * 99 // 100], 3),
+        "max": round(1000 * ordered[-1], 3), "rounds": len(ordered)
+    }
 
 
-# ------------------------------------------------------------------------------------------- in this process: hung calls
+# ---------------------------------------------------------------------- in this process: hung calls
 
 
 def hung(bench, count, seconds):
-    """Return the times of ticks while all seven servers hang, and what so many hung calls leave behind."""
+    """Return the times of ticks while all seven servers hang, and what so many hung calls leave
+    behind."""
     import rospy
     from behavior_controller.bt.engine.clock import Clock
     from behavior_controller.bt.engine.wakeup import WakeUp
-    from behavior_controller.interface.document import INTERFACE
-    from behavior_controller.interface.records import Say
-    from behavior_controller.ros.services import RosGateway
+    from behavior_controller.robot.d543 import INTERFACE
+    from behavior_controller.robot.requests import Say
+    from behavior_controller.ros.service_client import RosGateway
     bench.robot = Robot({service.name: "hang" for service in INTERFACE.services})
     rospy.init_node("bench", disable_signals=True)
     ticks = hung_ticks(seconds)
@@ -214,19 +227,26 @@ def hung(bench, count, seconds):
 
 
 def hung_ticks(seconds):
-    """Return how long each tick of a mission took whose seven leaves wait for servers that do not answer."""
-    from behavior_controller import mission, settings
-    from behavior_controller.bt.language.document import parse
-    from behavior_controller.events import Events
-    from behavior_controller.gateway import FakeTopics
-    from behavior_controller.interface.document import INTERFACE
-    from behavior_controller.interface.records import Location
+    """Return how long each tick of a mission took whose seven leaves wait for servers that do not
+    answer."""
+    from behavior_controller.config import settings
+    from behavior_controller.missions import load
+    from behavior_controller.bt.loader.document import parse
+    from behavior_controller.execution.events import Events
+    from behavior_controller.robot.gateway import FakeTopics
+    from behavior_controller.robot.d543 import INTERFACE
+    from behavior_controller.robot.requests import Location
     from behavior_controller.leaves.data import TARGET_LOCATION
-    from behavior_controller.ros.services import RosGateway
-    calls = ("<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/><LookUpHome/>"
-             "<PressYesNoDialogue/><Navigate/>")
-    loaded = mission.load(settings.defaults(), documents=[parse(MISSION.format(
-        "<Parallel>{}<Repeat num_cycles=\"-1\"><Sleep msec=\"5\"/></Repeat></Parallel>".format(calls)))])
+    from behavior_controller.ros.service_client import RosGateway
+    calls = ("<WelcomeSpeech/><WelcomeGesture/><EnableAnimateBehavior/><SocialOvertAttentionMode/>"
+             "<LookUpHome/><PressYesNoDialogue/><Navigate/>")
+    loaded = load.load(
+        settings.defaults(), documents=[
+            parse(
+                MISSION.format(
+                    "<Parallel>{}<Repeat num_cycles=\"-1\"><Sleep msec=\"5\"/></Repeat></Parallel>".
+                    format(calls)))
+        ])
     tree = loaded.tree
     tree.blackboard.set(TARGET_LOCATION.name, Location(1.0, 2.0, 3.0))
     gateway = RosGateway(INTERFACE, lambda service: 60.0, tree.clock, tree.wake.emit)
@@ -254,8 +274,10 @@ def main():
     try:
         floor = bench.reaction_floor()
         visitor, paced = {False: [], True: []}, {False: [], True: []}
-        for is_watched in 5 * (False, True):  # in turn, so that compared values come from the same conditions
-            visitor[is_watched] += bench.reaction(VISITOR, (FACES,) + A_FACE, (FACES,) + NO_FACE, is_watched=is_watched)
+        # in turn, so that compared values come from the same conditions
+        for is_watched in 5 * (False, True):
+            visitor[is_watched] += bench.reaction(VISITOR, (FACES, ), (FACES, ) + NO_FACE,
+                                                  is_watched=is_watched)
             paced[is_watched] += bench.paced_steps(is_watched)
         reactions = {
             "visitor": visitor[False],
@@ -267,25 +289,43 @@ def main():
         step_floor = bench.steps(lambda: bench.floor("step"))
         step = bench.steps(lambda: bench.start(STEPS))
         idle = bench.load(10.0)
-        flood = bench.load(5.0, (ATTENTION, ("seeking", 3), 2000), (FACES, TEN_FACES, 30), (SPEECH, ("hm",), 100))
+        flood = bench.load(5.0, (ATTENTION, ("seeking", 3), 2000), (FACES, TEN_FACES, 30),
+                           (SPEECH, ("hm", ), 100))
         ticks, calls = hung(bench, 10_000 if "--all" in sys.argv else 1_000, 5.0)
     finally:
         bench.master.terminate()
         bench.master.wait()
         shutil.rmtree(folder)
-    print(json.dumps({
-        "python": platform.python_version(),
-        "reaction, ms": dict({name: in_ms(times) for name, times in reactions.items()}, **{"rospy alone": in_ms(floor)}),
-        "reaction to rospy alone, p50": round(statistics.median(visitor[False]) / statistics.median(floor), 2),
-        "step, ms": {"mission": in_ms(step), "rospy alone": in_ms(step_floor), "a robot of 20 ms": in_ms(paced[False]),
-                     "a robot of 20 ms, watched and recorded": in_ms(paced[True])},
-        "watched and recorded to not, p50": {
-            "reaction": round(statistics.median(visitor[True]) / statistics.median(visitor[False]), 3),
-            "step": round(statistics.median(paced[True]) / statistics.median(paced[False]), 3)},
-        "share of a core": {"idle": round(idle, 4), "flood of 2,130 messages per second": round(flood, 4)},
-        "tick while seven servers hang, ms": in_ms(ticks),
-        "hung calls": calls,
-    }, indent=2))
+    print(
+        json.dumps(
+            {
+                "python":
+                    platform.python_version(),
+                "reaction, ms":
+                    dict({name: in_ms(times)
+                          for name, times in reactions.items()}, **{"rospy alone": in_ms(floor)}),
+                "reaction to rospy alone, p50":
+                    round(statistics.median(visitor[False]) / statistics.median(floor), 2),
+                "step, ms": {
+                    "mission": in_ms(step), "rospy alone": in_ms(step_floor),
+                    "a robot of 20 ms": in_ms(
+                        paced[False]), "a robot of 20 ms, watched and recorded": in_ms(paced[True])
+                },
+                "watched and recorded to not, p50": {
+                    "reaction":
+                        round(
+                            statistics.median(visitor[True]) / statistics.median(visitor[False]),
+                            3),
+                    "step":
+                        round(statistics.median(paced[True]) / statistics.median(paced[False]), 3)
+                },
+                "share of a core":
+                    {"idle": round(idle, 4), "flood of 2,130 messages per second": round(flood, 4)},
+                "tick while seven servers hang, ms":
+                    in_ms(ticks),
+                "hung calls":
+                    calls,
+            }, indent=2))
 
 
 if __name__ == "__main__":

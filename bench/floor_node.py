@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""A minimal rospy node: a topic's callback calls a service over a persistent connection, and back to back."""
+"""A minimal rospy node: a topic's callback calls a service over a persistent connection, and back
+to back."""
 import sys
 
 import rospy
@@ -15,7 +16,8 @@ def main(what):
     say = rospy.ServiceProxy(SAY, textService, persistent=True)
     say("warm up")
     if what == "reaction":
-        rospy.Subscriber(FACES, faceDetectionMessage, lambda message: say("hello"), queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber(FACES, faceDetectionMessage, lambda message: say("hello"), queue_size=1,
+                         tcp_nodelay=True)
         rospy.spin()
     while not rospy.is_shutdown():
         say("hello")

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""A Groot2 client and a browser, as far as the node can tell: ``monitoring_clients.py GROOT2_PORT MONITOR_PORT``."""
+"""A Groot2 client and a browser, as far as the node can tell: ``monitoring_clients.py GROOT2_PORT
+MONITOR_PORT``."""
 import struct
 import sys
 import threading

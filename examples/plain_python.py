@@ -1,4 +1,5 @@
-"""Runs a mission drawn in Groot2 with leaves of its own, without ROS: plain_python.py plain_python.xml"""
+"""Runs a mission drawn in Groot2 with leaves of its own, without ROS:
+plain_python.py plain_python.xml"""
 import sys
 from collections import namedtuple
 
@@ -17,6 +18,7 @@ class Drive(bt.ActionLeaf):
 
     def on_running(self):
         self.robot.update(at=self.goal, battery=self.robot["battery"] - 1)
+        self.set_output("battery", self.robot["battery"])
         return bt.SUCCESS
 
 
@@ -28,9 +30,11 @@ class IsCharged(bt.ConditionLeaf):
 
 
 SPOT = bt.PortType("Spot", Spot, lambda text: Spot(*map(float, text.split(";"))))
+PORTS = (bt.Port("to", SPOT), bt.Port("battery", "int", direction=bt.Direction.OUT))
+LIMIT = bt.Port("at_least", "int", default="1")
 REGISTRY = bt.Registry(bt.builtin_specs() + [
-    bt.NodeSpec("Drive", bt.Kind.ACTION, Drive, (bt.Port("to", SPOT),)),
-    bt.NodeSpec("IsCharged", bt.Kind.CONDITION, IsCharged, (bt.Port("at_least", "int", default="1"),))])
+    bt.NodeSpec("Drive", bt.Kind.ACTION, Drive, PORTS),
+    bt.NodeSpec("IsCharged", bt.Kind.CONDITION, IsCharged, (LIMIT,))])
 
 try:
     tree = bt.load(sys.argv[1], REGISTRY)
@@ -39,4 +43,4 @@ except bt.MissionError as error:  # every fault of the file, a line each
 robot = {"at": Spot(0.0, 0.0), "battery": 3}
 tree.blackboard.set("home", robot["at"])
 tree.setup(robot=robot)
-print(tree.tick_while_running().name, robot)
+print(tree.tick_while_running().name, robot, tree.blackboard.get("battery"))

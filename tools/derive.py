@@ -1,163 +1,288 @@
-"""Write what is derived from declarations: ``make derived`` writes each file that is not up to date, and names it.
+"""Write what is derived from declarations: ``make derived`` writes each file that is not up to
+date, and names it.
 
-These are tables of the documents, the keys of both configurations, the arguments and nodes of the launch files, the
-executables of the simulated nodes, and docs/faults.md. A derived part of a file is below a line with ``derived: NAME`` and
-ends before ``derived: end``. A value that a configuration file gives stays as it is.
+These are tables of the documents, the keys of both configurations, the arguments and nodes of the
+launch files, all executables, and docs/faults.md. A derived part of a file
+is below a line with ``derived: NAME`` and ends before ``derived: end``. A value that a
+configuration file gives stays as it is.
 """
+import contextlib
+import importlib
+import io
 import os
 import re
 import sys
 import textwrap
-from typing import Callable, Dict, Iterable, List, Sequence, Tuple
+from typing import Callable, Dict, Iterable, List, Mapping, Sequence, Tuple
+from xml.sax.saxutils import quoteattr
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-sys.path[:0] = [os.path.join(ROOT, "src"), os.path.join(ROOT, "unit_tests", "src")]
+sys.path[:0] = [
+    os.path.join(ROOT, folder) for folder in ("src", os.path.join("unit_tests", "src"), "tools")]
 
-from behavior_controller import faults_page, leaves, settings  # noqa: E402
+import fault_reference  # noqa: E402
+import house  # noqa: E402
+
+from behavior_controller import leaves  # noqa: E402
+from behavior_controller.config import settings  # noqa: E402
 from behavior_controller.bt.registry import Direction, NodeSpec, Port  # noqa: E402
-from behavior_controller.interface import Interface  # noqa: E402
-from behavior_controller.interface.robots import DEFAULT, INTERFACES  # noqa: E402
-from behavior_controller.keys import REQUIRED, Key, to_text  # noqa: E402
+from behavior_controller.robot.declarations import Interface  # noqa: E402
+from behavior_controller.robot.interfaces import DEFAULT, INTERFACES  # noqa: E402
+from behavior_controller.config.config_file import Key, REQUIRED, to_text  # noqa: E402
 from behavior_controller.leaves import data  # noqa: E402
-from behavior_controller.mission_spec import MissionSpec, whole_mission  # noqa: E402
+from behavior_controller.config.node_facts import MissionSpec, whole_mission  # noqa: E402
 
-from unit_tests import arguments, configuration, findings  # noqa: E402
-from unit_tests.robot import NODES  # noqa: E402
+from unit_tests.rehearsal import findings  # noqa: E402
+from unit_tests.robot import options  # noqa: E402
+from unit_tests.robot.behaviour import NODES  # noqa: E402
 
 Part = Callable[[str], str]
 """Returns a derived part; it is given the part as it is now."""
 
-EXECUTABLES = {os.path.join("unit_tests", "nodes", node): """#!/usr/bin/env python3
-\"\"\"The simulated {0} node.\"\"\"
-from unit_tests.nodes import main
+EXECUTABLE = """#!/usr/bin/env python3
+\"\"\"{about}\"\"\"
+import sys
 
-main("{0}")
-""".format(node) for node in NODES}
+if __name__ == "__main__":  # the processes that it starts read this file too
+    try:
+        import signal
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a traceback
+        from behavior_controller import command
+    except KeyboardInterrupt:
+        sys.exit(1)
+    except (ImportError, SyntaxError) as error:  # no workspace, or another one's Python
+        sys.exit("{name}: {{}}, for {{}}: build the workspace as the README says, "
+                 "and source its setup.bash".format(error, sys.executable))
+    command.{call}
+"""
+
+RENDER = "py-trees-render"
+NODE_OPTIONS = ["--help", "--version"]
+
+COMMANDS = {
+    "src/behavior_controller/exportNodeModel": ("Print the palette of mission nodes for Groot2.",
+                                                "behavior_controller.cli", "export_node_model"),
+    "src/behavior_controller/missionStatus": (
+        "Print the tree of the running mission.", "behavior_controller.monitoring.status_tool",
+        "main", True),
+    "src/behavior_controller/" + RENDER: (
+        "Draw a mission: py-trees-render behavior_controller.cli.create_tree.",
+        "py_trees.programs.render", "main", True),
+    "src/behavior_controller/replayMission": (
+        "Run a recorded mission again, or write a report of it.",
+        "behavior_controller.monitoring.record.replay"),
+    "src/behavior_controller/validateMission": (
+        "Check robot missions without running them.", "behavior_controller.cli", "validate"),
+    "unit_tests/nodes/rehearseMission": ("Play a mission in virtual time, with each visitor and "
+                                         "each fault.", "unit_tests.rehearsal.cli", "main", True),
+    "unit_tests/nodes/runTest": ("Test a mission with the simulated robot; the last line is the "
+                                 "verdict.", "unit_tests.run.run_test")}
+"""Path -> what the command does, and the arguments of ``command.run``."""
+
+ROS_NODES = {"src/behavior_controller/behaviorController": (
+    "The ROS node behaviorController: runs robot missions.", "behavior_controller.ros.node", "run"),
+             "unit_tests/nodes/report": ("Wait for the end of the mission, write the report and "
+                                         "give the verdict.", "unit_tests.run.test_node", "main"),
+             "unit_tests/nodes/startController": ("The launch-prefix of the controller under test.",
+                                                  "unit_tests.run.controller", "start")}
+"""Path -> what the node does, and the arguments of ``command.run_node``."""
 
 
-# ---------------------------------------------------------------------------------------------------------- the documents
+def executables() -> Dict[str, str]:
+    """Return path -> text of each executable."""
+    nodes = dict(ROS_NODES, **{"unit_tests/nodes/" + node: (
+        f"The simulated {node} node.", "unit_tests.robot.ros_nodes", "main", node)
+                               for node in NODES})
+    texts = {path: _executable(path, "run", *words) for path, words in COMMANDS.items()}
+    texts.update((path, _executable(path, "run_node", *words)) for path, words in nodes.items())
+    return texts
+
+
+def _executable(path: str, function: str, about: str, *words: object) -> str:
+    name = os.path.basename(path)
+    arguments = ", ".join(f"\"{word}\"" if isinstance(word, str) else "redraws=True"
+                          for word in (name,) + words)
+    return EXECUTABLE.format(about=about, name=name, call=f"{function}({arguments})")
+
+
+# ------------------------------------------------------------------------------------- completion
+
+
+def completion() -> str:
+    """Return the cases of the words that a shell offers after rosrun, a package and a command."""
+    keys = [key.name for key in settings.KEYS]
+    words = {("cssr_system", "behaviorController"): NODE_OPTIONS + [f"_{key}:=" for key in keys],
+             ("unit_tests", "runTest"): NODE_OPTIONS + [f"{name}:=" for name in options.NAMES]}
+    for path, (_, module, *function) in COMMANDS.items():
+        package = "unit_tests" if path.startswith("unit_tests") else "cssr_system"
+        command = os.path.basename(path)
+        if command not in ("runTest", RENDER):
+            words[package, command] = _options(module, *function[:1])
+    words["unit_tests", "rehearseMission"] += [f"{key}:=" for key in keys]
+    node_words = NODE_OPTIONS + [f"_{key.name}:=" for key in options.KEYS]
+    words.update((("unit_tests", node), node_words) for node in NODES)
+    for package in ("cssr_system", "unit_tests"):
+        words[package, ""] = sorted(name for owner, name in words if owner == package)
+    cases: Dict[str, List[str]] = {}  # words -> package and command
+    for names in sorted(words):
+        cases.setdefault(" ".join(words[names]), []).append('"{} {}"'.format(*names))
+    return "\n".join(f"    {' | '.join(names)}) echo {offered} ;;"
+                     for offered, names in cases.items())
+
+
+def _options(module: str, function: str = "main") -> List[str]:
+    """Return the options that a command's help lists."""
+    help_text = io.StringIO()
+    with contextlib.redirect_stdout(help_text), contextlib.suppress(SystemExit):
+        getattr(importlib.import_module(module), function)(["--help"])
+    return re.findall(r"^  (?:-\w, )?(--\w+)", help_text.getvalue(), re.MULTILINE)
+
+
+# ------------------------------------------------------------------------------------ the documents
 
 
 def keys_table(heading: str, keys: Iterable[Key]) -> str:
-    """Return a table of the keys of a configuration."""
+    """Return a table of the keys of a options."""
     return _table([(heading, "default", "meaning")] + [
-        ("`{}`".format(key.name), key.default_text, key.meaning) for key in keys])
+        (f"`{key.name}`", key.default_text, key.meaning) for key in keys])
 
 
 def offers() -> str:
     """Return a table of the services that are called, and one of the topics that are read."""
-    rows = [("`{}`".format(offer.name), "`{}`".format(offer.type.replace("cssr_system/", "")), offer.absence)
-            for offer in DEFAULT.offers]
+    rows = [(f"`{offer.name}`", f"`{offer.type.replace('cssr_system/', '')}`",
+             offer.absence) for offer in DEFAULT.offers]
     services = len(DEFAULT.services)
     return "\n\n".join((_table([("service called", "type", "without it")] + rows[:services]),
                         _table([("topic read", "type", "without it")] + rows[services:])))
 
 
 def nodes() -> str:
-    """Return a table of what each node does, calls, listens to, reads and writes."""
-    return _table([("node", "does", "service or topic", "blackboard")] + [
-        (spec.id, spec.summary, _resources(spec), _uses(spec.ports)) for spec in leaves.beyond_builtins()])
+    """Return a table of what a node does, calls, listens to, reads and writes."""
+    return _table([("node", "does", "service or topic", "blackboard")] +
+                  [(spec.id, spec.summary, _resources(spec), _uses(spec.ports))
+                   for spec in leaves.specs()])
 
 
 def entries() -> str:
     """Return a table of the entries that the nodes share."""
     return _table([("entry", "type", "meaning")] + [
-        ("`{}`".format(datum.name), datum.type, datum.meaning) for datum in data.ALL])
+        (f"`{datum.name}`", datum.type, datum.meaning) for datum in data.ALL])
 
 
-def found_by_rehearsal() -> str:
-    """Return a table of what a rehearsal can find."""
+def rehearsal_findings() -> str:
+    """Return a table of the findings of a rehearsal."""
     return _table([("finding", "meaning")] + [
-        ("`{}`".format(kind.name), kind.means) for kind in findings.BY_NAME.values()])
+        (f"`{kind.name}`", kind.means) for kind in findings.BY_NAME.values()])
 
 
 def _table(rows: Sequence[Tuple[str, ...]]) -> str:
-    lines = ["| {} |".format(" | ".join(row)) for row in rows]
+    lines = [f"| {' | '.join(row)} |" for row in rows]
     return "\n".join(lines[:1] + ["|" + "---|" * len(rows[0])] + lines[1:])
 
 
 def _resources(spec: NodeSpec) -> str:
     if spec.is_recovery:
         return "that of the failed node"
-    names = [_robot(request).resource(request) for request in spec.calls] + [
-        topic.name for topic in DEFAULT.used((), spec.listens)] if isinstance(spec, MissionSpec) else []
+    names = [_robot(request).resource(request)
+             for request in spec.calls] + [topic.name for topic in DEFAULT.used((), spec.listens)
+                                           ] if isinstance(spec, MissionSpec) else []
     return ", ".join(names) or "–"
 
 
 def _robot(request: type) -> Interface:
-    """Return the first robot that has a service for a kind of request; the default, which names what it lacks, if none has."""
+    """Return the first robot that has a service for a kind of request; the default, which names
+    what it lacks, if none has."""
     return next((robot for robot in INTERFACES.values() if robot.serves(request)), DEFAULT)
 
 
 def _uses(ports: Iterable[Port]) -> str:
     read = [_shown(port) for port in ports if port.direction is not Direction.OUT]
     written = [_shown(port) for port in ports if port.direction is not Direction.IN]
-    return "; ".join("{} {}".format(verb, ", ".join(names))
+    return "; ".join(f"{verb} {', '.join(names)}"
                      for verb, names in (("reads", read), ("writes", written)) if names) or "–"
 
 
 def _shown(port: Port) -> str:
     """Return a port with its default, if that is not the entry of the same name."""
     is_own = (port.default or "") in ("", whole_mission(port.name))
-    return "`{}`".format(port.name) + ("" if is_own else " (`{}`)".format(port.default))
+    return f"`{port.name}`" + ("" if is_own else f" (`{port.default}`)")
 
 
-# -------------------------------------------------------------------------------------- configurations and launch files
+# ------------------------------------------------------------------ configurations and launch files
 
 
 def key_lines(keys: Iterable[Key]) -> Part:
     """Return the part of a configuration that has a line for each key that is not required."""
     def part(now: str) -> str:
         given = dict(re.findall(r"^(\w+)[ \t]*(.*?)[ \t]*(?:#.*)?$", now, re.MULTILINE))
-        return "\n".join("{:<26}{:<12}# {}".format(
-            key.name, given.get(key.name, to_text(key.default)), key.plain_meaning)
+        return "\n".join(
+            f"{key.name:<26}{given.get(key.name, to_text(key.default)):<11} # {key.plain_meaning}"
             for key in keys if key.default is not REQUIRED)
     return part
 
 
-def launch_arguments(names: Iterable[str], defaults: Dict[str, str] = {}) -> List[str]:
-    """Return a line for each argument of a launch file."""
-    return ["  <arg name=\"{}\" default=\"{}\"/>".format(name, defaults.get(name, "")) for name in names]
+def launch_arguments(keys: Iterable[Key], defaults: Mapping[str, str] = {}) -> List[str]:
+    """Return a line for each argument of a launch file, with the meaning that ``roslaunch
+    --ros-args`` shows."""
+    return [launch_argument(key.name, defaults.get(key.name, ""), key.plain_meaning)
+            for key in keys]
 
 
-def listed(names: Sequence[str]) -> str:
-    """Return the line that has the names of all arguments which processes get."""
-    text = " ".join(names)
-    return textwrap.fill("<arg name=\"names\" value=\"{}\"/>".format(text), 120, initial_indent="  ", subsequent_indent=" " * 6)
+def launch_argument(name: str, default: str, meaning: str) -> str:
+    """Return the line of an argument. A blank is no value: roslaunch calls an argument required
+    whose default is empty."""
+    line = "  <arg name=\"{}\" default=\"{}\" doc={}/>"
+    return line.format(name, default or " ", quoteattr(meaning))
+
+
+def listed(keys: Iterable[Key], name: str = "names") -> str:
+    """Return the line that has the names of arguments which processes get."""
+    text = " ".join(key.name for key in keys)
+    return textwrap.fill(f"<arg name=\"{name}\" value=\"{text}\"/>", 120,
+                         initial_indent="  ", subsequent_indent=" " * 6)
 
 
 def controller_launch() -> str:
     """Return the arguments of behaviorController.launch."""
-    names = [key.name for key in settings.KEYS]
-    return "\n".join(launch_arguments(names) + [listed(names)])
+    return "\n".join(launch_arguments(settings.KEYS) + [listed(settings.KEYS)])
 
 
 def whole_test_launch() -> str:
     """Return the arguments of behaviorControllerTest.launch."""
-    names = list(dict.fromkeys(key.name for key in configuration.KEYS + settings.KEYS))
-    short = {key: "$(arg {})".format(word) for word, key in arguments.SHORT.items()}
-    return "\n".join(launch_arguments(arguments.SHORT) + launch_arguments(names, short) + [
-        real_nodes(), listed(names + list(_real().values()))])
+    keys = list({key.name: key for key in settings.KEYS + options.KEYS}.values())
+    short = [launch_argument(word, "", "short for " + key) for word, key in options.SHORT.items()]
+    words = {key: f"$(arg {word})" for word, key in options.SHORT.items()}
+    return "\n".join(short + launch_arguments(keys, words) + real_nodes() + [
+        listed(keys + real_keys())])
 
 
-def real_nodes() -> str:
-    """Return the arguments that leave simulated nodes out."""
-    return "\n".join(launch_arguments(_real().values(), dict.fromkeys(_real().values(), "false")))
+def robot_launch() -> str:
+    """Return the arguments of simulatedRobot.launch, and their names for the nodes."""
+    keys = [key for key in options.KEYS + settings.KEYS if key.name in options.ROBOT]
+    keys = list({key.name: key for key in reversed(keys)}.values())[::-1]
+    return "\n".join(launch_arguments(keys) + real_nodes() + [
+        listed(keys + real_keys(), "robot_names")])
 
 
-def _real() -> Dict[str, str]:
-    return {node: arguments.USE_REAL + node for node in NODES}
+def real_keys() -> List[Key]:
+    """Return the keys that leave simulated nodes out."""
+    return [key for key in options.OWN if key.name in options.USE_REAL.values()]
+
+
+def real_nodes() -> List[str]:
+    """Return their arguments."""
+    return launch_arguments(real_keys(), dict.fromkeys(options.USE_REAL.values(), "false"))
 
 
 def simulated_nodes() -> str:
     """Return the nodes of simulatedRobot.launch."""
     return "\n".join(
-        "  <node unless=\"$(arg {1})\" name=\"{0}\" pkg=\"unit_tests\" type=\"{0}\"\n"
-        "        args=\"$(arg arguments)\" output=\"screen\" respawn=\"true\" respawn_delay=\"1\"/>".format(node, real)
-        for node, real in _real().items())
+        f"  <node unless=\"$(arg {real})\" name=\"{node}\" pkg=\"unit_tests\" type=\"{node}\"\n"
+        "        args=\"$(arg arguments)\" output=\"screen\" respawn=\"true\" respawn_delay=\"1\"/>"
+         for node, real in options.USE_REAL.items())
 
 
-# ------------------------------------------------------------------------------------------------------------ the files
+# ---------------------------------------------------------------------------------------- the files
 
 
 def _fixed(derive: Callable[[], str]) -> Part:
@@ -165,38 +290,41 @@ def _fixed(derive: Callable[[], str]) -> Part:
 
 
 PARTS: Dict[str, Dict[str, Part]] = {
+    "env-hooks/60.cssr_system.bash": {"words": _fixed(completion)},
     "README.md": {"keys": _fixed(lambda: keys_table("key", settings.KEYS))},
-    "docs/authors_guide.md": {"findings": _fixed(found_by_rehearsal)},
+    "docs/architecture.md": {"rooms": _fixed(house.drawing), "modules": _fixed(house.table)},
+    "docs/authors_guide.md": {"findings": _fixed(rehearsal_findings)},
     "docs/reference.md": {
         "keys": _fixed(lambda: keys_table("key", settings.KEYS)),
         "services and topics": _fixed(offers), "nodes": _fixed(nodes), "entries": _fixed(entries),
-        "keys of a test": _fixed(lambda: keys_table("key", configuration.KEYS)),
-    },
+        "keys of a test": _fixed(lambda: keys_table("key", options.KEYS))},
     "config/" + settings.FILE_NAME: {"keys": key_lines(settings.KEYS)},
-    "unit_tests/config/" + configuration.FILE_NAME: {"keys": key_lines(configuration.KEYS)},
+    "unit_tests/config/" + options.FILE_NAME: {"keys": key_lines(options.KEYS)},
     "launch/behaviorController.launch": {"arguments": _fixed(controller_launch)},
-    "unit_tests/launch/" + arguments.LAUNCH_FILE: {"arguments": _fixed(whole_test_launch)},
-    "unit_tests/launch/simulatedRobot.launch": {"real nodes": _fixed(real_nodes), "nodes": _fixed(simulated_nodes)},
-}
+    "unit_tests/launch/" + options.LAUNCH_FILE: {"arguments": _fixed(whole_test_launch)},
+    "unit_tests/launch/simulatedRobot.launch": {
+        "arguments": _fixed(robot_launch), "nodes": _fixed(simulated_nodes)}}
 
 
 def with_parts(text: str, parts: Dict[str, Part]) -> str:
-    """Return a text with its derived parts. Raises ValueError, which names a part that is not marked in it."""
+    """Return a text with its derived parts. Raises ValueError, which names a part that is not
+    marked in it."""
     for name, part in parts.items():
-        found = re.search(r"derived: {}(?: -->)?\n(.*?\n)[^\n]*derived: end".format(name), text, re.DOTALL)
-        if found is None:
-            raise ValueError("there is no part between the lines derived: {} and derived: end".format(name))
-        text = text[:found.start(1)] + part(found.group(1)) + "\n" + text[found.end(1):]
+        match = re.search(rf"derived: {name}(?: -->)?\n(.*?\n)[^\n]*derived: end", text, re.DOTALL)
+        if match is None:
+            raise ValueError(f"there is no part between the lines derived: {name} and derived: end")
+        text = text[:match.start(1)] + part(match.group(1)) + "\n" + text[match.end(1):]
     return text
 
 
 def outdated() -> Dict[str, str]:
     """Return path -> text of each file that is not as it is derived."""
     wanted = {path: with_parts(_read(path), parts) for path, parts in PARTS.items()}
-    wanted.update(EXECUTABLES)
-    wanted[os.path.join("docs", "faults.md")] = faults_page.page()
+    programs = executables()
+    wanted.update(programs)
+    wanted[os.path.join("docs", "faults.md")] = fault_reference.page()
     return {path: text for path, text in wanted.items() if _read(path) != text
-            or path in EXECUTABLES and not os.access(os.path.join(ROOT, path), os.X_OK)}
+            or path in programs and not os.access(os.path.join(ROOT, path), os.X_OK)}
 
 
 def _read(path: str) -> str:
@@ -211,9 +339,9 @@ def main() -> None:
     for path, text in outdated().items():
         with open(os.path.join(ROOT, path), "w", encoding="utf-8") as file:
             file.write(text)
-        if path in EXECUTABLES:
+        if path in executables():
             os.chmod(os.path.join(ROOT, path), 0o755)
-        print("written: {}".format(path))
+        print(f"written: {path}")
 
 
 if __name__ == "__main__":

@@ -23,3 +23,10 @@ use_workspace() {
 free_port() {
   "$BUILD/venv/bin/python" -c 'import socket; s = socket.socket(); s.bind(("", 0)); print(s.getsockname()[1])'
 }
+
+# remove_unless_used FOLDER…: what running programs use stays, and is then brought up to date where it lies
+remove_unless_used() {
+  local commands
+  commands="$(cat /proc/[0-9]*/cmdline 2>/dev/null | tr '\0' '\n')" || true
+  [[ "$commands" == *"$1/"* ]] || rm -rf "$@"
+}

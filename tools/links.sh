@@ -2,18 +2,27 @@
 # catkin does not look for a package inside a package, so each gets its own place in the workspace. One link to the
 # whole repository would lead to a workspace below it again, and rosrun and roslib follow links: so each entry gets a link.
 
-# link_package FOLDER: make or renew the links in FOLDER
+# link_package FOLDER: make the links in FOLDER, or renew those that are not right: running programs use the others
 link_package() {
-  local folder="$1" entry
+  local folder="$1" entries entry link
   mkdir -p "$folder"
-  find "$folder" -maxdepth 1 -type l -delete
-  package_entries | while read -r entry; do
-    ln -s "$REPOSITORY/$entry" "$folder/$entry"
+  entries="$(package_entries)"
+  for entry in $entries; do
+    [ "$(readlink "$folder/$entry")" = "$REPOSITORY/$entry" ] || ln -sfn "$REPOSITORY/$entry" "$folder/$entry"
+  done
+  find "$folder" -maxdepth 1 -type l | while read -r link; do
+    grep -qxF "$(basename "$link")" <<<"$entries" || rm "$link"
   done
   # CMake would install the link itself, which leads nowhere from there
-  cp --remove-destination "$REPOSITORY/package.xml" "$folder/package.xml"
+  cmp -s "$REPOSITORY/package.xml" "$folder/package.xml" ||
+    cp --remove-destination "$REPOSITORY/package.xml" "$folder/package.xml"
 }
 
+# What git has of the package: a file that was left beside it is no part of it. Without git: all that is there.
 package_entries() {
-  ls "$REPOSITORY" | grep -vx -e build -e unit_tests -e python_packages
+  local files
+  files="$(git -C "$REPOSITORY" ls-files 2>/dev/null)" || true
+  [ -n "$files" ] || files="$(ls "$REPOSITORY")"
+  cut -d/ -f1 <<<"$files" | sort -u |
+    grep -vx -e '\..*' -e build -e unit_tests -e python_packages -e package.xml
 }

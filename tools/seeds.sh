@@ -12,6 +12,7 @@ shift || true
 # at this rate, as at the delivered one, messages come in time all but surely; a run takes less time
 given="$(printf '%s\n' "$@")"
 grep -q '^arrivalRate:=' <<< "$given" || set -- arrivalRate:=600 "$@"
+grep -q '^callTimes:=' <<< "$given" || set -- callTimes:=none "$@"
 output="$(mktemp)"
 trap 'rm -f "$output"' EXIT
 

@@ -8,16 +8,16 @@ set -eo pipefail
 DEBIAN_PACKAGES="
   catkin cmake make g++ graphviz
   libactionlib-msgs-dev libgeometry-msgs-dev libroscpp-dev librostest-dev libstd-msgs-dev
-  python3-actionlib python3-actionlib-msgs python3-geometry-msgs python3-lxml python3-msgpack python3-roslaunch
-  python3-rosmsg python3-rosnode python3-rospy python3-rosservice python3-rostest python3-rostopic python3-std-msgs python3-tornado python3-venv python3-zmq
+  python3-actionlib python3-actionlib-msgs python3-diagnostic-msgs python3-geometry-msgs python3-lxml python3-roslaunch
+  python3-rosmsg python3-rosnode python3-rospy python3-rosservice python3-rostest python3-rostopic python3-std-msgs python3-std-srvs python3-tornado python3-venv python3-zmq
   ros-actionlib-msgs ros-core ros-geometry-msgs ros-message-generation ros-message-runtime ros-std-msgs rosbash"
 
 # ROS Noetic on Ubuntu 20.04; its package source is set up where /opt/ros/noetic is
 NOETIC_PACKAGES="
-  cmake make g++ graphviz python3-lxml python3-msgpack python3-tornado python3-venv python3-zmq
-  ros-noetic-actionlib ros-noetic-actionlib-msgs ros-noetic-catkin ros-noetic-geometry-msgs
+  cmake make g++ graphviz python3-lxml python3-tornado python3-venv python3-zmq
+  ros-noetic-actionlib ros-noetic-actionlib-msgs ros-noetic-catkin ros-noetic-diagnostic-msgs ros-noetic-geometry-msgs
   ros-noetic-message-generation ros-noetic-message-runtime ros-noetic-rosbash ros-noetic-rosgraph
-  ros-noetic-roslaunch ros-noetic-rosmsg ros-noetic-rosnode ros-noetic-rospy ros-noetic-rosservice ros-noetic-rostest ros-noetic-rostopic ros-noetic-std-msgs"
+  ros-noetic-roslaunch ros-noetic-rosmsg ros-noetic-rosnode ros-noetic-rospy ros-noetic-rosservice ros-noetic-rostest ros-noetic-rostopic ros-noetic-std-msgs ros-noetic-std-srvs"
 
 # for the tests: a browser that looks at the page; Ubuntu 20.04 has none as a package, and its tests are skipped there
 TEST_PACKAGES="chromium chromium-driver fonts-dejavu-core python3-selenium"
@@ -27,8 +27,8 @@ PYTHONS="3.8 3.11"
 
 # what rospy and the tests of the ROS edge import
 ROS_MODULES="
-  actionlib actionlib_msgs catkin catkin_pkg genmsg genpy geometry_msgs rosclean roscpp rosgraph rosgraph_msgs roslib rospkg rospy rostest
-  rosunit std_msgs"
+  actionlib actionlib_msgs catkin catkin_pkg diagnostic_msgs genmsg genpy geometry_msgs rosclean roscpp rosgraph rosgraph_msgs roslib rospkg rospy rostest
+  rosunit std_msgs std_srvs"
 
 REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
 . "$REPOSITORY/tools/progress.sh"
@@ -89,7 +89,8 @@ make_environment() {
   version="$("$python" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])')"
   key="$folder $python $version $* $(sha256sum <"$REPOSITORY/tools/requirements.txt")"
   up_to_date "$folder.stamp" "$key" && [ -x "$folder/bin/python" ] && return 0
-  rm -rf "$folder" "$folder.stamp"
+  rm -f "$folder.stamp"
+  remove_unless_used "$folder"
   step "$(basename "$folder")" "making the Python ${version%.*} environment" fill_environment "$folder" "$python" "$@"
   echo "$key" >"$folder.stamp"
 }
@@ -141,11 +142,12 @@ find_python() {
 
 build_workspace() {
   local key
+  link_package "$BUILD/src/cssr_system"
+  ln -sfn "$REPOSITORY/unit_tests" "$BUILD/src/unit_tests"
   key="$(workspace_key)"
   up_to_date "$BUILD/workspace.stamp" "$key" && [ -f "$BUILD/devel/setup.bash" ] && return 0
-  rm -rf "$BUILD/workspace.stamp" "$BUILD/src" "$BUILD/build" "$BUILD/devel"
-  link_package "$BUILD/src/cssr_system"
-  ln -s "$REPOSITORY/unit_tests" "$BUILD/src/unit_tests"
+  rm -f "$BUILD/workspace.stamp"
+  remove_unless_used "$BUILD/devel" "$BUILD/build"
   step workspace "building the catkin workspace" catkin_build
   echo "$key" >"$BUILD/workspace.stamp"
 }
@@ -155,13 +157,12 @@ workspace_key() {
   cd "$REPOSITORY"
   echo "$BUILD $(cat "$BUILD/venv.stamp")"
   sha256sum {.,unit_tests}/{package.xml,CMakeLists.txt,setup.py} action/* srv/* msg/* env-hooks/* tools/{setup,links}.sh
-  package_entries
   ls unit_tests/nodes test/rostest/*.test unit_tests/test/rostest/*.test 2>/dev/null || true
 }
 
 catkin_build() {
   use_ros
-  cd "$BUILD" && catkin_make -DPYTHON_EXECUTABLE="$BUILD/venv/bin/python"
+  cd "$BUILD" && catkin_make --force-cmake -DPYTHON_EXECUTABLE="$BUILD/venv/bin/python"
 }
 
 up_to_date() {

@@ -1,9 +1,40 @@
 #!/usr/bin/env bash
-# Sets everything up and runs every test. Words choose suites by name: tools/test.sh rostest
+# Sets everything up and runs the tests side by side, then one by one those that measure time.
+# tools/test.sh [--long] [WORD…]: those with a word in their name.
+# With --long those that take long: the sum includes the run without it.
 set -eo pipefail
 REPOSITORY="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)"
+. "$REPOSITORY/tools/progress.sh"
 . "$REPOSITORY/tools/environment.sh"
+RESULTS="$BUILD/log/tests"
 
-"$REPOSITORY/tools/setup.sh" --tests
-use_workspace
-exec "$BUILD/venv/bin/python" "$REPOSITORY/tools/test.py" "$@"
+main() {
+  local tier="not long" words=""
+  [ "${1:-}" != --long ] || { tier="long"; shift; }
+  [ $# = 0 ] || words="$(printf ' or %s' "$@")"
+  "$REPOSITORY/tools/setup.sh" --tests
+  exec 8>"$BUILD/tests.lock"
+  flock --nonblock 8 ||
+    fail "Another run of the tests writes to build/log/tests: wait until it ends."
+  use_workspace
+  cd "$REPOSITORY"
+  [ "$tier" = long ] || rm -rf "$RESULTS"
+  # three for two cores: a test with ROS nodes mostly waits
+  run_tests "$tier and not timing" "${words# or }" -n $(($(nproc) * 3 / 2)) --dist worksteal
+  run_tests "$tier and timing" "${words# or }" --reruns 2
+  "$BUILD/venv/bin/python" tools/sum_results.py "$RESULTS"/*.xml
+}
+
+# run_tests MARKERS WORDS [OPTION…]: failures, and no test to run, are left to the sum
+run_tests() {
+  local markers="$1" words="$2" code=0
+  shift 2
+  "$BUILD/venv/bin/python" -m pytest -q -r fEsR -m "$markers" -k "$words" "$@" \
+    --junit-xml "$RESULTS/${markers// /_}.xml" 8>&- || code=$? # what a test leaves has no lock
+  case "$code" in
+    0 | 1 | 5) ;;
+    *) exit "$code" ;;
+  esac
+}
+
+main "$@"

@@ -1,7 +1,11 @@
 """Robot Mission Interpreter: runs a mission drawn in Groot2 on the CSSR4Africa robot.
 
-Reading order: ``errors``, ``keys`` and ``settings``; the engine in ``bt`` (``language`` -> ``checking`` -> ``compiler``
--> ``engine``); the requests of leaves to the robot in ``gateway``; the mission vocabulary in ``leaves``; loading a
-mission in ``mission``; the tick loop in ``runner``; monitoring and records in ``watch``; and last ``ros``, the only
-folder that imports ROS.
+docs/architecture.md draws which room uses which; reading starts with those that use no other.
 """
+import sys
+
+NOT_SET_UP = "{}, for {}: build the workspace as the README says, and source its setup.bash"
+"""What is missing, and for which Python."""
+
+if sys.version_info < (3, 8):
+    raise ImportError("Python 3.8 or newer is needed")

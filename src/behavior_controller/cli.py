@@ -1,5 +1,7 @@
-"""Commands without a ROS master: check missions, print the palette for Groot2, draw a mission with py-trees-render."""
+"""Commands without a ROS master: check missions, print the palette for Groot2, draw a mission with
+py-trees-render."""
 import argparse
+import contextlib
 import json
 import os
 import sys
@@ -7,51 +9,64 @@ import time
 from typing import Any, Dict, List, Optional, Set, Tuple
 from xml.sax.saxutils import quoteattr
 
+from behavior_controller import NOT_SET_UP
+
 try:
     import behavior_controller.bt
-except ImportError as error:  # py-trees-render would show a traceback
-    sys.exit("{}: {}".format(os.path.basename(sys.argv[0]), error))
-from behavior_controller import exits, folders, leaves
-from behavior_controller.bt.checking.palette import tree_nodes_model
-from behavior_controller.bt.registry import Kind, did_you_mean
-from behavior_controller.bt.rules import RULES
-from behavior_controller.errors import MissionError
-from behavior_controller.mission import load_tree
-from behavior_controller.text import clean
-from behavior_controller.validation import Validation, as_json, listed
-from behavior_controller.watch.drawing import name_for_drawing
+except ImportError as error:  # py-trees-render would hide the reason
+    is_missing = isinstance(error, ModuleNotFoundError)
+    reason = NOT_SET_UP.format(error, sys.executable) if is_missing else error
+    sys.exit(f"{os.path.basename(sys.argv[0])}: {reason}")
+from behavior_controller import exit_codes, leaves, ros_arguments
+from behavior_controller.bt.linter.palette import tree_nodes_model
+from behavior_controller.bt.engine.node import label
+from behavior_controller.bt.registry import Kind
+from behavior_controller.bt.linter.findings import by_place
+from behavior_controller.bt.linter.rules import RULES
+from behavior_controller.bt.loader.document import read
+from behavior_controller.errors import FaultsFound, MissionError
+from behavior_controller.missions.load import find, load_tree, missions
+from behavior_controller.robot.interfaces import INTERFACES
+from behavior_controller.ros_arguments import CommandParser
+from behavior_controller.text import clean, did_you_mean
+from behavior_controller.missions.validation import Judgement, Validation, as_json, listed
 
 _WATCH_EVERY = 0.3  # seconds
 
 
 def validate(argv: Optional[List[str]] = None) -> int:
-    """``validateMission FILE…``: print every fault of each file. Return 0 if none has a fault, else 2."""
-    options = _validation_arguments().parse_args(_without_ros_arguments(argv))
+    """``validateMission FILE…``: print every fault of each file. Return 0 if none has a fault, else
+    2."""
+    options = ros_arguments.parse(_validation_arguments(), argv)
     if not options.watch:
         return _judge_all(options)[0]
-    try:
+    with contextlib.suppress(KeyboardInterrupt):
         _watch(options)
-    except KeyboardInterrupt:
-        pass
-    return exits.SUCCESS
+    return exit_codes.SUCCESS
 
 
 def _validation_arguments() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="validateMission", description="Check robot missions without running them.",
-                                     epilog="exit code: 0 if no file has a fault, 2 if one has, 1 if a Python "
-                                            "package is missing or too old")
-    parser.add_argument("files", nargs="+", metavar="FILE",
-                        help="a mission or a project (.btproj), as Groot2 saves it, a folder of such files, or a "
-                             "knowledge file of release 1.0")
-    parser.add_argument("--json", action="store_true", help="print the faults as a JSON array, for editors")
+    parser = CommandParser(
+        "validateMission", "Check robot missions without running them.",
+        "0 if no file has a fault, 2 if one has, 1 if a Python package is missing or too old")
+    parser.add_argument(
+        "files", nargs="+", metavar="FILE",
+        help="a mission or a project (.btproj), as Groot2 saves it, the name of a mission of a "
+        "data folder, a folder of such files, or a knowledge file of release 1.0")
+    parser.add_argument("--json", action="store_true",
+                        help="print the faults as a JSON array, for editors")
     parser.add_argument("--main", metavar="TREE", help="the main tree, whatever the file says")
     parser.add_argument("--palette", metavar="FILE", action="append", default=[],
                         help="a file with a TreeNodesModel: its node types are taken as stubs")
+    parser.add_argument("--interface", metavar="ROBOT", choices=sorted(INTERFACES), default="",
+                        help="check for this robot, whatever the configuration says: "
+                             f"{', '.join(sorted(INTERFACES))}")
     parser.add_argument("--folder", action="store_true",
                         help="take trees that a file lacks from the other files in its folder")
     parser.add_argument("--ignore", metavar="CODE", action="append", default=[], type=_code,
                         help="leave out the warnings with this code (docs/faults.md)")
-    parser.add_argument("--watch", action="store_true", help="check again whenever a file is saved, until Ctrl-C")
+    parser.add_argument("--watch", action="store_true",
+                        help="check again whenever a file is saved, until Ctrl-C")
     return parser
 
 
@@ -63,20 +78,24 @@ def _code(text: str) -> str:
 
 
 def _judge_all(options: argparse.Namespace) -> Tuple[int, Set[str]]:
-    """Print the faults and summaries of all files; return the exit code, and the files that were read."""
-    validation = Validation(options.main, options.palette, options.ignore, options.folder)
-    judgements = []
+    """Print the faults and summaries of all files; return the exit code, and the files that were
+    read."""
+    validation = Validation(options.main, options.palette, options.ignore, options.folder,
+                            options.interface)
+    judgements: List[Judgement] = []
     for judgement in validation.judge(options.files):
+        if not (options.json or judgements):
+            print(validation.head)
         judgements.append(judgement)
         if not options.json:
             for fault in judgement.faults:
-                print("{} [{}]".format(fault, fault.code) if fault.code else str(fault))
+                print(f"{fault} [{fault.code}]" if fault.code else str(fault))
             print(str(judgement))
     if options.json:
-        faults = dict.fromkeys(fault for judgement in judgements for fault in judgement.faults)
-        print(json.dumps([as_json(fault) for fault in faults], indent=1))
+        faults = {fault for judgement in judgements for fault in judgement.faults}
+        print(json.dumps([as_json(fault) for fault in sorted(faults, key=by_place)], indent=1))
     wrong = any(judgement.is_wrong for judgement in judgements)
-    return exits.WRONG_INPUT if wrong else exits.SUCCESS, validation.files
+    return exit_codes.WRONG_INPUT if wrong else exit_codes.SUCCESS, validation.files
 
 
 def _watch(options: argparse.Namespace) -> None:
@@ -88,7 +107,8 @@ def _watch(options: argparse.Namespace) -> None:
         began = time.time_ns()
         _, read_ones = _judge_all(options)
         sys.stdout.flush()
-        added = _state([], read_ones.difference(before))  # what was saved since it was read is checked again
+        # what was saved since it was read is checked again
+        added = _state([], read_ones.difference(before))
         before.update((path, state) for path, state in added.items() if state and state[0] < began)
         files |= read_ones
         while _state(given, files) == before:
@@ -107,56 +127,76 @@ def _state(given: List[str], files: Set[str]) -> Dict[str, Optional[Tuple[int, i
     return state
 
 
-def _without_ros_arguments(argv: Optional[List[str]]) -> List[str]:
-    """Return the arguments without those of the form ``name:=value``, which ROS tools add."""
-    return [argument for argument in (sys.argv[1:] if argv is None else argv) if ":=" not in argument]
-
-
 def export_node_model(argv: Optional[List[str]] = None) -> int:
-    """``exportNodeModel``: print the mission's node types as Groot2 imports them, or write a project. Return 0."""
-    parser = argparse.ArgumentParser(
-        prog="exportNodeModel", description="Print the palette of mission nodes for Groot2 (Import models from file).")
-    parser.add_argument("--project", metavar="FILE.btproj",
-                        help="write a project for Groot2 instead: the palette, and the missions of the folder data")
-    options = parser.parse_args(_without_ros_arguments(argv))
+    """``exportNodeModel``: print the mission's node types as Groot2 imports them, or write a
+    project. Return 0."""
+    parser = CommandParser(
+        "exportNodeModel",
+        "Print the palette of mission nodes for Groot2 (Import models from file).",
+        "0 if it is printed or written, 2 if the call is wrong, 1 if there is no output")
+    parser.add_argument(
+        "--project", metavar="FILE.btproj",
+        help="write a project for Groot2 instead: the palette, and the missions of the folder data")
+    options = ros_arguments.parse(parser, argv)
     if options.project is None:
         print(_document([], ""))
-        return exits.SUCCESS
-    missions = sorted(name for name in os.listdir(folders.data("")) if name.endswith(".xml"))
+        return exit_codes.SUCCESS
+    _refuse_other_file(parser, options.project)
     here = os.path.dirname(os.path.abspath(options.project))
-    includes = [os.path.relpath(folders.data(name), here) for name in missions]
+    includes = [os.path.relpath(path, here) for path in missions()]
     name = os.path.splitext(os.path.basename(options.project))[0]
     with open(options.project, "w", encoding="utf-8") as file:
-        file.write(_document(includes, " project_name={}".format(quoteattr(name))) + "\n")
-    print("{}: a project of {}".format(clean(options.project), ", ".join(missions)))
-    return exits.SUCCESS
+        file.write(_document(includes, f" project_name={quoteattr(name)}") + "\n")
+    print(f"{clean(options.project)}: a project of {', '.join(map(os.path.basename, includes))}")
+    return exit_codes.SUCCESS
+
+
+def _refuse_other_file(parser: argparse.ArgumentParser, path: str) -> None:
+    """End the command rather than overwrite a file that is no project."""
+    if not path.endswith(".btproj"):
+        parser.error(f"{clean(path)} is no project: its name must end with .btproj")
+    try:
+        is_project = "project_name" in read(path).root.attributes
+    except MissionError:
+        is_project = not os.path.lexists(path)
+    if not is_project:
+        parser.error(
+            f"{clean(path)} is no project of Groot2, and would be overwritten: name another file")
 
 
 def _document(includes: List[str], attributes: str) -> str:
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4"{}>'.format(attributes)]
-    lines += ["  <include path={}/>".format(quoteattr(path)) for path in includes]
-    return "\n".join(lines + [tree_nodes_model(leaves.beyond_builtins(), indent="  "), "</root>"])
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', f'<root BTCPP_format="4"{attributes}>']
+    lines += [f"  <include path={quoteattr(path)}/>" for path in includes]
+    return "\n".join(lines + [tree_nodes_model(leaves.specs(), indent="  "), "</root>"])
 
 
 def create_tree(mission: str = "lab_tour", subtree: Optional[str] = None) -> Any:
-    """Return the root of a mission to draw with ``py-trees-render behavior_controller.cli.create_tree``.
+    """Return the root of a mission to draw with ``py-trees-render
+    behavior_controller.cli.create_tree``.
 
-    ``mission`` is a name in the data folder or the path of a file; with ``subtree``, only the part below the
-    first call of that tree is drawn. Nodes have the same numbers as on the page and in Groot2.
+    ``mission`` is a name in the data folder or the path of a file; with ``subtree``, only the part
+    below the first call of that tree is drawn. Nodes have the same numbers as on the page and in
+    Groot2.
     """
-    path = mission if mission.endswith(".xml") or os.sep in mission else folders.mission(mission)
+    is_path = mission.endswith(".xml") or os.sep in mission
     try:
+        path = mission if is_path else find(mission)
         root = load_tree(path).root if subtree is None else _root_of(path, subtree)
-    except MissionError as error:
+    except FaultsFound as error:
         sys.exit(str(error))
     for node in root.iterate():
-        name_for_drawing(node)
+        # py_trees draws nodes of the same name as one, and in the dot language what follows a colon
+        # is a port
+        node.name = " ".join(label(node)).replace(":", "∶")
+        # else py_trees puts a symbol before the name that few fonts have; the label has the type
+        setattr(node, "memory", False)
     root.name = subtree or os.path.splitext(os.path.basename(path))[0]
     return root
 
 
 def _root_of(path: str, subtree: str) -> Any:
-    """Return the root of a tree of the file: at its first call in the mission, or alone if the mission does not call it."""
+    """Return the root of a tree of the file: at its first call in the mission, or alone if the
+    mission does not call it."""
     alone = load_tree(path, main_tree=subtree)
     try:
         whole = load_tree(path)

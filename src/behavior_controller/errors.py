@@ -13,10 +13,11 @@ from behavior_controller.text import clean
 
 
 class Fault(NamedTuple):
-    """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not known.
+    """One mistake in a file. ``line`` and ``column`` count from 1; 0 means that the place is not
+    known.
 
-    ``code`` names the kind of a mistake in a mission (``bt.rules``). ``end_line`` and ``end_column`` are the position
-    after its last character.
+    ``code`` names the kind of a mistake in a mission (``bt.rules``). ``end_line`` and
+    ``end_column`` are the position after its last character.
     """
 
     file: str
@@ -31,16 +32,20 @@ class Fault(NamedTuple):
 
     def __str__(self) -> str:
         """Return ``file:line:column: text (hint)`` on one line, leaving out what is not known."""
-        place = ":".join([clean(self.file)] + [str(number) for number in (self.line, self.column) if number])
+        place = ":".join([clean(self.file)] +
+                         [str(number) for number in (self.line, self.column) if number])
         kind = "warning: " if self.is_warning else ""
-        return "{}: {}{}{}".format(place, kind, clean(self.text), " ({})".format(clean(self.hint)) if self.hint else "")
+        return "{}: {}{}{}".format(place, kind, clean(self.text),
+                                   f" ({clean(self.hint)})" if self.hint else "")
 
 
 class BehaviorControllerError(Exception):
-    """The base of all errors that this package raises; its text is one line for an operator, or one line per fault."""
+    """The base of all errors that this package raises; its text is one line for an operator, or one
+    line per fault."""
 
     origin: Optional[Tuple[Any, str]] = None
-    """The element and the attribute of a mission with the script that failed, where that is known."""
+    """The element and the attribute of a mission with the script that failed, where that is known.
+    """
 
 
 class FaultsFound(BehaviorControllerError):

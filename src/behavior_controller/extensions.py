@@ -1,23 +1,51 @@
-"""Finds what other ROS packages add to the controller: the Python modules that they export to it in their package.xml.
+"""Finds what other ROS packages add to the controller: the Python modules that they export to it in
+their package.xml.
 
-``<export><cssr_system leaves="my_robot.leaves" interface="my_robot.interface" phrases="my_robot.phrases"/></export>``
-in the form of rqt and pluginlib. Without ROS no such packages are found.
+``<export><cssr_system leaves="my_robot.leaves" interface="my_robot.interface"
+phrases="my_robot.phrases"/></export>`` in the form of rqt and pluginlib.
 """
 import functools
 import importlib
 import os
-from types import ModuleType
-from typing import Any, Dict, Iterator, NamedTuple, Tuple
+import re
+import reprlib
+import sys
+import threading
+import traceback
+from types import FrameType, ModuleType
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple
 from xml.etree import ElementTree
+
+from behavior_controller import exit_codes
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.foreign_code import described, is_ctrl_c, place
+from behavior_controller.ros_packages import MANIFEST, package_folders, package_name
+from behavior_controller.text import Unreadable, did_you_mean, read_bytes
 
 TARGET = "cssr_system"
 
 KINDS = {"leaves": ("SPECS",), "interface": ("SERVICES", "TOPICS"), "phrases": ("SPEECHES",)}
 """Attribute of the export -> the tuples that the module may have; it needs at least one of them."""
 
+PLAIN: Dict[Any, Tuple[type, ...]] = {str: (str,), bool: (bool,), int: (int,), float: (int, float)}
+"""Types of fields that are checked, each with the types of values that it may have."""
 
-class BrokenExtension(ImportError):
-    """An export of another package cannot be used; the text names the package and says what to do."""
+IMPORT_LIMIT = 10.0
+"""Seconds after which a tool gives up the import of an exported module, and ends."""
+
+_EXPORT = re.compile(rb"<([\w.-]+)\s[^<>]*\b(?:leaves|interface|phrases)\s*=")
+
+_under_way: List[Tuple[str, str]] = []  # the import that has not ended: package, export
+_doubts: List[Fault] = []
+_packages: Dict[str, str] = {}  # the package that exports a Python package
+
+
+class BrokenExtension(ConfigurationError):
+    """An export of another package cannot be used; the text names the package and says what to do.
+    """
+
+    def __init__(self, package: str, text: str):
+        super().__init__([Fault(f"package {package}", 0, 0, text)])
 
 
 class Extension(NamedTuple):
@@ -27,13 +55,42 @@ class Extension(NamedTuple):
     folder: str
     module: ModuleType
 
-    def declared(self, name: str) -> Tuple[Any, ...]:
-        """Return the tuple of that name in the module; empty if it has none."""
-        return tuple(getattr(self.module, name, ()))
+    def declared(self, name: str, kind: type) -> Tuple[Any, ...]:
+        """Return the tuple of that name in the module; empty if it has none. Raises
+        BrokenExtension.
 
-    def broken(self, text: str) -> BrokenExtension:
-        """Return an error that names the module."""
-        return BrokenExtension("package {}, {}: {}".format(self.package, self.module.__name__, text))
+        Its items must be of that ``kind``, with plain fields of the annotated types.
+        """
+        items = getattr(self.module, name, ())
+        for item in items:
+            if not isinstance(item, kind):
+                raise self.broken(
+                    f"{reprlib.repr(item)} in {name} is not a {kind.__name__}", name)
+            for field, wanted in kind.__annotations__.items():
+                value = getattr(item, field)
+                if wanted in PLAIN and not isinstance(value, PLAIN[wanted]):
+                    raise self.broken(f"the {field} of a {kind.__name__} is {value!r}, and not of "
+                                      f"the type {wanted.__name__}", repr(value), name)
+        return tuple(items)
+
+    def broken(self, text: str, *near: str) -> BrokenExtension:
+        """Return an error that names the module, with the line that has one of the texts ``near``,
+        the first that it finds."""
+        name, file = self.module.__name__, getattr(self.module, "__file__", None) or ""
+        try:
+            lines = read_bytes(file).decode(errors="replace").splitlines()
+        except Unreadable:
+            lines = []
+        for wanted in near:
+            for number, line in enumerate(lines, 1):
+                if wanted in line:
+                    return BrokenExtension(self.package, f"{name}: {text} ({place(file, number)})")
+        return BrokenExtension(self.package, f"{name}: {text}")
+
+
+def quoted(name: str) -> Tuple[str, str]:
+    """Return a name as it stands in Python."""
+    return f'"{name}"', f"'{name}'"
 
 
 @functools.lru_cache(maxsize=None)
@@ -43,51 +100,154 @@ def found(kind: str) -> Tuple[Extension, ...]:
                  for package, folder, modules in _exports() if kind in modules)
 
 
+def doubts() -> Tuple[Fault, ...]:
+    """Return a warning for each package.xml, of those read so far, that may export something and
+    cannot be read."""
+    return tuple(_doubts)
+
+
+def late(seconds: float, frame: Optional[FrameType] = None) -> Optional[BrokenExtension]:
+    """Return the error of the import that has not ended after ``seconds``, or of other code of an
+    extension.
+
+    ``frame`` is where the work has got to. None if no extension holds it up.
+    """
+    if _under_way:
+        return BrokenExtension(
+            _under_way[0][0], f"{_under_way[0][1]}: its import has not ended within {seconds:g} s")
+    while frame is not None:
+        package = _package_of(frame)
+        if package is not None:
+            return BrokenExtension(package, f"{place(frame.f_code.co_filename, frame.f_lineno)} "
+                                            f"has not returned within {seconds:g} s")
+        frame = frame.f_back
+    return None
+
+
+def raising(error: BaseException) -> Optional[str]:
+    """Return the package of an extension in whose code ``error`` was raised, or None."""
+    packages = [_package_of(frame) for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return next(filter(None, packages), None)
+
+
+def _package_of(frame: FrameType) -> Optional[str]:
+    return _packages.get(_top(frame.f_globals.get("__name__", "")))
+
+
+def _top(module: str) -> str:
+    return module.partition(".")[0]
+
+
 def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
+    export = f'{kind}="{name}"'
+    if not name:
+        raise BrokenExtension(package, f"{export} names no module")
     try:
-        module = importlib.import_module(name)
-    except Exception as error:  # a foreign module may raise anything
-        raise BrokenExtension("package {} exports {}=\"{}\", which cannot be imported: {}: {}".format(
-            package, kind, name, type(error).__name__, error)) from error
+        module = _imported(package, export, name)
+        values = {
+            wanted: getattr(module, wanted) for wanted in KINDS[kind] if hasattr(module, wanted)}
+    except BaseException as error:  # a foreign module may raise anything
+        if is_ctrl_c(error):
+            raise
+        hint = ""
+        if kind == "interface" and "partially initialized" in str(error):
+            hint = "; this module must not import leaves or phrases"
+        raise BrokenExtension(
+            package, f"{export} cannot be imported: {described(error)}{hint}") from error
+    _packages[_top(name)] = package
     extension = Extension(package, folder, module)
-    for wanted in KINDS[kind]:
-        if not isinstance(getattr(module, wanted, ()), (tuple, list)):
-            raise extension.broken("{} is not a tuple".format(wanted))
-    if not any(hasattr(module, wanted) for wanted in KINDS[kind]):
-        raise extension.broken("it has no {}".format(" and no ".join(KINDS[kind])))
+    for wanted, value in values.items():
+        # a single record is a tuple too, of its fields
+        if not isinstance(value, (tuple, list)) or hasattr(value, "_fields"):
+            raise extension.broken(
+                f"{wanted} is not a tuple; with one item it needs a comma: {wanted} = (…,)", wanted)
+    if not values:
+        near = [other for other in vars(module)
+                if other.isupper() and did_you_mean(other, KINDS[kind], 0.8)]
+        raise extension.broken("it has no {}{}".format(
+            " and no ".join(KINDS[kind]), ", but " + near[0] if near else ""), *near)
     return extension
+
+
+def _imported(package: str, export: str, name: str) -> ModuleType:
+    """Import a module on this thread; others would have to wait for each other's imports.
+
+    On the main thread a watch ends the program after the limit; whoever imports on another thread
+    has a limit, and asks ``late`` then.
+    """
+    _under_way[:] = [(package, export)]
+    watch = threading.Timer(IMPORT_LIMIT, _give_up)
+    watch.daemon = True
+    if threading.current_thread() is threading.main_thread():
+        watch.start()
+    try:
+        return importlib.import_module(name)
+    finally:
+        watch.cancel()
+        _under_way.clear()
+
+
+def _give_up() -> None:
+    error = late(IMPORT_LIMIT)
+    if error is not None:
+        os.write(2, f"{os.path.basename(sys.argv[0])}: {error}\n".encode(
+            "utf-8", "backslashreplace"))
+        os._exit(exit_codes.WRONG_INPUT)
 
 
 @functools.lru_cache(maxsize=None)
 def _exports() -> Tuple[Tuple[str, str, Dict[str, str]], ...]:
+    _doubts.clear()
     return tuple(sorted(_read_exports(), key=lambda export: export[0]))
 
 
 def _read_exports() -> Iterator[Tuple[str, str, Dict[str, str]]]:
-    """Yield package, folder and the modules of each package that exports some to us."""
-    try:
-        import rospkg
-    except ImportError:
-        return
-    packages = rospkg.RosPack()
-    for package in packages.list():
-        folder = packages.get_path(package)
-        manifest = os.path.join(folder, "package.xml")
-        for element in _export_elements(manifest):
-            for attribute in element.attrib:
-                if attribute not in KINDS:
-                    raise BrokenExtension("{}: {} has no attribute {}; allowed: {}".format(
-                        manifest, TARGET, attribute, ", ".join(KINDS)))
-            yield package, folder, dict(element.attrib)
+    """Yield package, folder and the modules of each package that exports some to us; the first of a
+    name counts."""
+    names = set()
+    for folder in package_folders():
+        path = os.path.join(folder, MANIFEST)
+        try:
+            manifest = read_bytes(path)
+        except Unreadable as error:
+            _doubt(folder, f"cannot be read: {error}")
+            continue
+        name = package_name(manifest) or os.path.basename(folder)
+        if name not in names:
+            names.add(name)
+            for element in _export_elements(name, path, manifest):
+                yield name, folder, dict(element.attrib)
 
 
-def _export_elements(manifest: str) -> Iterator[ElementTree.Element]:
+def _export_elements(package: str, path: str, manifest: bytes) -> List[ElementTree.Element]:
+    """Return our elements of a package.xml. Most packages export nothing to us, and need no
+    parsing."""
+    exports = b"<" + TARGET.encode() in manifest
+    other = _EXPORT.search(manifest)
+    if other is not None and did_you_mean(other.group(1).decode(), [TARGET]) and not exports:
+        raise BrokenExtension(
+            package, "{}:{}: the export element {} is unknown, did you mean {}?".format(
+                path, manifest.count(b"\n", 0, other.start()) + 1, other.group(1).decode(), TARGET))
+    if not exports and (b"</export>" in manifest or b"</package>" in manifest):
+        return []
     try:
-        with open(manifest, encoding="utf-8") as file:
-            text = file.read()
-        # most packages export nothing to us, and need no parsing
-        root = ElementTree.fromstring(text) if "<" + TARGET in text else None
-    except (OSError, ValueError, ElementTree.ParseError):
-        return  # rospack reports it
-    if root is not None:
-        yield from root.findall("export/" + TARGET)
+        elements = ElementTree.fromstring(manifest).findall("export/" + TARGET)
+    except (ValueError, LookupError, ElementTree.ParseError) as error:
+        if exports:
+            raise BrokenExtension(package, f"{path} is not XML: {error}") from error
+        _doubt(os.path.dirname(path), f"is not XML: {error}")
+        return []
+    if exports and not elements:
+        raise BrokenExtension(package, f"{path}: <{TARGET}> must stand in <export>")
+    for attribute in (attribute for element in elements for attribute in element.attrib):
+        if attribute not in KINDS:
+            raise BrokenExtension(package, f"{path}: {TARGET} has no attribute {attribute}; "
+                                           f"allowed: {', '.join(KINDS)}")
+    return elements
+
+
+def _doubt(folder: str, text: str) -> None:
+    """Warn of a package.xml that does not show whether it exports something."""
+    _doubts.append(Fault(
+        "package " + os.path.basename(folder), 0, 0,
+        f"{os.path.join(folder, MANIFEST)} {text}; what it exports is left out", is_warning=True))

@@ -1,15 +1,18 @@
-"""Where the configuration and the missions are, in the source tree and when installed, without asking ROS."""
+"""Where the configuration and the missions are, in the source tree and when installed, without
+asking ROS."""
 import os
 
 _HERE = os.path.dirname(os.path.abspath(__file__))
 
 
-def share() -> str:
-    """Return the folder that holds ``config`` and ``data``: the package's root, or its share folder when installed."""
-    folder = os.path.realpath(_HERE)
+def share(module_folder: str = _HERE, package: str = "cssr_system") -> str:
+    """Return the folder that holds ``config`` and ``data`` of a package with this folder of
+    modules: the package's root, or its share folder when installed."""
+    folder = os.path.realpath(module_folder)
     while True:
-        for candidate in (folder, os.path.join(folder, "share", "cssr_system")):
-            if os.path.isdir(os.path.join(candidate, "data")) and os.path.isdir(os.path.join(candidate, "config")):
+        for candidate in (folder, os.path.join(folder, "share", package)):
+            if os.path.isdir(os.path.join(candidate, "data")) and os.path.isdir(
+                    os.path.join(candidate, "config")):
                 return candidate
         parent = os.path.dirname(folder)
         if parent == folder:
@@ -32,12 +35,25 @@ def mission(name: str) -> str:
     return data(name if name.endswith(".xml") else name + ".xml")
 
 
+def of_mission(path: str, mission: str) -> str:
+    """Return the file that a mission has of its own in place of ``path``, such as
+    reception_phrases_English.ini beside phrases_English.ini, or else ``path``."""
+    folder, name = os.path.split(path)
+    own = os.path.join(folder, f"{mission}_{name}")
+    return own if mission and os.path.isfile(own) else path
+
+
 RECORDS = "behaviorController_records"
 """Folder among ROS' logs that has a folder for each recorded run; their names sort by time."""
 
 
+def ros_home() -> str:
+    """Return ROS_HOME, the folder where ROS programs of this user may write."""
+    return os.environ.get("ROS_HOME") or os.path.join(os.path.expanduser("~"), ".ros")
+
+
 def records() -> str:
-    """Return the folder of the recorded runs, below the folder that ``rospkg.get_log_dir()`` returns."""
-    home = os.environ["ROS_HOME"] if "ROS_HOME" in os.environ else os.path.join(os.path.expanduser("~"), ".ros")
-    logs = os.environ["ROS_LOG_DIR"] if "ROS_LOG_DIR" in os.environ else os.path.join(home, "log")
+    """Return the folder of the recorded runs, below the folder that ``rospkg.get_log_dir()``
+    returns."""
+    logs = os.environ.get("ROS_LOG_DIR", os.path.join(ros_home(), "log"))
     return os.path.join(logs, RECORDS)

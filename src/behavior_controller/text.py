@@ -1,15 +1,25 @@
-"""Reads text files safely and makes outside text safe to show."""
+"""Reads text files safely, makes outside text safe to show, and suggests the word that was meant.
+"""
+import difflib
 import os
+import re
 import stat
-from typing import NamedTuple
+from typing import Iterable, NamedTuple
 
 LONGEST = 1000
-"""The most characters of outside text that are shown: names, values and answers may have any length."""
+"""The most characters of outside text that are shown: names, values and answers may have any
+length."""
 
 MOST_BYTES = 1_000_000
 """The most bytes of a text file that a person writes."""
 
 _TAIL = 36
+
+_CONTROLS = "[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]"
+_CONTROL = re.compile(_CONTROLS)
+_OTHER_CONTROL = re.compile(r"(?!\r|\x1b\[[HJK])" + _CONTROLS)
+"""All but those that redraw a window: carriage return, home, clear the rest of the line or window.
+"""
 
 
 class Source(NamedTuple):
@@ -24,21 +34,34 @@ class Unreadable(Exception):
 
 
 def clean(text: str, longest: int = LONGEST) -> str:
-    """Return ``text`` from outside as one line of at most ``longest`` characters, safe for a terminal and for a file.
+    """Return ``text`` from outside as one line of at most ``longest`` characters, safe for a
+    terminal and for a file.
 
-    Control characters, escape sequences, line breaks, characters that change the direction of text or cannot be seen,
-    and lone surrogates are shown as Python escapes. A text that is too long is cut in the middle.
+    Control characters, escape sequences, line breaks, characters that change the direction of text
+    or cannot be seen, and lone surrogates are shown as Python escapes. A text that is too long is
+    cut in the middle.
     """
     if len(text) > longest:
         text = text[:longest - _TAIL - 3] + " … " + text[-_TAIL:]
     if not text.isprintable():
-        text = "".join(letter if letter.isprintable() else letter.encode("unicode_escape").decode("ascii")
-                       for letter in text)
+        text = "".join(letter if letter.isprintable() else letter.encode(
+            "unicode_escape").decode("ascii") for letter in text)
     return text
 
 
+def without_controls(text: str, redraws: bool = False) -> str:
+    """Return ``text`` with its control characters as Python escapes: a terminal and XML take it.
+    Lines stay lines.
+
+    If it ``redraws`` a window, the control sequences for that stay too.
+    """
+    return (_OTHER_CONTROL if redraws else _CONTROL).sub(
+        lambda found: found.group().encode("unicode_escape").decode("ascii"), text)
+
+
 def read_text(path: str) -> str:
-    """Return the text of a regular file: UTF-8, or UTF-16 with its byte order mark, with any line ends.
+    """Return the text of a regular file: UTF-8, or UTF-16 with its byte order mark, with any line
+    ends.
 
     Raises Unreadable, also for a file of more than ``MOST_BYTES``.
     """
@@ -52,34 +75,48 @@ def read_text(path: str) -> str:
 
 
 def read_bytes(path: str, most: int = MOST_BYTES) -> bytes:
-    """Return the content of a regular file. Raises Unreadable; a FIFO or a device is refused without being read."""
+    """Return the content of a regular file. Raises Unreadable; a FIFO or a device is refused
+    without being read."""
     try:
         # O_NONBLOCK: else open() blocks on a FIFO without a writer
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
         try:
             size = _regular_size(descriptor)
-            data = b"" if size > most else _first_bytes(descriptor, most + 1)
+            with open(descriptor, "rb", closefd=False) as file:
+                data = b"" if size > most else file.read(most + 1)
         finally:
             os.close(descriptor)
     except (OSError, ValueError) as error:
         raise Unreadable(clean(getattr(error, "strerror", None) or str(error))) from error
     if max(size, len(data)) > most:
-        raise Unreadable("it has {} bytes; at most {} are read".format(max(size, len(data)), most))
+        raise Unreadable(f"it has {max(size, len(data))} bytes; at most {most} are read")
     return data
 
 
 def _regular_size(descriptor: int) -> int:
     status = os.fstat(descriptor)
     if not stat.S_ISREG(status.st_mode):
-        raise Unreadable("it is a folder" if stat.S_ISDIR(status.st_mode) else "it is not a regular file")
+        raise Unreadable(
+            "it is a folder" if stat.S_ISDIR(status.st_mode) else "it is not a regular file")
     return status.st_size
 
 
-def _first_bytes(descriptor: int, most: int) -> bytes:
-    with open(descriptor, "rb", closefd=False) as file:
-        return file.read(most)
-
-
 def decode(data: bytes, errors: str = "strict") -> str:
-    """Return bytes as text without the byte order mark. Raises UnicodeDecodeError, unless ``errors`` are ignored."""
+    """Return bytes as text without the byte order mark. Raises UnicodeDecodeError, unless
+    ``errors`` are ignored."""
     return data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig", errors)
+
+
+def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """Return ``did you mean X?`` for the nearest of ``known`` (case is ignored), or an empty text.
+
+    ``likeness`` is the required similarity, from 0 to 1 (equal).
+    """
+    by_lower = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), list(by_lower), cutoff=likeness)
+    return f"did you mean {by_lower[near[0]]}?" if near else ""
+
+
+def count(number: int, one: str, more: str) -> str:
+    """Return a number and its noun."""
+    return f"{number} {one if number == 1 else more}"

@@ -1,7 +1,8 @@
 """Run the engine over recorded traces of BehaviorTree.CPP and say where it differs.
 
-``python3 test/conformance/harness.py VECTORS [--level roots|leaves|full]``; VECTORS is a folder of ``*.json``
-or a ``.jsonl`` or ``.jsonl.xz`` file in the format of the README beside the traces. Exit code 0 only if every case passes.
+``python3 test/conformance/harness.py VECTORS [--level roots|leaves|full]``; VECTORS is a folder of
+``*.json`` or a ``.jsonl`` or ``.jsonl.xz`` file in the format of the README beside the traces. Exit
+code 0 only if every case passes.
 """
 import argparse
 import json
@@ -12,15 +13,15 @@ import sys
 import tempfile
 from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
-from behavior_controller.bt.compiler import build, with_includes
+from behavior_controller.bt.loader.tree_builder import build, with_includes
 from behavior_controller.bt.engine import leaf
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.language import ports
-from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.language.document import Document, parse, read
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.loader.document import Document, parse, read
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.status import BY_NAME, IDLE, NAMES
 from behavior_controller.errors import BehaviorControllerError
@@ -104,7 +105,10 @@ class _Cond(_Leaf, leaf.ConditionLeaf):
         return self.act("tick")
 
 
-_KINDS = {"stateful": (_Stateful, Kind.ACTION), "sync": (_Sync, Kind.ACTION), "cond": (_Cond, Kind.CONDITION)}
+_KINDS = {
+    "stateful": (_Stateful, Kind.ACTION), "sync": (_Sync, Kind.ACTION),
+    "cond": (_Cond, Kind.CONDITION)
+}
 
 
 def _nth(items: List[Any], number: int) -> Any:
@@ -126,8 +130,8 @@ def registry_of(case: Dict[str, Any], events: List[Any]) -> Registry:
             if '<{}'.format(key) in case["xml"] or 'ID="{}"'.format(key) in case["xml"]:
                 types.setdefault(key, "stateful")
     for node_id, described in types.items():
-        if registry.find(node_id) is None and 'BehaviorTree ID="{}"'.format(node_id) not in case["xml"] \
-                or node_id in case.get("leaf_types", {}):
+        is_tree = 'BehaviorTree ID="{}"'.format(node_id) in case["xml"]
+        if registry.find(node_id) is None and not is_tree or node_id in case.get("leaf_types", {}):
             registry.extend([_leaf_spec(node_id, described, case, events)])
     return registry
 
@@ -176,8 +180,9 @@ def build_case(case: Dict[str, Any], events: List[Any]) -> Tree:
     enums = dict(case.get("enums", {}))
     if "\"color\"" in json.dumps(case.get("leaf_types", {})):
         enums.update(COLOURS)
-    return build(_documents(case), registry_of(case, events), clock=clock, blackboard=blackboard, strict=True,
-                 main_tree=case.get("main_tree"), enums=enums, rules=case.get("substitutions"))
+    return build(_documents(case), registry_of(case, events), clock=clock, blackboard=blackboard,
+                 strict=True, main_tree=case.get("main_tree"), enums=enums,
+                 substitutes=case.get("substitutions"))
 
 
 def run(case: Dict[str, Any]) -> Dict[str, Any]:
@@ -201,7 +206,8 @@ def run(case: Dict[str, Any]) -> Dict[str, Any]:
 
 
 def _run_tree(case: Dict[str, Any], tree: Tree, events: List[Any]) -> Dict[str, Any]:
-    tree.subscribe(lambda node, old, new: events.append(["status", node.uid, node.name, NAMES[old], NAMES[new]]))
+    tree.subscribe(lambda node, old, new: events.append(
+        ["status", node.uid, node.name, NAMES[old], NAMES[new]]))
     records: List[Dict[str, Any]] = []
     for number in range(1, case["max_ticks"] + 1):
         _before_tick(case, tree, events, records, number)
@@ -214,15 +220,21 @@ def _run_tree(case: Dict[str, Any], tree: Tree, events: List[Any]) -> Dict[str, 
     if case.get("halt_at_end"):
         records.append(_halted(tree, events))
     return {
-        "nodes": [[node.uid, node.registration_id, node.name, node.full_path] for node in tree.nodes],
+        "nodes": [[node.uid, node.registration_id, node.name, node.full_path]
+                  for node in tree.nodes],
         "ticks": records,
-        "blackboard": {path: {key: _plain(entry.value) for key, entry in board.local.items()}
-                       for path, board in tree.blackboards.items()},
-        "final_status": {str(node.uid): NAMES[node.status] for node in tree.nodes if node.status is not IDLE},
+        "blackboard": {
+            path: {key: _plain(entry.value) for key, entry in board.local.items()}
+            for path, board in tree.blackboards.items()
+        },
+        "final_status": {
+            str(node.uid): NAMES[node.status] for node in tree.nodes if node.status is not IDLE
+        },
     }
 
 
-def _before_tick(case: Dict[str, Any], tree: Tree, events: List[Any], records: List[Any], number: int) -> None:
+def _before_tick(case: Dict[str, Any], tree: Tree, events: List[Any], records: List[Any],
+                 number: int) -> None:
     if number in case.get("halt_before_tick", ()):
         records.append(_halted(tree, events))
     pause = case.get("sleep_ms_before_tick", {}).get(str(number))
@@ -255,11 +267,12 @@ def _tick(case: Dict[str, Any], tree: Tree, events: List[Any]) -> Tuple[Dict[str
     return {"root": NAMES[result], "events": _taken(events)}, False
 
 
-# ---------------------------------------------------------------------------------------------------------- comparing
+# ---------------------------------------------------------------------------------------- comparing
 
 
 def differences(expected: Dict[str, Any], got: Dict[str, Any], level: str) -> List[str]:
-    """Return what differs, most telling first; an empty list means equal. Texts of messages are not compared."""
+    """Return what differs, most telling first; an empty list means equal. Texts of messages are not
+    compared."""
     if expected.get("error") or got.get("error"):
         if bool(expected.get("error")) == bool(got.get("error")):
             return []
@@ -282,7 +295,8 @@ def _tick_differences(expected: List[Any], got: List[Any], level: str) -> List[s
             found.append("tick {}: root {} instead of {} {}".format(
                 number, _root(seen), _root(wanted), seen.get("exception", "")))
         if level != "roots":
-            found.extend("tick {}: {}".format(number, text) for text in _event_difference(wanted, seen, level))
+            found.extend("tick {}: {}".format(number, text)
+                         for text in _event_difference(wanted, seen, level))
     return found
 
 
@@ -291,8 +305,10 @@ def _root(record: Dict[str, Any]) -> str:
 
 
 def _event_difference(wanted: Dict[str, Any], seen: Dict[str, Any], level: str) -> Iterator[str]:
-    left, right = ([event[:4] if event[0] in ("port_err", "out_err") else event for event in record["events"]
-                    if level == "full" or event[0] in LEAF_EVENTS] for record in (wanted, seen))
+    left, right = ([
+        event[:4] if event[0] in ("port_err", "out_err") else event for event in record["events"]
+        if level == "full" or event[0] in LEAF_EVENTS
+    ] for record in (wanted, seen))
     for index in range(max(len(left), len(right))):
         pair = [side[index] if index < len(side) else None for side in (left, right)]
         if not _equal(*pair):
@@ -320,13 +336,15 @@ def cases(path: str) -> Iterator[Dict[str, Any]]:
                 with open(os.path.join(path, name), encoding="utf-8") as file:
                     yield json.load(file)
     else:
-        opened: Any = lzma.open(path, "rt", encoding="utf-8") if path.endswith(".xz") else open(path, encoding="utf-8")
+        opened: Any = lzma.open(path, "rt", encoding="utf-8") if path.endswith(".xz") else open(
+            path, encoding="utf-8")
         with opened as file:
             yield from map(json.loads, file)
 
 
 def judge(case: Dict[str, Any], level: str) -> List[str]:
-    """Run one case and return its differences. Cases of real time are compared by the root's results."""
+    """Run one case and return its differences. Cases of real time are compared by the root's
+    results."""
     return differences(case["expected"], run(case), "roots" if case.get("timing") else level)
 
 
@@ -335,7 +353,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser = argparse.ArgumentParser(prog="conformance", description=__doc__.split("\n")[0])
     parser.add_argument("vectors", help="a folder of *.json, or a .jsonl or .jsonl.xz file")
     parser.add_argument("--level", choices=LEVELS, default="full")
-    parser.add_argument("--may-differ", help="JSON file: cases that may differ, each with the reason, which is printed")
+    parser.add_argument(
+        "--may-differ",
+        help="JSON file: cases that may differ, each with the reason, which is printed")
     options = parser.parse_args(argv)
     allowed = {}
     if options.may_differ:
@@ -348,7 +368,8 @@ def main(argv: Optional[List[str]] = None) -> int:
         failed += bool(found) and reason is None
         passed += not found or reason is not None
         if found:
-            print("{}: {}{}".format(case["name"], found[0], " (may differ: {})".format(reason) if reason else ""))
+            print("{}: {}{}".format(case["name"], found[0],
+                                    " (may differ: {})".format(reason) if reason else ""))
     print("{} passed, {} failed".format(passed, failed))
     return 1 if failed or not passed else 0
 

@@ -1,6 +1,8 @@
-"""The engine does what BehaviorTree.CPP 4.10 was recorded to do: every status change, port, blackboard value and halt."""
+"""The engine does what BehaviorTree.CPP 4.10 was recorded to do: every status change, port,
+blackboard value and halt."""
 import json
 import os
+from xml.sax.saxutils import quoteattr
 
 import harness as conformance
 import pytest
@@ -14,7 +16,10 @@ with open(os.path.join(HERE, "may_differ.json"), encoding="utf-8") as file:
 def test_every_recorded_case(vectors, count):
     cases = list(conformance.cases(os.path.join(HERE, vectors)))
     assert len(cases) == count
-    differing = {case["name"]: found[0] for case in cases for found in [conformance.judge(case, "full")] if found}
+    differing = {
+        case["name"]: found[0] for case in cases for found in [conformance.judge(case, "full")]
+        if found
+    }
     assert {name: text for name, text in differing.items() if name not in MAY_DIFFER} == {}
     if vectors == "hand":
         assert set(differing) == set(MAY_DIFFER)  # an exception that is no longer one must go
@@ -22,6 +27,25 @@ def test_every_recorded_case(vectors, count):
 
 def test_the_exceptions_give_a_reason():
     assert all(len(reason) > 20 for reason in MAY_DIFFER.values())
+
+
+def _truth_of(expression, entries):
+    case = {"leaves": {}, "max_ticks": 1, "xml": """<root BTCPP_format="4"><BehaviorTree ID="Main">
+        <Sequence><Script code={}/><ScriptCondition code={}/></Sequence>
+        </BehaviorTree></root>""".format(quoteattr(entries), quoteattr(expression))}
+    tick = conformance.run(case)["ticks"][0]
+    return {"SUCCESS": "true", "FAILURE": "false", None: "raises"}[tick["root"]]
+
+
+def test_what_counts_as_true():
+    with open(os.path.join(HERE, "truth.json"), encoding="utf-8") as opened:
+        recorded = json.load(opened)
+    assert len(recorded["expressions"]) == 204
+    differing = {
+        expression: truth for expression, truth in recorded["expressions"]
+        if _truth_of(expression, recorded["entries"]) != truth
+    }
+    assert differing == {}
 
 
 @pytest.mark.parametrize("change, level, noticed", [
@@ -41,7 +65,8 @@ def test_the_comparison_notices_what_its_level_is_for(change, level, noticed):
 
 
 def test_a_mission_that_never_waits_returns_and_says_so():
-    with open(os.path.join(HERE, "hand", "tick_once_infinite_repeat_hangs.json"), encoding="utf-8") as opened:
+    with open(os.path.join(HERE, "hand", "tick_once_infinite_repeat_hangs.json"),
+              encoding="utf-8") as opened:
         case = json.load(opened)
     tree = conformance.build_case(case, [])
     assert tree.tick_once() is conformance.BY_NAME["RUNNING"]

@@ -1,9 +1,10 @@
-"""Mutations as changes of the syntax tree, so that they outlive any formatting: named rules, and a seeded sample."""
+"""Mutations as changes of the syntax tree, so that they outlive any formatting: named rules, and a
+seeded sample."""
 import ast
 import copy
 import os
 import random
-from typing import Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 
 class Place(NamedTuple):
@@ -16,9 +17,11 @@ class Place(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """A rule of the engine and how it is broken: in ``scope`` (``Class.method``) of ``file``, ``old`` becomes ``new``.
+    """A rule of the engine and how it is broken: in ``scope`` (``Class.method``) of ``file``,
+    ``old`` becomes ``new``.
 
-    Both are code: statements that follow each other, or an expression. An empty ``new`` takes ``old`` away.
+    Both are code: statements that follow each other, or an expression. An empty ``new`` takes
+    ``old`` away.
     """
 
     text: str
@@ -29,7 +32,8 @@ class Rule(NamedTuple):
 
 
 class Mutation(NamedTuple):
-    """A change at one place of a module; ``old`` and ``new`` are the code of the smallest statement around it."""
+    """A change at one place of a module; ``old`` and ``new`` are the code of the smallest statement
+    around it."""
 
     file: str
     scope: str
@@ -46,14 +50,15 @@ class Mutation(NamedTuple):
     def difference(self) -> str:
         """Return where ``old`` and ``new`` differ, and what is around it."""
         start = max(len(os.path.commonprefix([self.old, self.new])) - 40, 0)
-        return "  ->  ".join(" ".join(code[start:start + 80].split()) for code in (self.old, self.new))
+        return "  ->  ".join(" ".join(code[start:start + 80].split())
+                             for code in (self.old, self.new))
 
 
 class Stale(Exception):
     """A rule's code is not in its scope, or is there several times."""
 
 
-# ---------------------------------------------------------------------------------------------------------- named rules
+# -------------------------------------------------------------------------------------- named rules
 
 
 def broken(source: str, rule: Rule) -> str:
@@ -71,7 +76,9 @@ def broken(source: str, rule: Rule) -> str:
 def _scope(module: ast.Module, path: str) -> ast.AST:
     node: ast.AST = module
     for name in path.split(".") if path else ():
-        inner = [child for child in ast.iter_child_nodes(node) if getattr(child, "name", None) == name]
+        inner = [
+            child for child in ast.iter_child_nodes(node) if getattr(child, "name", None) == name
+        ]
         if len(inner) != 1:
             raise Stale("there is no scope {}".format(path))
         node = inner[0]
@@ -107,23 +114,22 @@ def _replace(place: Place, new: List[ast.stmt]) -> None:
         old.append(ast.Pass())
 
 
-# ----------------------------------------------------------------------------------------------------------- the sample
+# --------------------------------------------------------------------------------------- the sample
 
-_COMPARISONS = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
-                ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}
+_COMPARISONS = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In
+}
 _ARITHMETIC = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 
 
 def sample(sources: Sequence[Tuple[str, str]], count: int, seed: int) -> List[Mutation]:
-    """Return ``count`` mutations of ``sources`` (file, source), a random sample by ``seed`` of all that are possible."""
-    places = [(file, source, number) for file, source in sources for number in range(len(_sites(ast.parse(source))))]
+    """Return ``count`` mutations of ``sources`` (file, source), a random sample by ``seed`` of all
+    that are possible."""
+    places = [(file, source, number) for file, source in sources
+              for number in range(len(_sites(ast.parse(source))))]
     drawn = random.Random(seed).sample(places, min(count, len(places)))
     return [_mutation(file, source, number) for file, source, number in sorted(drawn)]
-
-
-def statements(source: str) -> Set[Tuple[str, str]]:
-    """Return (scope, code) of every statement of ``source`` that can be broken."""
-    return {(scope, _code(statement)) for scope, statement, _ in _sites(ast.parse(source))}
 
 
 def _mutation(file: str, source: str, number: int) -> Mutation:
@@ -145,7 +151,8 @@ def _code(statement: ast.stmt) -> str:
 
 
 def _sites(module: ast.Module) -> List[Tuple[str, ast.stmt, ast.AST]]:
-    """Return (scope, statement, node) of everything that can be broken, in the order of the source."""
+    """Return (scope, statement, node) of everything that can be broken, in the order of the source.
+    """
     found: List[Tuple[str, ast.stmt, ast.AST]] = []
 
     def visit(node: ast.AST, scope: str, statement: ast.stmt) -> None:
@@ -153,7 +160,8 @@ def _sites(module: ast.Module) -> List[Tuple[str, ast.stmt, ast.AST]]:
             if field in ("annotation", "returns", "decorator_list", "bases", "type_comment"):
                 continue
             for child in value if isinstance(value, list) else [value]:
-                if not isinstance(child, ast.AST) or isinstance(child, (ast.Import, ast.ImportFrom)):
+                if not isinstance(child, ast.AST) or isinstance(child,
+                                                                (ast.Import, ast.ImportFrom)):
                     continue
                 inner, at = scope, child if isinstance(child, ast.stmt) else statement
                 if isinstance(child, (ast.FunctionDef, ast.ClassDef)):
@@ -185,7 +193,8 @@ def _is_not(node: ast.AST) -> bool:
 
 
 def _break(node: ast.AST, source: bytes) -> Tuple[int, int, str]:
-    """Change ``node`` in place. Return the bytes of the source to replace (start, end), and by which code."""
+    """Change ``node`` in place. Return the bytes of the source to replace (start, end), and by
+    which code."""
     changed: ast.AST = node
     if isinstance(node, (ast.If, ast.IfExp)):
         changed = node.test

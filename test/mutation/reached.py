@@ -1,6 +1,8 @@
-"""Which tests run which line: a plugin of pytest that notes it once on the unbroken code, and what reads its notes.
+"""Which tests run which line: a plugin of pytest that notes it once on the unbroken code, and what
+reads its notes.
 
-As a plugin it also ends a run in which a test hangs or swallows the memory, as broken code makes it.
+As a plugin it also ends a run in which a test hangs or swallows the memory, as broken code makes
+it.
 """
 import ast
 import glob
@@ -27,8 +29,10 @@ source =
 
 
 def pytest_configure(config):
-    """Limit the memory, and measure if the environment says so; coverage itself does so in the tests' children."""
-    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_LIMIT, resource.getrlimit(resource.RLIMIT_DATA)[1]))
+    """Limit the memory, and measure if the environment says so; coverage itself does so in the
+    tests' children."""
+    resource.setrlimit(resource.RLIMIT_DATA,
+                       (MEMORY_LIMIT, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     coverage.process_startup()
 
 
@@ -45,7 +49,8 @@ def pytest_unconfigure(config):
     """Write how long each test took, if this run measures."""
     settings = os.environ.get("COVERAGE_PROCESS_START")
     if settings:
-        with open(os.path.join(os.path.dirname(settings), "notes", "seconds.json"), "w", encoding="utf-8") as file:
+        with open(os.path.join(os.path.dirname(settings), "notes", "seconds.json"), "w",
+                  encoding="utf-8") as file:
             json.dump(seconds, file)
 
 
@@ -62,7 +67,8 @@ class Reached:
 
     def __init__(self, places: List[str]):
         self._tests: Dict[Tuple[str, int], Set[str]] = {}  # by file and line
-        self._at_import: Set[Tuple[str, int]] = set()  # lines that run before the first test, also in functions
+        # lines that run before the first test, also in functions
+        self._at_import: Set[Tuple[str, int]] = set()
         self._reach: Dict[str, int] = {}  # how many lines a test runs
         self._inside: Dict[str, Set[int]] = {}
         self._seconds: Dict[str, float] = {}
@@ -91,14 +97,20 @@ class Reached:
     def tests(self, file: str, line: int) -> List[str]:
         """Return the tests that run the line, first those that run few lines in a short time.
 
-        What an import runs matters to all tests of the module's functions; to all tests if it has none.
+        What an import runs matters to all tests in the files that run the module's functions; to
+        all if it has none.
         """
         inside = self._inside.get(file, set())
         found = self._tests.get((file, line), set())
         if line not in inside or (file, line) in self._at_import:
             users = {test for number in inside for test in self._tests.get((file, number), ())}
-            found = found | users if users else set(self._reach)
-        return sorted(found, key=lambda test: (self._reach[test] * (OVERHEAD + self._seconds.get(test, 0.0)), test))
+            files = {test.split("::")[0] for test in users}
+            found = found | {
+                test for test in self._seconds if not files or test.split("::")[0] in files
+            }
+        return sorted(
+            found, key=lambda test: (self._reach.get(test, 0) *
+                                     (OVERHEAD + self._seconds.get(test, 0.0)), test))
 
 
 def _inside_functions(path: str) -> Set[int]:
@@ -111,5 +123,6 @@ def _inside_functions(path: str) -> Set[int]:
 
 
 def _test(context: str) -> str:
-    """Return the test of a context, which may be that of a child: ``file::test[parameters] (call)``."""
+    """Return the test of a context, which may be that of a child: ``file::test[parameters]
+    (call)``."""
     return context.split("[")[0].split(" ")[0]

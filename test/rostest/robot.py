@@ -1,6 +1,10 @@
-"""Help for the tests: the stub robot and the node itself, each in its own process, to command and wait for."""
+"""Help for the tests: the commanded robot and the node itself, each in its own process, to command
+and wait for."""
+import contextlib
 import json
 import os
+import random
+import re
 import shutil
 import signal
 import socket
@@ -11,8 +15,32 @@ import time
 
 import rosgraph
 
-STUBS = {"/stub_robot", "/peer"}
+from behavior_controller.execution.events import RunStarted, Sources
+from behavior_controller.monitoring.story import Story
+from behavior_controller.text import Source
+from unit_tests.robot.world import building_file
+
+STAND_INS = {"/commanded_robot", "/peer"}
+MASTER_IS_GONE = ("master", "does not answer")
+"""Words of the line about a master that is not heard of any more."""
 HERE = os.path.dirname(os.path.abspath(__file__))
+
+
+def sentence(event):
+    """Return what the story tells of an event; the node's line about it holds that."""
+    told, = Story().take(0.0, event)
+    return told.text
+
+
+def mission_starts(name="NAME"):
+    """Return words of the line that tells that a mission, or the one of that name, has started."""
+    sources = Sources((), Source("", ""), Source("", ""), "")
+    before_count = re.split(r"\d", sentence(RunStarted(name + ".xml", [], {}, sources)))[0]
+    return before_count.partition("NAME")[2] or before_count
+
+
+BUSY = 4
+"""How many times as long as on a quiet machine a wait for a line may take."""
 
 
 class Lines:
@@ -37,16 +65,23 @@ class Lines:
             self._news.notify_all()
 
     def wait_for(self, wanted, seconds, start=0):
-        """Return (time, line) of the first line from number ``start`` on that is ``wanted``; fails if none comes."""
+        """Return (time, line) of the first line from number ``start`` on that is ``wanted``; fails
+        if none comes.
+
+        ``seconds`` are those of a quiet machine; what a test says about time it measures itself.
+        """
         with self._news:
             found = self._news.wait_for(
-                lambda: next((pair for pair in self.all[start:] if wanted(pair[1])), None) or self.ended, seconds)
+                lambda: next((pair for pair in self.all[start:]
+                              if wanted(pair[1])), None) or self.ended, BUSY * seconds)
             if isinstance(found, tuple):
                 return found
-        raise AssertionError("the wanted line did not come in {} s, only:\n{}".format(seconds, self.text()))
+        raise AssertionError("the wanted line did not come in {} s, only:\n{}".format(
+            BUSY * seconds, self.text()))
 
     def wait_for_more(self, seen, seconds):
-        """Return the lines from number ``seen`` on and whether the stream has ended, once there is news of either."""
+        """Return the lines from number ``seen`` on and whether the stream has ended, once there is
+        news of either."""
         with self._news:
             self._news.wait_for(lambda: len(self.all) > seen or self.ended, seconds)
             return self.all[seen:], self.ended
@@ -54,7 +89,8 @@ class Lines:
     def wait_for_end(self, seconds):
         """Return when the stream has ended."""
         with self._news:
-            assert self._news.wait_for(lambda: self.ended, seconds), "the stream did not end in time"
+            assert self._news.wait_for(lambda: self.ended,
+                                       seconds), "the stream did not end in time"
 
     def text(self):
         """Return all lines so far."""
@@ -62,13 +98,15 @@ class Lines:
 
 
 class Robot:
-    """The stub robot; ``modes`` as in ``stub_robot.py``, by name of the service or topic."""
+    """The commanded robot; ``modes`` as in ``commanded_robot.py``, by name of the service or topic.
+    """
 
     def __init__(self, modes=None, **environment):
         arguments = ["{}={}".format(name, mode) for name, mode in (modes or {}).items()]
-        self.process = subprocess.Popen([sys.executable, os.path.join(HERE, "stub_robot.py")] + arguments,
-                                        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                                        universal_newlines=True, bufsize=1, env=dict(os.environ, **environment))
+        self.process = subprocess.Popen(
+            [sys.executable, os.path.join(HERE, "commanded_robot.py")] + arguments,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            universal_newlines=True, bufsize=1, env=dict(os.environ, **environment))
         self.lines = Lines(self.process.stdout)
         self.lines.wait_for(lambda line: "ready" in line, 20)
 
@@ -77,7 +115,8 @@ class Robot:
         self._order(name=name, mode=mode)
 
     def publish(self, topic, *values, **more):
-        """Publish a message of these field values, once, or from now on ``hertz`` times per second."""
+        """Publish these field values, or what its visitor causes: once, or from now on ``hertz``
+        times per second."""
         self._order(topic=topic, values=list(values), hertz=more.get("hertz", 0))
 
     def say(self, text):
@@ -89,15 +128,18 @@ class Robot:
         self.process.stdin.flush()
 
     def requests(self, service=""):
-        """Return the requests so far, of ``service`` or of all, each a dict of service, fields and time (monotonic)."""
+        """Return the requests so far, of ``service`` or of all, each a dict of service, fields and
+        time (monotonic)."""
         events = [json.loads(line) for _, line in self.lines.all if '"service"' in line]
         return [event for event in events if service in ("", event["service"])]
 
     def wait_for_request(self, service, seconds, start=0, **fields):
-        """Return the first request to ``service`` with these field values, from line number ``start`` on."""
+        """Return the first request to ``service`` with these field values, from line number
+        ``start`` on."""
         def is_wanted(line):
             event = json.loads(line) if '"service"' in line else {}
-            return event.get("service") == service and all(event["fields"][key] == fields[key] for key in fields)
+            return event.get("service") == service and all(event["fields"][key] == fields[key]
+                                                           for key in fields)
 
         return json.loads(self.lines.wait_for(is_wanted, seconds, start)[1])
 
@@ -120,6 +162,13 @@ class Robot:
         self.process.wait(10)
         for stream in (self.process.stdin, self.process.stdout):
             stream.close()
+
+
+def places():
+    """Return the places that the robot knows, as their file has them; the exhibits of a tour are
+    the first two."""
+    with open(building_file(), encoding="utf-8") as file:
+        return json.load(file)
 
 
 def start_master():
@@ -146,40 +195,45 @@ def run_master(port):
 
 
 def forget_dead_entries():
-    """Have the master forget what killed stubs left behind."""
+    """Have the master forget what killed robots left behind."""
     publishers, _, services = rosgraph.Master("/test").getSystemState()
     for service, nodes in services:
-        if nodes[0] in STUBS:
+        if nodes[0] in STAND_INS:
             master = rosgraph.Master(nodes[0])
             master.unregisterService(service, master.lookupService(service))
     for topic, nodes in publishers:
-        for node in STUBS.intersection(nodes):
+        for node in STAND_INS.intersection(nodes):
             master = rosgraph.Master(node)
             master.unregisterPublisher(topic, master.lookupNode(node))
 
 
 def free_ports():
-    """Return a port for Groot2, which takes the next one too, and one for the page."""
+    """Return a port for Groot2, which takes the next one too, and one for the page.
+
+    They are below those that Linux gives to connections: none of the many that ROS makes takes one
+    meanwhile.
+    """
     while True:
-        with socket.socket() as first, socket.socket() as second, socket.socket() as third:
-            first.bind(("127.0.0.1", 0))
-            third.bind(("127.0.0.1", 0))
-            port = first.getsockname()[1]
-            try:
-                second.bind(("127.0.0.1", port + 1))
-                return port, third.getsockname()[1]
-            except (OSError, OverflowError):
-                continue
+        port = random.randrange(10000, 30000)
+        try:
+            with contextlib.ExitStack() as held:
+                for number in range(3):
+                    held.enter_context(socket.socket()).bind(("127.0.0.1", port + number))
+            return port, port + 2
+        except OSError:
+            continue
 
 
 class Package:
-    """A copy of the package in ``folder``, whose configuration, missions and code a test may spoil."""
+    """A copy of the package in ``folder``, whose configuration, missions and code a test may spoil.
+    """
 
     def __init__(self, folder):
         self.folder = folder
         root = os.path.dirname(os.path.dirname(HERE))
         for name in ("src/behavior_controller", "config", "data"):
-            shutil.copytree(os.path.join(root, name), self.path(name), ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(os.path.join(root, name), self.path(name),
+                            ignore=shutil.ignore_patterns("__pycache__"))
 
     def path(self, name):
         """Return the path of a file or folder of the package."""
@@ -191,7 +245,8 @@ class Package:
             file.write(text)
 
     def configure(self, **values):
-        """Write the configuration: the required keys with working values, and ``values``; no monitoring by default."""
+        """Write the configuration: the required keys with working values, and ``values``; no
+        monitoring by default."""
         keys = dict(scenarioSpecification="lab_tour", verboseMode="false", asrEnabled="true")
         keys.update(values)
         for key, off in (("groot2Port", 0), ("monitorPort", 0), ("recordDirectory", "none")):
@@ -208,9 +263,10 @@ class Controller:
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **environment)
         self.started = time.monotonic()
         self.process = subprocess.Popen(
-            [sys.executable, package.path("src/behavior_controller/behaviorController")] + list(arguments),
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
-            env=environment)
+            [sys.executable,
+             package.path("src/behavior_controller/behaviorController")] + list(arguments),
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            universal_newlines=True, env=environment)
         self.lines = Lines(self.process.stdout)
 
     def wait(self, seconds):
@@ -219,7 +275,8 @@ class Controller:
             code = self.process.wait(seconds)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            raise AssertionError("the node did not end in {} s:\n{}".format(seconds, self.lines.text()))
+            raise AssertionError("the node did not end in {} s:\n{}".format(
+                seconds, self.lines.text()))
         self.lines.wait_for_end(10)
         return code
 

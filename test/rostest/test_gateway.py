@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Does the gateway distinguish every cause of failure, end each call in time, and free the resources of a hung call?"""
+"""Does the gateway distinguish every cause of failure, end each call in time, and free the
+resources of a hung call?"""
 import dataclasses
 import os
 import socket
@@ -14,26 +15,29 @@ import rospy
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Robot, forget_dead_entries  # noqa: E402
+from robot import Robot, forget_dead_entries, places  # noqa: E402
 
 from behavior_controller.bt.engine.clock import Clock  # noqa: E402
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
-from behavior_controller.gateway import Cause  # noqa: E402
-from behavior_controller.interface import Success  # noqa: E402
-from behavior_controller.interface.document import INTERFACE  # noqa: E402
-from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point,  # noqa: E402
-                                                   Prompt, QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.robot.gateway import Cause  # noqa: E402
+from behavior_controller.robot.declarations import Success  # noqa: E402
+from behavior_controller.robot.d543 import INTERFACE  # noqa: E402
+from behavior_controller.robot.requests import (
+    Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Say,
+    SetAnimation, SetAttention)
 from behavior_controller.ros import types  # noqa: E402
-from behavior_controller.ros.services import RosGateway  # noqa: E402
+from behavior_controller.ros.service_client import RosGateway  # noqa: E402
 
 SAY = "/textToSpeech/say_text"
-ONE_OF_EACH = (SetAnimation("enabled"), PerformGesture("deictic", 2, 1500, Point(1.5, 2.5, 3.5), 10),
-               QueryKnowledge("exhibits"), SetAttention("location", Point(4.5, 5.5, 6.5)),
-               GoTo(Location(1.25, 2.5, 90.0)), Prompt(("Yes", "No")), Say("hello"))
+ONE_OF_EACH = (SetAnimation("enabled"), PerformGesture("deictic", 2, 1500, Point(1.5, 2.5, 3.5),
+                                                       10), QueryKnowledge("exhibits"),
+               SetAttention("location", Point(4.5, 5.5, 6.5)), GoTo(Location(1.25, 2.5, 90.0)),
+               Prompt(("Yes", "No")), Say("hello"))
 
 
 class Peer:
-    """A service server that only does what ``talk(socket)`` does; the master lists it under ``name``."""
+    """A service server that only does what ``talk(socket)`` does; the master lists it under
+    ``name``."""
 
     def __init__(self, name, talk, backlog=16):
         self.listener = socket.socket()
@@ -71,7 +75,8 @@ def shake_hands(connection, error=None):
 def read_block(connection):
     """Read a length and that many bytes; None at the end of the stream."""
     head = connection.recv(4, socket.MSG_WAITALL)
-    return connection.recv(struct.unpack("<I", head)[0], socket.MSG_WAITALL) if len(head) == 4 else None
+    return connection.recv(struct.unpack("<I", head)[0],
+                           socket.MSG_WAITALL) if len(head) == 4 else None
 
 
 def read_until_end(connection):
@@ -88,7 +93,8 @@ class TestGateway(unittest.TestCase):
         self.deadline = 20.0
         self.clock = Clock()
         self.wake = WakeUp()
-        self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock, self.wake.emit)
+        self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock,
+                                  self.wake.emit)
 
     def tearDown(self):
         self.gateway.close()
@@ -96,7 +102,7 @@ class TestGateway(unittest.TestCase):
         forget_dead_entries()
 
     def robot(self, modes=None):
-        """Start a stub robot for this case."""
+        """Start a robot for this case."""
         robot = Robot(modes)
         self.addCleanup(robot.stop)
         return robot
@@ -106,7 +112,8 @@ class TestGateway(unittest.TestCase):
         started = time.monotonic()
         while call.result is None and time.monotonic() - started < seconds:
             due = self.clock.next_due()
-            self.wake.wait(max(0.0, min(seconds, due - self.clock.now() if due is not None else seconds)))
+            self.wake.wait(
+                max(0.0, min(seconds, due - self.clock.now() if due is not None else seconds)))
             self.wake.test_and_clear()
             self.clock.run_due()
         self.assertIsNotNone(call.result, "no result in {} s".format(seconds))
@@ -117,15 +124,17 @@ class TestGateway(unittest.TestCase):
         return self.finish(self.gateway.start(request), seconds)[0]
 
     def assert_fails(self, request, cause, *words):
-        """Send ``request``, which must fail for ``cause``, with ``words`` in its one-line message."""
+        """Send ``request``, which must fail for ``cause``, with ``words`` in its one-line message.
+        """
         failure = self.ask(request)
         self.assertEqual(getattr(failure, "cause", failure), cause)
         for word in words:
             self.assertIn(word, failure.message)
         self.assertNotIn("\n", failure.message)
-        self.assertEqual(failure.resource, rospy.resolve_name(INTERFACE.service(type(request)).name))
+        self.assertEqual(failure.resource,
+                         rospy.resolve_name(INTERFACE.service(type(request)).name))
 
-    # ------------------------------------------------------------------------------------------------ answers
+    # -------------------------------------------------------------------------------------- answers
 
     def test_each_request_arrives_as_the_contract_writes_it_and_is_answered(self):
         robot = self.robot()
@@ -133,18 +142,20 @@ class TestGateway(unittest.TestCase):
         self.assertEqual([type(result) for result in results], [Answer] * 7)
         robot.wait_for_request(SAY, 10.0)  # what the robot was asked is read by a thread
         self.assertEqual(results[5].response, "Yes")
-        self.assertEqual(results[2].exhibits, (
-            Exhibit("pepper", "pepper one", "pepper two", Location(1.0, 2.0, 90.0), Point(1.0, 2.0, 3.0)),
-            Exhibit("arm", "arm one", "arm two", Location(1.0, 2.0, 90.0), Point(1.0, 2.0, 3.0))))
-        self.assertEqual([request["fields"] for request in robot.requests()], [
-            {"state": "enabled"},
-            {"gesture_type": "deictic", "gesture_id": 2, "gesture_duration": 1500, "bow_nod_angle": 10,
-             "location_x": 1.5, "location_y": 2.5, "location_z": 3.5},
-            {"parameters": "exhibits"},
-            {"state": "location", "location_x": 4.5, "location_y": 5.5, "location_z": 6.5},
-            {"goal_x": 1.25, "goal_y": 2.5, "goal_theta": 90.0},
-            {"message": "Yes|No"},
-            {"message": "hello"}])
+        self.assertEqual(
+            results[2].exhibits,
+            tuple(
+                Exhibit(place["name"], place["description1"], place["description2"],
+                        Location(*place["location"]), Point(*place["gesture"]))
+                for place in places()["exhibits"][:2]))
+        self.assertEqual(
+            [request["fields"] for request in robot.requests()], [{"state": "enabled"}, {
+                "gesture_type": "deictic", "gesture_id": 2, "gesture_duration": 1500,
+                "bow_nod_angle": 10, "location_x": 1.5, "location_y": 2.5, "location_z": 3.5
+            }, {"parameters": "exhibits"}, {
+                "state": "location", "location_x": 4.5, "location_y": 5.5, "location_z": 6.5
+            }, {"goal_x": 1.25, "goal_y": 2.5, "goal_theta": 90.0}, {"message": "Yes|No"},
+                                                                  {"message": "hello"}])
 
     def test_an_answer_wakes_and_is_handed_over_on_the_tick_thread(self):
         self.robot()
@@ -177,25 +188,27 @@ class TestGateway(unittest.TestCase):
         self.assert_fails(QueryKnowledge("home"), Cause.UNUSABLE_ANSWER, "nan")
         self.assert_fails(GoTo(Location(0.0, 0.0, 0.0)), Cause.UNUSABLE_ANSWER, "7")
 
-    # ------------------------------------------------------------------------------------------------ causes
+    # --------------------------------------------------------------------------------------- causes
 
     def test_an_exception_in_the_server(self):
         self.robot({"/textToSpeech/say_text": "raise"})
-        self.assert_fails(Say("hello"), Cause.HANDLER_EXCEPTION, "the stub was told to raise")
+        self.assert_fails(Say("hello"), Cause.HANDLER_EXCEPTION, "the robot was commanded to raise")
 
     def test_not_advertised(self):
         self.assert_fails(Say("hello"), Cause.NOT_ADVERTISED)
 
     def test_an_entry_whose_node_is_dead(self):
         self.robot().kill()
-        self.assert_fails(Say("hello"), Cause.NOT_REACHABLE, "the master lists it", "Connection refused")
+        self.assert_fails(Say("hello"), Cause.NOT_REACHABLE, "the master lists it",
+                          "Connection refused")
 
     def test_another_type(self):
         self.robot({"/textToSpeech/say_text": "wrong"})
         self.assert_fails(Say("hello"), Cause.TYPE_MISMATCH, "md5sum")
 
     def test_a_server_that_words_a_mismatch_as_roscpp_does(self):
-        error = "client wants service /textToSpeech/say_text to have md5sum 1, but it has 2. Dropping connection."
+        error = ("client wants service /textToSpeech/say_text to have md5sum 1, but it has 2. "
+                 "Dropping connection.")
         peer = Peer(SAY, lambda connection: shake_hands(connection, error))
         self.addCleanup(peer.close)
         self.assert_fails(Say("hello"), Cause.TYPE_MISMATCH, "md5sum 1")
@@ -250,11 +263,12 @@ class TestGateway(unittest.TestCase):
         self.robot()
         self.assert_fails(PerformGesture("iconic", 256, 3000), Cause.TYPE_MISMATCH, "gesture_id")
 
-    # ------------------------------------------------------------------------------------------------ time
+    # ----------------------------------------------------------------------------------------- time
 
     def assert_at_the_deadline(self, seconds):
         self.assertGreater(seconds, 0.45)
-        self.assertLess(seconds, 1.5)  # any other limit of the gateway is longer, on a machine that stands still too
+        # any other limit of the gateway is longer, on a machine that stands still too
+        self.assertLess(seconds, 1.5)
 
     def test_a_call_that_hangs_ends_at_its_deadline_and_blocks_no_other(self):
         robot = self.robot({"/textToSpeech/say_text": "hang"})
@@ -265,7 +279,8 @@ class TestGateway(unittest.TestCase):
         robot.set_mode(SAY, "done")
         self.assertIsInstance(self.ask(Say("second")), Answer)
         robot.wait_for_request(SAY, 5, message="second")
-        self.assertEqual([request["fields"]["message"] for request in robot.requests(SAY)], ["first", "second"])
+        self.assertEqual([request["fields"]["message"] for request in robot.requests(SAY)],
+                         ["first", "second"])
 
     def test_a_server_that_never_shakes_hands(self):
         peer = Peer(SAY, read_until_end)
@@ -278,7 +293,8 @@ class TestGateway(unittest.TestCase):
         self.assert_at_rest(0, 0.3)
 
     def test_a_host_that_does_not_take_the_connection(self):
-        peer = Peer(SAY, None, backlog=0)  # a full queue of connections drops what comes, as a host that is away does
+        # a full queue of connections drops what comes, as a host that is away does
+        peer = Peer(SAY, None, backlog=0)
         fillers = [socket.socket() for _ in range(4)]
         for filler in fillers:
             filler.setblocking(False)
@@ -291,7 +307,8 @@ class TestGateway(unittest.TestCase):
         self.assert_at_the_deadline(seconds)
         self.assert_at_rest(0, 0.3)
         self.deadline = 20.0
-        result, seconds = self.finish(self.gateway.start(Say("hello")))  # the connection has its own limit
+        # the connection has its own limit
+        result, seconds = self.finish(self.gateway.start(Say("hello")))
         self.assertEqual(result.cause, Cause.NOT_REACHABLE)
         self.assertLess(seconds, 6.0)
 
@@ -337,7 +354,7 @@ class TestGateway(unittest.TestCase):
                 thread.join(max(0.0, ends - time.monotonic()))
         self.assertEqual(count(), threads)
 
-    # ------------------------------------------------------------------------------------------------ connections
+    # ---------------------------------------------------------------------------------- connections
 
     def test_two_calls_at_once_do_not_wait_for_each_other(self):
         robot = self.robot({"/textToSpeech/say_text": "hang"})
@@ -383,25 +400,33 @@ class TestGateway(unittest.TestCase):
         self.robot()
         self.addCleanup(remap)
         remap(SAY + ":=/elsewhere/say")
-        self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock, self.wake.emit)
+        self.gateway = RosGateway(INTERFACE, lambda service: self.deadline, self.clock,
+                                  self.wake.emit)
         failure = self.ask(Say("hello"))
-        self.assertEqual((failure.cause, failure.resource), (Cause.NOT_ADVERTISED, "/elsewhere/say"))
+        self.assertEqual((failure.cause, failure.resource),
+                         (Cause.NOT_ADVERTISED, "/elsewhere/say"))
 
     def test_a_declaration_without_its_type_or_its_outcome_is_told_by_name(self):
         declared = INTERFACE.service(Say)
-        for changed, told in (
-                ({"type": "cssr_system/songService"}, "the type cssr_system/songService of /textToSpeech/say_text is not "
-                 "built: the package cssr_system needs srv/songService.srv; build its workspace when that is there"),
-                ({"answer": lambda response: Answer(response=response.text)}, "the declaration of /textToSpeech/say_text "
-                 "reads a field that cssr_system/textService does not have: 'textServiceResponse' object has no attribute "
-                 "'text'"),
-                ({"success": Success("done", True, False)}, "the response of cssr_system/textService has no field done, "
-                 "which is to tell the outcome of /textToSpeech/say_text; it has: success, response")):
+        for changed, told in (({"type": "cssr_system/songService"},
+                               "the type cssr_system/songService of /textToSpeech/say_text is not "
+                               "built: the package cssr_system needs srv/songService.srv; build "
+                               "its workspace when that is there"),
+                              ({"answer": lambda response: Answer(response=response.text)},
+                               "the declaration of /textToSpeech/say_text reads a field that "
+                               "cssr_system/textService does not have: 'textServiceResponse' "
+                               "object has no attribute 'text'"),
+                              ({"success": Success("done", True, False)},
+                               "the response of cssr_system/textService has no field done, which "
+                               "is to tell the outcome of /textToSpeech/say_text; it has: success, "
+                               "response")):
             with self.assertRaises(ImportError) as raised:
                 types.found(dataclasses.replace(declared, **changed))
             self.assertEqual(str(raised.exception), told)
-        self.assertIs(types.found(dataclasses.replace(declared, answer=lambda response: response.response[0])),
-                      types.TYPES[declared])  # an answer need not be readable while it is empty
+        self.assertIs(
+            types.found(dataclasses.replace(declared,
+                                            answer=lambda response: response.response[0])),
+            types.TYPES[declared])  # an answer need not be readable while it is empty
 
 
 def remap(*arguments):

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Is each fault of the robot noticed within two seconds, reported once, and survived while the mission runs?"""
+"""Is each fault of the robot noticed within two seconds, reported once, and survived while the
+mission runs?"""
 import os
 import shutil
 import signal
@@ -13,11 +14,23 @@ import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries, run_master, start_master  # noqa: E402
+from behavior_controller.execution.events import Recovered  # noqa: E402
+from behavior_controller.robot.gateway import Cause, Failure  # noqa: E402
+from faulty_master import FaultyMaster  # noqa: E402
+from robot import (
+    MASTER_IS_GONE,
+    Controller,
+    Package,
+    Robot,
+    forget_dead_entries,
+    mission_starts,
+    run_master,
+    sentence,  # noqa: E402
+    start_master)
 
-SAY, DRIVE, KNOWLEDGE = "/textToSpeech/say_text", "/robotNavigation/set_goal", "/knowledgeBase/query"
+SAY, DRIVE, KNOWLEDGE = ("/textToSpeech/say_text", "/robotNavigation/"
+                                                   "set_goal", "/knowledgeBase/query")
 FACES, ATTENTION, SPEECH = "/faceDetection/data", "/overtAttention/mode", "/speechEvent/text"
-A_FACE = (["1"], [[0.0, 0.0, 1.0]], [True])
 LIMIT = 2.0
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
   <BehaviorTree ID="M"><Sequence><START_OF_TREE/>{}</Sequence></BehaviorTree>
@@ -47,16 +60,18 @@ class TestMonitor(unittest.TestCase):
         self.package.configure(scenarioSpecification="m", startupCheck="all", **keys)
         controller = Controller(self.package, **(environment or {}))
         self.addCleanup(controller.close)
-        controller.lines.wait_for(lambda line: " starts, " in line, 20)
+        controller.lines.wait_for(lambda line: mission_starts() in line, 20)
         return controller
 
     def assert_told_once(self, controller, *words):
-        """Expect one line with all of ``words``."""
-        lines = [line for _, line in controller.lines.all if all(word in line for word in words)]
+        """Expect one line with all of ``words``, apart from those of the robot as a whole."""
+        lines = [line for _, line in controller.lines.all
+                 if "robot: " not in line and all(word in line for word in words)]
         self.assertEqual(len(lines), 1, "\n".join(lines) or controller.lines.text())
 
     def wait_for(self, controller, since, *words, **more):
-        """Wait for a line with all of ``words`` and expect it within the limit; return how long it took."""
+        """Wait for a line with all of ``words`` and expect it within the limit; return how long it
+        took."""
         came, _ = controller.lines.wait_for(lambda line: all(word in line for word in words), 15)
         self.assertLess(came - since, more.get("limit", LIMIT), words)
         return came - since
@@ -87,53 +102,62 @@ class TestMonitor(unittest.TestCase):
         time.sleep(1.0)  # the rate of the topic is known after some messages
         robot.publish(FACES, [], [], [])
         silent = time.monotonic()
-        print("silence told after {:.2f} s".format(self.wait_for(controller, silent, FACES, "silent")))
+        print("silence told after {:.2f} s".format(
+            self.wait_for(controller, silent, FACES, "silent")))
         self.assert_told_once(controller, FACES, "silent", "visitors are not noticed")
         robot.publish(FACES, [], [], [], hertz=20)
         self.wait_for(controller, time.monotonic(), FACES, ": heard again")
 
     def test_a_slow_service(self):
         robot = self.robot({SAY: "hang"})
-        controller = self.start("<WelcomeSpeech/><Sleep msec=\"600000\"/>", textToSpeechDeadline="3")
+        controller = self.start("<WelcomeSpeech/><Sleep msec=\"600000\"/>",
+                                textToSpeechDeadline="3")
         asked = robot.wait_for_request(SAY, 5)["time"]
-        took = self.wait_for(controller, asked, SAY, "slow")
-        self.assertGreater(took, 1.4)  # half of its deadline
+        # on a busy machine the request itself may arrive late
+        self.wait_for(controller, asked, SAY, "slow")
         robot.set_mode(SAY, "done")
-        self.assert_told_once(controller, SAY, "slow: no answer for 1.5 s", "given up after 3 s")
+        self.assert_told_once(controller, SAY, "slow", " 1.5 s", " 3 s")
 
     def test_calls_that_fail_in_a_row(self):
         self.robot({SAY: "refuse"})
-        controller = self.start("<Repeat num_cycles=\"-1\"><ForceSuccess><Sequence><Sleep msec=\"20\"/>"
-                                "<WelcomeSpeech/></Sequence></ForceSuccess></Repeat>")
-        controller.lines.wait_for(lambda line: SAY in line and "failing: 3 calls in a row" in line, 10)
+        controller = self.start(
+            "<Repeat num_cycles=\"-1\"><ForceSuccess><Sequence><Sleep msec=\"20\"/>"
+            "<WelcomeSpeech/></Sequence></ForceSuccess></Repeat>")
+        controller.lines.wait_for(lambda line: SAY in line and "failing: 3 calls in a row" in line,
+                                  10)
         time.sleep(0.5)
         self.assert_told_once(controller, SAY, "failing")
 
     def test_a_navigation_that_is_started_again_saves_the_tour(self):
         robot = self.robot({DRIVE: "exit"})
-        controller = self.start("<LookUpHome/><Fallback><Navigate/><HandleFallBack/></Fallback>", missionRuns="1")
+        controller = self.start("<LookUpHome/><Fallback><Navigate/><HandleFallBack/></Fallback>",
+                                missionRuns="1")
         robot.wait_for_request(DRIVE, 10)
         controller.lines.wait_for(lambda line: DRIVE in line and "gone" in line, 5)
         forget_dead_entries()
         time.sleep(4.0)  # longer than all back-offs of the policy together
         self.robot()
         self.assertEqual(controller.wait(10), 0)
-        self.assertIn("Navigate is done at the 2nd try", controller.lines.text())
+        done = Recovered("Navigate", "-", Failure(Cause.NOT_REACHABLE, "", DRIVE), "-", 1, True,
+                         "done", "", 1)
+        self.assertIn(sentence(done), controller.lines.text())
 
     def test_the_mission_goes_on_without_a_master(self):
         port = "11" + str(500 + os.getpid() % 400)
         environment = {"ROS_MASTER_URI": "http://localhost:" + port}
-        roscore = subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        roscore = subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL)
         self.addCleanup(roscore.wait)
         self.addCleanup(roscore.terminate)
         robot = self.robot(**environment)
-        controller = self.start("<Repeat num_cycles=\"-1\"><Sequence>{}<LookUpHome/><Navigate/></Sequence>"
-                                "</Repeat>".format(TALKING), environment)
+        controller = self.start(
+            "<Repeat num_cycles=\"-1\"><Sequence>{}<LookUpHome/><Navigate/></Sequence>"
+            "</Repeat>".format(TALKING), environment)
         robot.wait_for_request(SAY, 20)
         roscore.terminate()
         roscore.wait(20)
         died = time.monotonic()
-        self.wait_for(controller, died, "master", "does not answer")
+        self.wait_for(controller, died, *MASTER_IS_GONE)
         start = len(robot.lines.all)
         for _ in range(10):  # further calls of each service, one after the other
             for service in (SAY, KNOWLEDGE, DRIVE):
@@ -159,13 +183,14 @@ class TestMonitor(unittest.TestCase):
         self.addCleanup(master.send_signal, signal.SIGCONT)
         time.sleep(0.7)  # the master is checked
         master.send_signal(signal.SIGSTOP)
-        time.sleep(2.6)  # the first question is given up after 1.5 to 2 s, the second after 3.5 s at the earliest
+        # the first question is given up after 1.5 to 2 s, the second after 3.5 s at the earliest
+        time.sleep(2.6)
         master.send_signal(signal.SIGCONT)
         time.sleep(1.5)
-        self.assertNotIn("does not answer", controller.lines.text())
+        self.assertNotIn(MASTER_IS_GONE[1], controller.lines.text())
         master.send_signal(signal.SIGSTOP)
         frozen = time.monotonic()
-        self.wait_for(controller, frozen, "master", "does not answer", limit=5.0)
+        self.wait_for(controller, frozen, *MASTER_IS_GONE, limit=5.0)
 
     def test_a_new_master_is_told_and_the_robots_nodes_are_used_where_they_are(self):
         master = self.own_master()
@@ -175,25 +200,111 @@ class TestMonitor(unittest.TestCase):
         end(master)
         replaced = time.monotonic()
         self.addCleanup(end, run_master(os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]))
-        self.wait_for(controller, replaced, "master", "a new one", "textToSpeech", "start them again", limit=10.0)
+        self.wait_for(controller, replaced, "master", "a new one", "textToSpeech",
+                      "start them again", limit=10.0)
         self.assertNotIn("answers again", controller.lines.text())
         subscribers = dict(rosgraph.Master("/test").getSystemState()[1])
         self.assertIn("/behaviorController", subscribers.get(FACES, []))
-        robot.publish(FACES, *A_FACE, hertz=20)  # the mission calls its services only now, which this master never knew
+        # the mission calls its services only now, which this master never knew
+        robot.publish(FACES, hertz=20)
         self.assertEqual(controller.wait(10), 0, controller.lines.text())
         robot.wait_for_request(DRIVE, 0)
         self.assertNotIn("FAILURE", controller.lines.text())
 
-    # ---------------------------------------------------------------------------------------------------------- SIGHUP
+    def faulty_master(self):
+        """Return a master that stands between the node and the real one, and the environment that
+        names it."""
+        master = FaultyMaster(os.environ["ROS_MASTER_URI"])
+        return master, {"ROS_MASTER_URI": master.uri}
+
+    def test_garbage_of_the_master_ends_no_monitoring(self):
+        master, environment = self.faulty_master()
+        robot = self.robot()
+        controller = self.start(WAITING, environment)
+        time.sleep(0.7)  # the connections that are watched stand
+        master.is_garbled = True
+        garbled = time.monotonic()
+        self.wait_for(controller, garbled, "master", "does not answer as ROS does", limit=5.0)
+        robot.kill()
+        killed = time.monotonic()
+        for name in (SAY, DRIVE, KNOWLEDGE, FACES, ATTENTION, SPEECH):
+            self.wait_for(controller, killed, name, "gone")
+        forget_dead_entries()
+        self.robot()
+        time.sleep(max(0.0, garbled + 6.0 - time.monotonic()))
+        self.assertNotIn("Traceback", controller.lines.text())
+        master.is_garbled = False
+        sane = time.monotonic()
+        self.wait_for(controller, sane, "master", "answers again")
+        for name in (SAY, DRIVE, KNOWLEDGE, FACES, ATTENTION, SPEECH):
+            self.wait_for(controller, sane, name, "available again", limit=5.0)
+        self.assertEqual(controller.stop()[0], 0)
+        self.assertNotIn("internal error", controller.lines.text())
+
+    def test_an_answer_that_does_not_count_is_told_with_the_reason(self):
+        robot = self.robot({SAY: "hang"})
+        robot.publish(FACES, [], [], [], hertz=20)
+        controller = self.start(WAITING + "<QueryTourSpeech/><IsYesNoUttered/>")
+        time.sleep(0.7)  # the publisher knows its subscriber
+        for _ in range(2):
+            robot.publish(SPEECH, "yes")
+        controller.lines.wait_for(lambda line: SPEECH in line and "nothing was asked" in line, 5)
+        operator = subprocess.Popen(
+            ["rostopic", "pub", "-1", SPEECH, "std_msgs/String", "data: 'yes'"],
+            stdout=subprocess.DEVNULL)
+        self.addCleanup(operator.wait)
+        controller.lines.wait_for(lambda line: SPEECH in line and "latched" in line, 15)
+        robot.publish(FACES, hertz=20)
+        robot.wait_for_request(SAY, 5)
+        robot.publish(SPEECH, "yes")
+        controller.lines.wait_for(lambda line: "before the question" in line, 5)
+        self.assert_told_once(controller, SPEECH, "nothing was asked")
+        self.assertNotIn("SUCCESS", controller.lines.text())
+
+    def test_parameters_of_wrong_types_end_nothing(self):
+        names = ("/use_sim_time", "/tcp_keepalive", "/rosout_disable_topics_generation",
+                 "/enable_statistics", "/run_id")
+        master = rosgraph.Master("/test")
+        for value in ("perhaps", {"a": [1]}, -1.5):
+            for name in names:
+                master.setParam(name, value)
+                self.addCleanup(lambda name=name: master.hasParam(name) and master.deleteParam(name
+                                                                                               ))
+            robot = self.robot()
+            controller = self.start(TALKING + "<LookUpHome/><Navigate/>", missionRuns="1")
+            self.assertEqual(controller.wait(20), 0, controller.lines.text())
+            self.assertNotIn("rror", controller.lines.text())
+            robot.stop()
+
+    def test_a_slow_master_is_told_and_no_topic_is_gone_that_was_not_looked_for(self):
+        master, environment = self.faulty_master()
+        self.robot()
+        master.delay = 0.9
+        controller = self.start(WAITING, environment)
+        started = time.monotonic()
+        self.wait_for(controller, started, "master", "answers slowly", limit=12.0)
+        time.sleep(max(0.0, started + 8.0 - time.monotonic()))
+        self.assertNotIn("gone", controller.lines.text())
+        master.delay = 0.0
+        self.wait_for(controller, time.monotonic(), "master", "answers in time again", limit=3.0)
+        master.gap = 0.02
+        self.wait_for(controller, time.monotonic(), "master", "answers slowly",
+                      "the mission goes on", limit=6.0)
+        master.gap = 0.0
+        self.wait_for(controller, time.monotonic(), "master", "answers again", limit=5.0)
+        self.assertNotIn("gone", controller.lines.text())
+
+    # --------------------------------------------------------------------------------------- SIGHUP
 
     def test_a_mission_is_changed_between_two_visitors(self):
         robot = self.robot()
         controller = self.start(TALKING)
         robot.wait_for_request(SAY, 5)
-        self.package.write("data/other.xml", MISSION.format("<FollowMeSpeech/><Sleep msec=\"200\"/>"))
+        self.package.write("data/other.xml",
+                           MISSION.format("<FollowMeSpeech/><Sleep msec=\"200\"/>"))
         self.package.configure(scenarioSpecification="other", verboseMode="true")
         controller.process.send_signal(signal.SIGHUP)
-        controller.lines.wait_for(lambda line: "mission other starts" in line, 5)
+        controller.lines.wait_for(lambda line: mission_starts("other") in line, 5)
         controller.lines.wait_for(lambda line: "FollowMeSpeech" in line and "SUCCESS" in line, 5)
         self.assertEqual(controller.stop()[0], 0)
         self.assertEqual(controller.lines.text().count("reloaded:"), 1)
@@ -203,9 +314,10 @@ class TestMonitor(unittest.TestCase):
         controller = self.start(TALKING)
         self.package.write("data/m.xml", MISSION.format("<WelcomeSpech/><FollowMSpeech/>"))
         controller.process.send_signal(signal.SIGHUP)
-        controller.lines.wait_for(lambda line: "refused, the running mission stays: 2 mistakes" in line, 5)
+        controller.lines.wait_for(
+            lambda line: "refused, the running mission stays: 2 mistakes" in line, 5)
         self.assertIn("WelcomeSpech", controller.lines.text())
-        self.assertIn("did you mean", controller.lines.text())
+        self.assertIn(" WelcomeSpeech?", controller.lines.text())
         said = len(robot.requests(SAY))
         robot.lines.wait_for(lambda line: len(robot.requests(SAY)) > said + 2, 10)
         self.package.configure(scenarioSpecification="m", asrEnabled="perhaps")

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Runs the soak in its short form: each call of the lab tour meets one kind of fault, some meet two, some stop there."""
+"""Runs the soak in its short form: each call of the lab tour meets one kind of fault, some meet
+two, some stop there."""
 import os
 import sys
 import unittest
@@ -7,7 +8,8 @@ import unittest
 import rospy
 import rostest
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "soak"))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))),
+                                "soak"))
 import soak  # noqa: E402
 
 

@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""Does the node find every fault before anything moves, report all of them, and exit with the right code?"""
+"""Does the node find every fault before anything moves, report all of them, and exit with the right
+code?"""
 import datetime
 import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -16,16 +18,18 @@ import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import Controller, Package, Robot, forget_dead_entries, mission_starts  # noqa: E402
 
 SPEAKS = "<root BTCPP_format='4'><BehaviorTree ID='M'><WelcomeSpeech/></BehaviorTree></root>"
 SAY = "/textToSpeech/say_text"
 PARTS = {  # what the robot's nodes offer (contract, sections 2 and 3), by the name of the node
-    "/animateBehaviour/set_activation": "animateBehavior", "/gestureExecution/perform_gesture": "gestureExecution",
-    "/knowledgeBase/query": "knowledgeBase", "/overtAttention/set_mode": "overtAttention",
-    "/robotNavigation/set_goal": "robotNavigation", "/tabletEvent/prompt_and_get_response": "tabletEvent",
-    "/textToSpeech/say_text": "textToSpeech", "/faceDetection/data": "faceDetection",
-    "/overtAttention/mode": "overtAttention", "/speechEvent/text": "speechEvent"}
+    "/animateBehaviour/set_activation": "animateBehavior", "/gestureExecution/perform_gesture":
+        "gestureExecution", "/knowledgeBase/query": "knowledgeBase",
+    "/overtAttention/set_mode": "overtAttention", "/robotNavigation/set_goal": "robotNavigation",
+    "/tabletEvent/prompt_and_get_response": "tabletEvent", "/textToSpeech/say_text": "textToSpeech",
+    "/faceDetection/data": "faceDetection", "/overtAttention/mode": "overtAttention",
+    "/speechEvent/text": "speechEvent"
+}
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
   <BehaviorTree ID="M">
     <Sequence>
@@ -37,7 +41,7 @@ MISSION = """<root BTCPP_format="4" main_tree_to_execute="M">
 
 
 class TestStartUp(unittest.TestCase):
-    """Each case has a copy of the package, and a stub robot if it needs one."""
+    """Each case has a copy of the package, and a robot if it needs one."""
 
     def setUp(self):
         self.folder = tempfile.mkdtemp()
@@ -47,7 +51,7 @@ class TestStartUp(unittest.TestCase):
         self.package.configure()
 
     def robot(self, modes=None):
-        """Start a stub robot for this case."""
+        """Start a robot for this case."""
         robot = Robot(modes)
         self.addCleanup(robot.stop)
         return robot
@@ -62,7 +66,7 @@ class TestStartUp(unittest.TestCase):
         """Run the node to its end; return the exit code and what it wrote, without time stamps."""
         controller = self.controller(*arguments, **environment)
         code = controller.wait(20)
-        text = re.sub(r"(?m)^\[(\w+)\] \[[\d.]+\]: ", r"\1 ", controller.lines.text())
+        text = re.sub(r"(?m)^\[(\w+)\] \[[\d:]+\]: ", r"\1 ", controller.lines.text())
         self.assertNotIn("Traceback", text)
         return code, text
 
@@ -71,13 +75,39 @@ class TestStartUp(unittest.TestCase):
         self.assertTrue(any(all(word in line for word in words) for line in text.splitlines()),
                         "no line with {} in:\n{}".format(words, text))
 
-    # ------------------------------------------------------------------------------------------ the robot's nodes
+    # ---------------------------------------------------------------------------- the robot's nodes
 
     def test_without_a_master_it_says_so_and_ends(self):
         code, text = self.run_node(ROS_MASTER_URI="http://localhost:9")
         self.assertEqual(code, 1)
         self.assert_line(text, "no ROS master at http://localhost:9", "ROS_MASTER_URI")
         self.assertEqual(len(text.splitlines()), 1)
+
+    def test_what_answers_no_question_at_the_masters_address_is_not_called_absent(self):
+        with socket.socket() as mute:
+            mute.bind(("127.0.0.1", 0))
+            mute.listen(5)
+            uri = "http://127.0.0.1:{}".format(mute.getsockname()[1])
+            code, text = self.run_node(ROS_MASTER_URI=uri)
+        self.assertEqual(code, 1)
+        self.assert_line(text, uri, "does not answer", "ROS_MASTER_URI")
+        self.assertNotIn("no ROS master", text)
+
+    def test_a_half_written_manifest_of_another_package_costs_the_log_file_alone(self):
+        self.check_manifest("")
+
+    def check_manifest(self, text):
+        """A package on the path has that package.xml; None: a pipe."""
+        os.makedirs(os.path.join(self.folder, "other/half"))
+        if text is None:
+            os.mkfifo(os.path.join(self.folder, "other/half/package.xml"))
+        else:
+            self.package.write("../other/half/package.xml", text)
+        code, text = self.run_node(ROS_PACKAGE_PATH=os.path.join(self.folder, "other"))
+        self.assertEqual(code, 1)  # for the robot's nodes are missing
+        self.assert_line(text, "WARN", "no log file")
+        self.assert_line(text, "WARN", "package half")
+        self.assertNotIn("internal error", text)
 
     def test_everything_that_is_missing_is_listed_at_once(self):
         code, text = self.run_node()
@@ -89,7 +119,8 @@ class TestStartUp(unittest.TestCase):
         robot = self.robot({"/robotNavigation/set_goal": "absent"})
         code, text = self.run_node()
         self.assertEqual(code, 1)
-        self.assert_line(text, "ERROR", "/robotNavigation/set_goal", "node /robotNavigation", "not advertised", "drive")
+        self.assert_line(text, "ERROR", "/robotNavigation/set_goal", "node /robotNavigation",
+                         "not advertised", "drive")
         for name in PARTS:
             self.assertEqual(name in text, name == "/robotNavigation/set_goal")
         self.assertEqual(robot.requests(), [])
@@ -98,7 +129,8 @@ class TestStartUp(unittest.TestCase):
         self.robot({"/faceDetection/data": "absent"})
         code, text = self.run_node()
         self.assertEqual(code, 1)
-        self.assert_line(text, "ERROR", "topic /faceDetection/data", "node /faceDetection", "no node publishes it")
+        self.assert_line(text, "ERROR", "topic /faceDetection/data", "node /faceDetection",
+                         "no node publishes it")
 
     def test_types_that_differ_are_named_with_both_md5s(self):
         self.robot({"/knowledgeBase/query": "wrong", "/speechEvent/text": "wrong"})
@@ -107,8 +139,9 @@ class TestStartUp(unittest.TestCase):
         self.assert_line(text, "/knowledgeBase/query", "type mismatch", "cssr_system/textService",
                          "10b91f7565804f90610ee9fc2d0e20ba", "cssr_system/knowledgeBaseService",
                          "230b5e3f3d344348479332bc683f6f11")
-        self.assert_line(text, "/speechEvent/text", "type mismatch", "cssr_system/overtAttentionMessage",
-                         "std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1")
+        self.assert_line(text, "/speechEvent/text", "type mismatch",
+                         "cssr_system/overtAttentionMessage", "std_msgs/String",
+                         "992ce8a1687cec8c8bd883ec73ca41d1")
 
     def test_entries_whose_node_is_dead_do_not_count(self):
         self.robot().kill()
@@ -125,7 +158,8 @@ class TestStartUp(unittest.TestCase):
         self.addCleanup(master.unregisterService, *where)
         code, text = self.run_node()
         self.assertEqual(code, 1)
-        self.assert_line(text, "ERROR", SAY, "robot.invalid", "cannot be resolved", "/etc/hosts", "ROS_IP")
+        self.assert_line(text, "ERROR", SAY, "robot.invalid", "cannot be resolved", "/etc/hosts",
+                         "ROS_IP")
 
     def test_a_robot_that_hangs_does_not_hang_the_start(self):
         robot = self.robot()
@@ -160,14 +194,15 @@ class TestStartUp(unittest.TestCase):
         self.package.configure(asrEnabled="false")
         controller = self.controller()
         controller.lines.wait_for(lambda line: "[WARN]" in line and "/speechEvent/text" in line, 15)
-        controller.lines.wait_for(lambda line: "mission" in line and "starts" in line, 15)
+        controller.lines.wait_for(lambda line: mission_starts() in line, 15)
 
     def test_it_waits_for_nodes_that_come_late(self):
         self.package.configure(startupTimeout="30")
         controller = self.controller()
-        controller.lines.wait_for(lambda line: "waiting up to" in line and "/knowledgeBase/query" in line, 15)
+        controller.lines.wait_for(
+            lambda line: "waiting up to" in line and "/knowledgeBase/query" in line, 15)
         robot = self.robot()
-        controller.lines.wait_for(lambda line: "mission" in line and "starts" in line, 15)
+        controller.lines.wait_for(lambda line: mission_starts() in line, 15)
         robot.wait_for_request("/overtAttention/set_mode", 10, state="scanning")
 
     def test_the_wait_for_nodes_ends(self):
@@ -186,10 +221,11 @@ class TestStartUp(unittest.TestCase):
         self.assertEqual(code, 1)
         self.assertLess(seconds, 2.0)
 
-    # ------------------------------------------------------------------------------------- configuration and mission
+    # -------------------------------------------------------------------- configuration and mission
 
     def assert_refused(self, *lines):
-        """Run the node with a complete robot: exit code 2, each of ``lines`` (words) printed, and nothing called."""
+        """Run the node with a complete robot: exit code 2, each of ``lines`` (words) printed, and
+        nothing called."""
         robot = self.robot()
         code, text = self.run_node()
         self.assertEqual(code, 2, text)
@@ -199,8 +235,9 @@ class TestStartUp(unittest.TestCase):
 
     def test_a_value_that_is_not_allowed(self):
         self.package.configure(asrEnabled="maybe", verbosMode="true")
-        self.assert_refused(("behaviorControllerConfiguration.ini:3", "asrEnabled", "maybe", "true or false"),
-                            ("behaviorControllerConfiguration.ini:4", "verbosMode", "did you mean verboseMode?"))
+        self.assert_refused(
+            ("behaviorControllerConfiguration.ini:3", "asrEnabled", "maybe"),
+            ("behaviorControllerConfiguration.ini:4", "verbosMode", " verboseMode?"))
 
     def test_no_configuration(self):
         os.remove(self.package.path("config/behaviorControllerConfiguration.ini"))
@@ -208,14 +245,16 @@ class TestStartUp(unittest.TestCase):
 
     def test_a_mission_that_is_not_there(self):
         self.package.configure(scenarioSpecification="lab_tuor")
-        self.assert_refused(("lab_tuor.xml", "did you mean lab_tour?"))
+        self.assert_refused(("lab_tuor.xml", " lab_tour?"))
 
     def test_all_mistakes_of_all_files_come_in_one_go(self):
         self.package.configure(scenarioSpecification="wrong", language="Klingon")
-        self.package.write("data/wrong.xml", MISSION.format("<WelcomSpeech/>\n      <Slep msec=\"5\"/>"))
+        self.package.write("data/wrong.xml",
+                           MISSION.format("<WelcomSpeech/>\n      <Slep msec=\"5\"/>"))
         self.package.write("config/recoveryPolicy.ini", "budget 10 60\nNavigate * 1 1 skip\n")
-        self.assert_refused(("wrong.xml:4:", "WelcomSpeech", "WelcomeSpeech"), ("wrong.xml:5:", "Slep", "Sleep"),
-                            ("Klingon", "English"), ("recoveryPolicy.ini:2", "Navigate"))
+        self.assert_refused(("wrong.xml:4:", "WelcomSpeech", "WelcomeSpeech"),
+                            ("wrong.xml:5:", "Slep", "Sleep"), ("Klingon", "English"),
+                            ("recoveryPolicy.ini:2", "Navigate"))
 
     def test_broken_xml(self):
         self.package.configure(scenarioSpecification="broken")
@@ -226,41 +265,110 @@ class TestStartUp(unittest.TestCase):
         self.robot()
         code, text = self.run_node("_scenarioSpecification:=other")
         self.assertEqual(code, 2)
-        self.assertFalse(rosgraph.Master("/test").hasParam("/behaviorController"), "a later run would find it")
+        self.assertFalse(
+            rosgraph.Master("/test").hasParam("/behaviorController"), "a later run would find it")
         self.assert_line(text, "INFO", "override", "scenarioSpecification other")
         self.assert_line(text, "ERROR", "other.xml", "lab_tour")
 
     def test_a_parameter_that_is_no_text_and_no_number_is_one_line(self):
         master = rosgraph.Master("/test")
         self.addCleanup(master.deleteParam, "/behaviorController")
-        for value, kind in (([1], "list"), ({"a": 1}, "dict"), (xmlrpc.client.Binary(b"x"), "Binary"),
-                            (datetime.datetime(2026, 1, 1), "DateTime")):
+        for value, kind in (([1], "list"), ({"a": 1}, "dict"),
+                            (xmlrpc.client.Binary(b"x"), "Binary"), (datetime.datetime(2026, 1, 1),
+                                                                     "DateTime")):
             master.setParam("/behaviorController", {"language": value, "topicMaxAge": 1})
             code, text = self.run_node()
             self.assertEqual(code, 2)
-            self.assert_line(text, "ERROR", "parameter ~language: language cannot be of type " + kind)
+            self.assert_line(text, "ERROR", "parameter ~language: ", " " + kind)
             self.assertEqual(text.count("ERROR"), 2)  # the fault, and the summary
 
     def test_an_argument_of_an_odd_value_is_one_line(self):
-        code, text = self.run_node("_topicMaxAge:=2026-01-01", "_conditionWait:=null", "_missionRuns:=99999999999")
+        code, text = self.run_node("_topicMaxAge:=2026-01-01", "_conditionWait:=null",
+                                   "_missionRuns:=99999999999")
         self.assertEqual(code, 2)
         self.assert_line(text, 'argument topicMaxAge: topicMaxAge cannot be "2026-01-01"')
         self.assert_line(text, 'argument conditionWait: conditionWait cannot be "null"')
         self.assert_line(text, 'argument missionRuns: missionRuns cannot be "99999999999"')
         self.assertNotIn("Traceback", text)
 
-    # ------------------------------------------------------------------------------------------------ command line
+    # --------------------------------------------------------------------------------- command line
 
     def test_help_is_printed_by_the_installed_command(self):
         text = subprocess.check_output(["rosrun", "cssr_system", "behaviorController", "--help"],
                                        universal_newlines=True, timeout=20)
-        for word in ("usage", "exit codes", "behaviorControllerConfiguration.ini", "seconds to wait for missing robot nodes"):
+        for word in ("usage", "exit codes", "behaviorControllerConfiguration.ini",
+                     "seconds to wait for missing robot nodes"):
             self.assertIn(word, text)
 
     def test_an_argument_that_it_does_not_know(self):
         code, text = self.run_node("--verbose")
         self.assertEqual(code, 2)
         self.assert_line(text, "unknown argument '--verbose'")
+
+    def test_a_word_that_looks_like_a_key_is_no_remapping(self):
+        self.check_word("missionRuns:=1", "_missionRuns")
+
+    def check_word(self, word, meant):
+        """The node refuses an argument that means nothing, and names the one that is meant."""
+        code, text = self.run_node(word)
+        self.assertEqual(code, 2)
+        self.assert_line(text, "ERROR", "argument " + word, "did you mean {}?".format(meant))
+
+    def test_an_argument_that_our_launch_file_does_not_declare(self):
+        for given, code in ((["missionRun:=1"], 2), (["missionRuns:=0", "foo:=1"], 2),
+                            (["missionRuns:=0"], 1)):
+            self.check_launch(given, code)
+
+    def check_launch(self, given, code):
+        """roslaunch with these arguments: with code 2 the last one is refused by the node."""
+        text = subprocess.run(["roslaunch", "cssr_system", "behaviorController.launch"] + given,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              universal_newlines=True, timeout=60).stdout
+        self.assertIn("exit code {}".format(code), text)
+        self.assertEqual("unknown key {}".format(given[-1].split(":=")[0]) in text, code == 2, text)
+
+    # ----------------------------------------------------------------- files that are no such files
+
+    def test_a_configuration_or_mission_that_is_no_file(self):
+        self.package.configure(scenarioSpecification="odd")
+        for name in ("data/odd.xml", "config/behaviorControllerConfiguration.ini"):
+            path = self.package.path(name)
+            for make, end in ((os.mkfifo, os.remove), (os.mkdir, os.rmdir)):
+                if os.path.exists(path):
+                    os.remove(path)
+                make(path)
+                self.assert_refused((path, "cannot be read", "it is "))
+                end(path)
+
+    def assert_runs_without_log(self, *arguments, **environment):
+        """Expect a warning about the log file alone, and a mission that runs."""
+        self.robot()
+        self.package.write("data/speaks.xml", SPEAKS)
+        self.package.configure(scenarioSpecification="speaks", missionRuns="1")
+        code, text = self.run_node(*arguments, **environment)
+        self.assertEqual(code, 0, text)
+        self.assert_line(text, "WARN", "no log file is written to")
+        self.assertEqual(text.count("WARN"), 1)
+
+    def test_a_log_file_that_hangs(self):
+        self.check_hanging_log("behaviorController")
+
+    def check_hanging_log(self, name):
+        """The log file of the node of that name is a pipe that nobody reads."""
+        os.mkfifo(os.path.join(self.folder, name + ".log"))
+        self.assert_runs_without_log("__name:=" + name, ROS_LOG_DIR=self.folder)
+
+    def test_a_log_file_that_cannot_be_written(self):
+        for path in ("/proc/x", self.folder, "/proc/x/y", "/dev/full"):
+            self.assert_runs_without_log("__log:=" + path)
+
+    def test_a_log_file_of_its_own(self):
+        path = os.path.join(self.folder, "inner", "own.log")
+        code, _ = self.run_node("__log:=" + path, "_language:=Klingon")
+        self.assertEqual(code, 2)
+        with open(path, encoding="utf-8") as file:
+            self.assertIn("Klingon", file.read())
+        self.assertNotIn("latest", os.listdir(self.folder))
 
 
 if __name__ == "__main__":

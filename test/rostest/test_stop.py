@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Does the node stop within two seconds, whatever it is doing, and leave the robot in the safe state once?"""
+"""Does the node stop within two seconds, whatever it is doing, and leave the robot in the safe
+state once?"""
 import os
 import shutil
 import signal
@@ -13,7 +14,7 @@ import rosgraph
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from robot import Controller, Package, Robot, forget_dead_entries  # noqa: E402
+from robot import Controller, Package, Robot, forget_dead_entries, mission_starts  # noqa: E402
 
 ATTENTION, ANIMATION = "/overtAttention/set_mode", "/animateBehaviour/set_activation"
 SAY, DRIVE = "/textToSpeech/say_text", "/robotNavigation/set_goal"
@@ -34,7 +35,7 @@ class TestStop(unittest.TestCase):
         self.package = Package(os.path.join(self.folder, "package"))
 
     def start(self, mission, robot_modes=None, environment=None, **keys):
-        """Run ``mission`` (leaves) against a stub robot; return both."""
+        """Run ``mission`` (leaves) against a robot; return both."""
         self.package.write("data/m.xml", MISSION.format(mission))
         self.package.configure(scenarioSpecification="m", **keys)
         environment = environment or {}
@@ -45,10 +46,15 @@ class TestStop(unittest.TestCase):
         return robot, controller
 
     def assert_safe_state_once(self, robot):
-        """Expect that the last two requests, and no others, switched attention and animation off."""
-        off = [request["service"] for request in robot.requests() if request["fields"].get("state") == "disabled"]
+        """Expect that the last two requests, and no others, switched attention and animation off.
+        """
+        off = [
+            request["service"] for request in robot.requests()
+            if request["fields"].get("state") == "disabled"
+        ]
         self.assertEqual(sorted(off), sorted([ATTENTION, ANIMATION]))
-        self.assertEqual(sorted(request["service"] for request in robot.requests()[-2:]), sorted(off))
+        self.assertEqual(sorted(request["service"] for request in robot.requests()[-2:]),
+                         sorted(off))
 
     def test_while_a_service_call_hangs(self):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
@@ -69,16 +75,18 @@ class TestStop(unittest.TestCase):
         self.assert_safe_state_once(robot)
 
     def test_while_it_waits_for_a_visitor(self):
-        robot, controller = self.start("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec=\"600000\"/>"
-                                       "</ReactiveFallback>")
-        controller.lines.wait_for(lambda line: "starts" in line, 20)
+        robot, controller = self.start(
+            "<ReactiveFallback><IsVisitorDiscovered/><Sleep msec=\"600000\"/>"
+            "</ReactiveFallback>")
+        controller.lines.wait_for(lambda line: mission_starts() in line, 20)
         code, seconds = controller.stop()
         print("stopped while waiting for a visitor: {:.2f} s".format(seconds))
         self.assertLess(seconds, LIMIT)
         self.assert_safe_state_once(robot)
 
     def test_when_the_services_of_the_safe_state_hang_too(self):
-        robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang", ATTENTION: "hang", ANIMATION: "hang"})
+        robot, controller = self.start("<WelcomeSpeech/>",
+                                       {SAY: "hang", ATTENTION: "hang", ANIMATION: "hang"})
         robot.wait_for_request(SAY, 20)
         code, seconds = controller.stop()
         print("stopped with everything hung: {:.2f} s".format(seconds))
@@ -101,19 +109,31 @@ class TestStop(unittest.TestCase):
         robot.kill()
         code, seconds = controller.stop()
         self.assertLess(seconds, LIMIT)
-        for service in (ATTENTION, ANIMATION):
-            self.assertIn(service + " failed while stopping", controller.lines.text())
+        self.assertTrue(
+            [line for _, line in controller.lines.all if ATTENTION in line and ANIMATION in line],
+            controller.lines.text())
         self.assertNotIn("Traceback", controller.lines.text())
 
     def test_at_any_moment_of_its_start(self):
         for delay in (0.0, 0.1, 0.2, 0.3, 0.5, 0.8):
             robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
             time.sleep(delay)
-            code, seconds = controller.stop()
-            self.assertLess(seconds, LIMIT, "after {} s".format(delay))
+            self.assertLess(self.interrupt(controller), LIMIT, "after {} s".format(delay))
             # Python itself has a traceback for a signal before the first line of ours
             self.assertNotIn(self.package.path("src"), controller.lines.text())
             robot.stop()
+
+    def interrupt(self, controller):
+        """Stop it, and return the seconds that it took; Python can swallow a signal before the
+        first line of ours."""
+        sent = time.monotonic()
+        controller.process.send_signal(signal.SIGINT)
+        try:
+            controller.lines.wait_for(lambda line: "KeyboardInterrupt" in line, 10)
+        except AssertionError:  # it has ended without
+            controller.wait(10)
+            return time.monotonic() - sent
+        return controller.stop()[1]
 
     def test_a_second_signal_changes_nothing(self):
         robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"})
@@ -130,7 +150,8 @@ class TestStop(unittest.TestCase):
         killed = time.monotonic()
         subprocess.check_call(["rosnode", "kill", "/behaviorController"], stdout=subprocess.DEVNULL)
         self.assertEqual(controller.wait(10), 0)
-        self.assertLess(time.monotonic() - killed, LIMIT + 1.0)  # of which starting rosnode takes a part
+        # of which starting rosnode takes a part
+        self.assertLess(time.monotonic() - killed, LIMIT + 1.0)
         self.assert_safe_state_once(robot)
 
     def test_the_master_forgets_it(self):
@@ -139,11 +160,12 @@ class TestStop(unittest.TestCase):
         controller.stop()
         state = rosgraph.Master("/test").getSystemState()
         nodes = [node for entries in state for _, names in entries for node in names]
-        self.assertIn("/stub_robot", nodes)
+        self.assertIn("/commanded_robot", nodes)
         self.assertNotIn("/behaviorController", nodes)
 
     def test_with_nobody_who_reads_what_it_writes(self):
-        mission = "<Repeat num_cycles=\"-1\"><Sequence><WelcomeSpeech/><Sleep msec=\"1\"/></Sequence></Repeat>"
+        mission = ("<Repeat num_cycles=\"-1\"><Sequence><WelcomeSpeech/><Sleep "
+                   "msec=\"1\"/></Sequence></Repeat>")
         robot, controller = self.start(mission, verboseMode="true")
         robot.wait_for_request(SAY, 20)
         controller.process.stdout.close()
@@ -156,7 +178,8 @@ class TestStop(unittest.TestCase):
     def test_when_the_master_has_died(self):
         port = "11" + str(500 + os.getpid() % 400)
         environment = {"ROS_MASTER_URI": "http://localhost:" + port}
-        roscore = subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        roscore = subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL)
         self.addCleanup(roscore.wait)
         self.addCleanup(roscore.terminate)
         robot, controller = self.start("<WelcomeSpeech/>", {SAY: "hang"}, environment)

@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
-"""Do the topics return the newest message, trigger their alarms at once, and cost very little in a flood?"""
+"""Do the topics return the newest message, trigger their alarms at once, and cost very little in a
+flood?"""
 import os
 import resource
 import signal
 import socket
+import struct
 import sys
+import threading
 import time
 import unittest
 
@@ -14,17 +17,24 @@ import rostest
 from std_msgs.msg import String
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from commanded_robot import garbled  # noqa: E402
 from robot import Robot, forget_dead_entries  # noqa: E402
 
 from behavior_controller.bt.engine.wakeup import WakeUp  # noqa: E402
-from behavior_controller.events import Events  # noqa: E402
-from behavior_controller.health import Health  # noqa: E402
-from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH  # noqa: E402
-from behavior_controller.interface.records import AttentionStatus, Faces  # noqa: E402
-from behavior_controller.ros.monitor import Monitor  # noqa: E402
-from behavior_controller.ros.probe import parts_of  # noqa: E402
-from behavior_controller.ros.topics import RosTopics  # noqa: E402
+from behavior_controller.execution.events import Events  # noqa: E402
+from behavior_controller.execution.health import Health  # noqa: E402
+from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH  # noqa: E402
+from behavior_controller.robot.requests import AttentionStatus, Faces  # noqa: E402
+from behavior_controller.ros.master import Directory  # noqa: E402
+from behavior_controller.ros.watchdog import Monitor  # noqa: E402
+from behavior_controller.ros.startup_check import resolved  # noqa: E402
+from behavior_controller.ros.subscriber import RosTopics  # noqa: E402
 from behavior_controller.ros.types import TYPES  # noqa: E402
+
+LAST = ((FACES, (["0"], [[0.0, 0.0, 0.0]], [False]), ([], [], []), Faces((), ())),
+        (ATTENTION, ("ready", 0), ("none", 0), AttentionStatus("none", 0)),
+        (SPEECH, ("ready",), ("-",), "-"))
+"""What is published before each case: messages until one is heard, and a last one."""
 
 
 class TestTopics(unittest.TestCase):
@@ -35,30 +45,34 @@ class TestTopics(unittest.TestCase):
         cls.wake = WakeUp()
         cls.warnings = []
         cls.topics = RosTopics(INTERFACE, cls.wake.emit, cls.warnings.append)
+        cls.topics.subscribe()
 
     def setUp(self):
         del self.warnings[:]
         self.robot = Robot()
-        for topic, values in ((FACES, ([], [], [])), (ATTENTION, ("none", 0)), (SPEECH, ("-",))):
-            self.wait_until_heard(topic, values)
+        for topic, before, last, value in LAST:
+            self.wait_until_heard(topic, before, last, value)
         self.wake.test_and_clear()
         for topic in INTERFACE.topics:
             self.topics.newest(topic)
 
     def tearDown(self):
+        """Wait for the end of all connections; rospy may keep one that came while its publisher
+        ended."""
         self.robot.stop()
         forget_dead_entries()
         for latch in self.topics.latches.values():
-            self.wait_until(lambda: not latch.is_connected)
+            self.wait_until(lambda: not latch.is_connected or latch.reconnect())
 
-    def wait_until_heard(self, topic, values):
-        """Publish until a message arrives: the publisher learns of a subscriber later than the subscriber of it."""
+    def wait_until_heard(self, topic, before, last, value):
+        """Publish until a message arrives, as the publisher learns of a subscriber later than the
+        subscriber of it; then the ``last`` one, of that ``value``."""
         latch = self.topics.latches[topic]
         heard = latch.last_arrival  # their count begins anew with the robot
-        self.robot.publish(topic.name, *values, hertz=50)
+        self.robot.publish(topic.name, *before, hertz=50)
         self.wait_until(lambda: latch.last_arrival > heard)
-        self.robot.publish(topic.name, *values)
-        time.sleep(0.1)  # what is under way arrives
+        self.robot.publish(topic.name, *last)
+        self.wait_until(lambda: self.topics.newest(topic).value == value)
 
     def wait_until(self, is_so, seconds=10.0):
         """rospy does not report its connections: poll until it is connected."""
@@ -90,16 +104,20 @@ class TestTopics(unittest.TestCase):
             self.assertLessEqual(sample.arrived, time.monotonic())
 
     def publisher(self, topic):
-        """Return a publisher of ours, to be unregistered, when it has its only connection, which is to ``topics``."""
-        publisher = rospy.Publisher(topic.name, TYPES[topic], queue_size=10)
+        """Return a publisher of ours, to be unregistered, when it has its only connection, which is
+        to ``topics``."""
+        # a full queue drops its oldest messages: it holds all that a case publishes at once
+        publisher = rospy.Publisher(topic.name, TYPES[topic], queue_size=100)
         self.wait_until(lambda: publisher.get_num_connections() == 1)
         return publisher
 
     def test_a_connection_that_breaks_is_made_again(self):
         publisher = self.publisher(SPEECH)
         broken, = publisher.impl.connections
-        broken.socket.shutdown(socket.SHUT_RDWR)  # as a lost link does; the publisher stays registered
-        self.wait_until(lambda: publisher.get_num_connections() and broken not in publisher.impl.connections)
+        # as a lost link does; the publisher stays registered
+        broken.socket.shutdown(socket.SHUT_RDWR)
+        self.wait_until(lambda: publisher.get_num_connections() and broken not in publisher.impl.
+                        connections)
         self.wake.test_and_clear()
         self.topics.wake_when("test", SPEECH, lambda text: text == "heard")
         publisher.publish("heard")
@@ -108,7 +126,8 @@ class TestTopics(unittest.TestCase):
         self.assertEqual(self.topics.newest(SPEECH).value, "heard")
 
     def watch(self):
-        """Run a monitor, and return the changes of health that it has reported so far as a list that grows."""
+        """Run a monitor, and return the changes of health that it has reported so far as a list
+        that grows."""
         health, events, told = Health(), Events(), []
         events.subscribe(told.append)
         monitor = Monitor(INTERFACE, self.topics, health, lambda: True)
@@ -125,7 +144,8 @@ class TestTopics(unittest.TestCase):
         self.robot.kill()
         for _ in range(3):
             other.publish("a face")
-        self.wait_until(lambda: any(change.name == "/faceDetection/data" and not change.is_well for change in told()))
+        self.wait_until(lambda: any(
+            change.name == "/faceDetection/data" and not change.is_well for change in told()))
         self.assertLess(time.monotonic() - died, 5.0)
         self.assertTrue(any("std_msgs/String" in change.status for change in told()))
         other.unregister()
@@ -138,8 +158,9 @@ class TestTopics(unittest.TestCase):
         try:
             died = time.monotonic()
             self.robot.kill()
-            names = {part.name for part in parts_of(INTERFACE.offers)} | {rosgraph.get_master_uri()}
-            self.wait_until(lambda: names == {change.name for change in told() if not change.is_well})
+            names = set(map(resolved, INTERFACE.offers)) | {rosgraph.get_master_uri()}
+            self.wait_until(lambda: names ==
+                            {change.name for change in told() if not change.is_well})
             print("death told after {:.2f} s".format(time.monotonic() - died))
             self.assertLess(time.monotonic() - died, 5.0)
         finally:
@@ -149,14 +170,16 @@ class TestTopics(unittest.TestCase):
         self.wait_until(lambda: names == {change.name for change in told() if change.is_well})
 
     def test_a_silent_connection_is_replaced(self):
-        """As after a lost link whose other end does not know of it: the publisher answers, the connection is dead."""
+        """As after a lost link whose other end does not know of it: the publisher answers, the
+        connection is dead."""
         latch = self.topics.latches[FACES]
         publisher = self.publisher(FACES)
         while latch.count <= 20:
             publisher.publish([], [], [])
             time.sleep(0.05)
         self.watch()
-        dead = publisher.impl.connections.pop()  # rospy sends nothing through it any more, and it stays open
+        # rospy sends nothing through it any more, and it stays open
+        dead = publisher.impl.connections.pop()
         self.wait_until(lambda: publisher.get_num_connections() == 1)
         heard = latch.last_arrival
         publisher.publish([], [], [])
@@ -171,7 +194,8 @@ class TestTopics(unittest.TestCase):
         before = self.topics.newest(SPEECH)
         self.topics.wake_when("answer", SPEECH, lambda text: True)
         for _ in range(2):
-            self.wait_until(lambda: publisher.get_num_connections() == 1 and rospy.get_name() in latch.connected_nodes)
+            self.wait_until(lambda: publisher.get_num_connections() == 1 and rospy.get_name() in
+                            latch.connected_nodes)
             self.wake.wait(0.5)
             self.assertFalse(self.wake.test_and_clear(), "an answer before the question")
             self.assertIs(self.topics.newest(SPEECH), before)
@@ -182,7 +206,68 @@ class TestTopics(unittest.TestCase):
         publisher.publish("yes")
         self.wake.wait(5.0)
         publisher.unregister()
+        self.assertEqual(["latched" in text for text in self.warnings], [True])
         self.assertEqual(self.topics.newest(SPEECH).value, "yes")
+
+    def test_no_utterance_of_many_at_once_is_skipped(self):
+        publisher = self.publisher(SPEECH)
+        texts = [str(number) for number in range(50)] + ["again", "again"]
+        self.topics.wake_when("last", SPEECH, lambda text: text == "again")
+        for text in texts:
+            publisher.publish(text)
+        self.wait_until(lambda: [sample.value for sample in self.topics.recent(SPEECH)][-52:] ==
+                        texts)
+        publisher.unregister()
+        times = [sample.arrived for sample in self.topics.recent(SPEECH)]
+        self.assertEqual(times, sorted(set(times)))
+
+    def test_utterances_that_a_lossy_link_has_merged_wake_the_tree_for_the_one_that_is_wanted(self):
+        latch = self.topics.latches[SPEECH]
+        publisher = self.publisher(SPEECH)
+        self.topics.recent(SPEECH)
+        self.topics.wake_when("answer", SPEECH, lambda text: text == "yes")
+        self.wake.test_and_clear()
+        connection, = publisher.impl.connections
+        connection.socket.sendall(b"".join(
+            struct.pack("<II", 4 + len(text), len(text)) + text for text in (b"yes", b"hm")))
+        self.wake.wait(10)
+        self.assertTrue(self.wake.test_and_clear(), "the answer was skipped")
+        self.wait_until(lambda: [sample.value for sample in latch.recent()][-2:] == ["yes", "hm"])
+        publisher.unregister()
+
+    def test_an_answer_that_is_ignored_is_told_once_for_each_reason(self):
+        for reason in ("one", "two", ""):
+            self.topics.ignore(SPEECH, reason, lambda text: text == "yes")
+            for text in ("hm", "yes", "yes"):
+                self.publish(SPEECH, text)
+        self.assertEqual(self.warnings, [
+            "ignoring 'yes' on /speechEvent/text: one", "ignoring 'yes' on /speechEvent/text: two"
+        ])
+
+    def test_a_publisher_of_which_no_message_can_be_decoded_counts_as_absent(self):
+        self.robot.stop()
+        latch = self.topics.latches[FACES]
+        self.wait_until(lambda: not latch.is_connected)
+        told = self.watch()
+        publisher = rospy.Publisher(FACES.name, garbled(TYPES[FACES]), queue_size=10)
+        self.wait_until(lambda: latch.is_connected)
+        for _ in range(30):
+            publisher.publish()
+            time.sleep(0.1)
+        changes = [change for change in told() if change.name == FACES.name]
+        self.assertEqual([change.is_well for change in changes][-1:], [False])
+        self.assertIn(rospy.get_name(), changes[-1].status)
+        self.assertIn("visitors are not noticed", changes[-1].consequence)
+        self.assertEqual(len(self.warnings), 1)
+        publisher.impl.connections[0].socket.sendall(struct.pack("<IIII", 12, 0, 0, 0))
+        self.wait_until(lambda: [change.is_well for change in told() if change.name == FACES.name][
+            -1])
+        publisher.unregister()
+
+    def test_a_check_of_another_package_that_fails_ends_no_connection(self):
+        self.topics.wake_when("broken", SPEECH, lambda text: text.no_such_attribute)
+        self.publish(SPEECH, "first")
+        self.assertEqual(self.publish(SPEECH, "second")[0].value, "second")
 
     def test_the_same_message_again_counts_as_newer(self):
         first, _ = self.publish(SPEECH, "yes")
@@ -217,7 +302,8 @@ class TestTopics(unittest.TestCase):
         self.topics.wake_when("a", SPEECH, lambda text: True)
         self.topics.wake_when("a", ATTENTION, lambda status: True)
         self.robot.publish("/speechEvent/text", "replaced alarm")
-        self.wait_until(lambda: getattr(self.topics.newest(SPEECH), "value", "") == "replaced alarm")
+        self.wait_until(lambda: getattr(self.topics.newest(SPEECH), "value", "") ==
+                        "replaced alarm")
         self.assertFalse(self.wake.test_and_clear())
 
     def test_a_publisher_of_another_type_is_named_once_and_does_no_harm(self):
@@ -228,10 +314,12 @@ class TestTopics(unittest.TestCase):
             other.publish("seeking")
         self.wait_until(lambda: self.warnings)
         self.assertIs(self.topics.newest(ATTENTION), before)
-        self.assertEqual(self.publish(ATTENTION, "social", 5)[0].value, AttentionStatus("social", 5))
+        self.assertEqual(
+            self.publish(ATTENTION, "social", 5)[0].value, AttentionStatus("social", 5))
         other.unregister()
         self.assertEqual(len(self.warnings), 1)
-        for word in (rospy.get_name(), "/overtAttention/mode", "std_msgs/String", "cssr_system/overtAttentionMessage"):
+        for word in (rospy.get_name(), "/overtAttention/mode", "std_msgs/String",
+                     "cssr_system/overtAttentionMessage"):
             self.assertIn(word, self.warnings[0])
 
     def test_two_thousand_messages_per_second_cost_next_to_nothing(self):
@@ -259,6 +347,22 @@ class TestTopics(unittest.TestCase):
         before = used()
         time.sleep(seconds)
         return (used() - before) / seconds
+
+    def test_a_subscription_that_is_being_registered_when_the_node_ends_is_unregistered_too(self):
+        directory = Directory()
+        directory.subscribe("/late", String._type)
+
+        def register():
+            rosgraph.Master(rospy.get_name()).registerSubscriber("/late", String._type,
+                                                                 rospy.core.get_node_uri())
+            directory.registering.release()
+
+        directory.registering.acquire()
+        registering = threading.Timer(0.3, register)
+        registering.start()
+        directory.sign_off()
+        registering.join()
+        self.assertNotIn("/late", dict(rosgraph.Master("/test").getSystemState()[1]))
 
 
 if __name__ == "__main__":

@@ -1,32 +1,42 @@
 """Long trials of an adversary: how the mission survives the worst faults around it."""
 import os
-import random
 import re
 import resource
 import signal
 import socket
+import subprocess
 import time
 import urllib.request
 from functools import partial
 
-from link_trials import DEATH_LIMIT, PATIENCE, TOLD_LIMIT, cut, cut_while_it_starts, lab_tour, when_dead
+import drawn_trials
+from faulty_master import FaultyMaster
+from link_trials import (
+    DEATH_LIMIT, PATIENCE, TOLD_LIMIT, cut, cut_while_it_starts, lab_tour, when_dead)
 from robot import free_ports, start_master
 from tour_model import DRIVE
-from trial import GONE, longest_gap, sleep_until, when
+from trial import GONE, STOP_LIMIT, longest_gap, sleep_until, when
 
 DRIVE_DEADLINE = 10.0  # s
 A_TOUR = 40.0  # s, in which one ends on a loaded computer; alone it takes a few
+A_START = 20.0  # s
 HEARTBEAT = 10.0  # s
 FEW_DESCRIPTORS = 1024  # the default limit of a process
 WAITING = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><START_OF_TREE/>
 <ReactiveFallback><AlwaysFailure/><Sleep msec="600000"/></ReactiveFallback></Sequence></BehaviorTree></root>"""
+BESIDE = [("rosrun", "unit_tests", "runTest"), ("rosrun", "unit_tests", "textToSpeech")
+          ] + [("roslaunch", "unit_tests", launch)
+               for launch in ("behaviorControllerTest.launch", "simulatedRobot.launch")]
+WRONG_WORDS = ("_missionRuns:=many", "missionRuns:=1", "_topicMaxAge:=-1", "__name:=a/b", "--now",
+               "_scenarioSpecification:=absent", "_language:=Klingon", "_missionRun:=1")
 
 
-# ----------------------------------------------------------------------------------------------------------- the trials
+# --------------------------------------------------------------------------------------- the trials
 
 
 def frozen_master(trial, seconds):
-    """The master freezes while the robot drives: tours go on, deadlines are kept, and the node can be stopped."""
+    """The master freezes while the robot drives: tours go on, deadlines are kept, and the node can
+    be stopped."""
     master, robot = surroundings(trial)
     trial.package.write("data/waiting.xml", WAITING)
     trial.package.configure(verboseMode="true", robotNavigationDeadline=DRIVE_DEADLINE)
@@ -36,16 +46,19 @@ def frozen_master(trial, seconds):
     trial.within("said after", when(waits, GONE.pattern, began, PATIENCE), TOLD_LIMIT)
     see_tours(trial, tours, 3)
     sleep_until(began + seconds - 5.0)
-    trial.within("between two heartbeats", longest_gap(tours, r"running\.$", began, time.monotonic()), HEARTBEAT + 1.0)
+    trial.within("between two heartbeats", longest_gap(tours, r"running\.$", began,
+                                                       time.monotonic()), HEARTBEAT + 1.0)
     trial.stop(tours, robot, "while it is frozen")
     sleep_until(began + seconds)
     master.send_signal(signal.SIGCONT)
-    trial.within("answers again said after", when(waits, "master .* again", time.monotonic(), PATIENCE), TOLD_LIMIT)
+    trial.within("answers again said after",
+                 when(waits, "master .* again", time.monotonic(), PATIENCE), TOLD_LIMIT)
     trial.stop(waits, robot, "at the end")
 
 
 def new_master(trial):
-    """A new roscore knows none of the nodes that run: tours go on, and a line reports the new master."""
+    """A new roscore knows none of the nodes that run: tours go on, and a line reports the new
+    master."""
     master, robot = surroundings(trial)
     trial.package.configure(verboseMode="true", robotNavigationDeadline=DRIVE_DEADLINE)
     tours = trial.node()
@@ -55,14 +68,41 @@ def new_master(trial):
     time.sleep(TOLD_LIMIT)  # the messages about the old one are over
     trial.process("rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rpartition(":")[2])
     started = time.monotonic()
-    trial.within("a new master is said after", when(tours, r"master .*\bnew\b", started, PATIENCE), TOLD_LIMIT)
+    trial.within("a new master is said after", when(tours, r"master .*\bnew\b", started, PATIENCE),
+                 TOLD_LIMIT)
     hang_a_drive(trial, robot, tours)  # the calls after it need a new connection
     see_tours(trial, tours, 3)
     trial.stop(tours, robot, "at the end")
 
 
+def garbled_master(trial, seconds):
+    """The master answers garbage while the robot's nodes are killed and started again: then all of
+    them are found."""
+    robot = surroundings(trial)[1]
+    trial.package.configure(verboseMode="true")
+    master = FaultyMaster(os.environ["ROS_MASTER_URI"], trial.draw)
+    tours = trial.node(ROS_MASTER_URI=master.uri)
+    see_tours(trial, tours, 1)
+    began = time.monotonic()
+    master.is_garbled = True
+    trial.within("garbage said after", when(tours, "master .* as ROS does", began, PATIENCE),
+                 TOLD_LIMIT)
+    see_tours(trial, tours, 1)
+    robot.kill()
+    trial.within("death", when_dead(tours, time.monotonic()), DEATH_LIMIT)
+    robot = trial.robot()
+    sleep_until(began + seconds)
+    master.is_garbled = False
+    trial.within("answers again said after",
+                 when(tours, "master .* answers again", time.monotonic(), PATIENCE), TOLD_LIMIT)
+    trial.within("visit over", when(tours, r"pass \d+: ", time.monotonic(), A_TOUR), A_TOUR)
+    see_tours(trial, tours, 1)
+    trial.stop(tours, robot, "at the end")
+
+
 def flood(trial, count):
-    """Idle connections to the ports for Groot2 and browsers cost the robot nothing, and the page works again after them."""
+    """Idle connections to the ports for Groot2 and browsers cost the robot nothing, and the page
+    works again after them."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 4 * count)), hard))
     groot2_port, page_port = free_ports()
@@ -72,7 +112,9 @@ def flood(trial, count):
     tours = trial.node()
     resource.prlimit(tours.process.pid, resource.RLIMIT_NOFILE, (FEW_DESCRIPTORS, FEW_DESCRIPTORS))
     see_tours(trial, tours, 1)
-    idle = [connection for port in (page_port, groot2_port) for connection in connections(port, count)]
+    idle = [
+        connection for port in (page_port, groot2_port) for connection in connections(port, count)
+    ]
     hang_a_drive(trial, robot, tours)  # the calls after it need a new connection
     see_tours(trial, tours, 3)
     trial.times.append("{} connections, {} descriptors".format(
@@ -87,8 +129,9 @@ def flood(trial, count):
 
 
 def nodes_killed(trial, rounds):
-    """The robot's nodes and the controller are killed during a tour and started again: the next visitor gets a tour."""
-    draw = random.Random(1)
+    """The robot's nodes and the controller are killed during a tour and started again: the next
+    visitor gets a tour."""
+    draw = trial.draw
     robot = surroundings(trial)[1]
     trial.package.configure()
     tours = trial.node()
@@ -108,7 +151,55 @@ def nodes_killed(trial, rounds):
     trial.stop(tours, robot, "at the end")
 
 
-# -------------------------------------------------------------------------------------------------- what they consist of
+def second_starts(trial, rounds):
+    """A start that fails leaves the running node alone; of three good starts at once exactly one
+    stays, and gives tours."""
+    robot = surroundings(trial)[1]
+    trial.package.configure()
+    tours = trial.node()
+    see_tours(trial, tours, 1)
+    for number in range(rounds):
+        failing = trial.node(trial.draw.choice(WRONG_WORDS))
+        trial.require(failing.wait(A_START) == 2, "a wrong value is not refused")
+        trial.require(tours.process.poll() is None,
+                      "a start that failed has ended the running node")
+        nodes = [tours]
+        for _ in range(3):
+            nodes.append(trial.node())
+            time.sleep(trial.draw.choice((0.0, 0.0, 0.1, 0.5)))
+        for node in nodes:
+            node.lines.wait_for(re.compile(" starts, |another node").search, A_START)
+        time.sleep(STOP_LIMIT)
+        staying = [node for node in nodes if node.process.poll() is None]
+        trial.require(
+            len(staying) == 1, "round {}: {} of {} nodes stay".format(number + 1, len(staying),
+                                                                      len(nodes)))
+        codes = {node.process.poll() for node in nodes if node not in staying}
+        trial.require(codes == {0}, "round {}: exit codes {}".format(number + 1, codes))
+        if not staying:
+            return
+        tours = staying[0]
+    see_tours(trial, tours, 1)
+    trial.stop(tours, robot, "at the end")
+
+
+def tests_beside(trial):
+    """A test and a simulated robot that are started beside a living mission displace none of its
+    nodes: tours go on."""
+    robot = surroundings(trial)[1]
+    trial.package.configure()
+    tours = trial.node()
+    for command in trial.draw.sample(BESIDE, len(BESIDE)):
+        see_tours(trial, tours, 1)
+        done = subprocess.run(command, timeout=A_TOUR, stdout=subprocess.PIPE,
+                              universal_newlines=True)
+        trial.require("node /commanded_robot: " in done.stdout,
+                      "{} does not name the robot's node".format(" ".join(command)))
+    see_tours(trial, tours, 1)
+    trial.stop(tours, robot, "at the end")
+
+
+# ----------------------------------------------------------------------------- what they consist of
 
 
 def surroundings(trial):
@@ -119,12 +210,14 @@ def surroundings(trial):
 
 
 def hang_a_drive(trial, robot, node, meanwhile=lambda: None):
-    """Let a drive hang until its deadline; return when it was asked for and ``meanwhile()`` was called."""
+    """Let a drive hang until its deadline; return when it was asked for and ``meanwhile()`` was
+    called."""
     robot.set_mode(DRIVE, "hang")
     robot.wait_for_request(DRIVE, A_TOUR, start=len(robot.lines.all))
     meanwhile()
     asked = time.monotonic()
-    trial.within("hung drive given up after", when(node, r"Navigate \(.*FAILURE.*no answer", asked, 2 * DRIVE_DEADLINE),
+    trial.within("hung drive given up after",
+                 when(node, r"Navigate \(.*FAILURE.*no answer", asked, 2 * DRIVE_DEADLINE),
                  DRIVE_DEADLINE + 1.0)
     robot.set_mode(DRIVE, "done")
     return asked
@@ -141,7 +234,8 @@ def see_tours(trial, node, count):
     start, since = len(node.lines.all), time.monotonic()
     for _ in range(count):
         _, line = node.lines.wait_for(re.compile(r"pass \d+: ").search, A_TOUR, start)
-        start = 1 + next(n for n, (_, other) in enumerate(node.lines.all) if n >= start and other == line)
+        start = 1 + next(
+            n for n, (_, other) in enumerate(node.lines.all) if n >= start and other == line)
         trial.require("SUCCESS" in line, line)
     trial.times.append("{} tours {:.1f} s".format(count, time.monotonic() - since))
 
@@ -155,24 +249,31 @@ def connections(port, count):
             return
 
 
-# ------------------------------------------------------------------------------------------------------------ the table
+# ---------------------------------------------------------------------------------------- the table
 
-CUTS = ((10, (1, 6)), (60, (3, 20, 50)), (110, (10, 40, 100)))  # seconds, and the moments at which a node is stopped
+# seconds, and the moments at which a node is stopped
+CUTS = ((10, (1, 6)), (60, (3, 20, 50)), (110, (10, 40, 100)))
 
-TRIALS = [("lab tour at 100 ms and 5 % loss, master with the " + master, 240, partial(lab_tour, master=master))
-          for master in ("robot", "node")]
+TRIALS = [("lab tour at 100 ms and 5 % loss, master with the " + master, 240,
+           partial(lab_tour, master=master)) for master in ("robot", "node")]
 TRIALS += [("cut of {} s, master with the {}".format(seconds, master), seconds + 120,
             partial(cut, seconds=seconds, stops=stops, master=master))
            for seconds, stops in CUTS for master in ("robot", "node")]
 TRIALS += [
-    ("cut of 60 s from the master alone", 180, partial(cut, seconds=60, stops=(3, 30), robot="node")),
-    ("cut of 30 s on one LAN", 150, partial(cut, seconds=30, stops=(15,), kind="tap")),
-    ("cut while the node starts", 120, partial(cut_while_it_starts, moments=(1.0, 1.5, 2.0, 3.0, 4.0, 6.0))),
+    ("cut of 60 s from the master alone", 180, partial(cut, seconds=60, stops=(3, 30),
+                                                       robot="node")),
+    ("cut of 30 s on one LAN", 150, partial(cut, seconds=30, stops=(15, ), kind="tap")),
+    ("cut while the node starts", 120,
+     partial(cut_while_it_starts, moments=(1.0, 1.5, 2.0, 3.0, 4.0, 6.0))),
     ("master frozen for a minute", 240, partial(frozen_master, seconds=60)),
     ("new master", 300, new_master),
+    ("garbage of the master", 240, partial(garbled_master, seconds=20)),
     ("1,200 idle connections to each port", 240, partial(flood, count=1200)),
     ("nodes killed and started again", 600, partial(nodes_killed, rounds=5)),
+    ("second starts over a running node", 300, partial(second_starts, rounds=12)),
+    ("tests started beside the mission", 240, tests_beside),
 ]
+TRIALS += drawn_trials.TRIALS
 
-SHORT = [("cut of 8 s, master with the " + master, 60, partial(cut, seconds=8, stops=(3,), master=master))
-         for master in ("robot", "node")]
+SHORT = [("cut of 8 s, master with the " + master, 60,
+          partial(cut, seconds=8, stops=(3, ), master=master)) for master in ("robot", "node")]

@@ -1,8 +1,9 @@
-"""A robot whose services fail exactly as a script says, each in its own process, and a visitor who plays along.
+"""Conducts a robot whose services fail exactly as a script says, each in its own process, and a
+visitor who plays along.
 
-One thread takes what happens (requests, the controller's lines) in order and decides; so each fault meets the call that
-it is meant for. What a call meets is decided before it is made: a server that is to be out of reach goes away together
-with its answer to the call before.
+One thread takes what happens (requests, the controller's lines) in order and decides; so each fault
+meets the call that it is meant for. What a call meets is decided before it is made: a server that
+is to be out of reach goes away together with its answer to the call before.
 """
 import io
 import json
@@ -17,18 +18,23 @@ from collections import Counter
 
 import rosgraph
 import rospy
-from cssr_system.msg import faceDetectionMessage, overtAttentionMessage
-from geometry_msgs.msg import Point
-from std_msgs.msg import String
+
+from behavior_controller.robot.d543 import INTERFACE
+from behavior_controller.ros.types import TYPES
+from unit_tests.robot.faults import REFUSED
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [HERE, os.path.join(os.path.dirname(HERE), "rostest")]
-from stub_robot import SERVICES  # noqa: E402
+from commanded_robot import reply, visited, wrong_type  # noqa: E402
+from robot import Robot  # noqa: E402
 from tour_model import BEFORE_SENDING, FAULTS  # noqa: E402
 
-TOLD = re.compile(r"behaviorController: (\w+) \(.*\): (?:FAILURE, (/\S+), [\d.]+ s|retry \d+ failed, (/\S+)), ([a-z ]+): ")
+SERVICES = {service.name: service for service in INTERFACE.services}
+
+TOLD = re.compile(r"behaviorController: (\w+) \(.*\): (?:FAILURE, (/\S+), [\d.]+ s|retry \d+ "
+                  r"failed, (/\S+)), ([a-z ]+): ")
 PASS = re.compile(r"behaviorController: pass \d+: (\w+) after")
-PUBLISH_EVERY = 0.02  # s
+VISITOR_HERTZ = 50
 
 
 class Process:
@@ -36,9 +42,10 @@ class Process:
 
     def __init__(self, service, kind, happened):
         self.service = service
-        self.process = subprocess.Popen([sys.executable, "-S", os.path.join(HERE, "faulty_server.py"), kind._type,
-                                         kind._md5sum], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                        universal_newlines=True, bufsize=1)
+        self.process = subprocess.Popen([
+            sys.executable, "-S",
+            os.path.join(HERE, "faulty_server.py"), kind._type, kind._md5sum
+        ], stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True, bufsize=1)
         self.port = None
         self.ready = threading.Event()
         threading.Thread(target=self._read, args=(happened,), daemon=True).start()
@@ -72,19 +79,21 @@ class FaultyRobot:
     def __init__(self):
         """Needs ``rospy.init_node``."""
         self.events = queue.Queue()
+        self._world = visited(INTERFACE.name)
         self.current, self.standby, self.impostor, self.retired = {}, {}, {}, []
-        for service in SERVICES:
-            self.standby[service] = self._spawn(service)
-            other = SERVICES["/robotNavigation/set_goal" if "Navigation" not in service else "/textToSpeech/say_text"][0]
-            self.impostor[service] = Process(service, other, self.events.put)
+        for name, service in SERVICES.items():
+            self.standby[name] = self._spawn(name)
+            self.impostor[name] = Process(name, wrong_type(service, INTERFACE.services),
+                                          self.events.put)
         for service in SERVICES:
             self._replace(service)
-        self._ends = threading.Event()
-        threading.Thread(target=self._be_a_visitor, daemon=True).start()
+        self._visitor = Robot(dict.fromkeys(SERVICES, "absent"))
+        for topic in INTERFACE.topics:
+            self._visitor.publish(topic.name, hertz=VISITOR_HERTZ)
 
     def close(self):
         """End every process."""
-        self._ends.set()
+        self._visitor.stop()
         for process in list(self.current.values()) + list(self.standby.values()) + list(
                 self.impostor.values()) + self.retired:
             process.kill()
@@ -92,20 +101,9 @@ class FaultyRobot:
             process.process.stdout.close()
 
     def _spawn(self, service):
-        return Process(service, SERVICES[service][0], self.events.put)
+        return Process(service, TYPES[SERVICES[service]], self.events.put)
 
-    def _be_a_visitor(self):
-        """Be seen, look at the robot and say yes, all the time."""
-        publishers = (rospy.Publisher("/faceDetection/data", faceDetectionMessage, queue_size=1),
-                      rospy.Publisher("/overtAttention/mode", overtAttentionMessage, queue_size=1),
-                      rospy.Publisher("/speechEvent/text", String, queue_size=1))
-        messages = (faceDetectionMessage(["1"], [Point(0.0, 0.0, 1.0)], [True]), overtAttentionMessage("seeking", 1),
-                    String("yes"))
-        while not self._ends.wait(PUBLISH_EVERY):
-            for publisher, message in zip(publishers, messages):
-                publisher.publish(message)
-
-    # ------------------------------------------------------------------------------------------------- registrations
+    # -------------------------------------------------------------------------------- registrations
 
     def _register(self, process):
         assert process.ready.wait(20), "a server did not start"
@@ -127,19 +125,23 @@ class FaultyRobot:
             process.process.stdout.close()
             self.retired.remove(process)
 
-    # -------------------------------------------------------------------------------------------------------- the script
+    # ----------------------------------------------------------------------------------- the script
 
     def play(self, attempts, controller_lines, is_over, stop_at=None, on_stop=None):
-        """Serve until ``is_over()``; return the problems found. ``attempts`` are in order of the mission.
+        """Serve until ``is_over()``; return the problems found. ``attempts`` are in order of the
+        mission.
 
-        ``controller_lines`` is a ``robot.Lines``. At the attempt with index ``stop_at`` ``on_stop()`` is called instead
-        of an answer, and everything after it is answered at once.
+        ``controller_lines`` is a ``robot.Lines``. At the attempt with index ``stop_at``
+        ``on_stop()`` is called instead of an answer, and everything after it is answered at once.
         """
         self.problems, self.outcomes = [], []
-        self.untold = Counter((a.node, a.service, FAULTS[a.fault][1]) for a in attempts if a.fault and a.is_told)
+        self.untold = Counter(
+            (a.node, a.service, FAULTS[a.fault][1]) for a in attempts if a.fault and a.is_told)
         self.attempts = attempts
         self.index = {id(attempt): number for number, attempt in enumerate(attempts)}
-        self.script = {service: [a for a in attempts if a.service == service] for service in SERVICES}
+        self.script = {
+            service: [a for a in attempts if a.service == service] for service in SERVICES
+        }
         self.position = dict.fromkeys(SERVICES, 0)
         self.unmet = [n for n, attempt in enumerate(attempts) if attempt.fault in BEFORE_SENDING]
         self.held, self.extra, self.stop_at, self.on_stop = [], [], stop_at, on_stop
@@ -196,11 +198,13 @@ class FaultyRobot:
         if self.untold[node, service, cause] < 0:
             self.problems.append("told but not injected: " + line)
         attempt = self._next(service)
-        if attempt is not None and attempt.fault in BEFORE_SENDING[:2] and cause == FAULTS[attempt.fault][1]:
+        if attempt is not None and attempt.fault in BEFORE_SENDING[:2] and cause == FAULTS[
+                attempt.fault][1]:
             self._met(service, "dead")
 
     def _met(self, service, how):
-        """Note that a request failed to arrive, as planned: by the log, or by a failed handshake."""
+        """Note that a request failed to arrive, as planned: by the log, or by a failed handshake.
+        """
         self.unmet.remove(self.index[id(self._next(service))])
         self.position[service] += 1
         self._prepare(service, how)
@@ -216,9 +220,13 @@ class FaultyRobot:
             self.extra.append(process.service)
             if self.stop_at is None:
                 self.problems.append("an unexpected request to {}; before it: {}".format(
-                    process.service, [(a.node, a.fault) for a in self.script[process.service][
-                        max(0, self.position[process.service] - 3):self.position[process.service] + 1]]))
-            process.order(id=number, send=self._response(process.service, "", request).hex(), then="")
+                    process.service,
+                    [(a.node, a.fault)
+                     for a in self.script[process.service][max(0, self.position[process.service] -
+                                                               3):self.position[process.service] +
+                                                           1]]))
+            process.order(id=number, send=self._response(process.service, "", request).hex(),
+                          then="")
             return
         self.position[process.service] += 1
         if self.index[id(attempt)] == self.stop_at:
@@ -230,9 +238,11 @@ class FaultyRobot:
             self._answer(process, number, request, attempt)
 
     def _is_early(self, attempt):
-        """Whether a fault that comes before ``attempt``, and not in parallel, is not in the log yet."""
-        return any(number < self.index[id(attempt)] and not (
-            attempt.abreast and self.attempts[number].abreast == attempt.abreast) for number in self.unmet)
+        """Whether a fault that comes before ``attempt``, and not in parallel, is not in the log
+        yet."""
+        return any(number < self.index[id(attempt)] and
+                   not (attempt.abreast and self.attempts[number].abreast == attempt.abreast)
+                   for number in self.unmet)
 
     def _release(self):
         """Answer requests that waited until an earlier fault had happened."""
@@ -242,7 +252,8 @@ class FaultyRobot:
             self._answer(*held)
 
     def _answer(self, process, number, request, attempt):
-        """Give ``attempt`` the fault that the script has for it, and get ready for the next one to this service."""
+        """Give ``attempt`` the fault that the script has for it, and get ready for the next one to
+        this service."""
         service = process.service
         if attempt.fault == "killed":
             self._replace(service)
@@ -259,8 +270,8 @@ class FaultyRobot:
     def _prepare(self, service, how):
         """Prepare the fault of the next attempt; return what the process does with its answer.
 
-        ``how`` tells of the process that is registered: it is about to ``answer``, it is ``hung``, ``dead``, ``fresh``, or
-        it is the impostor ("").
+        ``how`` tells of the process that is registered: it is about to ``answer``, it is ``hung``,
+        ``dead``, ``fresh``, or it is the impostor ("").
         """
         following = self._next(service)
         fault = following.fault if following is not None else ""
@@ -281,24 +292,25 @@ class FaultyRobot:
             self.current[service].order(then=order)
         return ""
 
-    @staticmethod
-    def _response(service, fault, request):
+    def _response(self, service, fault, request):
         """Return the bytes of the answer to ``request`` (bytes)."""
         if fault == "exception":
             text = b"the server was told to fail"
             return b"\x00" + struct.pack("<I", len(text)) + text
         if fault == "malformed":
             return b"\x01" + struct.pack("<I", 3) + b"\x07\x07\x07"
-        kind, done, refusal, _ = SERVICES[service]
-        values = refusal if fault == "refused" else done(kind._request_class().deserialize(request))
+        declared = SERVICES[service]
+        asked = TYPES[declared]._request_class().deserialize(request)
         body = io.BytesIO()
-        kind._response_class(*values).serialize(body)
+        reply(declared, asked, REFUSED if fault == "refused" else None, self._world).serialize(body)
         return b"\x01" + struct.pack("<I", body.tell()) + body.getvalue()
 
-    # ------------------------------------------------------------------------------------------------------- the verdict
+    # ---------------------------------------------------------------------------------- the verdict
 
     def _left_over(self):
         """Return the expected requests that did not come."""
-        problems = ["{} call(s) to {} did not come".format(len(script) - self.position[service], service)
-                    for service, script in self.script.items() if self.position[service] < len(script)]
+        problems = [
+            "{} call(s) to {} did not come".format(len(script) - self.position[service], service)
+            for service, script in self.script.items() if self.position[service] < len(script)
+        ]
         return problems + ["not told: {}".format(what) for what in self.untold.elements()]

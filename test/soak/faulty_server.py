@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""A server of one ROS service as a bare process: it shakes hands, passes each request on, and does what it is told.
+"""A server of one ROS service as a bare process: it shakes hands, passes each request on, and does
+what it is ordered to.
 
-Arguments: the type's name and md5. It speaks TCPROS itself, so that it starts in no time, can break off in any state,
-and dies as a process does. Lines of JSON on stdout: ``{"port"}`` once; ``{"request", "id"}`` for each request (hex);
-``{"mismatch": true}`` when a client wants another type, which is told so after the next line on stdin. On stdin:
-``{"id", "send": hex, "then": ""|"close"|"deafen"|"exit"}`` answers a request, then goes on, closes all connections,
-also stops listening, or ends; ``{"then"}`` alone does only that.
+Arguments: the type's name and md5. It speaks TCPROS itself, so that it starts in no time, can break
+off in any state, and dies as a process does. Lines of JSON on stdout: ``{"port"}`` once;
+``{"request", "id"}`` for each request (hex); ``{"mismatch": true}`` when a client wants another
+type, which gets that answer after the next line on stdin. On stdin: ``{"id", "send": hex, "then":
+""|"close"|"deafen"|"exit"}`` answers a request, then goes on, closes all connections, also stops
+listening, or ends; ``{"then"}`` alone does only that.
 """
 import json
 import os
@@ -35,12 +37,12 @@ def header(**fields):
 
 def fields_of(body):
     """Return the fields of a handshake."""
-    found = {}
+    fields = {}
     while body:
         length, = struct.unpack_from("<I", body)
         key, _, value = body[4:4 + length].decode().partition("=")
-        found[key], body = value, body[4 + length:]
-    return found
+        fields[key], body = value, body[4 + length:]
+    return fields
 
 
 class Server:
@@ -57,15 +59,15 @@ class Server:
         self.lock = threading.Lock()
         self.go_on = threading.Event()
 
-    def tell(self, **event):
+    def report(self, **event):
         """Write one line."""
         with self.lock:
             sys.stdout.write(json.dumps(event) + "\n")
             sys.stdout.flush()
 
     def serve(self):
-        """Take connections until told to stop listening."""
-        self.tell(port=self.listener.getsockname()[1])
+        """Take connections until ordered to stop listening."""
+        self.report(port=self.listener.getsockname()[1])
         while True:
             try:
                 connection, _ = self.listener.accept()
@@ -81,10 +83,11 @@ class Server:
             wanted = fields_of(read(connection, struct.unpack("<I", read(connection, 4))[0]))
             if wanted["md5sum"] not in ("*", self.md5):
                 self.go_on.clear()
-                self.tell(mismatch=True)
+                self.report(mismatch=True)
                 self.go_on.wait(5)
-                connection.sendall(header(error="request from [{}]: md5sums do not match: [{}] vs. [{}]".format(
-                    wanted["callerid"], wanted["md5sum"], self.md5)))
+                connection.sendall(
+                    header(error="request from [{}]: md5sums do not match: [{}] vs. [{}]".format(
+                        wanted["callerid"], wanted["md5sum"], self.md5)))
                 connection.close()
                 return
             connection.sendall(header(callerid="/faulty", md5sum=self.md5, type=self.type_name,
@@ -96,12 +99,13 @@ class Server:
                     self.count += 1
                     number = self.count
                     self.waiting[number] = connection
-                self.tell(request=body.hex(), id=number)
+                self.report(request=body.hex(), id=number)
         except OSError:
             self.connections.discard(connection)
 
     def obey(self, order):
-        """Do what one line says; a connection that is to end ends together with its answer, in one packet."""
+        """Do what one line says; a connection that is to be closed is closed together with its
+        answer, in one packet."""
         self.go_on.set()
         if order["then"] in ("deafen", "exit"):
             self.listener.shutdown(socket.SHUT_RDWR)
@@ -110,7 +114,7 @@ class Server:
         if order["then"]:
             self.connections.discard(answered)
             for connection in list(self.connections):
-                end(connection)
+                shut_down(connection)
         if answered is not None:
             try:
                 answered.setsockopt(socket.IPPROTO_TCP, socket.TCP_CORK, bool(order["then"]))
@@ -118,12 +122,12 @@ class Server:
             except OSError:
                 pass  # the client has given up
             if order["then"]:
-                end(answered)
+                shut_down(answered)
         if order["then"] == "exit":
             os._exit(0)
 
 
-def end(connection):
+def shut_down(connection):
     """Send what is left, and the end of the stream."""
     try:
         connection.shutdown(socket.SHUT_RDWR)

@@ -1,4 +1,5 @@
-"""Two machines on one computer: network namespaces with a link between them that can be slow, lossy or cut."""
+"""Two machines on one computer: network namespaces with a link between them that can be slow, lossy
+or cut."""
 import contextlib
 import json
 import os
@@ -44,9 +45,10 @@ class Network:
         return "cssr_{}_{}".format(os.getpid(), machine)
 
     def _start_wire(self, kind):
-        wire = subprocess.Popen([sys.executable, "-S", os.path.join(HERE, "wire.py"), kind] +
-                                [self._name(machine) for machine in MACHINES], stdin=subprocess.PIPE,
-                                stdout=subprocess.PIPE, universal_newlines=True, bufsize=1)
+        wire = subprocess.Popen(
+            [sys.executable, "-S", os.path.join(HERE, "wire.py"), kind] +
+            [self._name(machine) for machine in MACHINES], stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE, universal_newlines=True, bufsize=1)
         error = json.loads(wire.stdout.readline() or "{}").get("error", "")
         if error:
             _end(wire)
@@ -70,7 +72,8 @@ class Network:
 
     @staticmethod
     def environment(machine, master):
-        """Return the environment of a ROS process on ``machine`` while the master is on the machine ``master``."""
+        """Return the environment of a ROS process on ``machine`` while the master is on the machine
+        ``master``."""
         return {"ROS_HOSTNAME": MACHINES[machine],
                 "ROS_MASTER_URI": "http://{}:{}".format(MACHINES[master], MASTER_PORT)}
 
@@ -98,8 +101,8 @@ def _end(wire):
 def _ip(*words):
     """Run ``ip`` and return what it prints; raises ``Unavailable``."""
     try:
-        return subprocess.run(("ip",) + words, check=True, universal_newlines=True, stdout=subprocess.PIPE,
-                              stderr=subprocess.PIPE).stdout
+        return subprocess.run(("ip", ) + words, check=True, universal_newlines=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE).stdout
     except OSError as error:
         raise Unavailable(str(error))
     except subprocess.CalledProcessError as failed:

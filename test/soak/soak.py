@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
-"""Run the lab tour on the real node against a robot that fails as planned, and compare every run with an independent model.
+"""Run the lab tour on the real node against a robot that fails as planned, and compare every run
+with an independent model.
 
-``soak.py sweep|pairs|rates|stops|adversary|verdicts [--short] [--seed N] [--only WORD]``. sweep: each call of the tour meets
-each kind of fault. pairs: 200 tours with two random faults. rates: 20 tours for each failure rate, by voice and by
-tablet. stops: a signal during each call. adversary: the trials of ``adversary.py``. verdicts: 10,000 tours in virtual
-time, see ``verdicts.py``. Exit code 0 if every tour ended as predicted, with the calls and the failures in the log as
+``soak.py sweep|pairs|rates|stops|adversary|broken|sound [--short] [--seed N] [--only WORD]``.
+sweep: each call of the tour meets each kind of fault. pairs: 200 tours with two random faults.
+rates: 20 tours for each failure rate, by voice and by tablet. stops: a signal during each call.
+adversary: the trials of ``adversary.py``. broken, sound: the judge of a test is tried with broken
+controllers, and with 10,000 settings of the sound one, in virtual time, see ``judge_trials.py``.
+Exit code 0 if every tour ended as predicted, with the calls and the failures in the log as
 predicted, and every trial as it should.
 """
 import argparse
@@ -22,15 +25,19 @@ import rospy
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [HERE, os.path.join(os.path.dirname(HERE), "rostest")]
 import adversary  # noqa: E402
+import judge_trials  # noqa: E402
 import trial  # noqa: E402
-import verdicts  # noqa: E402
 from faulty_robot import FaultyRobot  # noqa: E402
 from robot import Controller, Package, start_master  # noqa: E402
-from tour_model import ANIMATION, ATTENTION, FAULTS, SAY, SERVICES, TABLET, tour_with  # noqa: E402
+from tour_model import (  # noqa: E402
+    ANIMATION, ATTENTION, FAULTS, SAY, SERVICES, TABLET, Attempt, tour_with)
 
-DEADLINE = 1.0  # s, of every service
+# s, of every service: only a call that is to hang may take longer, also on a busy machine
+DEADLINE = 4.0
 RATES = (0.0, 0.1, 0.3, 0.6, 1.0)
 STOP_LIMIT = 2.0
+SAFE_STATE = [Attempt("safe state", service, "", False, None) for service in (ATTENTION, ANIMATION)]
+"""What the node asks for when its last pass is over."""
 
 
 class Soak:
@@ -42,22 +49,28 @@ class Soak:
         policy = self.package.path("config/recoveryPolicy.ini")
         with open(policy) as file:
             text = file.read()
-        self.package.write("config/recoveryPolicy.ini", text.replace("budget 30 600", "budget 99 1"))
+        self.package.write(
+            "config/recoveryPolicy.ini",
+            text.replace("budget 30 600", "budget 99 1").replace("pause 10 300", "pause 1 1"))
 
     def controller(self, runs, by_voice):
         """Start the node."""
-        deadlines = {service.split("/")[1].replace("Behaviour", "Behavior") + "Deadline": str(DEADLINE)
-                     for service in SERVICES}
-        self.package.configure(verboseMode="true", asrEnabled=str(by_voice).lower(), missionRuns=str(runs), **deadlines)
+        deadlines = {
+            service.split("/")[1].replace("Behaviour", "Behavior") + "Deadline": str(DEADLINE)
+            for service in SERVICES
+        }
+        self.package.configure(verboseMode="true", asrEnabled=str(by_voice).lower(),
+                               missionRuns=str(runs), **deadlines)
         return Controller(self.package)
 
     def run(self, tours, by_voice=True):
         """Run ``tours`` as passes of one node, after a clean one, and return the problems."""
         tours = [tour_with({}, by_voice)] + tours
-        attempts = [attempt for tour in tours for attempt in tour.attempts]
+        attempts = [attempt for tour in tours for attempt in tour.attempts] + SAFE_STATE
         controller = self.controller(len(tours), by_voice)
         try:
-            problems = self.robot.play(attempts, controller.lines, lambda: controller.process.poll() is not None)
+            problems = self.robot.play(attempts, controller.lines,
+                                       lambda: controller.process.poll() is not None)
             outcomes = [tour.outcome for tour in tours]
             if not problems and self.robot.outcomes != outcomes:
                 problems = ["outcomes {}, expected {}".format(self.robot.outcomes, outcomes)]
@@ -69,7 +82,8 @@ class Soak:
             controller.close()
 
     def stop_at(self, number, sign):
-        """Send a signal during call ``number`` of a tour; return the problems and the seconds that the end took."""
+        """Send a signal during call ``number`` of a tour; return the problems and the seconds that
+        the end took."""
         tour = tour_with({})
         controller = self.controller(1, True)
         sent, ended = [], []
@@ -77,11 +91,12 @@ class Soak:
         def stop():
             sent.append(time.monotonic())
             controller.process.send_signal(sign)
-            threading.Thread(target=lambda: ended.append((controller.process.wait(10), time.monotonic()))).start()
+            threading.Thread(target=lambda: ended.append((controller.process.wait(10),
+                                                          time.monotonic()))).start()
 
         try:
-            problems = self.robot.play(tour.attempts, controller.lines, lambda: controller.process.poll() is not None,
-                                       number, stop)
+            problems = self.robot.play(tour.attempts, controller.lines,
+                                       lambda: controller.process.poll() is not None, number, stop)
             code = controller.wait(10)
             seconds = ended[0][1] - sent[0] if ended else STOP_LIMIT + 1.0
         finally:
@@ -91,12 +106,13 @@ class Soak:
         # the partner of a call that is made beside another may be under way too
         safe = [service for service in self.robot.extra if service in (ATTENTION, ANIMATION)]
         partner = {0: [ATTENTION], 1: [ANIMATION]}.get(number, [])
-        if sorted(safe) not in (sorted([ATTENTION, ANIMATION]), sorted([ATTENTION, ANIMATION] + partner)):
+        if sorted(safe) not in (sorted([ATTENTION,
+                                        ANIMATION]), sorted([ATTENTION, ANIMATION] + partner)):
             problems.append("call {}: the safe state was asked for as {}".format(number, safe))
         return problems, seconds
 
 
-# ------------------------------------------------------------------------------------------------------------ the plans
+# ---------------------------------------------------------------------------------------- the plans
 
 
 def single_faults(by_voice=True):
@@ -112,7 +128,8 @@ def single_faults(by_voice=True):
 def only_by_tablet(faults):
     """Return those faults of a tour by tablet that a tour by voice does not have."""
     press = next(n for n, attempt in enumerate(
-        a for a in tour_with({}, False).attempts if a.service == SAY) if attempt.node == "PressYesNoSpeech")
+        a for a in tour_with({}, False).attempts if a.service == SAY)
+                 if attempt.node == "PressYesNoSpeech")
     return [fault for fault in faults if set(fault) & {(TABLET, 0), (SAY, press)}]
 
 
@@ -122,7 +139,8 @@ def sweep(soak, short, _):
     if short:
         faults, pressed = faults[::len(FAULTS) + 1], pressed[::5]
     yield "single faults, by voice", len(faults), soak.run([tour_with(fault) for fault in faults])
-    yield "single faults, by tablet", len(pressed), soak.run([tour_with(fault, False) for fault in pressed], False)
+    yield "single faults, by tablet", len(pressed), soak.run(
+        [tour_with(fault, False) for fault in pressed], False)
 
 
 def pairs(soak, short, seed):
@@ -134,7 +152,8 @@ def pairs(soak, short, seed):
         plan = dict(draw.choice(faults))
         plan.update(draw.choice(faults))
         plans.append(plan)
-    yield "pairs of faults, seed {}".format(seed), len(plans), soak.run([tour_with(plan) for plan in plans])
+    yield "pairs of faults, seed {}".format(seed), len(plans), soak.run(
+        [tour_with(plan) for plan in plans])
 
 
 def rates(soak, short, seed):
@@ -148,9 +167,11 @@ def rates(soak, short, seed):
                 def get(self, key, default=None):
                     return draw.choice(sorted(FAULTS)) if draw.random() < rate else default
 
-            tours = [tour_with(Draws(), by_voice, is_careful=True) for _ in range(1 if short else 20)]
-            yield "failure rate {:g}, {}".format(rate, "voice" if by_voice else "tablet"), len(tours), soak.run(
-                tours, by_voice)
+            tours = [
+                tour_with(Draws(), by_voice, is_careful=True) for _ in range(1 if short else 20)
+            ]
+            yield "failure rate {:g}, {}".format(
+                rate, "voice" if by_voice else "tablet"), len(tours), soak.run(tours, by_voice)
 
 
 def stops(soak, short, _):
@@ -166,6 +187,7 @@ def stops(soak, short, _):
 
 
 PLANS = {"sweep": sweep, "pairs": pairs, "rates": rates, "stops": stops}
+OTHERS = ["adversary", "broken", "sound"]
 
 
 def run(names, short, seed):
@@ -177,8 +199,10 @@ def run(names, short, seed):
         for name in names:
             began = time.monotonic()
             for title, count, found in PLANS[name](soak, short, seed):
-                print("{}: {} tours, {} in {:.0f} s".format(title, count, "as predicted" if not found else
-                                                            "NOT as predicted", time.monotonic() - began), flush=True)
+                print(
+                    "{}: {} tours, {} in {:.0f} s".format(
+                        title, count, "as predicted" if not found else "NOT as predicted",
+                        time.monotonic() - began), flush=True)
                 print("".join("  {}\n".format(problem) for problem in found), end="", flush=True)
                 problems += found
     finally:
@@ -201,19 +225,24 @@ def run_tours(names, short, seed):
 def main():
     """Read the command line and run."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("plans", nargs="*", choices=[[]] + list(PLANS) + ["adversary", "verdicts"], help="default: all")
+    parser.add_argument(
+        "plans", nargs="*", choices=[[]] + list(PLANS) + OTHERS, help="default: all")
     parser.add_argument("--short", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", metavar="WORD", help="the adversary's trials with this word in their name")
+    parser.add_argument("--only", default="", metavar="WORD",
+                        help="the trials of adversary or broken with this word in their name")
     chosen = parser.parse_args()
-    names = chosen.plans or list(PLANS) + ["adversary", "verdicts"]
-    if chosen.only and "adversary" not in names:
-        parser.error("--only chooses among the trials of the plan adversary")
+    names = chosen.plans or list(PLANS) + OTHERS
+    if chosen.only and not {"adversary", "broken"} & set(names):
+        parser.error("--only chooses among the trials of the plans adversary and broken")
     problems = []
     if "adversary" in names:  # before rospy has its own master
-        problems += trial.run(adversary.SHORT if chosen.short else adversary.TRIALS, chosen.only)
-    if "verdicts" in names:
-        problems += verdicts.run(200 if chosen.short else 10000, chosen.seed)
+        problems += trial.run(adversary.SHORT if chosen.short else adversary.TRIALS, chosen.only,
+                              chosen.seed)
+    if "broken" in names:
+        problems += judge_trials.run_broken(chosen.seed, 300 if chosen.short else None, chosen.only)
+    if "sound" in names:
+        problems += judge_trials.run_sound(chosen.seed, 200 if chosen.short else 10000)
     tours = [name for name in names if name in PLANS]
     if tours:
         problems += run_tours(tours, chosen.short, chosen.seed)

@@ -1,10 +1,13 @@
-"""What the lab tour asks of the robot when calls fail: written from lab_tour.xml and the policy's text, beside the engine.
+"""What the lab tour asks of the robot when calls fail: written from lab_tour.xml and the policy's
+text, beside the engine.
 
-A second, independent model of the mission, with which the engine's run is compared.
+The faulty robot plays it call by call, so it has to be known before the run; a finished run is
+judged without it.
 """
 import os
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.realpath(__file__))))  # the workspace links here
+# the workspace links here
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.realpath(__file__))))
 ANIMATION, GESTURE, KNOWLEDGE, ATTENTION, DRIVE, TABLET, SAY = SERVICES = (
     "/animateBehaviour/set_activation", "/gestureExecution/perform_gesture", "/knowledgeBase/query",
     "/overtAttention/set_mode", "/robotNavigation/set_goal", "/tabletEvent/prompt_and_get_response",
@@ -26,11 +29,7 @@ BEFORE_SENDING = ("refused connection", "zombie", "wrong md5")
 
 
 class GivenUp(Exception):
-    """A step that the tour cannot do without was not done: which, and what went wrong with it at first."""
-
-    def __init__(self, node, cause):
-        super().__init__(node)
-        self.node, self.cause = node, cause
+    """A step that the tour cannot do without was not done."""
 
 
 def read_policy():
@@ -41,143 +40,117 @@ def read_policy():
 
 
 class Attempt:
-    """One call: of which node, to which service, and what is made to go wrong with it ("" is nothing)."""
+    """One call: of which node, to which service, and what is made to go wrong with it ("" is
+    nothing)."""
 
     def __init__(self, node, service, fault, is_told, abreast):
         self.node, self.service, self.fault = node, service, fault
         self.is_told = is_told  # whether a failure of it appears in the log
-        self.abreast = abreast  # what it has in common with the calls that are made beside it; None: nothing
+        # what it has in common with the calls that are made beside it; None: nothing
+        self.abreast = abreast
 
 
-class Telling:
-    """The lab tour, step by step. What a step does is for a subclass to say; all of them are generators.
-
-    ``visitor_comes``, ``gaze`` and ``answer`` wait for the visitor, ``is_seen`` looks; ``may_go_on`` is what the recovery
-    beside a whole visit says to what ended it, and ``side_by_side`` does steps of a Parallel.
-    """
-
-    by_voice = True
-    exhibits = EXHIBITS
-
-    def whole(self):
-        yield from self.side_by_side(("EnableAnimateBehavior", ANIMATION), ("ScanningOvertAttentionMode", ATTENTION))
-        yield from self.visitor_comes()
-        yield from self.step("DisableAnimateBehavior", ANIMATION)
-        yield from self.step("WelcomeGesture", GESTURE)
-        yield from self.step("EnableAnimateBehavior", ANIMATION)
-        yield from self.step("WelcomeSpeech", SAY)
-        yield from self.mutual_gaze()
-        yield from self.step("QueryTourSpeech", SAY)
-        if not (yield from (self.by_ear() if self.by_voice else self.by_tablet())):
-            yield from self.step("MaybeAnotherTimeSpeech", SAY)
-            return
-        try:
-            yield from self.tour()
-        except GivenUp as reason:
-            try:
-                yield from self.home()
-            except GivenUp:
-                pass
-            raise reason
-
-    def by_ear(self):
-        """Silence means no; so does whatever goes wrong on the way."""
-        for _ in range(3):
-            heard = yield from self.answer()
-            if heard is not None:
-                return heard
-            try:
-                yield from self.step("SayYesNoSpeech", SAY)
-            except GivenUp:
-                pass
-        return False
-
-    def by_tablet(self):
-        """The tablet is tried three times; the dialogue has no recovery."""
-        for _ in range(3):
-            try:
-                yield from self.step("PressYesNoSpeech", SAY)
-            except GivenUp:
-                continue
-            pressed = yield from self.press()
-            if pressed is not None:
-                return pressed
-        return False
-
-    def mutual_gaze(self):
-        yield from self.step("SeekOvertAttentionMode", ATTENTION)
-        yield from self.gaze()
-        yield from self.step("SocialOvertAttentionMode", ATTENTION)
-
-    def drive(self, place):
-        yield from self.step("DisabledOvertAttentionMode", ATTENTION)
-        yield from self.step("DisableAnimateBehavior", ANIMATION)
-        yield from self.step("Navigate", DRIVE, place)
-
-    def tour(self):
-        yield from self.step("RetrieveListOfExhibits", KNOWLEDGE)
-        for number in range(self.exhibits):
-            try:
-                yield from self.visit(number)
-            except GivenUp as reason:
-                yield from self.may_go_on(reason)
-        yield from self.step("EndTourSpeech", SAY)
-        yield from self.step("LookUpEntrance", KNOWLEDGE)
-        yield from self.drive("entrance")
-        try:
-            yield from self.mutual_gaze()
-        except GivenUp as reason:
-            if not self.is_seen():
-                raise reason
-        yield from self.step("HereIsTheDoorSpeech", SAY)
-        yield from self.step("PerformDeicticGesture", GESTURE)
-        yield from self.side_by_side(("GoodbyeGesture", GESTURE), ("SayGoodByeSpeech", SAY))
-        yield from self.home()
-
-    def visit(self, number):
-        yield from self.step("FollowMeSpeech", SAY)
-        yield from self.drive(number)
-        try:
-            yield from self.mutual_gaze()
-        except GivenUp as reason:
-            raise reason if self.is_seen() else GivenUp("IsVisitorDiscovered", "condition-false")
-        yield from self.step("DescribeExhibitSpeech", SAY)
-        yield from self.step("PerformDeicticGesture", GESTURE)
-        yield from self.step("SocialOvertAttentionMode", ATTENTION)
-        yield from self.step("DescribeExhibitSpeech", SAY)
-
-    def home(self):
-        yield from self.step("LookUpHome", KNOWLEDGE)
-        yield from self.drive("home")
-
-
-class Tour(Telling):
+class Tour:
     """One pass of the lab tour with a visitor who engages.
 
     ``fault(service)`` is asked at each call, in order, for the kind of fault or "".
 
-    Where a call is the last of its step, the next one to the same service may follow at once; ``is_careful`` has such a
-    call meet no fault that only the log can tell of, so that there is time to put the robot in order again.
+    Where a call is the last of its step, the next one to the same service may follow at once;
+    ``is_careful`` has such a call meet no fault that only the log can tell of, so that there is
+    time to put the robot in order again.
     """
 
     def __init__(self, fault, by_voice=True, is_careful=False):
         self.attempts = []
         self.outcome = "SUCCESS"
         self._fault = fault
-        self.by_voice = by_voice
+        self._by_voice = by_voice
         self._is_careful = is_careful
         self._rules = read_policy()
         self._abreast = None
         try:
-            for _ in self.whole():
-                pass
+            self._whole()
         except GivenUp:
             self.outcome = "FAILURE"
+
+    # ------------------------------------------------------------------------------- lab_tour.xml
+
+    def _whole(self):
+        self._side_by_side(("EnableAnimateBehavior", ANIMATION),
+                           ("ScanningOvertAttentionMode", ATTENTION))
+        self._step("DisableAnimateBehavior", ANIMATION)
+        self._step("WelcomeGesture", GESTURE)
+        self._step("EnableAnimateBehavior", ANIMATION)
+        self._step("WelcomeSpeech", SAY)
+        self._mutual_gaze()
+        self._step("QueryTourSpeech", SAY)
+        if not (self._by_voice or self._by_tablet()):
+            self._step("MaybeAnotherTimeSpeech", SAY)
+            return
+        try:
+            self._tour()
+        except GivenUp as reason:
+            try:
+                self._home()
+            except GivenUp:
+                pass
+            raise reason
+
+    def _by_tablet(self):
+        """The tablet is tried three times; the dialogue has no recovery."""
+        for _ in range(3):
+            try:
+                self._step("PressYesNoSpeech", SAY)
+            except GivenUp:
+                continue
+            if not self._ask("PressYesNoDialogue", TABLET):
+                return True
+        return False
+
+    def _mutual_gaze(self):
+        self._step("SeekOvertAttentionMode", ATTENTION)
+        self._step("SocialOvertAttentionMode", ATTENTION)
+
+    def _drive(self):
+        self._step("DisabledOvertAttentionMode", ATTENTION)
+        self._step("DisableAnimateBehavior", ANIMATION)
+        self._step("Navigate", DRIVE)
+
+    def _tour(self):
+        self._step("RetrieveListOfExhibits", KNOWLEDGE)
+        for _ in range(EXHIBITS):
+            self._visit()
+        self._step("EndTourSpeech", SAY)
+        self._step("LookUpEntrance", KNOWLEDGE)
+        self._drive()
+        self._mutual_gaze()
+        self._step("HereIsTheDoorSpeech", SAY)
+        self._step("PerformDeicticGesture", GESTURE)
+        self._side_by_side(("GoodbyeGesture", GESTURE), ("SayGoodByeSpeech", SAY))
+        self._home()
+
+    def _visit(self):
+        """The recovery beside a visit cannot help: nothing that is given up in it may be skipped.
+        """
+        self._step("FollowMeSpeech", SAY)
+        self._drive()
+        self._mutual_gaze()
+        self._step("DescribeExhibitSpeech", SAY)
+        self._step("PerformDeicticGesture", GESTURE)
+        self._step("SocialOvertAttentionMode", ATTENTION)
+        self._step("DescribeExhibitSpeech", SAY)
+
+    def _home(self):
+        self._step("LookUpHome", KNOWLEDGE)
+        self._drive()
+
+    # --------------------------------------------------------------------------------- the policy
 
     def _ask(self, node, service, is_told=True, tries=99):
         """Make one call and return the policy's word for what went wrong, or ""."""
         fault = self._fault(service)
-        if self._is_careful and fault in BEFORE_SENDING[:2] and tries >= int(self._rule(node, "not-reachable")[2]):
+        if self._is_careful and fault in BEFORE_SENDING[:2] and tries >= int(
+                self._rule(node, "not-reachable")[2]):
             fault = "wrong md5"
         if fault in BEFORE_SENDING and not is_told:
             fault = "refused"  # nothing would show when such a fault has been met
@@ -185,12 +158,13 @@ class Tour(Telling):
         return FAULTS[fault][0] if fault else ""
 
     def _rule(self, node, cause):
-        return next(rule for rule in self._rules if rule[0] in ("*", node) and rule[1] in ("*", cause))
+        return next(rule for rule in self._rules
+                    if rule[0] in ("*", node) and rule[1] in ("*", cause))
 
-    def step(self, node, service, place=None):
+    def _step(self, node, service):
         """A leaf and the HandleFallBack beside it."""
         tries = 0
-        first = cause = self._ask(node, service, tries=tries)
+        cause = self._ask(node, service, tries=tries)
         while cause and tries < int(self._rule(node, cause)[2]):
             tries += 1
             cause = self._ask(node, service, tries=tries)
@@ -200,36 +174,19 @@ class Tour(Telling):
         if then == "giveUp":
             self._ask("safe state", ATTENTION, False)
             self._ask("safe state", ANIMATION, False)
-            raise GivenUp(node, first)
-        yield
+            raise GivenUp
 
-    def side_by_side(self, *steps):
+    def _side_by_side(self, *steps):
         """In which order the attempts of such steps are made is left to time."""
         self._abreast = (id(self), steps)
         for step in steps:
-            yield from self.step(*step)
+            self._step(*step)
         self._abreast = None
-
-    def nothing(self):
-        yield
-
-    visitor_comes = gaze = nothing
-
-    def answer(self):
-        yield
-        return True
-
-    def press(self):
-        yield
-        return None if self._ask("PressYesNoDialogue", TABLET) else True
-
-    def may_go_on(self, reason):
-        yield
-        raise reason
 
 
 def tour_with(faults, by_voice=True, is_careful=False):
-    """Return the tour in which the ``n``-th call of a service (from 0) meets ``faults[service, n]``, if it is made."""
+    """Return the tour in which the ``n``-th call of a service (from 0) meets ``faults[service,
+    n]``, if it is made."""
     counts = dict.fromkeys(SERVICES, 0)
 
     def fault(service):

@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""A wire between two network namespaces, in user space: it delays, loses and cuts what passes, as it is told.
+"""A wire between two network namespaces, in user space: it delays, loses and cuts what passes, as
+it is told.
 
-``wire.py tun|tap NAMESPACE NAMESPACE`` makes a device "wire" in each. tun carries packets: a cut is silence. tap carries
-frames: a cut also ends ARP, so that the system itself says "no route to host" after a while, as on a robot's Wi-Fi. Each
-line on stdin is a JSON object of settings: ``delay`` and ``jitter`` (seconds, each way), ``loss`` (share, each way),
-``cut`` (true or false). Lines on stdout: ``{"ready": true}`` at the start and when settings hold, or ``{"error": …}``.
-The wire ends with its stdin.
+``wire.py tun|tap NAMESPACE NAMESPACE`` makes a device "wire" in each. tun carries packets: a cut is
+silence. tap carries frames: a cut also ends ARP, so that the system itself says "no route to host"
+after a while, as on a robot's Wi-Fi. Each line on stdin is a JSON object of settings: ``delay`` and
+``jitter`` (seconds, each way), ``loss`` (share, each way), ``cut`` (true or false). Lines on
+stdout: ``{"ready": true}`` at the start and when settings hold, or ``{"error": …}``. The wire ends
+with its stdin.
 """
 import collections
 import ctypes
@@ -25,7 +27,8 @@ LONGEST_PACKET = 65536
 
 
 def enter(namespace_file):
-    """Move the calling thread into a network namespace: what it opens and starts from now on is there."""
+    """Move the calling thread into a network namespace: what it opens and starts from now on is
+    there."""
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.setns(namespace_file, NETWORK_NAMESPACE):
         raise OSError(ctypes.get_errno(), "cannot enter the network namespace")
@@ -101,7 +104,10 @@ def tell(**event):
 def main():
     """Make the devices, say so, and carry."""
     try:
-        ends = [make_device(namespace, TAP if sys.argv[1] == "tap" else TUN) for namespace in sys.argv[2:]]
+        ends = [
+            make_device(namespace, TAP if sys.argv[1] == "tap" else TUN)
+            for namespace in sys.argv[2:]
+        ]
     except OSError as error:
         tell(error=str(error))
         return 1

@@ -1,75 +1,78 @@
-"""A mission on the real engine with a robot and a visitor of the test's own, and a clock that only the test moves."""
-import os
+"""A mission on the real engine with a robot and a visitor of the test's own, and a clock that only
+the test moves."""
 import random
 
 import pytest
 
-from behavior_controller import events, folders, runner, settings
-from behavior_controller import mission as missions
-from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.bt.language.document import parse, read, with_includes
-from behavior_controller.gateway import Cause, Failure, FakeGateway, FakeTopics
-from behavior_controller.interface.document import ATTENTION, FACES, INTERFACE, SPEECH
-from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, Location, Point,
-                                                   QueryKnowledge, SetAttention)
-from behavior_controller.watch.record import Record
+from behavior_controller import folders
+from behavior_controller.execution import events
+from behavior_controller.missions import runner
+from behavior_controller.missions.trial import Trial
+from behavior_controller.monitoring.record.recorder import Record
+from behavior_controller.robot.d543 import ATTENTION, FACES, INTERFACE, SPEECH
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import (
+    Answer, AttentionStatus, Exhibit, Faces, Location, Point, QueryKnowledge, SetAttention)
 
 EXHIBITS = tuple(
     Exhibit("exhibit {}".format(n), "first text {}".format(n), "second text {}".format(n),
             Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n in (1, 2))
 ENTRANCE = Exhibit("entrance", "", "", Location(7.0, 8.0, 180.0), Point(7.5, 8.5, 1.5))
 HOME = Exhibit("home", "", "", Location(0.5, 0.25, 0.0), Point(0.0, 0.0, 0.0))
-CAUSES = [Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION,
-          Cause.TYPE_MISMATCH]
+CAUSES = [
+    Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
+    Cause.HANDLER_EXCEPTION, Cause.TYPE_MISMATCH
+]
 ASKS_WITHOUT_START_OF_TREE = """<Sequence><QueryTourSpeech/><ForceSuccess><ReactiveFallback>
 <IsYesNoUttered/><ForceFailure><Sleep msec='2000'/></ForceFailure></ReactiveFallback></ForceSuccess>
 <IsVisitorResponseYes/><LookUpEntrance/><Navigate/></Sequence>"""
 
 
-class Rig:
-    """``answer(request)`` returns a Failure, an Answer, None (never answers) or NotImplemented (the usual answer)."""
+class Rig(Trial):
+    """``answer(request)`` returns a Failure, an Answer, None (never answers) or NotImplemented (the
+    usual answer)."""
 
     def __init__(self, mission="lab_tour", answer=lambda request: NotImplemented, **changed):
-        self.clock = ManualClock(1000.0)
-        self.settings = settings.defaults(**changed)
-        loaded = missions.load(self.settings, self.clock, documents=with_includes(
-            parse(mission) if mission.lstrip().startswith("<") else read(folders.mission(mission))))
-        self.tree = loaded.tree
+        is_name = "<" not in mission and not mission.endswith(".xml")
+        super().__init__(folders.mission(mission) if is_name else mission, self._reply, **changed)
         self.answer = answer
-        self.seen = []
         self.mission_file = "lab_tour.xml"
-        log = events.Events()
-        log.subscribe(self.seen.append)
-        self.gateway = FakeGateway(self.tree.wake.emit, self._reply)
-        self.topics = FakeTopics(self.clock.now, self.tree.wake.emit)
-        self.mission = loaded.context(self.gateway, self.topics, log)
+        self._passed = None
+        self.mission.events.subscribe(self._note_pass)
 
     def _reply(self, request):
         answer = self.answer(request)
         if answer is not NotImplemented:
             return answer
         if isinstance(request, QueryKnowledge):
-            return Answer(exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE,), "home": (HOME,)}[request.what])
+            return Answer(
+                exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE, ), "home": (HOME, )}[
+                    request.what])
         return Answer(response="1")
 
     @property
     def requests(self):
-        """What the robot was asked, in order."""
-        return self.gateway.requests
+        """What the mission asked of the robot, in order; not what the end of the run asks after the
+        last pass."""
+        return self.gateway.requests[:self._passed]
+
+    @property
+    def last_requests(self):
+        """What the end of the run asked for after the last pass."""
+        return self.gateway.requests[len(self.requests):]
+
+    def _note_pass(self, event):
+        if isinstance(event, (events.PassStarted, events.PassFinished)):
+            self._passed = None if isinstance(event, events.PassStarted) else len(
+                self.gateway.requests)
 
     def of(self, kind):
         """Return the events of one kind."""
-        return [event for event in self.seen if isinstance(event, kind)]
-
-    def tick(self):
-        """Set up once, and tick."""
-        if self.tree.nodes and not hasattr(self, "_is_set_up"):
-            self.tree.setup(mission=self.mission)
-            self._is_set_up = True
-        return self.tree.tick_once()
+        return [event for event in self.events if isinstance(event, kind)]
 
     def run(self, visitor, runs=1, **options):
-        """Run passes; ``visitor(rig)`` acts whenever the mission waits; ``options`` are the runner's. Return the code."""
+        """Run passes; ``visitor(rig)`` acts whenever the mission waits; ``options`` are the
+        runner's. Return the code."""
         rig = self
 
         class Waiting(runner.Runner):
@@ -78,14 +81,14 @@ class Rig:
                     visitor(rig)
 
         options.setdefault("is_stopped", lambda: False)
-        self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs), **options)
+        self.runner = Waiting(runner.Running(self.tree, self.mission, self.mission_file, runs),
+                              **options)
         return self.runner.run()
 
 
 def one_leaf(element, answer=lambda request: NotImplemented, **changed):
     """Return a rig whose mission is this one element."""
-    text = "<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(element)
-    return Rig(text, answer, **changed)
+    return Rig(element, answer, **changed)
 
 
 def write(rig, **entries):
@@ -95,7 +98,8 @@ def write(rig, **entries):
 
 
 def visitor_who(says=None, gazes=True, step=0.5):
-    """Return a visitor who is seen, looks at the robot when it seeks, and says ``says`` again and again."""
+    """Return a visitor who is seen, looks at the robot when it seeks, and says ``says`` again and
+    again."""
     def act(rig):
         rig.clock.advance(step)
         rig.topics.publish(FACES, Faces(("1",), (gazes,)))
@@ -117,15 +121,21 @@ def recorded(folder, visitor, by_voice=True, failure_rate=0.0, seed=0, mission=N
             return Failure(draw.choice(CAUSES), "drawn", service_of(request))
         return NotImplemented
 
-    rig = Rig(mission, answer=answer, asrEnabled=by_voice) if mission.lstrip().startswith("<") else Rig(
-        os.path.splitext(os.path.basename(mission))[0], answer=answer, asrEnabled=by_voice)
-    record = Record(str(folder), rig.clock, pytest.fail)
+    rig = Rig(mission, answer=answer, asrEnabled=by_voice)
+    record = Record(str(folder), rig.clock, pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
-    rig.mission.gateway, rig.mission.topics = record.gateway(rig.gateway), record.topics(rig.topics)
+    rig.mission.topics = record.topics(rig.topics)
     rig.mission_file = mission
     rig.run(visitor, runs=runs)
-    record.close()
+    return written(record)
+
+
+def written(record):
+    """Return the path of a record when all of it is written: each ``close`` waits a second at most.
+    """
+    while record.is_kept:
+        record.close()
     return record.path
 
 

@@ -1,4 +1,5 @@
-"""A navigator as robots have it: a palette of 60 node types of its own, and 15 trees that use them, as Groot2 files."""
+"""A navigator as robots have it: a palette of 60 node types of its own, and 15 trees that use them,
+as Groot2 files."""
 import os
 from xml.sax.saxutils import quoteattr
 
@@ -99,8 +100,9 @@ SELECTORS = """<SelectController selected="{selected_controller}" default="Pursu
 
 
 def with_recovery(inside):
-    return '<RecoverAndRetry attempts="6" name="Navigate">\n    {}\n    {}\n  </RecoverAndRetry>'.format(
-        inside, RECOVERIES)
+    return ('<RecoverAndRetry attempts="6" name="Navigate">\n    {}\n    {}\n  </'
+            'RecoverAndRetry>'.format(
+        inside, RECOVERIES))
 
 
 def pipeline(*parts):
@@ -108,52 +110,77 @@ def pipeline(*parts):
 
 
 TREES = {
-    "to_pose": with_recovery(pipeline(SELECTORS, REPLAN, FOLLOW)),
-    "to_pose_by_distance": with_recovery(pipeline(SELECTORS, REPLAN.replace(
-        'AtRate hertz="1.0"', 'PerDistance distance="1.0"').replace("</AtRate>", "</PerDistance>"), FOLLOW)),
-    "to_pose_when_updated": with_recovery(pipeline(
-        SELECTORS, "<WhenGoalUpdates>" + REPLAN + "</WhenGoalUpdates>", FOLLOW)),
-    "through_poses": with_recovery(pipeline(SELECTORS, """<AtRate hertz="0.333"><ReactiveSequence>
+    "to_pose":
+        with_recovery(pipeline(SELECTORS, REPLAN, FOLLOW)),
+    "to_pose_by_distance":
+        with_recovery(
+            pipeline(
+                SELECTORS,
+                REPLAN.replace('AtRate hertz="1.0"',
+                               'PerDistance distance="1.0"').replace("</AtRate>", "</PerDistance>"),
+                FOLLOW)),
+    "to_pose_when_updated":
+        with_recovery(
+            pipeline(SELECTORS, "<WhenGoalUpdates>" + REPLAN + "</WhenGoalUpdates>", FOLLOW)),
+    "through_poses":
+        with_recovery(
+            pipeline(
+                SELECTORS, """<AtRate hertz="0.333"><ReactiveSequence>
         <RemovePassedGoals goals="{goals}" remaining="{goals}" radius="0.7"/>
         <PlanPathThrough goals="{goals}" path="{path}" planner="{selected_planner}" error="{plan_error}"/>
       </ReactiveSequence></AtRate>""", FOLLOW)),
-    "smoothed": with_recovery(pipeline(
-        SELECTORS, '<SelectSmoother selected="{smoother}" topic="smoother"/>', REPLAN, """<Sequence>
-        <SmoothPath unsmoothed="{path}" smoothed="{path}" smoother="{smoother}"/></Sequence>""", FOLLOW)),
-    "only_plan": '<PlanPath goal="{goal}" path="{path}" planner="Grid"/>',
-    "follow_point": """<Pipeline><AtRate hertz="1.0"><Sequence>
+    "smoothed":
+        with_recovery(
+            pipeline(
+                SELECTORS, '<SelectSmoother selected="{smoother}" topic="smoother"/>', REPLAN,
+                """<Sequence>
+        <SmoothPath unsmoothed="{path}" smoothed="{path}" smoother="{smoother}"/></Sequence>""",
+                FOLLOW)),
+    "only_plan":
+        '<PlanPath goal="{goal}" path="{path}" planner="Grid"/>',
+    "follow_point":
+        """<Pipeline><AtRate hertz="1.0"><Sequence>
       <WhenGoalUpdates><PlanPath goal="{updated_goal}" path="{path}" planner="Grid"/></WhenGoalUpdates>
       <TruncatePath distance="1.0" input="{path}" output="{truncated_path}"/>
     </Sequence></AtRate>
     <KeepRunningUntilFailure><FollowPath path="{truncated_path}" controller="Pursuit"/></KeepRunningUntilFailure>
   </Pipeline>""",
-    "recoveries_only": RECOVERIES,
-    "route": with_recovery(pipeline("""<Sequence>
+    "recoveries_only":
+        RECOVERIES,
+    "route":
+        with_recovery(
+            pipeline("""<Sequence>
         <PlanRoute goal_id="4" route="{route}" path="{path}" error="{route_error}" _onSuccess="planned := true"/>
         <FollowRoute route="{route}" path="{path}"/></Sequence>""")),
-    "dock": """<Sequence>
+    "dock":
+        """<Sequence>
     <GetCurrentPose frame="map" pose="{pose}"/>
     <DockRobot dock_id="{dock}" use_id="true" error="{dock_error}"/>
     <Fallback><BatteryCharging topic="battery"/><Charge until="0.95"/></Fallback>
     <UndockRobot dock_type="{dock_type}" _skipIf="stay_docked == true"/>
   </Sequence>""",
-    "patrol": """<Sequence>
+    "patrol":
+        """<Sequence>
     <Repeat num_cycles="3"><Sequence>
       <NextGoal goals="{goals}" goal="{next}"/>
       <SubTree ID="Drive" goal="{next}" _autoremap="true"/>
     </Sequence></Repeat>
     <Log message="done"/>
   </Sequence>""",
-    "guarded": """<ReactiveSequence>
+    "guarded":
+        """<ReactiveSequence>
     <Inverter><BatteryLow topic="battery" minimum="0.2"/></Inverter>
     <Fallback><GoalReached goal="{goal}" frame="base"/>{}</Fallback>
   </ReactiveSequence>""".replace("{}", pipeline(REPLAN, FOLLOW)),
-    "timed": '<Timeout msec="60000">' + pipeline(REPLAN, FOLLOW) + "</Timeout>",
-    "cancelling": """<ReactiveSequence>
+    "timed":
+        '<Timeout msec="60000">' + pipeline(REPLAN, FOLLOW) + "</Timeout>",
+    "cancelling":
+        """<ReactiveSequence>
     <Inverter><PathExpired path="{path}" seconds="10"/></Inverter>
     <IfThenElse><IsPathValid path="{path}"/><FollowPath path="{path}"/><CancelControl/></IfThenElse>
   </ReactiveSequence>""",
-    "speeds": """<Sequence>
+    "speeds":
+        """<Sequence>
     <Script code="speed := 50; tries := 0"/>
     <RetryUntilSuccessful num_attempts="3"><Sequence>
       <Script code="tries += 1; speed /= 2"/>
@@ -173,24 +200,30 @@ def palette():
         lines.append('    <{} ID="{}">'.format(kind, name))
         for port in ports:
             port, _, default = port.partition("=")
-            tag = "inout_port" if port[0] + port[-1] == ">>" else "input_port" if port[0] == ">" else "output_port"
+            tag = "inout_port" if port[0] + port[-1] == ">>" else "input_port" if port[
+                0] == ">" else "output_port"
             lines.append("      <{0} name={1}{2}>the {3} of it</{0}>".format(
-                tag, quoteattr(port.strip(">")), " default=" + quoteattr(default) if default else "", port.strip(">")))
+                tag, quoteattr(port.strip(">")),
+                " default=" + quoteattr(default) if default else "", port.strip(">")))
         lines.append("    </{}>".format(kind))
     return "\n".join(lines + ["  </TreeNodesModel>", "</root>", ""])
 
 
 def tree(name):
     """Return the file of one of the trees."""
-    return '<root BTCPP_format="4" main_tree_to_execute="MainTree">\n  <BehaviorTree ID="MainTree">\n  {}\n  ' \
-           "</BehaviorTree>{}\n</root>\n".format(TREES[name], DRIVE if name == "patrol" else "")
+    return ('<root BTCPP_format="4" main_tree_to_execute="MainTree">\n  <BehaviorTree '
+            'ID="MainTree">'
+            '\n  {}\n  ' \
+           "</BehaviorTree>{}\n</root>\n".format(TREES[name], DRIVE if name == "patrol" else ""))
 
 
 def write(folder):
-    """Write palette and trees into a folder; return the path of the palette and those of the trees."""
+    """Write palette and trees into a folder; return the path of the palette and those of the trees.
+    """
     paths = {"palette": palette()}
     paths.update((name, tree(name)) for name in TREES)
     for name, text in paths.items():
         with open(os.path.join(str(folder), name + ".xml"), "w", encoding="utf-8") as file:
             file.write(text)
-    return os.path.join(str(folder), "palette.xml"), [os.path.join(str(folder), name + ".xml") for name in TREES]
+    return os.path.join(
+        str(folder), "palette.xml"), [os.path.join(str(folder), name + ".xml") for name in TREES]

@@ -1,27 +1,31 @@
-"""Records of whole days in virtual time: visitors of all kinds, a robot that needs time and sometimes fails."""
+"""Records of whole days in virtual time: visitors of all kinds, a robot that needs time and
+sometimes fails."""
 import random
 import types
 
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.events import HealthChanged, PassFinished
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.health import GONE
-from behavior_controller.interface.document import ATTENTION, FACES, SPEECH
-from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
-                                                   PerformGesture, Point, QueryKnowledge, Say, SetAttention)
-from behavior_controller.watch import record as record_module
-from behavior_controller.watch.record import Record
-from mission_rig import ENTRANCE, HOME, Rig, service_of
+from behavior_controller.execution.events import HealthChanged, PassFinished
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.execution.health import GONE
+from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH
+from behavior_controller.robot.requests import (
+    Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, QueryKnowledge,
+    Say, SetAttention)
+from behavior_controller.monitoring.record import recorder as record_module
+from behavior_controller.monitoring.record.recorder import Record
+from mission_rig import ENTRANCE, HOME, Rig, service_of, written
 
 NAMES = ("Robot arm", "Sea chest", "Loom", "Weather balloon", "Printing press")
 EXHIBITS = tuple(
-    Exhibit(name, "This is the {}.".format(name.lower()), "It was made here, in the year {}.".format(1890 + 7 * n),
-            Location(n, n + 0.5, 90.0), Point(n, n, 1.0)) for n, name in enumerate(NAMES, 1))
+    Exhibit(name, "This is the {}.".format(name.lower()), "It was made here, in the year {}.".
+            format(1890 + 7 * n), Location(n, n + 0.5, 90.0), Point(n, n, 1.0))
+    for n, name in enumerate(NAMES, 1))
 STEP = 0.25  # seconds between two messages of a topic
 BEGAN = 1_790_000_000.0  # when the clock of the record says that the day begins
-KINDS = ("engages", "engages", "declines", "silent", "no gaze", "leaves", "robot refuses", "drive dies")
+KINDS = ("engages", "engages", "declines", "silent", "no gaze", "leaves", "robot refuses",
+         "drive dies")
 
 
 class Day:
@@ -43,8 +47,11 @@ class Day:
 
     def answer(self, request):
         if isinstance(request, QueryKnowledge):
-            return Answer(exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE,), "home": (HOME,)}[request.what])
-        if self.kind == "robot refuses" and isinstance(request, PerformGesture) and self.draw.random() < 0.4:
+            return Answer(
+                exhibits={"exhibits": EXHIBITS, "entrance": (ENTRANCE, ), "home": (HOME, )}[
+                    request.what])
+        if self.kind == "robot refuses" and isinstance(request,
+                                                       PerformGesture) and self.draw.random() < 0.4:
             return Failure(Cause.REFUSED, "a joint is too hot", service_of(request))
         if self.kind == "drive dies" and isinstance(request, GoTo) and self.is_dead:
             return Failure(Cause.NOT_REACHABLE, "no node offers it", service_of(request))
@@ -74,9 +81,11 @@ class Day:
         is_dead = self.kind == "drive dies" and rig.clock.now() - self.began > 60
         if is_dead != self.is_dead:
             self.is_dead = is_dead
-            rig.mission.health.report(GONE, HealthChanged(
-                "service", service_of(GoTo), "robotNavigation", not is_dead, "gone" if is_dead else "back",
-                "the robot cannot drive" if is_dead else "", GONE))
+            rig.mission.health.report(
+                GONE,
+                HealthChanged("service", service_of(GoTo), "robotNavigation", not is_dead,
+                              "gone" if is_dead else "back",
+                              "the robot cannot drive" if is_dead else "", GONE))
             rig.mission.health.publish(rig.mission.events)
 
     def publish(self, rig):
@@ -84,7 +93,9 @@ class Day:
         is_there = since > 20.0 and not (self.kind == "leaves" and since > 75.0)
         gazes = is_there and self.kind != "no gaze"
         rig.topics.publish(FACES, Faces(("1",), (gazes,)) if is_there else Faces((), ()))
-        modes = [request.state for request in rig.requests[-60:] if isinstance(request, SetAttention)]
+        modes = [
+            request.state for request in rig.requests[-60:] if isinstance(request, SetAttention)
+        ]
         if modes and modes[-1] == "seeking":
             rig.topics.publish(ATTENTION, AttentionStatus("seeking", 1 if gazes else 0))
         says = {"declines": "no", "silent": None}.get(self.kind, "yes")
@@ -95,15 +106,14 @@ class Day:
 def recorded_day(folder, monkeypatch, runs, kinds=KINDS):
     """Record so many visits of the lab tour, and return the path of the record."""
     day = Day(kinds)
-    rig = Rig(folders.mission("lab_tour"), answer=lambda request: None)
+    rig = Rig("lab_tour", answer=lambda request: None)
     rig.mission_file = folders.mission("lab_tour")
-    monkeypatch.setattr(record_module, "time", types.SimpleNamespace(time=lambda: BEGAN + rig.clock.now() - 1000.0))
+    monkeypatch.setattr(record_module, "time",
+                        types.SimpleNamespace(time=lambda: BEGAN + rig.clock.now() - 1000.0))
     monkeypatch.setattr(record_module, "MOST_WAITING", 10 ** 9)
-    record = Record(str(folder), rig.clock, pytest.fail, rig.settings.interface)
+    record = Record(str(folder), rig.clock, pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
-    rig.mission.gateway, rig.mission.topics = record.gateway(rig.gateway), record.topics(rig.topics)
+    rig.mission.topics = record.topics(rig.topics)
     rig.run(day.step, runs=runs)
-    while record.is_kept:  # each call waits a second for what is not written yet
-        record.close()
-    return record.path
+    return written(record)

@@ -1,13 +1,15 @@
-"""Entries by name: where a key leads, what a write may change, and how often it was written (BT.CPP section 9)."""
+"""Entries by name: where a key leads, what a write may change, and how often it was written (BT.CPP
+section 9)."""
 import pytest
 
-from behavior_controller.bt.language.blackboard import Blackboard, Entry, WriteCount
-from behavior_controller.bt.language.values import ValueFault
+from behavior_controller.bt.engine.blackboard import Blackboard, Entry, WriteCount
+from behavior_controller.bt.script.values import ValueFault
 from behavior_controller.bt.status import RUNNING
 
 
 def chain(*levels):
-    """Return one blackboard for each level below a root; a level is a dict of remappings or "auto"."""
+    """Return one blackboard for each level below a root; a level is a dict of remappings or "auto".
+    """
     boards = [Blackboard()]
     for remappings in levels:
         board = Blackboard(boards[-1])
@@ -24,7 +26,7 @@ def contents(board):
     return {key: entry.value for key, entry in board.local.items()}
 
 
-# ------------------------------------------------------------------------------------------------- where a key leads
+# -------------------------------------------------------------------------------- where a key leads
 
 
 @pytest.mark.parametrize("levels, key, leads_to", [
@@ -91,14 +93,16 @@ def test_a_strong_type_is_declared_once(first, then, clash):
     board = Blackboard()
     entry = board.create("k", first)
     if clash:
-        with pytest.raises(ValueFault, match=r"\[k\]: once declared.*\[{}\], current type \[{}\]".format(first, then)):
+        with pytest.raises(
+                ValueFault,
+                match=r"\[k\]: once declared.*\[{}\], current type \[{}\]".format(first, then)):
             board.create("k", then)
     else:
         assert board.create("k", then) is entry
     assert entry.type == first
 
 
-# ------------------------------------------------------------------------------------------------------------- writing
+# ------------------------------------------------------------------------------------------ writing
 
 
 @pytest.mark.parametrize("value, declared", [
@@ -124,7 +128,8 @@ def test_a_truth_and_a_status_are_stored_as_integers():
     board = Blackboard()
     board.set("truth", True)
     board.set("status", RUNNING, "NodeStatus")
-    assert [(type(entry.value), entry.value) for entry in board.local.values()] == [(int, 1), (int, 1)]
+    assert [(type(entry.value), entry.value) for entry in board.local.values()] == [(int, 1),
+                                                                                    (int, 1)]
 
 
 @pytest.mark.parametrize("declared, value, value_type, stored", [
@@ -150,10 +155,19 @@ def test_what_an_empty_typed_entry_takes(declared, value, value_type, stored):
 
 
 @pytest.mark.parametrize("declared, value, value_type", [
-    ("int", 2.5, "double"), ("int", 2 ** 31, "int64"), ("uint", -1, "int"), ("uint8", 300, "int"),
+    ("int", 2.5, "double"),
+    ("int", 2**31, "int64"),
+    ("uint", -1, "int"),
+    ("uint8", 300, "int"),
     ("int", "x", "string"),
-    ("int8", 200, "int"), ("double", 2 ** 53 + 1, "int64"), ("bool", 1, "int"), ("string", 1, "int"),
-    ("vec_int", [1.5], None), ("vec_int", ["1"], None), ("vec_int", [True], None), ("int", [1], None),
+    ("int8", 200, "int"),
+    ("double", 2**53 + 1, "int64"),
+    ("bool", 1, "int"),
+    ("string", 1, "int"),
+    ("vec_int", [1.5], None),
+    ("vec_int", ["1"], None),
+    ("vec_int", [True], None),
+    ("int", [1], None),
     ("list", "x", "string"),
 ])
 def test_what_a_typed_entry_refuses(declared, value, value_type):
@@ -194,8 +208,13 @@ def test_writing_through_a_remapping_respects_the_type():
 
 
 @pytest.mark.parametrize("value, value_type, origin", [
-    (4, "int", "int"), (True, "bool", "bool"), (3, None, "int"), (1.5, None, "double"), ("x", None, "string"),
-    (3000000000, "uint", "uint"), ([3], "vec_int", "vec_int"),
+    (4, "int", "int"),
+    (True, "bool", "bool"),
+    (3, None, "int"),
+    (1.5, None, "double"),
+    ("x", None, "string"),
+    (3000000000, "uint", "uint"),
+    ([3], "vec_int", "vec_int"),
 ])
 def test_a_value_remembers_what_it_was(value, value_type, origin):
     board = Blackboard()
@@ -214,7 +233,7 @@ def test_a_text_that_an_entry_converts_is_of_the_entry_s_type():
     assert board.local["k"].origin == "int"
 
 
-# ----------------------------------------------------------------------- SetBlackboard and UnsetBlackboard use these
+# ------------------------------------------------------ SetBlackboard and UnsetBlackboard use these
 
 
 def test_a_value_of_any_type_must_be_of_the_entry_s_own():
@@ -230,7 +249,8 @@ def test_a_new_entry_gets_the_type_of_what_is_copied():
     board = Blackboard()
     board.set_any("k", "42", "string")
     board.set_any("@j", 2.5, "double")
-    assert [(entry.type, entry.value) for entry in board.local.values()] == [("string", "42"), ("double", 2.5)]
+    assert [(entry.type, entry.value) for entry in board.local.values()] == [("string", "42"),
+                                                                             ("double", 2.5)]
 
 
 def test_a_text_empties_an_entry_of_generic_type():
@@ -248,7 +268,8 @@ def test_an_entry_of_the_root_is_written_as_the_root_itself_would():
     board.set_any("@k", 5, "int64")
     board.set("@text", "one")
     board.set("@text", "two")
-    assert [(key, entry.type) for key, entry in root.local.items()] == [("k", "Any"), ("text", "string")]
+    assert [(key, entry.type) for key, entry in root.local.items()] == [("k", "Any"),
+                                                                        ("text", "string")]
 
 
 def test_unset_reaches_the_local_storage_alone():
@@ -263,7 +284,7 @@ def test_unset_reaches_the_local_storage_alone():
     root.set("x", "of another type")
 
 
-# ------------------------------------------------------------------------------------------------------------ counting
+# ----------------------------------------------------------------------------------------- counting
 
 
 def test_every_write_counts():

@@ -1,29 +1,44 @@
 """What there is to see of a mission, as data."""
+import base64
+import itertools
 import json
+import re
 import sys
 import time
 import types
+import zlib
+from functools import partial
 
+import msgspec
 import pytest
 from py_trees.common import Status
 
 from behavior_controller.cli import create_tree
-from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-                                        RunStarted, Sources, StepStarted, Told)
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.health import GONE
-from behavior_controller.interface.document import INTERFACE
-from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Say
+from behavior_controller.execution import run as run_module
+from behavior_controller.execution.events import (
+    EntriesWritten, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
+    RunStarted, Sources, StepStarted, Suspended, Told)
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.execution.health import GONE
+from behavior_controller.execution.state import State
+from behavior_controller.robot.d543 import INTERFACE
+from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
-from behavior_controller.story import Story
+from behavior_controller.monitoring.story import Story, cause, how_it_ended
 from behavior_controller.text import Source
-from behavior_controller.watch import board as board_module
-from behavior_controller.watch import status
-from behavior_controller.watch.board import PARTS, Board
+from behavior_controller.monitoring import board as board_module
+from behavior_controller.monitoring import status_tool, view
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.parts import PARTS, changes, patched
+from behavior_controller.monitoring.record.moments import Moments
+from behavior_controller.monitoring.record.replay import read_record
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
+from recorded_tours import recorded_day
 
 RUN = RunStarted("some/where/lab_tour.xml", [], {}, Sources((), Source("", ""), Source("", ""), ""))
-GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "it cannot drive")
+ENDED = "all passes are done; last pass: SUCCESS; attention and lifelike movement are off"
+GONE_AWAY = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone",
+                          "it cannot drive")
 
 
 def board_of(rig):
@@ -34,8 +49,10 @@ def board_of(rig):
 
 def let_time_stand(monkeypatch, now):
     """Have the clocks of the board show ``now[0]`` seconds, the one of the day a million more."""
-    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
-        monotonic=lambda: now[0], time=lambda: 1_000_000.0 + now[0], strftime=time.strftime, localtime=time.localtime))
+    monkeypatch.setattr(
+        board_module, "time",
+        types.SimpleNamespace(monotonic=lambda: now[0], time=lambda: 1_000_000.0 + now[0],
+                              strftime=time.strftime, localtime=time.localtime))
 
 
 def time_of_day(at):
@@ -51,8 +68,10 @@ def test_the_tree_has_the_nodes_of_the_mission_with_their_names_and_types():
     nodes = board_of(rig).part("mission")["nodes"]
     assert [(node["uid"], node["name"], node["path"]) for node in nodes] == [
         (node.uid, node.name, node.full_path) for node in rig.tree.nodes]
-    assert [[child.uid for child in node.children] for node in rig.tree.nodes] == [
-        [node["uid"] for node in nodes if node["parent"] == uid] for uid in range(1, len(nodes) + 1)]
+    assert [[child.uid for child in node.children] for node in rig.tree.nodes
+            ] == [[node["uid"] for node in nodes if node["parent"] == uid]
+                  for uid in range(1,
+                                   len(nodes) + 1)]
     assert len([node for node in nodes if node["subtree"]]) == len(
         [node for node in rig.tree.nodes if node.registration_id == "SubTree"])
 
@@ -73,7 +92,10 @@ def test_nodes_are_called_what_py_trees_render_calls_them():
     board = board_of(rig)
     rig.mission.events.emit(RUN)
 
-    labels = [" ".join(filter(None, (node["name"], node["kind"]))) for node in board.part("mission")["nodes"]]
+    labels = [
+        " ".join(filter(None, (node["name"], node["kind"])))
+        for node in board.part("mission")["nodes"]
+    ]
     assert sorted(labels) == sorted(node.name for node in create_tree("lab_tour").iterate())
 
 
@@ -101,7 +123,8 @@ def test_the_letters_of_what_ended_before_the_first_look():
 
 
 def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
     board = board_of(rig)
     before = dict(board.versions)
     rig.mission.health.report(GONE, GONE_AWAY)
@@ -114,14 +137,17 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
     assert board.versions == before
 
 
-@pytest.mark.parametrize("before, event, changed", [
-    ([], RUN, "mission story"), ([], PassStarted(1, 0.0), "passes statuses story timeline"),
-    ([PassStarted(1, 0.0)], PassFinished(1, "SUCCESS", 1.0), "passes story visits"), ([], PassFinished(1, "SUCCESS", 1.0), ""),
-    ([], StepStarted(1, "x", "x", "driving", "", 0.0, False), "passes story timeline"),
-    ([StepStarted(1, "x", "x", "driving", "", 0.0, False)], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None),
-     "passes story timeline"),
-    ([], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), ""), ([], Noticed("info", "so"), "story"),
-    ([], Noticed("warning", "so"), "story trouble"), ([], GONE_AWAY, "health story"), ([], RunFinished("stopped", 0), "passes story")])
+@pytest.mark.parametrize(
+    "before, event, changed",
+    [([], RUN, "mission now story"), ([], PassStarted(1, 0.0), "now story timeline"),
+     ([PassStarted(1, 0.0)], PassFinished(1, "SUCCESS", 1.0), "now story visits"),
+     ([], PassFinished(1, "SUCCESS", 1.0), ""),
+     ([], StepStarted(1, "x", "x", "driving", "", 0.0, False), "now timeline"),
+     ([StepStarted(1, "x", "x", "driving", "", 0.0, False)
+       ], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), "now timeline"),
+     ([], LeafFinished(1, "x", "x", "SUCCESS", "", 1.0, None), ""),
+     ([], Noticed("info", "so"), "story"), ([], Noticed("warning", "so"), "story"),
+     ([], GONE_AWAY, "health now story"), ([], RunFinished("stopped", 0), "now story visits")])
 def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before, event, changed):
     let_time_stand(monkeypatch, [50.0])
     rig = one_leaf("<WelcomeSpeech/>")
@@ -132,7 +158,41 @@ def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before,
     versions = dict(board.versions)
     rig.mission.events.emit(event)
     board.look()
-    assert [name for name in sorted(PARTS) if board.versions[name] != versions[name]] == changed.split()
+    assert [name for name in sorted(PARTS)
+            if board.versions[name] != versions[name]] == changed.split()
+
+
+def test_a_part_changes_with_each_field_of_the_model_that_it_shows(tmp_path, monkeypatch):
+    read = set()
+
+    class Observed(State):
+        def __getattribute__(self, name):
+            read.add(name)
+            return super().__getattribute__(name)
+
+    path = recorded_day(tmp_path, monkeypatch, 8)
+    shown = view.View()
+    for line in read_record(path):
+        shown.take(line.time, line.event)
+        state = shown.state
+        for name in view.MOMENT:
+            shown.show(Observed(*map(partial(getattr, state), State.__struct_fields__)))
+            read.clear()
+            shown.part(name)
+            # the others change with these, or together with them
+            known = {"at", "course", "letters", "running", "visits", "visit_count"}
+            assert read.intersection(State.__struct_fields__) <= known.union(view.MADE_OF[name])
+        shown.show(state)
+
+
+def test_a_pause_of_the_operator_is_a_moment_of_the_record():
+    moments, shown = Moments(), view.View()
+    for event in (RUN, Suspended("paused by the operator")):
+        shown.take(1.0, event)
+        moments.take(shown, 1.0)
+    (_, packed), = moments.packed()
+    (_, _), (_, news) = json.loads(zlib.decompress(base64.b64decode(packed)))
+    assert news["now"]["card"]["kind"] == "paused"
 
 
 def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
@@ -149,52 +209,56 @@ def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
 
     changed()
     rig.tick()
-    assert changed() == {"statuses"} and changed() == set()
+    assert changed() == {"statuses", "now"} and changed() == set()
     rig.tree.blackboard.set("key", 1)
-    assert changed() == {"blackboard"} and changed() == set()
+    rig.tick()
+    assert changed() == {"statuses", "now", "blackboard"} and changed() == set()
     rig.mission.health.ended("/textToSpeech/say_text", 0.25, 60.0, True)
     assert changed() == {"health"} and changed() == set()
     now[0] += board_module.PULSE
     assert changed() == {"alive", "health"} and changed() == set()
-    board.show(one_leaf("<AlwaysSuccess/>").tree)
-    assert changed() == {"mission", "statuses", "passes", "blackboard"} and changed() == set()
+    board.show(one_leaf("<AlwaysFailure/>").tree)
+    assert changed() == {"mission", "statuses", "now", "blackboard"} and changed() == set()
     board.close()
-    assert changed() == {"passes"} and board.part("passes")["ended"] == "the controller has stopped"
+    assert changed() == {"now"} and board.part("now")["ended"] == "the controller has stopped"
 
 
 def test_story_visits_health_trouble_and_blackboard():
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
     board = board_of(rig)
     rig.mission.health.report(GONE, GONE_AWAY)
     rig.run(visitor_who(says="yes"))
-    assert board.part("passes") == {"count": 1, "ended": "all passes are done; last pass: SUCCESS", "text": ""}
-    ill = [part for part in board.part("health") if not part["well"]]
+    assert (board.part("now")["count"], board.part("now")["ended"]) == (1, ENDED)
+    ill = [part for part in board.part("health").values() if not part["well"]]
     assert [(part["name"], part["status"], part["consequence"]) for part in ill] == [
         ("/robotNavigation/set_goal", "gone", "it cannot drive")]
     assert len(board.part("health")) == len(INTERFACE.offers)
     story = Story()  # what it makes of the same events is what is shown
-    told = [sentence for event in rig.seen for sentence in story.take(0.0, event)]
+    told = [sentence for event in rig.events for sentence in story.take(0.0, event)]
     shown = board.part("story")["sentences"]
     assert [(each["visit"], each["text"], each["uid"]) for each in shown] == [
         (sentence.visit, sentence.text, sentence.uid) for sentence in told]
     assert [each["number"] for each in shown] == list(range(1, len(told) + 1))
-    assert [each["told"] for each in ill] == [sentence.text for sentence in told if sentence.kind == "health"]
-    assert [line["text"] for line in board.part("trouble")] == [
-        sentence.text for sentence in told if sentence.severity != "info" and sentence.kind != "health"]
+    assert [each["told"].partition(" is ")[0] for each in ill] == ["/robotNavigation/set_goal"]
     assert board.part("visits")["outcomes"] == {"SUCCESS": 1}
-    assert [(each["number"], each["outcome"], [(one["name"], one["state"]) for one in each["exhibits"]])
-            for each in board.part("visits")["newest"]] == [(1, "SUCCESS", [("exhibit 1", "shown"), ("exhibit 2", "shown")])]
-    assert board.part("visits")["newest"][0]["told"] == story.take(0.0, rig.of(PassFinished)[0])[0].text == told[-2].text
-    assert ["currentExhibit", "exhibit 2"] in board.part("blackboard")
-    assert ["exhibits", "exhibit 1, exhibit 2"] in board.part("blackboard")
+    assert [(each["number"], each["outcome"], [
+        (one["name"], one["state"]) for one in each["stops"]
+    ]) for each in board.part("visits")["newest"]] == [(1, "SUCCESS", [("exhibit 1", "completed"),
+                                                                       ("exhibit 2", "completed")])]
+    assert board.part("visits")["newest"][0]["told"] == how_it_ended(story.state.visit) != ""
+    entries = board.part("blackboard")
+    assert (entries["currentExhibit"], entries["exhibits"]) == (
+        "exhibit 2", "exhibit 1, exhibit 2")
 
 
 def test_an_entry_of_a_subtree_is_shown_with_the_subtree_s_path():
-    rig = Rig("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'><SubTree ID='Inner' name='inner'/></BehaviorTree>"
-              "<BehaviorTree ID='Inner'><Script code='a := 3; @b := 4'/></BehaviorTree></root>")
+    rig = Rig("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'><SubTree "
+              "ID='Inner' name='inner'/></BehaviorTree><BehaviorTree ID='Inner'><Script code='a := "
+              "3; @b := 4'/></BehaviorTree></root>")
     board = board_of(rig)
     rig.tick()
-    assert [row for row in board.part("blackboard") if row[0] in ("a", "b", "inner/a")] == [["b", "4"], ["inner/a", "3"]]
+    assert board.part("blackboard") == {"b": "4", "inner/a": "3"}
 
 
 def test_a_step_has_its_age_and_its_limit(monkeypatch):
@@ -204,12 +268,15 @@ def test_a_step_has_its_age_and_its_limit(monkeypatch):
     board = board_of(rig)
     rig.tick()
     now[0] = 1004.26
-    step = board.part("story")["step"]
-    assert (step["age"], step["limit"], step["uid"]) == (4.3, rig.settings.deadline(rig.mission.interface.service(Say)), 1)
+    card, limit = board.part("now")["card"], rig.settings.deadline(
+        rig.mission.interface.service(Say))
+    assert (card["kind"], card["since"], card["until"],
+            card["uid"]) == ("step", 1001000.0, 1001000.0 + limit, 1)
+    assert card["waits_for"].endswith(service_of(Say))
     rig.gateway.calls[-1].finish(refusal(rig.requests[-1]))
     now[0] = 1004.256
     rig.tick()
-    assert [each["seconds"] for each in board.part("timeline")["steps"]] == [4.26]
+    assert [each["seconds"] for each in board.part("timeline")] == [4.26]
     result, = board.node(1)["results"]
     assert (result["time"], result["seconds"]) == (time_of_day(1004.256), pytest.approx(4.256))
 
@@ -220,23 +287,26 @@ def test_the_steps_of_a_visit_are_kept_for_its_timeline_until_the_next_visit():
     ends = []
 
     def visitor(rig):
-        ends.append([step["words"] for step in board.part("timeline")["steps"]])
+        ends.append([step["words"] for step in board.part("timeline")])
         visitor_who(says="no")(rig)
 
     rig.run(visitor, runs=2)
-    words = [step["words"] for step in board.part("timeline")["steps"]]
+    words = [step["words"] for step in board.part("timeline")]
     assert words.count("making the welcome gesture") == 1
     assert max(each.count("making the welcome gesture") for each in ends) == 1
-    assert all(step["uid"] for step in board.part("timeline")["steps"])
+    assert all(step["uid"] for step in board.part("timeline"))
 
 
 def test_what_there_is_to_know_of_a_node():
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, GoTo) else NotImplemented)
+    rig = Rig(
+        answer=lambda request: refusal(request) if isinstance(request, GoTo) else NotImplemented)
     board = board_of(rig)
     assert board.node(0) is None and board.node(len(rig.tree.nodes) + 1) is None
     node = next(node for node in rig.tree.nodes if node.name == "Navigate")
     before = board.node(node.uid)
-    assert before["results"] == [] and before["ports"] == [{"name": "target", "text": "{@targetLocation}", "value": "–"}]
+    assert before["results"] == [] and before["ports"] == [{
+        "name": "target", "text": "{@targetLocation}", "value": "–"
+    }]
     with open(node.element.document.file, encoding="utf-8") as file:
         line = file.read().split("\n")[int(before["place"].split(":")[1]) - 1]
     assert "<Navigate/>" in line and before["type"] == "Navigate"
@@ -246,32 +316,43 @@ def test_what_there_is_to_know_of_a_node():
     rig.run(visitor_who(says="yes"))
     found = board.node(node.uid)
     assert [(each["letter"], each["why"], each["times"]) for each in found["results"]] == [
-        ("F", "refused, the server refused ({})".format(service_of(GoTo)), 1)]
-    assert "x=0.5" in found["ports"][0]["value"] and json.dumps(found)
+        ("F", cause(Failure(Cause.REFUSED, "the server refused", service_of(GoTo))), 1)]
+    assert "x 0.5 m" in found["ports"][0]["value"] and json.dumps(found)
 
 
 def test_the_newest_results_of_a_node_are_kept_and_those_alike_are_one(monkeypatch):
-    monkeypatch.setattr(board_module, "INSTANT", 1000.0)
+    monkeypatch.setattr(view, "INSTANT", 1000.0)
     rig = one_leaf("<Sequence><WelcomeSpeech/></Sequence>")
     board = board_of(rig)
     for _ in range(7):
         rig.tick()
     assert [(each["letter"], each["times"]) for each in board.node(2)["results"]] == [("S", 7)]
-    monkeypatch.setattr(board_module, "INSTANT", 0.0)
+    monkeypatch.setattr(view, "INSTANT", 0.0)
     for _ in range(7):
         rig.tick()
-    assert [(each["letter"], each["times"]) for each in board.node(2)["results"]] == [("S", 1)] * board_module.RESULTS
+    assert [(each["letter"], each["times"])
+            for each in board.node(2)["results"]] == [("S", 1)] * view.RESULTS
 
 
 def test_results_that_differ_are_not_one_and_a_failure_is_that_of_its_tick():
-    answers = [Answer(), Failure(Cause.REFUSED, "a"), Failure(Cause.REFUSED, "b"), Failure(Cause.REFUSED, "b"), Answer()]
+    answers = [
+        Answer(),
+        Failure(Cause.REFUSED, "a"),
+        Failure(Cause.REFUSED, "b"),
+        Failure(Cause.REFUSED, "b"),
+        Answer()
+    ]
     rig = one_leaf("<ForceSuccess><WelcomeSpeech/></ForceSuccess>", lambda request: answers.pop(0))
     board = board_of(rig)
-    rig.mission.events.emit(LeafFinished(2, "x", "x", "FAILURE", "", 0.0, Failure(Cause.REFUSED, "of another tick")))
+    rig.mission.events.emit(
+        LeafFinished(2, "x", "x", "FAILURE", "", 0.0, Failure(Cause.REFUSED, "of another tick")))
     for _ in range(5):
         rig.tick()
-    assert [(each["letter"], each["why"], each["times"]) for each in board.node(2)["results"]] == [
-        ("S", "", 1), ("F", "refused, b", 2), ("F", "refused, a", 1), ("S", "", 1)]
+    assert [(each["letter"], each["why"], each["times"])
+            for each in board.node(2)["results"]] == [("S", "", 1),
+                                                      ("F", cause(Failure(Cause.REFUSED, "b")), 2),
+                                                      ("F", cause(Failure(Cause.REFUSED, "a")), 1),
+                                                      ("S", "", 1)]
 
 
 def test_each_of_the_failures_of_a_tick_is_that_of_its_attempt():
@@ -280,25 +361,27 @@ def test_each_of_the_failures_of_a_tick_is_that_of_its_attempt():
                    lambda request: Failure(next(causes), "m"))
     board = board_of(rig)
     assert rig.tick() is Status.FAILURE
-    assert [each["why"] for each in board.node(2)["results"]] == ["no answer in time, m", "not reachable, m", "refused, m"]
+    assert [each["why"] for each in board.node(2)["results"]] == [
+        cause(Failure(kind, "m")) for kind in (Cause.NO_ANSWER, Cause.NOT_REACHABLE, Cause.REFUSED)]
 
 
 def test_what_only_says_how_the_mission_is_put_together_is_bare():
     board = board_of(Rig())
     nodes = board.part("mission")["nodes"]
     assert {node["name"] for node in nodes if node["bare"]} == {
-        "Fallback", "ForceFailure", "ForceSuccess", "HandleFallBack", "Inverter", "KeepRunningUntilFailure", "Parallel",
-        "ReactiveFallback", "Sequence"} & {node["name"] for node in nodes}
-    assert not any(node["bare"] for node in nodes if node["subtree"] or not node["parent"] or "(" in node["kind"])
+        "Fallback", "ForceFailure", "ForceSuccess", "HandleFallBack", "Inverter",
+        "KeepRunningUntilFailure", "Parallel", "ReactiveFallback", "Sequence"
+    } & {node["name"] for node in nodes}
+    assert not any(node["bare"] for node in nodes
+                   if node["subtree"] or not node["parent"] or "(" in node["kind"])
 
 
-def test_the_newest_forty_lines_are_kept():
+def test_the_newest_sentences_are_kept():
     rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
     for number in range(101):
         rig.mission.events.emit(Noticed("warning", "line {}".format(number)))
         rig.mission.events.emit(Noticed("info", "no trouble"))
-    assert [line["text"] for line in board.part("trouble")] == ["line {}".format(number) for number in range(61, 101)]
     assert [line["number"] for line in board.part("story")["sentences"]] == list(range(103, 203))
 
 
@@ -310,7 +393,7 @@ def test_calls_and_the_age_of_topics_are_part_of_the_health():
     rig.mission.health.heard["/faceDetection/data"] = time.monotonic() - 3.0
     board.look()
     assert board.versions["health"] > before
-    parts = {part["name"]: part for part in board.part("health")}
+    parts = board.part("health")
     said, seen = parts["/textToSpeech/say_text"], parts["/faceDetection/data"]
     assert (said["calls"], said["failures"], said["seconds"], said["age"]) == (1, 1, 0.252, None)
     assert 3.0 <= seen["age"] < 5.0
@@ -332,8 +415,9 @@ def test_a_tick_thread_that_hangs_is_told_by_the_age_of_its_last_sign(monkeypatc
     monkeypatch.setattr(board_module, "HANGS", 0.2)
     rig = one_leaf("<Sleep msec='9000'/>")
     board = Board(rig.mission.events, rig.mission.health, registry())
-    assert board.part("alive") == {"age": None, "hangs": False}
-    assert board.part("passes")["text"] == "" and board.part("mission")["nodes"] == []
+    assert (board.part("alive")["age"], board.part("alive")["hangs"]) == (None, False)
+    assert board.part("now")["card"]["what"] == "nothing runs" and board.part(
+        "mission")["nodes"] == []
     board.show(rig.tree)
     rig.tick()
     time.sleep(0.3)
@@ -355,9 +439,9 @@ def test_the_age_of_a_sign_of_life_is_told_in_tenths_of_a_second(monkeypatch):
     found = []
     for now[0] in (50.0, 51.26, 52.9, 53.0):
         found.append(board.part("alive"))
-        assert round(now[0] - 50.0, 1) in [part["age"] for part in board.part("health")]
-    assert found == [{"age": 0.0, "hangs": False}, {"age": 1.3, "hangs": False}, {"age": 2.9, "hangs": False},
-                     {"age": 3.0, "hangs": True}]
+        assert round(now[0] - 50.0, 1) in [part["age"] for part in board.part("health").values()]
+    assert [(alive["age"], alive["hangs"]) for alive in found] == [
+        (0.0, False), (1.3, False), (2.9, False), (3.0, True)]
 
 
 def test_statuses_of_a_visitor_end_with_the_pass():
@@ -369,17 +453,20 @@ def test_statuses_of_a_visitor_end_with_the_pass():
 
     def visitor(rig):
         passes = len(rig.of(PassFinished))
-        greeted = sum(isinstance(request, Say) and request.text.startswith("Hello") for request in rig.requests)
+        greeted = sum(
+            isinstance(request, Say) and request.text.startswith("Hello")
+            for request in rig.requests)
         if greeted > passes and passes not in seen:
-            seen[passes] = letters(board), board.part("passes")
+            seen[passes] = letters(board), board.part("now")
         visitor_who(says="no")(rig)
 
     assert rig.run(visitor, runs=2) == 0
     for shown, _ in seen.values():  # nothing beyond the welcome has run
         assert "R" in shown[:welcome - 1] and set(shown[welcome - 1:]) == {"-"}
     assert letters(board)[declined - 1] == "s"  # the last visitor's, when no pass follows
-    assert [seen[number][1]["text"].split(" · ")[0] for number in (0, 1)] == ["visitor 1", "visitor 2"]
-    assert board.part("passes")["ended"] == "all passes are done; last pass: SUCCESS"
+    assert [
+        re.findall(r"\d+", seen[number][1]["card"]["where"])[0] for number in (0, 1)] == ["1", "2"]
+    assert board.part("now")["ended"] == ENDED
 
 
 def test_statuses_of_the_visit_before_are_gone_when_the_next_begins():
@@ -391,15 +478,16 @@ def test_statuses_of_the_visit_before_are_gone_when_the_next_begins():
     assert letters(board) == "-" * len(rig.tree.nodes)
 
 
-@pytest.mark.parametrize("outcome, expected", [(None, "the controller has stopped"), ("stopped", "stopped")])
+@pytest.mark.parametrize("outcome, expected", [(None, "the controller has stopped"),
+                                               ("stopped", "stopped")])
 def test_the_end_is_told_even_if_the_mission_does_not_tell_it(outcome, expected):
     rig = Rig()
     board = board_of(rig)
     if outcome is not None:
         rig.mission.events.emit(RunFinished(outcome, 0))
-    before = board.versions["passes"]
+    before = board.versions["now"]
     board.close()
-    assert board.part("passes")["ended"] == expected and board.versions["passes"] > before
+    assert board.part("now")["ended"] == expected and board.versions["now"] > before
 
 
 def test_what_the_robot_says_stays_on_its_line():
@@ -411,10 +499,11 @@ def test_what_the_robot_says_stays_on_its_line():
     rig.mission.events.emit(Noticed("error", odd))
     rig.mission.events.emit(HealthChanged("service", service_of(Say), odd, False, odd, ""))
     state = {name: board.part(name) for name in PARTS}
-    assert state["trouble"] and all(line["text"].isprintable() for line in state["trouble"])
-    assert all(part["status"].isprintable() for part in state["health"])
+    assert all(line["text"].isprintable() for line in state["story"]["sentences"])
+    assert all(part["status"].isprintable() for part in state["health"].values())
     assert "\\n" in state["mission"]["nodes"][0]["name"]
-    assert "\\x1b[2J\\n\\u202e\\ud800" in "".join(status.lines(state, True))
+    assert "\\x1b[2J\\n\\u202e\\ud800" in "".join(
+        status_tool.lines(msgspec.convert(state, status_tool.ShownState), True))
 
 
 def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_newest_statuses(monkeypatch):
@@ -435,7 +524,7 @@ def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():
     before = dict(board.versions)
     rig.mission.events.emit(PassStarted(2, 0.0))
     board.look()
-    assert {"statuses", "passes", "timeline"} <= {part for part in PARTS if board.versions[part] != before[part]}
+    assert {"now", "timeline"} <= {part for part in PARTS if board.versions[part] != before[part]}
 
 
 def test_a_visit_has_the_time_of_the_arrival_and_until_then_that_of_its_begin(monkeypatch):
@@ -480,3 +569,84 @@ def test_a_change_of_health_is_shown_at_once(monkeypatch):
     rig.mission.events.emit(GONE_AWAY)
     board.look()
     assert board.versions["health"] != before
+
+
+# -------------------------------------------------------------------- earlier moments, what is sent
+
+
+def test_an_earlier_moment_is_shown_as_it_was_shown_then(monkeypatch):
+    monkeypatch.setattr(run_module, "EVERY", 40)
+    rig, then = Rig(answer=lambda request: refusal(request)
+                    if isinstance(request, PerformGesture) else NotImplemented), {}
+    numbers = itertools.count(1)  # every event has a time of its own
+    monkeypatch.setattr(board_module, "STRETCHES", 99)
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
+        monotonic=time.monotonic, time=lambda: float(next(numbers))))
+    board = board_of(rig)
+
+    def visitor(rig):
+        then[next(numbers)] = {name: board.part(name) for name in view.MOMENT + ("health",)}
+        if len(then) == 9:
+            rig.mission.health.report(GONE, GONE_AWAY)
+        visitor_who(says="yes")(rig)
+
+    rig.run(visitor, runs=2)
+    assert len(then) > 10 and board.at(0.0)["now"]["card"]["what"] == "nothing runs"
+    for moment, parts in then.items():
+        # how often each service was called is known for now only
+        health = {name: dict(offer, calls=0, failures=0, seconds=None, age=None)
+                  for name, offer in parts["health"].items()}
+        assert board.at(moment) == dict(parts, health=health)
+    assert len({offer["well"] for parts in then.values()
+                for offer in parts["health"].values()}) == 2
+
+
+def test_a_time_of_the_mission_s_clock_is_shown_as_the_time_of_day(monkeypatch):
+    rig = Rig()
+    let_time_stand(monkeypatch, [50.0])
+    board = board_of(rig)
+    rig.mission.events.emit(PassStarted(1, rig.clock.now()))
+    asked = [(name, str(rig.clock.now() + 75.0)) for name in ("questionAskedAt", "other")]
+    rig.mission.events.emit(EntriesWritten(asked))
+    assert board.part("blackboard") == {"questionAskedAt": time_of_day(125.0),
+                                        "other": asked[1][1]}
+
+
+def test_what_is_sent_are_the_changes_and_they_make_what_is_so():
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
+    board, sizes = board_of(rig), []
+    sent, known = {}, {}
+
+    def send():
+        nonlocal sent, known
+        parts = json.loads(json.dumps({name: board.part(name) for name in PARTS}))
+        text = json.dumps(changes(sent, parts))
+        sizes.append(len(text))
+        sent, known = parts, patched(known, json.loads(text))
+        gone = {name: text for name, text in known["blackboard"].items() if text is not None}
+        assert dict(known, blackboard=gone) == parts
+
+    def visitor(rig):
+        send()
+        visitor_who(says="yes")(rig)
+
+    rig.run(visitor, runs=2)
+    send()
+    assert len(sizes) > 20 and sum(sizes[1:]) / len(sizes) < sizes[0] / 10
+    assert changes(sent, sent) == {}
+
+
+@pytest.mark.parametrize("old, new, expected", [
+    ({"a": [1, 2, 3]}, {"a": [2, 3, 4]}, {"a": {"drop": 1, "add": [4]}}),
+    ({"a": [1, 2]}, {"a": []}, {"a": {"drop": 2, "add": []}}),
+    ({"a": {"b": 1, "c": 2}, "d": 3}, {"a": {"b": 1}, "d": 3}, {"a": {"c": None}}),
+    ({"a": None}, {"a": {"b": [1]}}, {"a": {"b": [1]}})])
+def test_a_change_is_no_larger_than_what_differs(old, new, expected):
+    assert changes(old, new) == expected
+
+
+@pytest.mark.parametrize("change", [{"drop": 1}, {"add": [1]}, {"drop": "1", "add": []}])
+def test_a_change_that_does_not_fit_is_refused(change):
+    with pytest.raises(ValueError):
+        patched({"a": [1, 2]}, {"a": change})

@@ -2,12 +2,18 @@
 import logging
 
 import pytest
+from msgspec.structs import replace
 
-from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Recovered,
-                                        Recovering, Retried, RunFinished, RunStarted, Sources, Told, TourAdvanced)
-from behavior_controller.gateway import Cause, Failure
+from behavior_controller.execution.events import (
+    HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Paused, Recovered, Recovering,
+    Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources, Told, StopChanged)
+from behavior_controller.execution.events import Line
+from behavior_controller.execution.health import GONE
+from behavior_controller.execution.run import Run
+from behavior_controller.monitoring.moment import robot_line
+from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.ros import console as module
-from behavior_controller.ros.connection import Trouble
+from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.console import FILE_ONLY, ROSOUT, Console, report_internal_error
 from behavior_controller.text import Source
 from test_story import RUNS, Teller, rig_of
@@ -47,24 +53,38 @@ def console(monkeypatch):
 
 @pytest.mark.parametrize("event", [
     RunStarted(ODD, [], {}, Sources((), Source(ODD, ODD), Source(ODD, ODD), ODD)),
-    LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE), Retried(ODD, ODD, 1, FAILURE),
-    Recovered(ODD, ODD, FAILURE, ODD, 1, False, ODD), HealthChanged("service", ODD, ODD, False, ODD, ODD),
-    Recovering(1, ODD, ODD, FAILURE, 1, 2), Recovering(1, ODD, ODD, FAILURE, 0, 2, ODD),
-    TourAdvanced(1, ODD, ODD, 1, 2, ODD, "begun"), LeafFinished(1, "-", "-", "SUCCESS", "-", 1.0, None, Told(ODD, ODD, ODD)),
-    PassFinished(1, ODD, 1.0), Noticed("error", ODD), Noticed(ODD, ODD), RunFinished(ODD, 3)])
+    LeafFinished(1, ODD, ODD, "FAILURE", ODD, 1.0, FAILURE),
+    Retried(ODD, ODD, 1, FAILURE),
+    Recovered(ODD, ODD, FAILURE, ODD, 1, False, ODD),
+    HealthChanged("service", ODD, ODD, False, ODD, ODD),
+    Recovering(1, ODD, ODD, FAILURE, 1, 2),
+    Recovering(1, ODD, ODD, FAILURE, 0, 2, ODD),
+    StopChanged(1, ODD, ODD, 1, 2, ODD, "begun"),
+    LeafFinished(1, "-", "-", "SUCCESS", "-", 1.0, None, Told(ODD, ODD, ODD)),
+    PassFinished(1, ODD, 1.0),
+    Paused(FAILURE, ODD),
+    Paused(FAILURE, "", ODD),
+    SafeStateReported((SafePart(ODD, ODD, FAILURE), SafePart(ODD, ODD, None)), 1.0),
+    Noticed("error", ODD),
+    Noticed(ODD, ODD),
+    RunFinished(ODD, 3)
+])
 @pytest.mark.parametrize("is_verbose", [False, True])
 def test_each_event_is_told_on_lines_of_its_own(told, console, event, is_verbose):
     console(PassStarted(1, 0.0))
     console.is_verbose = is_verbose
     console(event)
     console.drain(5)
-    assert len(told) == (not isinstance(event, Retried)) + (is_verbose and isinstance(event, (LeafFinished, Retried)))
-    for line in told:
-        assert line.isprintable() and line.startswith("behaviorController: ") and "\\x1b[2J" in line
+    assert all(line.isprintable() and line.startswith("behaviorController: ") for line in told)
+    sentences = [line for line in told if ": robot: " not in line]
+    assert len(sentences) == (not isinstance(event, Retried)) + (is_verbose and isinstance(
+        event, (LeafFinished, Retried)))
+    assert all("\\x1b[2J" in line for line in sentences)
 
 
 def test_in_verbose_mode_a_leaf_is_told_with_what_it_said(told, console):
-    event = LeafFinished(1, "WelcomeSpeech", "a/b", "SUCCESS", "/say", 1.25, None, Told("said", "said “Hello”"))
+    event = LeafFinished(1, "WelcomeSpeech", "a/b", "SUCCESS", "/say", 1.25, None,
+                         Told("said", "said “Hello”"))
     console(event)
     console.is_verbose = True
     console(event)
@@ -80,7 +100,32 @@ def test_the_terminal_tells_each_kind_of_visit_in_the_sentences_of_the_story(tol
     rig.mission.events.subscribe(console)
     sentences = Teller(rig).run(visitor, runs).lines
     console.drain(10)
-    assert told == ["behaviorController: " + sentence for sentence in sentences]
+    assert [line for line in told if ": robot: " not in line] == [
+        "behaviorController: " + sentence for sentence in sentences]
+    state = Run(Line(0.0, event) for event in rig.events).state
+    assert told[-1] == "behaviorController: robot: " + robot_line(state).text
+
+
+def test_what_a_person_has_to_do_is_said_when_it_changes(told, console):
+    gone = HealthChanged("service", "/nav", "robotNavigation", False, "gone", "it cannot drive",
+                         GONE)
+    for event in (gone, gone, Noticed("info", "so"), replace(gone, is_well=True, consequence="")):
+        console(event)
+    console.drain(5)
+    robot = [line for line in told if ": robot: " in line]
+    assert len(robot) == 2 and robot[0].endswith("Restart /robotNavigation")
+    assert "Restart" not in robot[1]
+
+
+def test_a_condition_that_stays_false_is_one_line_in_verbose_mode(told, console):
+    console.is_verbose = True
+    false = LeafFinished(1, "IsASREnabled", "a", "FAILURE", "", 0.0,
+                         Failure(Cause.CONDITION_FALSE, "asrEnabled is false"))
+    for event in (false, false, replace(false, status="SUCCESS", failure=None), false):
+        console(event)
+    console.drain(5)
+    assert [line.split(", ")[0].rpartition(" ")[2] for line in told] == [
+        "FAILURE", "SUCCESS", "FAILURE"]
 
 
 def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alone(told, console):
@@ -95,7 +140,8 @@ def test_what_rospy_says_is_one_line_and_its_traceback_goes_to_the_log_file_alon
     finally:
         logger.removeHandler(told.handler)
         logging.getLogger(FILE_ONLY).removeHandler(handler)
-    assert len(told) == 1 and told[0].isprintable() and told[0].endswith("(details in the log file)")
+    assert len(told) == 1 and told[0].isprintable() and told[0].endswith(
+        "(details in the log file)")
     assert len(details) == 1 and "Traceback" in details[0]
 
 

@@ -1,4 +1,5 @@
-"""The documents: links lead somewhere, commands are there, and no picture is older than what it shows."""
+"""The documents: links lead somewhere, commands are there, and no picture is older than what it
+shows."""
 import glob
 import importlib.util
 import os
@@ -7,7 +8,8 @@ import re
 import pytest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-DOCUMENTS = ["README.md"] + sorted(os.path.relpath(path, ROOT) for path in glob.glob(os.path.join(ROOT, "docs", "*.md")))
+DOCUMENTS = ["README.md"] + sorted(
+    os.path.relpath(path, ROOT) for path in glob.glob(os.path.join(ROOT, "docs", "*.md")))
 MOST_BYTES = 1_000_000  # all pictures
 
 
@@ -21,11 +23,13 @@ def prose_of(path):
 
 
 def links_of(document):
-    """Return the files of the repository that a document links to or shows, each with its anchor or an empty text."""
+    """Return the files of the repository that a document links to or shows, each with its anchor or
+    an empty text."""
     targets = re.findall(r"\]\(([^)\s]+)\)", prose_of(document))
     folder = os.path.dirname(document)
     return [(os.path.normpath(os.path.join(folder, path)) if path else document, anchor)
-            for path, _, anchor in (target.partition("#") for target in targets if "://" not in target)]
+            for path, _, anchor in (target.partition("#") for target in targets
+                                    if "://" not in target)]
 
 
 def anchors_of(document):
@@ -36,7 +40,8 @@ def anchors_of(document):
 
 @pytest.fixture(name="pictures", scope="module")
 def picture_command():
-    spec = importlib.util.spec_from_file_location("pictures", os.path.join(ROOT, "tools", "pictures.py"))
+    spec = importlib.util.spec_from_file_location("pictures",
+                                                  os.path.join(ROOT, "tools", "pictures.py"))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -44,8 +49,10 @@ def picture_command():
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_link_leads_somewhere(document):
-    lost = [(path, anchor) for path, anchor in links_of(document) if not os.path.exists(os.path.join(ROOT, path))
-            or anchor and anchor not in anchors_of(path)]
+    lost = [
+        (path, anchor) for path, anchor in links_of(document)
+        if not os.path.exists(os.path.join(ROOT, path)) or anchor and anchor not in anchors_of(path)
+    ]
     assert not lost
 
 
@@ -60,7 +67,8 @@ def test_every_command_is_there(document):
     code = "\n".join(re.findall(r"^```.*?^```|`make [^`]*`", text, re.M | re.S)).replace("`", "")
     targets = set(re.findall(r"^([\w-]+):", text_of("Makefile"), re.M))
     assert set(re.findall(r"^make (\w+)", code, re.M)) <= targets
-    for package, folder in (("cssr_system", "src/behavior_controller"), ("unit_tests", "unit_tests/nodes")):
+    for package, folder in (("cssr_system", "src/behavior_controller"), ("unit_tests",
+                                                                         "unit_tests/nodes")):
         for command in set(re.findall(r"rosrun {} (\w+)".format(package), text)):
             assert os.access(os.path.join(ROOT, folder, command), os.X_OK), command
 
@@ -72,7 +80,9 @@ def test_no_file_names_a_document_that_is_not_there():
             if os.path.isfile(path) and "__pycache__" not in path:
                 with open(path, encoding="utf-8", errors="replace") as file:
                     named.update(re.findall(r"docs/\w+\.md", file.read()))
-    assert named and [path for path in sorted(named) if not os.path.isfile(os.path.join(ROOT, path))] == []
+    assert named and [
+        path for path in sorted(named) if not os.path.isfile(os.path.join(ROOT, path))
+    ] == []
 
 
 def test_no_picture_is_older_than_what_it_shows(pictures):
@@ -85,7 +95,8 @@ def test_every_picture_is_shown_and_they_are_small(pictures):
              if os.path.dirname(path) == os.path.join("docs", "pictures")}
     files = {name for name in os.listdir(pictures.PICTURES) if name != "made_from.json"}
     assert shown == files == set(pictures.SOURCES)
-    assert sum(os.path.getsize(os.path.join(pictures.PICTURES, name)) for name in files) < MOST_BYTES
+    assert sum(os.path.getsize(os.path.join(pictures.PICTURES, name))
+               for name in files) < MOST_BYTES
 
 
 def test_a_change_of_what_a_picture_shows_makes_it_old(pictures, tmp_path, monkeypatch):
@@ -95,7 +106,8 @@ def test_a_change_of_what_a_picture_shows_makes_it_old(pictures, tmp_path, monke
     monkeypatch.setattr(pictures, "MADE_FROM", str(tmp_path / "made_from.json"))
     monkeypatch.setattr(pictures, "SOURCES", {"a.svg": ("*.xml",), "b.svg": ("*.xml",)})
     (tmp_path / "a.svg").write_text("")
-    (tmp_path / "made_from.json").write_text('{{"a.svg": "{0}", "b.svg": "{0}"}}'.format(pictures.digest("a.svg")))
+    (tmp_path / "made_from.json").write_text('{{"a.svg": "{0}", "b.svg": "{0}"}}'.format(
+        pictures.digest("a.svg")))
     assert pictures.outdated() == ["b.svg"]  # it is not there
     (tmp_path / "a.xml").write_text("<b/>")
     assert pictures.outdated() == ["a.svg", "b.svg"]
@@ -104,10 +116,12 @@ def test_a_change_of_what_a_picture_shows_makes_it_old(pictures, tmp_path, monke
 def test_an_animation_holds_the_image_of_each_frame(pictures):
     def still(image):
         chunk = pictures._chunk(b"VP8 ", image)
-        return pictures._chunk(b"RIFF", b"WEBP" + pictures._chunk(b"VP8X", b"\0" * 10) + chunk), chunk
+        return pictures._chunk(b"RIFF",
+                               b"WEBP" + pictures._chunk(b"VP8X", b"\0" * 10) + chunk), chunk
 
     (first, one), (second, other) = still(b"123"), still(b"4567")
     made = pictures.animation([first, first, second], 400, 800)
-    assert made[:4] + made[8:12] == b"RIFFWEBP" and int.from_bytes(made[4:8], "little") == len(made) - 8
+    assert made[:4] + made[8:12] == b"RIFFWEBP" and int.from_bytes(made[4:8],
+                                                                   "little") == len(made) - 8
     assert made[12:30] == b"VP8X\x0a\0\0\0\x02\0\0\0\x8f\x01\0\x1f\x03\0"  # animated, 400 x 800
     assert made.count(b"ANMF") == 2 and made.index(one) < made.index(other)

@@ -4,11 +4,13 @@ from behavior_controller.errors import Fault, MissionError
 
 def test_a_fault_names_its_place_and_its_hint():
     fault = Fault("lab_tour.xml", 12, 5, "unknown node WelcomSpeech", "did you mean WelcomeSpeech?")
-    assert str(fault) == "lab_tour.xml:12:5: unknown node WelcomSpeech (did you mean WelcomeSpeech?)"
+    assert str(
+        fault) == "lab_tour.xml:12:5: unknown node WelcomSpeech (did you mean WelcomeSpeech?)"
 
 
 def test_an_unknown_place_is_left_out_and_a_warning_says_so():
-    assert str(Fault("lab_tour.xml", 0, 0, "the file is empty")) == "lab_tour.xml: the file is empty"
+    assert str(Fault("lab_tour.xml", 0, 0,
+                     "the file is empty")) == "lab_tour.xml: the file is empty"
     assert str(Fault("a.xml", 3, 1, "odd", is_warning=True)) == "a.xml:3:1: warning: odd"
 
 

@@ -1,4 +1,5 @@
-"""The examples of plain Python run as their first lines say, and the guide shows them as they are."""
+"""The examples of plain Python run as their first lines say, and the guide shows them as they are.
+"""
 import os
 import subprocess
 import sys
@@ -13,14 +14,16 @@ def ran(name, mission):
     """Run an example in another folder, without ROS."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("ROS")}
     environment["PYTHONPATH"] = os.path.join(ROOT, "src")
-    return subprocess.run([sys.executable, os.path.join(EXAMPLES, name), str(mission)], env=environment, timeout=60,
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=os.sep)
+    return subprocess.run(
+        [sys.executable, os.path.join(EXAMPLES, name),
+         str(mission)], env=environment, timeout=60, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        encoding="utf-8", cwd=os.sep)
 
 
 def test_own_leaves_run_a_file_of_groot2():
     done = ran("plain_python.py", os.path.join(EXAMPLES, "plain_python.xml"))
     # two drives while the battery is at 2 or more (3, 2), and one home
-    assert done.stdout == "SUCCESS {'at': Spot(x=0.0, y=0.0), 'battery': 0}\n", done.stderr
+    assert done.stdout == "SUCCESS {'at': Spot(x=0.0, y=0.0), 'battery': 0} 0\n", done.stderr
 
 
 def test_a_wrong_text_of_an_own_type_is_a_line_with_its_place(tmp_path):
@@ -30,7 +33,8 @@ def test_a_wrong_text_of_an_own_type_is_a_line_with_its_place(tmp_path):
     done = ran("plain_python.py", tmp_path / "wrong.xml")
     line = 1 + text[:text.index("north")].count("\n")
     assert done.returncode == 1 and done.stdout == "" and "Traceback" not in done.stderr
-    assert done.stderr.startswith("{}:{}:".format(tmp_path / "wrong.xml", line)) and "north" in done.stderr
+    assert done.stderr.startswith("{}:{}:".format(tmp_path / "wrong.xml",
+                                                  line)) and "north" in done.stderr
 
 
 def test_py_trees_tools_show_a_mission_to_its_end():
@@ -38,7 +42,9 @@ def test_py_trees_tools_show_a_mission_to_its_end():
     pictures = done.stdout.split("\n\n")
     assert pictures[-1] == "SUCCESS Sleep\n", done.stderr
     assert "to two [" in pictures[0] and "Sleep [" not in pictures[0]
-    assert all(sign in pictures[-2] for sign in ("Sequence [", "Timeout [", "Sleep [")) and "to two [" not in pictures[-2]
+    assert all(
+        sign in pictures[-2]
+        for sign in ("Sequence [", "Timeout [", "Sleep [")) and "to two [" not in pictures[-2]
 
 
 @pytest.mark.parametrize("name", ["plain_python.py", "plain_python.xml", "py_trees_tools.py"])

@@ -1,51 +1,160 @@
-"""Do missions find what other packages add, and is each way of exporting it wrong told in one line?"""
+"""Do missions find what other packages add, and is each way of exporting it wrong told in one line?
+"""
 import os
+import re
+import shutil
 import subprocess
 import sys
+import textwrap
+import time
+from xml.etree import ElementTree
 
 import pytest
-
-pytest.importorskip("rospkg")
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXAMPLES = os.path.join(ROOT, "examples")
 MANIFEST = """<package format="2"><name>{0}</name><version>1.0.0</version><description>d</description>
 <maintainer email="a@example.org">a</maintainer><license>BSD</license><export><cssr_system {1}/></export></package>"""
 LEAF = """from behavior_controller.bt.registry import Kind, NodeSpec, Port
-from behavior_controller.interface.records import Request, Say
+from behavior_controller.robot.requests import Request, Say
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 """
 
 
+LEAVES, INTERFACE, PHRASES = 'leaves="a.leaves"', 'interface="a.leaves"', 'phrases="a.leaves"'
+RING = LEAF + """
+class FixtureRing(ServiceLeaf):
+    asks = Say
+    def request(self):
+        return Say("ding", "en")
+"""
+BELL = """from behavior_controller.robot.declarations import Service, Success, Topic
+from behavior_controller.robot.requests import Request, Say
+class Bell(Request, frozen=True):
+    text: str = "ding"
+def bell(name="/bell", **changed):
+    return Service(**dict(dict(request=Bell, name=name, node="bell", deadline=5.0,
+        type="cssr_system/textService", fields=lambda bell: (bell.text,),
+        success=Success("success", True, False), absence="no bell rings"), **changed))
+"""
+RINGS = "SPECS = (leaf_spec('FixtureRing', FixtureRing, ''),)"
+SPEECH = "from behavior_controller.config.phrases import Speech\n"
+
+
+def with_port(fields):
+    """Return lines that declare the leaf of RING with a port of these fields."""
+    return "FixtureRing.PORTS = (Port({}),)\n".format(fields) + RINGS
+
+
+def environment(packages, paths):
+    """Return the environment of a shell in which these folders hold packages."""
+    return dict(
+        os.environ, ROS_PACKAGE_PATH=str(packages), ROS_ROOT="",
+        PYTHONPATH=os.pathsep.join([os.path.join(ROOT, "src")] + list(map(str, paths))))
+
+
 def run(tool, *arguments, packages, paths=()):
     """Return the exit code of a tool and all that it prints, where these folders hold packages."""
-    environment = dict(os.environ, ROS_PACKAGE_PATH=str(packages), ROS_ROOT="", PYTHONPATH=os.pathsep.join(
-        [os.path.join(ROOT, "src")] + list(map(str, paths))))
-    done = subprocess.run([sys.executable, os.path.join(ROOT, "src", "behavior_controller", tool)] + list(arguments),
-                          env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+    done = subprocess.run(
+        [sys.executable, os.path.join(ROOT, "src", "behavior_controller", tool)] + list(arguments),
+        env=environment(packages, paths), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        universal_newlines=True)
     return done.returncode, done.stdout
+
+
+def package(folder, export, module, name="a"):
+    """Write a package with one export and the module that it names; ``module`` None: there is no
+    such module."""
+    source = folder / name / "src" / name
+    source.mkdir(parents=True)
+    (folder / name / "package.xml").write_text(MANIFEST.format(name, export))
+    (source / "__init__.py").write_text("")
+    if module is not None:
+        (source / "leaves.py").write_text(module)
 
 
 def test_the_example_adds_its_leaves_its_decorator_and_its_phrase():
     there = {"packages": EXAMPLES, "paths": [os.path.join(EXAMPLES, "greeter", "src")]}
-    code, text = run("validateMission", os.path.join(EXAMPLES, "greeter", "data", "greet.xml"), **there)
-    assert (code, text.splitlines()) == (0, [os.path.join(EXAMPLES, "greeter", "data", "greet.xml")
-                                             + ": can be run, 9 nodes, 0 warnings"])
+    code, text = run("validateMission", os.path.join(EXAMPLES, "greeter", "data", "greet.xml"),
+                     **there)
+    assert (code, text.splitlines()[1:]) == (0, [
+        os.path.join(EXAMPLES, "greeter", "data", "greet.xml") +
+        ": can be run, 20 nodes, 0 warnings"
+    ])
     palette = run("exportNodeModel", **there)[1]
-    assert all('ID="{}"'.format(node) in palette for node in ("SayTime", "Lights", "EveryOther", "CuriousSpeech"))
+    assert all('ID="{}"'.format(node) in palette
+               for node in ("SayTime", "Lights", "EveryOther", "CuriousSpeech", "DriveTo",
+                             "Display"))
     assert '<Decorator ID="EveryOther">' in palette
 
 
+def run_tests(folder, packages, paths):
+    """Run the tests of a package."""
+    return subprocess.run([sys.executable, "-m", "unittest", "discover", "-s", "test"],
+                          env=environment(packages, paths), cwd=str(folder), encoding="utf-8",
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+
+def test_the_example_tests_its_leaves_as_the_guide_says():
+    greeter = os.path.join(EXAMPLES, "greeter")
+    done = run_tests(greeter, EXAMPLES, [os.path.join(greeter, "src")])
+    assert done.returncode == 0 and "Ran 7 tests" in done.stdout, done.stdout
+
+
+def test_the_code_of_the_guide_is_a_package_with_its_test(tmp_path):
+    package(tmp_path, 'interface="greeter.interface" leaves="greeter.leaves"', None, "greeter")
+    with open(os.path.join(ROOT, "docs", "extending.md"), encoding="utf-8") as file:
+        blocks = re.findall(r"(?ms)^ *```python\n( *# (\S+)\n.*?)^ *```$", file.read())
+    for text, path in blocks:
+        (tmp_path / "greeter" / path).parent.mkdir(exist_ok=True)
+        (tmp_path / "greeter" / path).write_text(textwrap.dedent(text))
+    sources = [tmp_path / "greeter" / "src"]
+    code, text = run("exportNodeModel", packages=tmp_path, paths=sources)
+    assert code == 0 and '<Condition ID="DoorbellRang"' in text
+    subprocess.check_call([sys.executable, "-c", "from greeter.moving import SERVICES"],
+                          env=environment(tmp_path, sources))
+    subprocess.check_call([sys.executable, "-c", "from greeter.moving import SERVICES"],
+                          env=environment(tmp_path, sources))
+    done = run_tests(tmp_path / "greeter", tmp_path, sources)
+    assert done.returncode == 0 and "Ran 4 tests" in done.stdout, done.stdout
+
+
 def test_without_the_package_its_nodes_are_those_of_another_robot(tmp_path):
-    code, text = run("validateMission", os.path.join(EXAMPLES, "greeter", "data", "greet.xml"), packages=tmp_path)
-    assert code == 0 and "not a mission of this robot, which lacks 4 node types" in text
+    code, text = run("validateMission", os.path.join(EXAMPLES, "greeter", "data", "greet.xml"),
+                     packages=tmp_path)
+    assert code == 0 and "not a mission of this robot, which lacks 7 node types" in text
 
 
 @pytest.mark.parametrize("export, module, words", [
     ('leafs="a.leaves"', None, ["package.xml", "has no attribute leafs", "leaves"]),
     ('leaves="a.leaves"', None, ["package a", "a.leaves", "cannot be imported", "No module named"]),
-    ('leaves="a.leaves"', "SPECS = (", ["package a", "cannot be imported", "SyntaxError"]),
-    ('leaves="a.leaves"', "1 / 0", ["package a", "ZeroDivisionError"]),
+    ('leaves=""', None, ["package a", 'leaves="" names no module']),
+    ('leaves="a.leaves"', "SPECS = (",
+     ["package a", "cannot be imported", "SyntaxError", "leaves.py, line 1"]),
+    ('leaves="a.leaves"', "\n1 / 0", ["package a", "ZeroDivisionError", "(a/leaves.py:2)"]),
+    ('leaves="a.leaves"', "import sys; sys.exit(0)",
+     ["package a", "a.leaves", "SystemExit: 0 (a/leaves.py:1)"]),
+    ('interface="a.leaves"', "raise SystemExit",
+     ["package a", "a.leaves", "SystemExit (a/leaves.py:1)"]),
+    ('phrases="a.leaves"', "raise KeyboardInterrupt",
+     ["package a", "a.leaves", "KeyboardInterrupt (a/leaves.py:1)"]),
+    ('leaves="a.leaves"', "class Odd(BaseException): pass\nraise Odd('\\x1b[2J\\x07\\nnext')",
+     ["package a", "Odd: \\x1b[2J\\x07 next"]),
+    ('phrases="a.leaves"',
+     "from behavior_controller.config.phrases import Speech\nSPEECHES = (Speech('Hi', False, "
+     "'Hi.'))",
+     ["package a", "SPEECHES is not a tuple", "comma"]),
+    ('phrases="a.leaves"', "SPEECHES = ('Hi', 'Ho')",
+     ["package a", "'Hi' in SPEECHES is not a Speech"]),
+    ('phrases="a.leaves"',
+     "from behavior_controller.config.phrases import Speech\nSPEECHES = (Speech(None, 0, None),)",
+     ["package a", "a.leaves"]),
+    ('leaves="a.leaves"', LEAF + "SPECS = NodeSpec('FixtureLamp', Kind.ACTION, None)",
+     ["package a", "SPECS is not a tuple"]),
+    ('leaves="a.leaves"', LEAF + "SPECS = (NodeSpec('FixtureLamp', Kind.ACTION, None, 7),)",
+     ["package a", "a.leaves"]),
+    ('leaves="a.leaves"', LEAF + "SPECS = (NodeSpec(7, 'Action', None),)",
+     ["package a", "a.leaves"]),
     ('leaves="a.leaves"', "", ["package a", "a.leaves", "it has no SPECS"]),
     ('leaves="a.leaves"', "SPECS = 7", ["package a", "SPECS is not a tuple"]),
     ('leaves="a.leaves"', "SPECS = (7,)", ["package a", "7 in SPECS is not a NodeSpec"]),
@@ -54,46 +163,238 @@ def test_without_the_package_its_nodes_are_those_of_another_robot(tmp_path):
     ('leaves="a.leaves"', LEAF + "SPECS = (NodeSpec('Sequence', Kind.ACTION, None),)",
      ["package a", "the node Sequence is declared by BehaviorTree.CPP already"]),
     ('leaves="a.leaves"', LEAF + """
-class Wave(Request):
+class FixtureWave(Request):
     pass
-class Waves(ServiceLeaf):
-    asks = Wave
-SPECS = (leaf_spec("Waves", Waves, "waves"),)
-""", ["package a", "no service is declared for the request Wave of Waves"]),
+class FixtureWaves(ServiceLeaf):
+    asks = FixtureWave
+SPECS = (leaf_spec("FixtureWaves", FixtureWaves, "waves"),)
+""", ["package a", "no service is declared for the request FixtureWave of FixtureWaves"]),
     ('leaves="a.leaves"', LEAF + """
-class Lamp(ServiceLeaf):
+class FixtureLamp(ServiceLeaf):
     asks = Say
     PORTS = (Port("colour", "std::string"),)
-SPECS = (leaf_spec("Lamp", Lamp, "lamp"),)
-""", ["package a", "the port colour of Lamp has the unknown type std::string", "did you mean string?"]),
+SPECS = (leaf_spec("FixtureLamp", FixtureLamp, "lamp"),)
+""", [
+        "package a", "the port colour of FixtureLamp has the unknown type std::string",
+        "did you mean string?"
+    ]),
     ('leaves="a.leaves"', LEAF + """
-class Lamp(ServiceLeaf):
+class FixtureLamp(ServiceLeaf):
     pass
-SPECS = (leaf_spec("Lamp", Lamp, "lamp"),)
-""", ["package a", "cannot be imported", "a.leaves.Lamp, the leaf of Lamp, does not say what it asks for"]),
-    ('interface="a.leaves"', "SERVICES = (7,)", ["package a", "a.leaves", "SERVICES and TOPICS cannot be used"]),
+SPECS = (leaf_spec("FixtureLamp", FixtureLamp, "lamp"),)
+""", [
+        "package a", "cannot be imported",
+        "a.leaves.FixtureLamp, the leaf of FixtureLamp, does not say what it asks for"
+    ]),
+    ('interface="a.leaves"', "SERVICES = (7,)",
+     ["package a", "a.leaves", "7 in SERVICES is not a Service"]),
 ])
 @pytest.mark.parametrize("tool", ["validateMission", "exportNodeModel"])
 def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module, words):
-    source = tmp_path / "a" / "src" / "a"
-    source.mkdir(parents=True)
-    (tmp_path / "a" / "package.xml").write_text(MANIFEST.format("a", export))
-    (source / "__init__.py").write_text("")
-    if module is not None:
-        (source / "leaves.py").write_text(module)
+    package(tmp_path, export, module)
     arguments = [os.path.join(ROOT, "data", "lab_tour.xml")] if tool == "validateMission" else []
     code, text = run(tool, *arguments, packages=tmp_path, paths=[tmp_path / "a" / "src"])
-    assert code == 1 and len(text.splitlines()) == 1, text
+    assert code == 2 and len(text.splitlines()) == 1, text
     assert all(word in text for word in words), text
+
+
+@pytest.mark.parametrize("export, module, words", [
+    ('leaves="a.leafs"', "", ["No module named 'a.leafs'"]),
+    (LEAVES, "from behavior_controller.leaves.bse import X", ["leaves.bse", "(a/leaves.py:1)"]),
+    (LEAVES, "from behavior_controller.leaves.base import X", ["'X'", "(a/leaves.py:1)"]),
+    (LEAVES, RING + "SPEC = ()", ["has no SPECS, but SPEC", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (leaf_spec('FixtureRing', FixtureRing, 'Rings.'))",
+     ["comma", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (FixtureRing,)", ["not a NodeSpec", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (leaf_spec('FixtureRing', FixtureRing(), ''),)",
+     ["'name'", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (leaf_spec('FixtureRing', FixtureRing),)",
+     ["'description'", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (leaf_spec('FixtureRing', int, ''),)",
+     ["not a class of mission leaves", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (NodeSpec('FixtureRing', Kind.ACTION, int),)",
+     ["makes no nodes", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (leaf_spec('FixtureRing it', FixtureRing, ''),)",
+     ["cannot be the name of a node", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (leaf_spec('Action', FixtureRing, ''),)",
+     ["'Action' cannot be the name of a node", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = (NodeSpec('FixtureRing', Kind.ACTION, None),)",
+     ["None makes no nodes", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = ((leaf_spec('FixtureRing', FixtureRing, ''),),)",
+     ["is not a NodeSpec", "(a/leaves.py:9)"]),
+    (LEAVES, RING + "SPECS = 2 * (leaf_spec('FixtureRing', FixtureRing, ''),)",
+     ["FixtureRing is declared by a already", "(a/leaves.py:"]),
+    (LEAVES, LEAF +
+     "class FixtureRing(ServiceLeaf):\n  asks = Say\nSPECS = (leaf_spec('FixtureRing', "
+     "FixtureRing, ''),)",
+     ["has no request()", "(a/leaves.py:4)"]),
+    (LEAVES, LEAF +
+     "class FixtureRing(ServiceLeaf):\n  asks = 'Say'\nSPECS = (leaf_spec('FixtureRing', "
+     "FixtureRing, ''),)",
+     ["does not say what it asks for", "(a/leaves.py:6)"]),
+    (LEAVES, RING +
+     "FixtureRing.PORTS = (Port('colour'))\nSPECS = (leaf_spec('FixtureRing', FixtureRing, ''),)",
+     ["not a tuple of Port", "(a/leaves.py:10)"]),
+    (LEAVES, RING + "FixtureRing.own_evidence = Say\n" + RINGS,
+     ["own_evidence", "no Evidence", "(a/leaves.py:10)"]),
+    (LEAVES, RING + with_port("'n', int"), ["type of the port n", "(a/leaves.py:10)"]),
+    (LEAVES, RING + with_port("'n', 'int', default=5"), ["default of the port n", "(a/leaves.py:"]),
+    (LEAVES, RING + with_port("'n', 'int', default='five'"), ["default is not of the type int",
+                                                              "[five]", "(a/leaves.py:9)"]),
+    (LEAVES, RING + with_port("'n', direction='out'"), ["direction of the port n", "Direction"]),
+    (LEAVES, RING + with_port("'name'"), ["'name'", "name of a port", "(a/leaves.py:9)"]),
+    (LEAVES, RING + with_port("'my colour'"), ["'my colour'", "name of a port"]),
+    (LEAVES, RING + with_port("'n'), Port('n'"), ["two ports", "same name", "(a/leaves.py:10)"]),
+    (INTERFACE, RING + "SERVICES = ()", ["must not import leaves", "(a/leaves.py:3)"]),
+    (INTERFACE, BELL + "SERVICE = (bell(),)",
+     ["has no SERVICES", "but SERVICE ", "(a/leaves.py:9)"]),
+    (INTERFACE, BELL + "SERVICES = (bell())", ["comma", "(a/leaves.py:9)"]),
+    (INTERFACE, BELL + "SERVICES = (bell('bell'),)", ["begin with /", "(a/leaves.py:"]),
+    (INTERFACE, BELL + "SERVICES = (bell(7),)", ["name of a Service is 7", "(a/leaves.py:9)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(type='textService'),)",
+     ["'textService' is not package/Type", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(deadline='5'),)", ["no deadline", "(a/leaves.py:6)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(deadline=-5.0),)", ["-5.0 s", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(success='yes'),)", ["no success", "(a/leaves.py:6)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(absence=''),)", ["absence", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(request=Say),)",
+     ["are both declared for Say", "(a/leaves.py:9)"]),
+    (INTERFACE, BELL + "class B(Request):\n  x = 'y'\nSERVICES = (bell(request=B),)",
+     ["B.x has no annotation", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(node='/bell'),)", ["'/bell' is not the name of a node"]),
+    (INTERFACE, BELL + "class B(Request):\n  x: str\n"
+     "SERVICES = (bell(), bell('/b', request=B, deadline=7.0))", ["/b of the node bell share one",
+                                                                 "deadline", "(a/leaves.py:11)"]),
+    (INTERFACE, BELL + "TOPICS = (Topic('/b', 'b', 'std_msgs/String', 'str', str, 'x', False),)",
+     ["values is 'str', and not a type", "(a/leaves.py:9)"]),
+    (INTERFACE, BELL + "TOPICS = (bell(),)", ["in TOPICS is not a Topic", "(a/leaves.py:9)"]),
+    (INTERFACE, BELL + "TOPICS = (Topic('/bell', 'bell'),)", ["'is_continuous'", "(a/leaves.py:9)"
+                                                              ]),
+    (INTERFACE, BELL + "TOPICS = (Topic('/b', 'b', 'std_msgs/String', str, 'read', 'x', False),)",
+     ["'read' cannot read", "(a/leaves.py:9)"]),
+    (PHRASES, SPEECH + "SPEECHES = (Speech('Hi', 'False', 'Hi.'),)",
+     ["asks of a Speech is 'False'", "(a/leaves.py:2)"]),
+    (PHRASES, SPEECH + "SPEECHES = (Speech('Hi all', False, 'Hi.'),)",
+     ["cannot be the name of a node", "(a/leaves.py:2)"]),
+])
+def test_a_mistake_of_another_package_is_one_line_with_its_place(tmp_path, export, module, words):
+    package(tmp_path, export, module)
+    code, text = run("validateMission", os.path.join(ROOT, "data", "lab_tour.xml"),
+                     packages=tmp_path, paths=[tmp_path / "a" / "src"])
+    assert code == 2 and len(text.splitlines()) == 1, text
+    assert all(word in text for word in ["validateMission: package a: "] + words), text
+
+
+@pytest.mark.parametrize("text, words", [
+    (None, ["file of phrases of the package a", "No such file"]),
+    ("FixtureHi Hello\nFixtureHi Ho\n", ["phrases_English.ini:2:1", "FixtureHi"]),
+    ("", ["FixtureHi is missing"]),
+])
+def test_phrases_of_a_package_are_checked_as_at_the_start(tmp_path, text, words):
+    package(tmp_path, PHRASES, SPEECH + "SPEECHES = (Speech('FixtureHi', False, 'Hi.'),)")
+    (tmp_path / "a" / "data").mkdir()
+    if text is not None:
+        (tmp_path / "a" / "data" / "phrases_English.ini").write_text(text)
+    shutil.copy(os.path.join(ROOT, "data", "lab_tour.xml"), str(tmp_path / "a" / "data" / "m.xml"))
+    code, said = run("validateMission", "m", packages=tmp_path, paths=[tmp_path / "a/src"])
+    lines = [line for line in said.splitlines() if line.startswith(str(tmp_path))]
+    assert said.endswith("m.xml: can be run, 222 nodes, 0 warnings\n")
+    assert code == 2 and all(word in lines[0] for word in words) and "1 fault" in lines[1], said
 
 
 def test_two_packages_with_a_node_of_the_same_name(tmp_path):
     for name in ("a", "b"):
         source = tmp_path / name / "src" / name
         source.mkdir(parents=True)
-        (tmp_path / name / "package.xml").write_text(MANIFEST.format(name, 'leaves="{}.leaves"'.format(name)))
+        (tmp_path / name / "package.xml").write_text(
+            MANIFEST.format(name, 'leaves="{}.leaves"'.format(name)))
         (source / "__init__.py").write_text("")
-        (source / "leaves.py").write_text(LEAF + "SPECS = (NodeSpec('Twice', Kind.ACTION, None),)")
-    code, text = run("exportNodeModel", packages=tmp_path, paths=[tmp_path / "a" / "src", tmp_path / "b" / "src"])
-    assert (code, len(text.splitlines())) == (1, 1)
-    assert "package b" in text and "the node Twice is declared by a already" in text
+        (source /
+         "leaves.py").write_text(LEAF +
+                                 "SPECS = (NodeSpec('FixtureTwice', Kind.ACTION, str.title),)")
+    code, text = run("exportNodeModel", packages=tmp_path,
+                     paths=[tmp_path / "a" / "src", tmp_path / "b" / "src"])
+    assert (code, len(text.splitlines())) == (2, 1)
+    assert "package b" in text and "the node FixtureTwice is declared by a already" in text
+
+
+TOOLS = [("validateMission", [os.path.join(ROOT, "data", "lab_tour.xml")]), ("exportNodeModel", []),
+         ("replayMission", ["mission.jsonl"])]
+
+
+@pytest.mark.parametrize("tool, arguments", TOOLS)
+def test_an_import_that_does_not_end_is_one_line_within_its_limit(tmp_path, tool, arguments):
+    package(tmp_path, 'interface="a.leaves"', "import threading; threading.Event().wait()")
+    began = time.monotonic()
+    code, text = run(tool, *arguments, packages=tmp_path, paths=[tmp_path / "a" / "src"])
+    assert (code, text) == (
+        2,
+        '{}: package a: interface="a.leaves": its import has not ended within 10 s\n'.format(tool))
+    assert time.monotonic() - began < 20.0
+
+
+@pytest.mark.parametrize("tool, arguments", TOOLS[:2])
+@pytest.mark.parametrize("manifest, code, words", [
+    (MANIFEST.format("a", 'leaves="a.leaves"')[:-30], 2, ["package a: ", "package.xml is not XML"]),
+    (MANIFEST.format("a",
+                     "")[:90], 0, ["package a: warning: ", "package.xml is not XML", "left out"]),
+    ("", 0, ["package a: warning: ", "package.xml is not XML", "left out"]),
+    (None, 0,
+     ["package a: warning: ", "package.xml cannot be read: it is not a regular file", "left out"]),
+    ("<package><name>a</name><odd></package>", 0, []),
+    (MANIFEST.format("a", 'leaves="a.leaves"').replace("<cssr_system", "<cssr_sytem"), 2,
+     ["package a: ", "package.xml:2: ", "did you mean cssr_system?"]),
+    (MANIFEST.format("a", 'leaves="a.leaves"').replace("export>", "odd>"), 2,
+     ["package a: ", "must stand in <export>"]),
+])
+def test_a_package_xml_that_cannot_be_read_stops_nothing_unless_it_exports_to_us(
+        tmp_path, tool, arguments, manifest, code, words):
+    package(tmp_path, "", "")
+    path = tmp_path / "a" / "package.xml"
+    if manifest is None:
+        path.unlink()
+        os.mkfifo(str(path))
+    else:
+        path.write_text(manifest)
+    found, text = run(tool, *arguments, packages=tmp_path, paths=[tmp_path / "a" / "src"])
+    about = [line for line in text.splitlines() if line.startswith(tool + ": package")]
+    assert (found, len(about)) == (code, bool(words)), text
+    assert all(word in about[0] for word in words)
+
+
+def test_the_palette_is_xml_whatever_the_text_of_other_packages(tmp_path):
+    package(
+        tmp_path, 'leaves="a.leaves"',
+        LEAF + "SPECS = (NodeSpec('FixtureLamp', Kind.ACTION, str.title, (Port('colour', "
+        "'string', description='a \\x1b[31m \\ud800'),), description='odd\\x00\\x1b'),)")
+    there = {"packages": tmp_path, "paths": [tmp_path / "a" / "src"]}
+    project = str(tmp_path / "p.btproj")
+    assert run("exportNodeModel", "--project", project, **there)[0] == 0
+    with open(project, encoding="utf-8") as file:
+        for text in (file.read(), run("exportNodeModel", **there)[1]):
+            assert ElementTree.fromstring(
+                text.encode("utf-8")).find(".//Action[@ID='FixtureLamp']") is not None
+
+
+@pytest.mark.parametrize("tool",
+                         ["validateMission", "exportNodeModel", "replayMission", "missionStatus"])
+def test_a_wrong_call_shows_no_control_characters(tmp_path, tool):
+    code, text = run(tool, "--\x1b[31m\x07", "\x1b]0;title\x07", packages=tmp_path)
+    assert code == 2 and not set("\x1b\x07") & set(text)
+
+
+def test_the_first_package_of_a_name_counts(tmp_path):
+    package(tmp_path / "overlay", "", None)
+    package(tmp_path / "underlay", 'leaves="a.leaves"', "1 / 0")
+    assert run("exportNodeModel", packages="{0}/overlay:{0}/underlay".format(tmp_path))[0] == 0
+
+
+def test_a_package_is_found_through_a_link_once(tmp_path):
+    package(tmp_path / "else", 'leaves="a.leaves"',
+            LEAF + "SPECS = (NodeSpec('FixtureLamp', Kind.ACTION, str.title),)")
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "a").symlink_to(tmp_path / "else" / "a")
+    (tmp_path / "src" / "loop").symlink_to(tmp_path / "src")
+    code, text = run("exportNodeModel", packages=tmp_path / "src",
+                     paths=[tmp_path / "else" / "a" / "src"])
+    assert code == 0 and 'ID="FixtureLamp"' in text

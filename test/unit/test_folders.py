@@ -1,4 +1,5 @@
-"""Where configuration and missions are found: in the source tree, through a link to it, and when installed."""
+"""Where configuration and missions are found: in the source tree, through a link to it, and when
+installed."""
 import os
 import shutil
 import subprocess
@@ -12,9 +13,11 @@ SAY_SHARE = "from behavior_controller import folders; print(folders.share())"
 
 
 def share_of(python_path):
-    """Return what a fresh interpreter that imports the package from there, started elsewhere, takes for the share."""
+    """Return what a fresh interpreter that imports the package from there, started elsewhere, takes
+    for the share."""
     environment = dict(os.environ, PYTHONPATH=str(python_path), PYTHONDONTWRITEBYTECODE="1")
-    return subprocess.check_output([sys.executable, "-c", SAY_SHARE], env=environment, cwd="/", text=True).strip()
+    return subprocess.check_output([sys.executable, "-c", SAY_SHARE], env=environment, cwd="/",
+                                   text=True).strip()
 
 
 def put_package(place):
@@ -51,6 +54,7 @@ def test_when_installed(tmp_path, packages):
 
 
 def test_a_mission_with_and_without_its_extension():
-    assert folders.mission("lab_tour") == folders.mission("lab_tour.xml") == folders.data("lab_tour.xml")
+    assert folders.mission("lab_tour") == folders.mission("lab_tour.xml") == folders.data(
+        "lab_tour.xml")
     assert os.path.isfile(folders.mission("lab_tour"))
     assert os.path.isfile(folders.config("recoveryPolicy.ini"))

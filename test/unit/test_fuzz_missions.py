@@ -10,9 +10,9 @@ import time
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.bt.checking.checks import CONDITIONS
-from behavior_controller.bt.compiler import build
-from behavior_controller.bt.language import document
+from behavior_controller.bt.linter.structure import CONDITIONS
+from behavior_controller.bt.loader.tree_builder import build
+from behavior_controller.bt.loader import document
 from behavior_controller.errors import MissionError
 from behavior_controller.leaves import registry
 
@@ -47,27 +47,31 @@ SMALL = [
 <!-- café --><root BTCPP_format='4'><BehaviorTree ID='Hôtel'><Action ID="Navigate"
    name="tab	and
 newline" _skipIf="1 > 2" _onHalted=" a := 'x' .. 'y' "/></BehaviorTree></root>""".encode(),
-    b'<root><include path="nowhere.xml"/><BehaviorTree ID="A"><SubTree ID="A"/></BehaviorTree></root>',
+    b'<root><include path="nowhere.xml"/><BehaviorTree ID="A"><SubTree ID="A"/></BehaviorTree></'
+    b'root>',
 ]
-WORDS = [b"Sequence", b"SubTree", b"BehaviorTree", b"root", b"include", b"TreeNodesModel", b"Action",
-         b"ReactiveSequence",
-         b"AlwaysSuccess", b"Repeat", b"Navigate", b"Switch3", b"TryCatch", b"Script", b"SetBlackboard",
-         b"SequenceStar",
-         b"ID", b"name", b"msec", b"num_cycles", b"code", b"path", b"_autoremap", b"xmlns", b"x:y"] + [
-             name.encode() for name in CONDITIONS]
-VALUES = [b"", b" ", b"-1", b"0", b"1e999", b"9" * 400, b"true", b"{x}", b"{=}", b"=", b"{@x}", b"{@@}", b"{", b"Main",
-          b"A",
-          b"LabTour", b"&lt;", b"&#0;", b"&#x1F600;", b"&amp", b"&undefined;", b"a.b c", "ü😀".encode(), b"\t\n",
-          b"]]>", b"json:[1",
-          b"a;b", b"1;;2", b"root", b"../../etc/passwd", b"nan"]
-SCRIPTS = [b"", b";", b"a := 1", b"a = ", b"1 < 2 && 3 > 2", b"((((", b"'x", b"a ? b : c ? d : e", b"x := y := z",
-           b"~!-1", b"@a := 1",
-           b"0x", b"1e", b"a..b", b"'\xc3\xa9' == 'e'", b"1" + b"+1" * 200, b"!" * 500 + b"1",
-           b"(" * 90 + b"1" + b")" * 90]
-MARKUP = [b"<", b">", b"/>", b"</", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"<?", b"?>", b"<!DOCTYPE r [", b"&", b'"',
-          b"'", b"=",
-          b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"<a", b"<a b", b'<a b="', b"</Sequence>", b"<Sequence>",
-          b"<AlwaysSuccess/>"]
+WORDS = [
+    b"Sequence", b"SubTree", b"BehaviorTree", b"root", b"include", b"TreeNodesModel", b"Action",
+    b"ReactiveSequence", b"AlwaysSuccess", b"Repeat", b"Navigate", b"Switch3", b"TryCatch",
+    b"Script", b"SetBlackboard", b"SequenceStar", b"ID", b"name", b"msec", b"num_cycles", b"code",
+    b"path", b"_autoremap", b"xmlns", b"x:y"
+] + [name.encode() for name in CONDITIONS]
+VALUES = [
+    b"", b" ", b"-1", b"0", b"1e999", b"9" * 400, b"true", b"{x}", b"{=}", b"=", b"{@x}", b"{@@}",
+    b"{", b"Main", b"A", b"LabTour", b"&lt;", b"&#0;", b"&#x1F600;", b"&amp", b"&undefined;",
+    b"a.b c", "ü😀".encode(), b"\t\n", b"]]>", b"json:[1", b"a;b", b"1;;2", b"root",
+    b"../../etc/passwd", b"nan"
+]
+SCRIPTS = [
+    b"", b";", b"a := 1", b"a = ", b"1 < 2 && 3 > 2", b"((((", b"'x", b"a ? b : c ? d : e",
+    b"x := y := z", b"~!-1", b"@a := 1", b"0x", b"1e", b"a..b", b"'\xc3\xa9' == 'e'",
+    b"1" + b"+1" * 200, b"!" * 500 + b"1", b"(" * 90 + b"1" + b")" * 90
+]
+MARKUP = [
+    b"<", b">", b"/>", b"</", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"<?", b"?>", b"<!DOCTYPE r [",
+    b"&", b'"', b"'", b"=", b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"<a", b"<a b", b'<a b="',
+    b"</Sequence>", b"<Sequence>", b"<AlwaysSuccess/>"
+]
 ATTRIBUTE = re.compile(rb"""([\w:]+)=("[^"]*"|'[^']*')""")
 TAG = re.compile(rb"</?(\w+)")
 ELEMENT = re.compile(rb"<[^<>]*>")
@@ -113,7 +117,8 @@ def swap(data, dice):
     if len(found) < 2:
         return data
     one, other = sorted(dice.sample(found, 2), key=lambda match: match.start())
-    return data[:one.start()] + other.group() + data[one.end():other.start()] + one.group() + data[other.end():]
+    return data[:one.start()] + other.group() + data[one.end():other.start()] + one.group(
+    ) + data[other.end():]
 
 
 def replace(pattern, group, choose):
@@ -169,15 +174,18 @@ def judged(data):
 def complaints(number):
     """Return what is wrong with how mutant ``number`` was treated."""
     data = mutant(number)
-    began = time.process_time()  # not the time of day: other programs may have the processor meanwhile
+    # not the time of day: other programs may have the processor meanwhile
+    began = time.process_time()
     faults = judged(data)
     took = time.process_time() - began
     if took > LONGEST:
         yield "it took {:.1f} s".format(took)
     lines = len(re.split(b"\r\n?|\n", data))
     for fault in faults:
-        if not (1 <= fault.line <= lines and fault.column >= 1) or "\n" in str(fault) or not fault.text:
-            yield "a fault without a place in the file, or of more than one line: {!r}".format(fault)
+        if not (1 <= fault.line <= lines and
+                fault.column >= 1) or "\n" in str(fault) or not fault.text:
+            yield "a fault without a place in the file, or of more than one line: {!r}".format(
+                fault)
 
 
 @pytest.mark.parametrize("part", range(10))
@@ -186,4 +194,5 @@ def test_mutants_load_or_have_faults_with_a_place(part):
         try:
             assert list(complaints(number)) == []
         except Exception as error:
-            pytest.fail("mutant {} of seed {}: {!r}\n{!r}".format(number, SEED, error, mutant(number)[:3000]))
+            pytest.fail("mutant {} of seed {}: {!r}\n{!r}".format(number, SEED, error,
+                                                                  mutant(number)[:3000]))

@@ -1,4 +1,5 @@
-"""Groot2's protocol over real sockets: as captured from the library's publisher, and robust against any client."""
+"""Groot2's protocol over real sockets: as captured from the library's publisher, and robust against
+any client."""
 import asyncio
 import contextlib
 import errno
@@ -6,6 +7,7 @@ import gc
 import json
 import os
 import random
+import re
 import resource
 import socket
 import struct
@@ -15,22 +17,27 @@ import time
 import types
 import xml.etree.ElementTree as ElementTree
 
-import msgpack
+import msgspec
 import pytest
 import zmq
 
-from behavior_controller.bt.compiler import load_mission, load_text
+from behavior_controller.bt.loader.tree_builder import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.watch import front, groot2
-from behavior_controller.watch.groot2 import Groot2Publisher
+from behavior_controller.monitoring.groot2 import publisher as groot2, tcp_proxy
+from behavior_controller.monitoring.groot2.publisher import Groot2Publisher
 from mission_rig import Rig, visitor_who
 
-FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures", "groot2")
+FIXTURES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "fixtures",
+                        "groot2")
 RESULTS = {"R": RUNNING, "S": SUCCESS, "F": FAILURE}
-ALL = bool(os.environ.get("GROOT2_ALL"))  # the numbers of the acceptance, else fewer
+
+
+def many(few, all_of_them):
+    """Return the parameters of a test that takes long with the number of the acceptance."""
+    return [few, pytest.param(all_of_them, marks=pytest.mark.long)]
 
 
 class Script:
@@ -54,7 +61,10 @@ class Cond(Script, ConditionLeaf):
 
 
 SCRIPTS = {}
-SPECS = builtin_specs() + [NodeSpec("Act", Kind.ACTION, Act), NodeSpec("Cond", Kind.CONDITION, Cond)]
+SPECS = builtin_specs() + [
+    NodeSpec("Act", Kind.ACTION, Act),
+    NodeSpec("Cond", Kind.CONDITION, Cond)
+]
 
 
 def free_ports():
@@ -90,7 +100,8 @@ class Client:
 
     def ask(self, kind, payload=None):
         """Return the payload of a reply, or the text of an error."""
-        frames = [struct.pack("<BBI", 2, ord(kind), 7)] + ([payload.encode()] if payload is not None else [])
+        frames = [struct.pack("<BBI", 2, ord(kind), 7)
+                  ] + ([payload.encode()] if payload is not None else [])
         reply = self.raw(*frames)
         if reply[0] == b"error":
             return reply[1].decode()
@@ -108,10 +119,12 @@ class Client:
 
 @pytest.fixture
 def served(request):
-    """A publisher on free ports, and a way to make clients; the parameter is its heartbeat in seconds."""
+    """A publisher on free ports, and a way to make clients; the parameter is its heartbeat in
+    seconds."""
     warnings, clients = [], []
     port = free_ports()
-    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append, heartbeat=getattr(request, "param", 60.0))
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append,
+                                heartbeat=getattr(request, "param", 60.0))
     publisher.port, publisher.warnings = port, warnings
 
     def client():
@@ -134,20 +147,24 @@ def served(request):
 
 def mission():
     """Return the tree of the captures, whose leaves begin anew."""
-    SCRIPTS.update(loop=list("RFRS"), seen=list("S"), greet=list("RS"), heard=list("F"), drive=list("RRS"))
+    SCRIPTS.update(loop=list("RFRS"), seen=list("S"), greet=list("RS"), heard=list("F"),
+                   drive=list("RRS"))
     return load_mission(os.path.join(FIXTURES, "mission.xml"), Registry(SPECS))
 
 
 def tree_of(body, **scripts):
     SCRIPTS.update({name: list(results) for name, results in scripts.items()})
-    return load_text('<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(body), Registry(SPECS))
+    return load_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(body),
+        Registry(SPECS))
 
 
-# --------------------------------------------------------------------------------------------------------- the captures
+# ------------------------------------------------------------------------------------- the captures
 
 
 def without_uuid(frames):
-    return [frames[0][:12] + frames[0][44:]] + frames[1:] if frames and len(frames[0]) == 44 else frames
+    return [frames[0][:12] + frames[0][44:]] + frames[1:] if frames and len(
+        frames[0]) == 44 else frames
 
 
 def test_every_reply_equals_the_capture(served):
@@ -169,10 +186,14 @@ def test_every_reply_equals_the_capture(served):
             header, uid = client.news.recv_multipart()
             assert [header[:2].hex(), uid.decode()] == capture["decoded"] and len(header) == 6
             continue
-        reply = [frame.hex() for frame in client.raw(*[bytes.fromhex(frame) for frame in capture["request_frames"]])]
+        reply = [
+            frame.hex()
+            for frame in client.raw(*[bytes.fromhex(frame) for frame in capture["request_frames"]])
+        ]
         compare(capture, reply)
         if capture["name"] == "breakpoint unlock":
-            assert tree.tick_exactly_once() is SUCCESS  # the hook is removed when its node has gone on
+            # the hook is removed when its node has gone on
+            assert tree.tick_exactly_once() is SUCCESS
 
 
 def compare(capture, reply):
@@ -181,16 +202,20 @@ def compare(capture, reply):
     if name == "fulltree":
         same_xml(bytes.fromhex(reply[1]))
     elif name == "recording start":
-        assert without_uuid(reply)[0] == without_uuid(expected)[0] and bytes.fromhex(reply[1]).decode().isdigit()
+        assert without_uuid(reply)[0] == without_uuid(expected)[0] and bytes.fromhex(
+            reply[1]).decode().isdigit()
     elif name == "transitions":
-        assert [entry[12:] for entry in entries(reply[1])] == [entry[12:] for entry in entries(expected[1])]
+        assert [entry[12:]
+                for entry in entries(reply[1])] == [entry[12:] for entry in entries(expected[1])]
         times = [int.from_bytes(bytes.fromhex(entry[:12]), "little") for entry in entries(reply[1])]
         assert times == sorted(times)
     elif name == "hook insert bad json":
         assert reply[0] == expected[0]
     elif name == "status" and capture["state"] == "stopped at the breakpoint":
-        # the library stops the thread before the node has a status; ours is RUNNING and the tick goes on
-        assert without_uuid(reply) == without_uuid([expected[0], expected[1].replace("02000c", "020001")])
+        # the library stops the thread before the node has a status; ours is RUNNING and the tick
+        # goes on
+        assert without_uuid(reply) == without_uuid(
+            [expected[0], expected[1].replace("02000c", "020001")])
     else:
         assert without_uuid(reply) == without_uuid(expected), name
 
@@ -208,24 +233,32 @@ def same_xml(ours):
     def plain(element):
         return (element.tag, sorted(element.attrib.items()), [plain(child) for child in element])
 
-    assert [plain(tree) for tree in ours.findall("BehaviorTree")] == [plain(tree) for tree in theirs.findall("BehaviorTree")]
+    assert [plain(tree) for tree in ours.findall("BehaviorTree")
+            ] == [plain(tree) for tree in theirs.findall("BehaviorTree")]
 
     def model(root):
-        return {node.get("ID"): (node.tag, sorted((port.tag, sorted(port.attrib.items())) for port in node
-                                                  if port.tag.endswith("_port"))) for node in root.find("TreeNodesModel")}
+        return {
+            node.get("ID"): (node.tag,
+                             sorted((port.tag, sorted(port.attrib.items())) for port in node
+                                    if port.tag.endswith("_port")))
+            for node in root.find("TreeNodesModel")
+        }
 
     assert model(ours) == model(theirs)
 
 
-# ---------------------------------------------------------------------------------------------------------------- hooks
+# -------------------------------------------------------------------------------------------- hooks
 
 
 def hook(uid, position=0, mode=1, once=False, enabled=True, status="SUCCESS"):
-    return json.dumps({"enabled": enabled, "uid": uid, "mode": mode, "once": once, "desired_status": status,
-                       "position": position})
+    return json.dumps({
+        "enabled": enabled, "uid": uid, "mode": mode, "once": once, "desired_status": status,
+        "position": position
+    })
 
 
-@pytest.mark.parametrize("status, expected, ran", [("SUCCESS", SUCCESS, 0), ("FAILURE", FAILURE, 0), ("SKIPPED", SUCCESS, 1)])
+@pytest.mark.parametrize("status, expected, ran", [("SUCCESS", SUCCESS, 0), ("FAILURE", FAILURE, 0),
+                                                   ("SKIPPED", SUCCESS, 1)])
 def test_a_replacement_before_a_node(served, status, expected, ran):
     tree = tree_of('<Sequence><Act name="a"/></Sequence>', a="SF")
     served.show(tree)
@@ -234,7 +267,8 @@ def test_a_replacement_before_a_node(served, status, expected, ran):
     assert 2 - len(SCRIPTS["a"]) == ran
 
 
-@pytest.mark.parametrize("status, expected", [("FAILURE", FAILURE), ("SUCCESS", SUCCESS), ("SKIPPED", SUCCESS)])
+@pytest.mark.parametrize("status, expected", [("FAILURE", FAILURE), ("SUCCESS", SUCCESS),
+                                              ("SKIPPED", SUCCESS)])
 def test_a_replacement_after_a_node(served, status, expected):
     tree = tree_of('<Sequence><Act name="a"/></Sequence>', a="RSF")
     served.show(tree)
@@ -252,11 +286,13 @@ def test_once_is_once(served):
     assert client.ask("D") == b"[]"
 
 
-@pytest.mark.parametrize("leaf, uid", [('<Act name="a"/>', 2), ('<Cond name="a"/>', 2), ("<Script code=\"x := 1\"/>", 2),
+@pytest.mark.parametrize("leaf, uid", [('<Act name="a"/>', 2), ('<Cond name="a"/>', 2),
+                                       ("<Script code=\"x := 1\"/>", 2),
                                        ("<Sequence><Act name=\"a\"/></Sequence>", 2)])
 @pytest.mark.parametrize("position", [0, 1])
 def test_a_breakpoint_keeps_its_node_running_and_the_tree_ticking(served, leaf, uid, position):
-    tree = tree_of('<Parallel success_count="2">{}<Act name="b"/></Parallel>'.format(leaf), a="SF", b="RRRS")
+    tree = tree_of('<Parallel success_count="2">{}<Act name="b"/></Parallel>'.format(leaf), a="SF",
+                   b="RRRS")
     served.show(tree)
     client = served.client()
     client.ask("I", hook(uid, position=position, mode=0))
@@ -264,8 +300,11 @@ def test_a_breakpoint_keeps_its_node_running_and_the_tree_ticking(served, leaf, 
     assert len(SCRIPTS["b"]) == 1
     assert client.statuses()[uid] == 1
     tree.wake.test_and_clear()
-    assert client.ask("U", json.dumps({"uid": uid, "position": position, "desired_status": "SKIPPED",
-                                       "remove_when_done": True})) is None
+    assert client.ask(
+        "U",
+        json.dumps({
+            "uid": uid, "position": position, "desired_status": "SKIPPED", "remove_when_done": True
+        })) is None
     assert tree.wake.test_and_clear()
     assert tree.tick_exactly_once() is SUCCESS
     assert client.ask("D") == b"[]"
@@ -326,9 +365,14 @@ def without(fields, name):
 
 GOOD = {"I": json.loads(hook(1, mode=0)), "R": {"uid": 1, "position": 0},
         "U": {"uid": 1, "position": 0, "desired_status": "SUCCESS", "remove_when_done": True}}
-BAD = {"uid": [[1], {}, None, "1", 1.0, True, -1, 65536, 10 ** 30], "position": [[0], None, "0", 0.0, False, 2, -1],
-       "mode": [[0], None, "0", 0.0, True, 2, -1], "once": [[], None, 0, "true"], "enabled": [[], None, 1, "true"],
-       "desired_status": [["SUCCESS"], {}, None, 2, True, "", "success", "SUCCESS "], "remove_when_done": [[], None, 1, "x"]}
+BAD = {
+    "uid": [[1], {}, None, "1", 1.0, True, -1, 65536, 10**30], "position": [[0], None, "0", 0.0,
+                                                                            False, 2, -1],
+    "mode": [[0], None, "0", 0.0, True, 2, -1], "once": [[], None, 0,
+                                                         "true"], "enabled": [[], None, 1, "true"],
+    "desired_status": [["SUCCESS"], {}, None, 2, True, "", "success",
+                       "SUCCESS "], "remove_when_done": [[], None, 1, "x"]
+}
 
 
 @pytest.mark.parametrize("kind", sorted(GOOD))
@@ -344,8 +388,10 @@ def test_a_malformed_field_is_an_error_and_changes_nothing(served, kind):
             continue
         for value in values:
             answer = client.ask(kind, json.dumps(dict(GOOD[kind], **{name: value})))
-            assert answer.startswith("{} cannot be {}; allowed: ".format(name, json.dumps(value))), answer
-        assert client.ask(kind, json.dumps(without(GOOD[kind], name))) == "the field {} is missing".format(name)
+            assert answer.startswith("{} cannot be {}; allowed: ".format(name,
+                                                                         json.dumps(value))), answer
+        assert client.ask(kind, json.dumps(without(GOOD[kind],
+                                                   name))) == "the field {} is missing".format(name)
     for value in ([1], "x", None, 3):
         assert "a hook is a JSON object" in client.ask(kind, json.dumps(value))
     assert client.ask("D") == before and tree.tick_exactly_once() is RUNNING
@@ -356,33 +402,38 @@ def test_a_malformed_field_is_an_error_and_changes_nothing(served, kind):
 def test_of_an_array_with_a_malformed_hook_none_is_taken(served):
     served.show(tree_of('<Act name="a"/>', a="S"))
     client = served.client()
-    assert client.ask("I", "[{}, {}]".format(hook(1), hook(1, position=5))).startswith("position cannot be 5")
+    assert client.ask("I", "[{}, {}]".format(hook(1),
+                                             hook(1,
+                                                  position=5))).startswith("position cannot be 5")
     assert client.ask("D") == b"[]"
 
 
 def test_the_operator_is_told_of_all_that_hooks_do(served):
-    tree = tree_of('<Sequence name="main"><Act name="a"/><Act name="b"/><Act name="c"/></Sequence>', a="S", b="S", c="S")
+    tree = tree_of(
+        '<Sequence name="main"><Act name="act2"/><Act name="act3"/><Act name="act4"/></Sequence>',
+        act2="S", act3="S", act4="S")
     served.show(tree)
     client = served.client()
-    client.ask("I", "[{},{},{}]".format(hook(2, mode=0), hook(3, once=True), hook(4, position=1, status="FAILURE")))
+    client.ask(
+        "I", "[{},{},{}]".format(hook(2, mode=0), hook(3, once=True),
+                                 hook(4, position=1, status="FAILURE")))
     assert tree.tick_exactly_once() is RUNNING and tree.tick_exactly_once() is RUNNING
-    client.ask("U", json.dumps({"uid": 2, "position": 0, "desired_status": "SKIPPED", "remove_when_done": False}))
+    client.ask(
+        "U",
+        json.dumps(
+            {"uid": 2, "position": 0, "desired_status": "SKIPPED", "remove_when_done": False}))
     assert tree.tick_exactly_once() is FAILURE
     client.ask("X")
     client.ask("A")
     tree.sleep(0.0)  # the tick thread carries it out
-    paths = {node.uid: node.full_path for node in tree.nodes}
-    expected = ["breakpoint before {2} is set", "replacement before {3} is set to SUCCESS",
-                "replacement after {4} is set to FAILURE", "breakpoint before {2} holds the node",
-                "breakpoint before {2} lets the node go on", "replacement before {3} decides SUCCESS and the node is not run",
-                "replacement before {3} is removed", "replacement after {4} decides FAILURE instead of the node's SUCCESS",
-                "breakpoint before {2} is disabled", "replacement after {4} is disabled",
-                "breakpoint before {2} is removed", "replacement after {4} is removed"]
-    assert served.told("after {} is removed".format(paths[4]), 1)
-    assert served.warnings == ["Groot2: " + line.format(*[paths.get(uid) for uid in range(5)]) for line in expected]
+    assert served.told("act4", 4)
+    # set, held, released, used, removed, disabled: test_hooks has the words
+    assert [re.findall(r"^Groot2: .*\bact(\d)\b", line)
+            for line in served.warnings] == [[uid] for uid in "234223342424"]
 
 
-def test_a_replacement_at_every_tick_and_hooks_that_change_all_the_time_do_not_flood_the_terminal(served):
+def test_a_replacement_at_every_tick_and_hooks_that_change_all_the_time_do_not_flood_the_terminal(
+        served):
     tree = tree_of('<Act name="a"/>', a="S")
     served.show(tree)
     client = served.client()
@@ -450,8 +501,10 @@ def test_a_publisher_whose_thread_dies_leaves_no_breakpoint(served):
         assert time.monotonic() < ends
         tree.wake.wait(0.1)
     publisher.close()
-    assert lines[:2] == ["Groot2: breakpoint before {} is set".format(tree.root.full_path),
-                         "Groot2 is cut off by an internal error; its breakpoints and replacements are removed"]
+    assert lines[:2] == [
+        "Groot2: breakpoint before {} is set".format(tree.root.full_path),
+        "Groot2 is cut off by an internal error; its breakpoints and replacements are removed"
+    ]
 
 
 def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(served, monkeypatch):
@@ -462,7 +515,8 @@ def test_a_publisher_that_can_no_longer_serve_leaves_no_breakpoint(served, monke
     assert tree.tick_exactly_once() is RUNNING
     monkeypatch.setattr(groot2, "PACE", "an internal error")
     client.requests.send(struct.pack("<BBI", 2, ord("S"), 7))
-    assert served.told("Groot2 is cut off by an internal error; its breakpoints and replacements are removed", 1)
+    assert served.told(
+        "Groot2 is cut off by an internal error; its breakpoints and replacements are removed", 1)
     assert tree.tick_exactly_once() is SUCCESS
 
 
@@ -479,7 +533,7 @@ def test_nodes_without_hooks_are_left_alone(served):
     assert not any(node.hook for node in tree.nodes)
 
 
-# ------------------------------------------------------------------------------------------------------ what may happen
+# ---------------------------------------------------------------------------------- what may happen
 
 
 @pytest.mark.parametrize("taken", [0, 1])
@@ -492,8 +546,10 @@ def test_a_port_that_is_taken_is_one_line(taken):
         publisher.show(tree_of('<Act name="a"/>', a="S"))
         assert is_refused(port + 1 - taken)
         publisher.close()
-    assert warnings == ["Groot2 cannot connect: 127.0.0.1:{} cannot be opened (Address already in use); "
-                        "set groot2Port to another port, or to 0".format(port + taken)]
+    assert warnings == [
+        "Groot2 cannot connect: 127.0.0.1:{} cannot be opened (Address already in use); "
+        "set groot2Port to another port, or to 0".format(port + taken)
+    ]
 
 
 def test_before_there_is_a_tree_a_request_is_answered(served):
@@ -501,7 +557,8 @@ def test_before_there_is_a_tree_a_request_is_answered(served):
 
 
 def test_a_new_tree_has_another_uuid_and_lets_the_old_ones_breakpoint_go(served):
-    client, old, new = served.client(), tree_of('<Act name="a"/>', a="S"), tree_of('<Cond name="c"/>', c="S")
+    client, old, new = served.client(), tree_of('<Act name="a"/>',
+                                                a="S"), tree_of('<Cond name="c"/>', c="S")
     served.show(old)
     client.ask("I", hook(1, mode=0))
     before = client.uuid
@@ -518,15 +575,16 @@ def test_reals_take_four_bytes_where_that_loses_nothing(served):
     served.show(tree)
     tree.tick_exactly_once()
     data = served.client().ask("B", "M")
-    assert data == b"\x81\xa1M\x84\xa3big\xcb" + struct.pack(">d", 1e300) + b"\xa4half\xca" + struct.pack(
-        ">f", 0.5) + b"\xa5third\xcb" + struct.pack(">d", 0.1) + b"\xa4word\xa1x"
+    assert data == b"\x81\xa1M\x84\xa3big\xcb" + struct.pack(
+        ">d", 1e300) + b"\xa4half\xca" + struct.pack(">f", 0.5) + b"\xa5third\xcb" + struct.pack(
+            ">d", 0.1) + b"\xa4word\xa1x"
 
 
 def test_the_missions_own_records_are_shown(served):
     rig = Rig()
     served.show(rig.tree)
     assert rig.run(visitor_who(says="yes")) == 0
-    shown = msgpack.unpackb(served.client().ask("B", "LabTour"))["LabTour"]
+    shown = msgspec.msgpack.decode(served.client().ask("B", "LabTour"))["LabTour"]
     assert shown["currentExhibit"] == "exhibit 2"
     assert shown["exhibits"][0]["location"] == {"x": 1.0, "y": 1.5, "theta_deg": 90.0}
     assert shown["targetLocation"] == {"x": 0.5, "y": 0.25, "theta_deg": 0.0}
@@ -541,25 +599,31 @@ def test_transitions_keep_the_newest_thousand(served):
         tree.tick_exactly_once()
     taken = client.ask("t")
     assert len(taken) == 9 * 1000
-    assert int.from_bytes(taken[-9:-3], "little") < 60_000_000  # microseconds since the recording began
+    # microseconds since the recording began
+    assert int.from_bytes(taken[-9:-3], "little") < 60_000_000
     tree.tick_exactly_once()
     client.ask("r", "start")
     assert client.ask("t") == b""  # a recording that begins has nothing of the one before
 
 
-def test_garbage_is_answered_and_forgotten(served):
+@pytest.mark.parametrize("count", many(500, 10_000))
+def test_garbage_is_answered_and_forgotten(served, count):
     draw = random.Random(1)
     tree = tree_of('<Act name="a"/>', a="S")
     served.show(tree)
     client = served.client()
     kinds = b"TSBIRUDAXrt?\x00\xff"
-    for _ in range(10_000 if ALL else 500):
+    for _ in range(count):
         frames = [bytes(draw.randrange(256) for _ in range(draw.choice((0, 1, 5, 6, 7, 60))))]
         if draw.random() < 0.7:
-            frames[0] = struct.pack("<BBI", draw.randrange(256), draw.choice(kinds), draw.randrange(2 ** 32))
-        frames += [draw.choice((b"", b"{}", b"[1]", b"[{}]", b"null", b"\xff\xfe", b"M;;M", b"9" * 400,
-                                hook(1, mode=draw.randrange(3), status="x").encode(),
-                                b'{"uid": [], "position": 0}', b'{"uid": 1}')) for _ in range(draw.randrange(3))]
+            frames[0] = struct.pack("<BBI", draw.randrange(256), draw.choice(kinds),
+                                    draw.randrange(2**32))
+        frames += [
+            draw.choice((b"", b"{}", b"[1]", b"[{}]", b"null", b"\xff\xfe", b"M;;M", b"9" * 400,
+                         hook(1, mode=draw.randrange(3),
+                              status="x").encode(), b'{"uid": [], "position": 0}', b'{"uid": 1}'))
+            for _ in range(draw.randrange(3))
+        ]
         client.raw(*frames)
     client.ask("A")
     assert tree.tick_exactly_once() is SUCCESS
@@ -573,14 +637,20 @@ def test_a_client_whose_requests_are_longer_than_the_answers_is_served_on(served
         assert len(client.ask("S", 1000 * "x")) == 3
 
 
-def test_clients_that_come_and_go_leave_nothing_behind(served):
+@pytest.mark.parametrize("count", [
+    40, pytest.param(1000, marks=[pytest.mark.long, pytest.mark.timing])])
+def test_clients_that_come_and_go_leave_nothing_behind(served, count, monkeypatch):
+    if count < 1000:  # many are not all served within half a second
+        monkeypatch.setattr(tcp_proxy, "FORGETTING", 0.5)
     served.show(tree_of('<Act name="a"/>', a="S"))
     served.client().ask("S")
     before, known = len(os.listdir("/proc/self/fd")), links()
-    for number in range(1000 if ALL else 40):
+    for number in range(count):
         client = Client(served.port)
         client.requests.send_multipart([struct.pack("<BBI", 2, ord("T"), number)])
         if number % 2:
+            # of many at once it is let in when those before it are forgotten
+            client.requests.setsockopt(zmq.RCVTIMEO, 30000)
             client.requests.recv_multipart()
         client.close()  # half of them without waiting for the reply
     with socket.create_connection(("127.0.0.1", served.port)) as stranger:
@@ -590,7 +660,7 @@ def test_clients_that_come_and_go_leave_nothing_behind(served):
     while len(os.listdir("/proc/self/fd")) > before + 20 and time.monotonic() < ends:
         time.sleep(0.05)  # the library closes its ends on another thread
     assert len(os.listdir("/proc/self/fd")) <= before + 20
-    ends = time.monotonic() + 2 * front.FORGETTING
+    ends = time.monotonic() + 10.0
     while links() > known + 10 and time.monotonic() < ends:
         time.sleep(0.1)
     assert links() <= known + 10
@@ -599,7 +669,7 @@ def test_clients_that_come_and_go_leave_nothing_behind(served):
 def links():
     """Return how many objects of the front are alive."""
     gc.collect()
-    return sum(type(each).__module__ == front.__name__ for each in gc.get_objects())
+    return sum(type(each).__module__ == tcp_proxy.__name__ for each in gc.get_objects())
 
 
 def resident():
@@ -626,16 +696,18 @@ while True:
 """
 
 
-def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypatch):
+@pytest.mark.parametrize("seconds", many(2.0, 20.0))
+def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypatch, seconds):
     monkeypatch.setattr(groot2, "PACE", 0.0)
     tree, client = Rig().tree, served.client()
     served.show(tree)
     assert len(client.ask("T")) > 20_000
     before = resident()
-    flood = subprocess.Popen([sys.executable, "-c", CLIENT_THAT_NEVER_READS, str(served.port)], stdout=subprocess.PIPE)
+    flood = subprocess.Popen([sys.executable, "-c", CLIENT_THAT_NEVER_READS,
+                              str(served.port)], stdout=subprocess.PIPE)
     try:
         flood.stdout.readline()
-        ends = time.monotonic() + (20.0 if ALL else 2.0)
+        ends = time.monotonic() + seconds
         while time.monotonic() < ends:
             assert len(client.statuses()) == len(tree.nodes)  # other clients are answered meanwhile
             time.sleep(0.03)  # as Groot2 asks
@@ -648,9 +720,11 @@ def test_clients_that_ask_and_never_read_do_not_grow_the_memory(served, monkeypa
 def test_a_message_without_an_end_closes_its_connection(served):
     served.show(tree_of('<Act name="a"/>', a="S"))
     pinging = b"\x01\x00" + b"\x04\x17\x04PING" + bytes(18)  # its pings are answered
-    for endless in (b"\x01\x00", b"\x03" + (2 ** 62).to_bytes(8, "big"), b"\x01\xff" + bytes(255), pinging):
+    for endless in (b"\x01\x00", b"\x03" + (2**62).to_bytes(8, "big"), b"\x01\xff" + bytes(255),
+                    pinging):
         with socket.create_connection(("127.0.0.1", served.port), timeout=5) as stranger:
-            stranger.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) + b"\x04\x06\x05READY")
+            stranger.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x00NULL" + bytes(48) +
+                             b"\x04\x06\x05READY")
             ends = time.monotonic() + 10.0
             with pytest.raises((BrokenPipeError, ConnectionResetError)):
                 while time.monotonic() < ends:
@@ -660,7 +734,7 @@ def test_a_message_without_an_end_closes_its_connection(served):
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.0\r\n\r\n" + bytes(3000)])
 def test_a_stranger_is_disconnected(served, sent, monkeypatch, caplog):
-    monkeypatch.setattr(front, "FIRST_BYTE", 0.3)
+    monkeypatch.setattr(tcp_proxy, "FIRST_BYTE", 0.3)
     served.show(tree_of('<Act name="a"/>', a="S"))
     with socket.create_connection(("127.0.0.1", served.port), timeout=8) as stranger:
         stranger.sendall(sent)
@@ -679,7 +753,8 @@ def test_without_descriptors_the_process_goes_on(served):
     strangers = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(4)]
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     taken = []
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(map(int, os.listdir("/proc/self/fd"))) + 10, hard))
+    resource.setrlimit(resource.RLIMIT_NOFILE,
+                       (max(map(int, os.listdir("/proc/self/fd"))) + 10, hard))
     try:
         with pytest.raises(OSError):
             while True:
@@ -702,22 +777,27 @@ def test_a_client_that_pings_is_answered(served):
     served.show(tree_of('<Act name="a"/>', a="S"))
     context = zmq.Context()
     sock = context.socket(zmq.DEALER)
-    sock.setsockopt(zmq.HEARTBEAT_IVL, 50)
-    sock.setsockopt(zmq.HEARTBEAT_TIMEOUT, 200)
+    sock.setsockopt(zmq.HEARTBEAT_IVL, 100)
+    sock.setsockopt(zmq.HEARTBEAT_TIMEOUT, 1000)
     events = sock.get_monitor_socket(zmq.EVENT_DISCONNECTED)
     sock.connect("tcp://127.0.0.1:{}".format(served.port))
-    assert events.poll(1000) == 0
+    assert events.poll(2000) == 0
     sock.disable_monitor()
     context.destroy(0)
 
 
 def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_unanswered():
     async def serve(sock):
-        found = front.Front(sock, 1000)
-        assert front.MOST_CONNECTIONS == 16  # as the operator's guide says
-        assert [sock.getsockopt(option) for option in (
-            zmq.LINGER, zmq.RECONNECT_IVL, zmq.MAXMSGSIZE, zmq.HANDSHAKE_IVL, zmq.HEARTBEAT_IVL)] == [0, -1, 1000, 5000, 20000]
-        clients = {b"one": types.SimpleNamespace(unanswered=7), b"other": types.SimpleNamespace(unanswered=7)}
+        found = tcp_proxy.Front(sock, 1000)
+        assert tcp_proxy.MOST_CONNECTIONS == 16  # as the operator's guide says
+        assert [
+            sock.getsockopt(option) for option in (zmq.LINGER, zmq.RECONNECT_IVL, zmq.MAXMSGSIZE,
+                                                   zmq.HANDSHAKE_IVL, zmq.HEARTBEAT_IVL)
+        ] == [0, -1, 1000, 5000, 20000]
+        clients = {
+            b"one": types.SimpleNamespace(unanswered=7),
+            b"other": types.SimpleNamespace(unanswered=7)
+        }
         for name, client in clients.items():
             found.connect(name, client)
         found.note_request(b"one")
@@ -735,7 +815,7 @@ def test_a_front_limits_what_its_socket_takes_and_counts_what_each_client_left_u
 
 @pytest.mark.parametrize("offset", [0, 1])
 def test_idle_connections_are_capped_and_make_room(served, offset, monkeypatch):
-    monkeypatch.setattr(front, "FIRST_BYTE", 60.0)  # no place becomes free by itself
+    monkeypatch.setattr(tcp_proxy, "FIRST_BYTE", 60.0)  # no place becomes free by itself
     served.show(tree_of('<Act name="a"/>', a="S"))
     active = served.client()
     active.ask("S")
@@ -748,7 +828,8 @@ def test_idle_connections_are_capped_and_make_room(served, offset, monkeypatch):
     assert len(os.listdir("/proc/self/fd")) <= before + 100 + 16  # 100 are our own ends
     newcomer = served.client()
     newcomer.requests.send(struct.pack("<BBI", 2, ord("S"), 1))
-    while newcomer.requests.poll(20) == 0:  # it gets the place of a connection that is idle, not of one in use
+    # it gets the place of a connection that is idle, not of one in use
+    while newcomer.requests.poll(20) == 0:
         assert active.statuses() == {1: 0} and time.monotonic() < ends
     assert disconnected.poll(100) == 0
     active.requests.disable_monitor()

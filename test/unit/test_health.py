@@ -1,8 +1,11 @@
 """What is known of the robot's nodes: each change is handed on once, by the tick thread."""
-from behavior_controller.events import Events, HealthChanged
-from behavior_controller.health import GONE, SLOW, CallCount, Health
+from msgspec.structs import replace
 
-DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer", "the robot cannot speak", GONE)
+from behavior_controller.execution.events import Events, HealthChanged
+from behavior_controller.execution.health import CallCount, GONE, Health, SLOW
+
+DEAD = HealthChanged("service", "/say", "textToSpeech", False, "gone: closed by the peer",
+                     "the robot cannot speak", GONE)
 BACK = HealthChanged("service", "/say", "textToSpeech", True, "back", "", GONE)
 
 
@@ -47,7 +50,7 @@ def test_each_respect_is_for_itself():
     health.report(SLOW, DEAD)
     assert not health.is_gone("/say")
     health.report(GONE, DEAD)
-    assert published(health) == [DEAD._replace(respect=SLOW), DEAD]
+    assert published(health) == [replace(DEAD, respect=SLOW), DEAD]
 
 
 def test_calls_are_counted():
@@ -66,10 +69,21 @@ def statuses(health):
 
 def test_three_failures_in_a_row_are_told_until_a_call_succeeds():
     health = Health()
-    for calls, told in ("FF.FF", []), (".FFF", [(False, "failing")]), ("F", []), ("..", [(True, "works again")]):
+    for calls, told in ("FF.FF", []), (".FFF", [(False, "failing")
+                                                ]), ("F", []), ("..", [(True, "works again")]):
         for call in calls:
             health.ended("/say", 0.1, 9.0, call == "F")
         assert statuses(health) == told
+
+
+def test_calls_of_a_node_that_is_gone_do_not_make_it_failing_when_it_is_back():
+    health = Health()
+    health.report(GONE, DEAD)
+    published(health)
+    for _ in range(4):
+        health.ended("/say", 0.1, 9.0, True)
+    health.report(GONE, BACK)
+    assert published(health) == [BACK] and health.calls["/say"].failures == 4
 
 
 def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline():
@@ -80,19 +94,16 @@ def test_a_slow_service_is_slow_until_it_answers_in_less_than_half_its_deadline(
     health.ended("/say", 4.0, 8.0, False)
     health.ended("/say", 1.0, 8.0, True)
     assert [(event.status, event.consequence) for event in published(health)] == [
-        ("slow: no answer for 4 s", "the call is given up after 8 s")]
+        ("slow: no answer for 4 s", "a call is given up after 8 s")]
     health.ended("/say", 3.9, 8.0, False)
     assert statuses(health) == [(True, "answers in time again")]
 
 
-def test_when_a_topic_was_heard_is_known_after_the_next_look_and_wakes_nothing():
+def test_when_a_topic_was_heard_last_is_known_and_wakes_nothing():
     wakes = []
     health = Health(lambda: wakes.append(True))
-    health.hear("/face", 0.5)  # the oldest is dropped: 100 are kept between two looks
     health.hear("/mode", 0.5)
     for number in range(99):
         health.hear("/faces", float(number))
-    assert published(health) == [] and health.heard == {"/mode": 0.5, "/faces": 98.0} and wakes == []
-    health.hear("/text", 300.0)
-    published(health)
-    assert health.heard == {"/mode": 0.5, "/faces": 98.0, "/text": 300.0}
+    assert health.heard == {"/mode": 0.5, "/faces": 98.0}
+    assert published(health) == [] and wakes == []

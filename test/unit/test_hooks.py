@@ -1,13 +1,15 @@
-"""Hooks without a wire: the list that clients see, and what the tick thread makes of it, also when both change at once."""
+"""Hooks without a wire: the list that clients see, and what the tick thread makes of it, also when
+both change at once."""
 import pytest
 
-from behavior_controller.bt.compiler import load_text
+from behavior_controller.bt.loader.tree_builder import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.leaf import ActionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import TickError
 from behavior_controller.bt.registry import Kind, NodeSpec, Registry
 from behavior_controller.bt.status import FAILURE, RUNNING, SKIPPED, SUCCESS
-from behavior_controller.watch.hooks import AFTER, BEFORE, BREAKPOINT, REPLACE, Hook, Hooks, read_fields
+from behavior_controller.monitoring.groot2.breakpoints import (
+    AFTER, BEFORE, BREAKPOINT, Hook, Hooks, REPLACE, read_fields)
 
 
 class Probe(ActionLeaf):
@@ -41,13 +43,18 @@ class Instant(SyncActionLeaf):
         return RUNNING
 
 
-SPECS = builtin_specs() + [NodeSpec("Probe", Kind.ACTION, Probe), NodeSpec("Instant", Kind.ACTION, Instant),
-                           NodeSpec("Busy", Kind.ACTION, Busy)]
+SPECS = builtin_specs() + [
+    NodeSpec("Probe", Kind.ACTION, Probe),
+    NodeSpec("Instant", Kind.ACTION, Instant),
+    NodeSpec("Busy", Kind.ACTION, Busy)
+]
 
 
 def hooked(body):
     """Return a tree, its hooks, and the lines that the operator is told."""
-    tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(body), Registry(SPECS))
+    tree = load_text(
+        "<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(body),
+        Registry(SPECS))
     lines = []
     return tree, Hooks(tree, lambda uid: None, lines.append), lines
 
@@ -73,18 +80,21 @@ def test_a_hook_that_went_by_itself_is_not_there_any_more(ask):
     assert ask(hooks) is False
 
 
-@pytest.mark.parametrize("uid, is_taken", [(-1, False), (0, True), (65535, True), (65536, False), (True, False)])
+@pytest.mark.parametrize("uid, is_taken", [(-1, False), (0, True), (65535, True), (65536, False),
+                                           (True, False)])
 def test_the_numbers_of_nodes(uid, is_taken):
     if is_taken:
         assert read_fields({"uid": uid}, "uid") == [uid]
     else:
-        with pytest.raises(ValueError, match="uid cannot be .*; allowed: a whole number from 0 to 65535"):
+        with pytest.raises(ValueError,
+                           match="uid cannot be .*; allowed: a whole number from 0 to 65535"):
             read_fields({"uid": uid}, "uid")
 
 
 def test_a_hook_set_where_one_went_by_itself_stays():
     tree, hooks, _ = hooked("<Probe/>")
-    old, new = Hook(1, AFTER, REPLACE, True, True, "FAILURE"), Hook(1, AFTER, REPLACE, True, True, "FAILURE")
+    old, new = Hook(1, AFTER, REPLACE, True, True, "FAILURE"), Hook(1, AFTER, REPLACE, True, True,
+                                                                    "FAILURE")
     hooks.insert([old])
     tree.root.during = lambda: hooks.insert([new])
     assert tree.tick_exactly_once() is FAILURE
@@ -96,16 +106,20 @@ def test_a_hook_set_where_one_went_by_itself_stays():
 
 def test_of_many_hooks_for_one_place_the_last_counts():
     tree, hooks, lines = hooked("<Probe/>")
-    hooks.insert([Hook(1, BEFORE, REPLACE, False, True, "FAILURE")] * 1000 + [Hook(1, BEFORE, REPLACE, False, True, "SUCCESS")])
+    hooks.insert([Hook(1, BEFORE, REPLACE, False, True, "FAILURE")] * 1000 +
+                 [Hook(1, BEFORE, REPLACE, False, True, "SUCCESS")])
     assert tree.tick_exactly_once() is SUCCESS
     assert len([line for line in lines if "is set" in line]) == 1
 
 
-@pytest.mark.parametrize("condition, expected", [("_successIf", SUCCESS), ("_failureIf", FAILURE), ("_skipIf", SKIPPED)])
+@pytest.mark.parametrize("condition, expected", [("_successIf", SUCCESS), ("_failureIf", FAILURE),
+                                                 ("_skipIf", SKIPPED)])
 def test_hooks_are_inside_the_conditions(condition, expected):
     tree, hooks, _ = hooked("<Probe {}='true'/>".format(condition))
-    hooks.insert([Hook(1, position, REPLACE, False, True, "FAILURE" if expected is SUCCESS else "SUCCESS")
-                  for position in (BEFORE, AFTER)])
+    hooks.insert([
+        Hook(1, position, REPLACE, False, True, "FAILURE" if expected is SUCCESS else "SUCCESS")
+        for position in (BEFORE, AFTER)
+    ])
     assert tree.tick_exactly_once() is expected
 
 
@@ -149,7 +163,8 @@ def test_the_operator_is_told_that_a_hook_is_removed():
 
 
 def steps(body, *actions):
-    """Carry out each action, then tick; return the results and the lines about hooks without what all of them begin with."""
+    """Carry out each action, then tick; return the results and the lines about hooks without what
+    all of them begin with."""
     tree, hooks, lines = hooked(body)
     results = []
     for action in actions:
@@ -173,44 +188,68 @@ HOLDS = ["breakpoint before is set", "breakpoint before holds the node"]
 DECIDES = "breakpoint before decides FAILURE and the node is not run"
 
 
-@pytest.mark.parametrize("actions, results, lines", [
-    ([sets(), WAITS, unlocks()], [RUNNING, RUNNING, SUCCESS], HOLDS + ["breakpoint before lets the node go on"]),
-    ([sets(), unlocks("FAILURE"), WAITS], [RUNNING, FAILURE, RUNNING],
-     HOLDS + ["breakpoint before lets the node go on", DECIDES, "breakpoint before holds the node"]),
-    ([sets(), unlocks("FAILURE", True), WAITS], [RUNNING, FAILURE, SUCCESS],
-     HOLDS + ["breakpoint before lets the node go on", DECIDES, "breakpoint before is removed"]),
-    ([sets(once=True), unlocks(), WAITS], [RUNNING, SUCCESS, SUCCESS],
-     HOLDS + ["breakpoint before lets the node go on", "breakpoint before is removed"]),
-    ([sets(), DISABLES, WAITS], [RUNNING, SUCCESS, SUCCESS], HOLDS + ["breakpoint before is disabled"]),
-    ([sets(), sets(enabled=False)], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is set, but disabled"]),
-    ([sets(), sets(), unlocks()], [RUNNING, RUNNING, SUCCESS], HOLDS + [
-        "breakpoint before is set", "breakpoint before lets the node go on"]),
-    ([sets(), REMOVES], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed: so"]),
-    ([sets(), REMOVES_ALL], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed"]),
-    ([sets(), REMOVES, sets()], [RUNNING, SUCCESS, RUNNING], HOLDS + ["breakpoint before is removed: so"] + HOLDS),
-    ([sets(), sets(mode=REPLACE), unlocks()], [RUNNING, RUNNING, SUCCESS],  # as in the library, it waits to be let go
-     HOLDS + ["replacement before is set to FAILURE", "replacement before lets the node go on"]),
-    ([sets(AFTER), sets(AFTER, REPLACE), unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS],
-     ["breakpoint after is set", "breakpoint after holds the node", "replacement after is set to FAILURE",
-      "replacement after lets the node go on"]),
-    ([unlocks(), REMOVES, WAITS], [SUCCESS] * 3, []),
-    ([sets(AFTER), WAITS, unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS],
-     ["breakpoint after is set", "breakpoint after holds the node", "breakpoint after lets the node go on"]),
-    ([sets(AFTER), unlocks("FAILURE", position=AFTER), WAITS], [RUNNING, FAILURE, RUNNING],
-     ["breakpoint after is set", "breakpoint after holds the node", "breakpoint after lets the node go on",
-      "breakpoint after decides FAILURE instead of the node's SUCCESS", "breakpoint after holds the node"]),
-    ([sets(AFTER), sets(), REMOVES_ALL], [RUNNING, RUNNING, SUCCESS],
-     ["breakpoint after is set", "breakpoint after holds the node", "breakpoint before is set", "breakpoint before is removed",
-      "breakpoint after is removed"]),
-    ([sets(mode=REPLACE), WAITS, sets(mode=REPLACE)], [FAILURE] * 3,
-     ["replacement before is set to FAILURE", "replacement before decides FAILURE and the node is not run"] * 2),
-    ([sets(mode=REPLACE, status="SKIPPED")], [SUCCESS], ["replacement before is set to SKIPPED"]),
-    ([sets(mode=REPLACE, enabled=False), sets(mode=REPLACE)], [SUCCESS, FAILURE],
-     ["replacement before is set to FAILURE, but disabled", "replacement before is set to FAILURE",
-      "replacement before decides FAILURE and the node is not run"]),
-    ([sets(mode=REPLACE), DISABLES], [FAILURE, SUCCESS],
-     ["replacement before is set to FAILURE", "replacement before decides FAILURE and the node is not run",
-      "replacement before is disabled"])])
+@pytest.mark.parametrize(
+    "actions, results, lines",
+    [
+        ([sets(), WAITS, unlocks()], [RUNNING, RUNNING, SUCCESS
+                                      ], HOLDS + ["breakpoint before lets the node go on"]),
+        ([sets(), unlocks("FAILURE"), WAITS], [RUNNING, FAILURE, RUNNING], HOLDS +
+         ["breakpoint before lets the node go on", DECIDES, "breakpoint before holds the node"]),
+        ([sets(), unlocks("FAILURE", True), WAITS], [RUNNING, FAILURE, SUCCESS], HOLDS +
+         ["breakpoint before lets the node go on", DECIDES, "breakpoint before is removed"]),
+        ([sets(once=True), unlocks(), WAITS], [RUNNING, SUCCESS, SUCCESS],
+         HOLDS + ["breakpoint before lets the node go on", "breakpoint before is removed"]),
+        ([sets(), DISABLES, WAITS], [RUNNING, SUCCESS, SUCCESS
+                                     ], HOLDS + ["breakpoint before is disabled"]),
+        ([sets(), sets(enabled=False)], [RUNNING, SUCCESS
+                                         ], HOLDS + ["breakpoint before is set, but disabled"]),
+        ([sets(), sets(), unlocks()], [RUNNING, RUNNING, SUCCESS],
+         HOLDS + ["breakpoint before is set", "breakpoint before lets the node go on"]),
+        ([sets(), REMOVES], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed: so"]),
+        ([sets(), REMOVES_ALL], [RUNNING, SUCCESS], HOLDS + ["breakpoint before is removed"]),
+        ([sets(), REMOVES, sets()], [RUNNING, SUCCESS, RUNNING
+                                     ], HOLDS + ["breakpoint before is removed: so"] + HOLDS),
+        # as in the library, it waits to be let go
+        ([sets(), sets(mode=REPLACE), unlocks()], [RUNNING, RUNNING, SUCCESS], HOLDS +
+         ["replacement before is set to FAILURE", "replacement before lets the node go on"]),
+        ([sets(AFTER), sets(AFTER, REPLACE),
+          unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS], [
+              "breakpoint after is set", "breakpoint after holds the node",
+              "replacement after is set to FAILURE", "replacement after lets the node go on"
+          ]),
+        ([unlocks(), REMOVES, WAITS], [SUCCESS] * 3, []),
+        ([sets(AFTER), WAITS, unlocks(position=AFTER)], [RUNNING, RUNNING, SUCCESS], [
+            "breakpoint after is set", "breakpoint after holds the node",
+            "breakpoint after lets the node go on"
+        ]),
+        ([sets(AFTER), unlocks("FAILURE", position=AFTER), WAITS], [RUNNING, FAILURE, RUNNING], [
+            "breakpoint after is set", "breakpoint after holds the node",
+            "breakpoint after lets the node go on",
+            "breakpoint after decides FAILURE instead of the node's SUCCESS",
+            "breakpoint after holds the node"
+        ]),
+        ([sets(AFTER), sets(), REMOVES_ALL], [RUNNING, RUNNING, SUCCESS], [
+            "breakpoint after is set", "breakpoint after holds the node",
+            "breakpoint before is set", "breakpoint before is removed",
+            "breakpoint after is removed"
+        ]),
+        ([sets(mode=REPLACE), WAITS, sets(mode=REPLACE)], [FAILURE] * 3, [
+            "replacement before is set to FAILURE",
+            "replacement before decides FAILURE and the node is not run"
+        ] * 2),
+        ([sets(mode=REPLACE, status="SKIPPED")], [SUCCESS
+                                                  ], ["replacement before is set to SKIPPED"]),
+        ([sets(mode=REPLACE, enabled=False), sets(mode=REPLACE)], [SUCCESS, FAILURE], [
+            "replacement before is set to FAILURE, but disabled",
+            "replacement before is set to FAILURE",
+            "replacement before decides FAILURE and the node is not run"
+        ]),
+        ([sets(mode=REPLACE), DISABLES], [FAILURE, SUCCESS], [
+            "replacement before is set to FAILURE",
+            "replacement before decides FAILURE and the node is not run",
+            "replacement before is disabled"
+        ])
+    ])
 def test_what_hooks_do_tick_by_tick_and_what_the_operator_is_told(actions, results, lines):
     assert steps("<Probe/>", *actions)[:2] == (results, lines)
 
@@ -225,7 +264,8 @@ def test_hooks_that_are_disabled_are_still_there():
 def test_a_node_without_hooks_is_left_alone_again():
     tree, hooks, _ = hooked("<Probe/>")
     hooks.insert([Hook(1, AFTER, BREAKPOINT, True, True, "SKIPPED")])
-    assert tree.tick_exactly_once() is RUNNING and tree.root.hook is not None and tree.root.hook.is_holding
+    assert tree.tick_exactly_once(
+    ) is RUNNING and tree.root.hook is not None and tree.root.hook.is_holding
     hooks.unlock(AFTER, 1, "SKIPPED", False)
     assert tree.tick_exactly_once() is SUCCESS and tree.root.hook is None
     hooks.insert([Hook(1, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
@@ -242,7 +282,8 @@ def test_a_node_without_hooks_is_left_alone_again():
 
 
 def test_a_change_of_hooks_wakes_the_tree_and_a_breakpoint_that_is_reached_is_reported_once():
-    tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Probe/></BehaviorTree></root>", Registry(SPECS))
+    tree = load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Probe/></BehaviorTree></root>",
+                     Registry(SPECS))
     reached = []
     hooks = Hooks(tree, reached.append, lambda line: None)
     tree.wake.test_and_clear()

@@ -1,4 +1,5 @@
-"""The types of services and topics: the fields' names, types and order decide whether the robot understands us."""
+"""The types of services and topics: the fields' names, types and order decide whether the robot
+understands us."""
 import dataclasses
 import hashlib
 import math
@@ -7,11 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from behavior_controller.interface import Interface, Sense, Success, Unusable, release_1_0
-from behavior_controller.interface.document import FACES, INTERFACE
-from behavior_controller.interface.records import (AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point,
-                                                   Prompt, QueryKnowledge, Request, Say, SetAnimation, SetAttention,
-                                                   SetPose, SetRecognition, SetRecognitionLanguage)
+from behavior_controller.robot import release_1_0
+from behavior_controller.robot.declarations import Interface, Sense, Success, Unusable
+from behavior_controller.robot.d543 import FACES, INTERFACE
+from behavior_controller.robot.requests import (
+    AttentionStatus, Exhibit, Faces, GoTo, Listen, Location, PerformGesture, Point, Prompt,
+    QueryKnowledge, Request, Say, SetAnimation, SetAttention, SetPose, SetRecognition,
+    SetRecognitionLanguage)
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -20,18 +23,30 @@ EXPECTED = {
     "srv/animateBehaviorService.srv": ["string state", "---", "string success"],
     "srv/gestureExecutionService.srv": [
         "string gesture_type", "uint8 gesture_id", "int64 gesture_duration", "uint32 bow_nod_angle",
-        "float64 location_x", "float64 location_y", "float64 location_z", "---", "uint8 gesture_success"],
-    "srv/knowledgeBaseService.srv": ["string parameters", "---", "bool success", "exhibitInfoMessage[] exhibits"],
-    "srv/overtAttentionService.srv": ["string state", "float64 location_x", "float64 location_y", "float64 location_z",
-                                      "---", "uint8 mode_set_success"],
-    "srv/robotNavigationService.srv": ["float64 goal_x", "float64 goal_y", "float64 goal_theta", "---",
-                                       "uint8 navigation_goal_success"],
+        "float64 location_x", "float64 location_y", "float64 location_z", "---",
+        "uint8 gesture_success"
+    ],
+    "srv/knowledgeBaseService.srv": [
+        "string parameters", "---", "bool success", "exhibitInfoMessage[] exhibits"
+    ],
+    "srv/overtAttentionService.srv": [
+        "string state", "float64 location_x", "float64 location_y", "float64 location_z", "---",
+        "uint8 mode_set_success"
+    ],
+    "srv/robotNavigationService.srv": [
+        "float64 goal_x", "float64 goal_y", "float64 goal_theta", "---",
+        "uint8 navigation_goal_success"
+    ],
     "srv/textService.srv": ["string message", "---", "bool success", "string response"],
     "msg/locationMessage.msg": ["float64 x", "float64 y", "float64 theta"],
     "msg/gestureMessage.msg": ["float64 x", "float64 y", "float64 z"],
-    "msg/exhibitInfoMessage.msg": ["string name", "string description1", "string description2",
-                                   "locationMessage location", "gestureMessage gesture"],
-    "msg/faceDetectionMessage.msg": ["string[] face_label_id", "geometry_msgs/Point[] centroids", "bool[] mutualGaze"],
+    "msg/exhibitInfoMessage.msg": [
+        "string name", "string description1", "string description2", "locationMessage location",
+        "gestureMessage gesture"
+    ],
+    "msg/faceDetectionMessage.msg": [
+        "string[] face_label_id", "geometry_msgs/Point[] centroids", "bool[] mutualGaze"
+    ],
     "msg/overtAttentionMessage.msg": ["string state", "int64 value"],
 }
 
@@ -46,31 +61,38 @@ def test_the_fields_are_those_of_the_robot(path):
 def test_each_declared_type_has_its_file():
     missing = []
     for folder, offers in (("srv", INTERFACE.services), ("msg", INTERFACE.topics)):
-        own = [offer.type.partition("/")[2] for offer in offers if offer.type.startswith("cssr_system/")]
+        own = [
+            offer.type.partition("/")[2] for offer in offers
+            if offer.type.startswith("cssr_system/")
+        ]
         files = ["{}/{}.{}".format(folder, name, folder) for name in own]
         missing += [path for path in files if not os.path.exists(os.path.join(ROOT, path))]
     assert missing == []
 
 
-# the tables 2 and 3: request, name, robot's node, type, what is sent, and the field that tells the outcome
+# the tables 2 and 3: request, name, robot's node, type, what is sent, and the field that tells the
+# outcome
 SERVICES = [
-    (SetAnimation("enabled"), "/animateBehaviour/set_activation", "animateBehavior", "animateBehaviorService",
-     ("enabled",), ("success", "1", "0")),
-    (PerformGesture("deictic", 2, 3000, Point(1.0, 2.0, 3.0), 20), "/gestureExecution/perform_gesture",
-     "gestureExecution", "gestureExecutionService", ("deictic", 2, 3000, 20, 1.0, 2.0, 3.0), ("gesture_success", 1, 0)),
-    (QueryKnowledge("exhibits"), "/knowledgeBase/query", "knowledgeBase", "knowledgeBaseService", ("exhibits",),
-     ("success", True, False)),
+    (SetAnimation("enabled"), "/animateBehaviour/set_activation", "animateBehavior",
+     "animateBehaviorService", ("enabled", ), ("success", "1", "0")),
+    (PerformGesture("deictic", 2, 3000, Point(1.0, 2.0, 3.0),
+                    20), "/gestureExecution/perform_gesture", "gestureExecution",
+     "gestureExecutionService", ("deictic", 2, 3000, 20, 1.0, 2.0, 3.0), ("gesture_success", 1, 0)),
+    (QueryKnowledge("exhibits"), "/knowledgeBase/query", "knowledgeBase", "knowledgeBaseService",
+     ("exhibits", ), ("success", True, False)),
     (SetAttention("location", Point(1.0, 2.0, 3.0)), "/overtAttention/set_mode", "overtAttention",
      "overtAttentionService", ("location", 1.0, 2.0, 3.0), ("mode_set_success", 1, 0)),
-    (GoTo(Location(2.0, 3.5, 90.0)), "/robotNavigation/set_goal", "robotNavigation", "robotNavigationService",
-     (2.0, 3.5, 90.0), ("navigation_goal_success", 1, 0)),
-    (Prompt(("Yes", "No")), "/tabletEvent/prompt_and_get_response", "tabletEvent", "textService", ("Yes|No",),
+    (GoTo(Location(2.0, 3.5, 90.0)), "/robotNavigation/set_goal", "robotNavigation",
+     "robotNavigationService", (2.0, 3.5, 90.0), ("navigation_goal_success", 1, 0)),
+    (Prompt(("Yes", "No")), "/tabletEvent/prompt_and_get_response", "tabletEvent", "textService",
+     ("Yes|No", ), ("success", True, False)),
+    (Say("hello"), "/textToSpeech/say_text", "textToSpeech", "textService", ("hello", ),
      ("success", True, False)),
-    (Say("hello"), "/textToSpeech/say_text", "textToSpeech", "textService", ("hello",), ("success", True, False)),
 ]
 
 
-@pytest.mark.parametrize("request_, name, node, type_, fields, success", SERVICES, ids=[row[2] for row in SERVICES])
+@pytest.mark.parametrize("request_, name, node, type_, fields, success", SERVICES,
+                         ids=[row[2] for row in SERVICES])
 def test_a_service_is_called_as_the_document_says(request_, name, node, type_, fields, success):
     service = INTERFACE.service(type(request_))
     assert (service.name, service.node, service.type) == (name, node, "cssr_system/" + type_)
@@ -86,62 +108,81 @@ def test_each_topic_of_the_document_is_declared(name, is_continuous):
 
 
 def test_an_attention_without_a_place_and_a_gesture_without_a_target_send_zeros():
-    assert INTERFACE.service(SetAttention).fields(SetAttention("social")) == ("social", 0.0, 0.0, 0.0)
+    assert INTERFACE.service(SetAttention).fields(SetAttention("social")) == ("social", 0.0, 0.0,
+                                                                              0.0)
     assert INTERFACE.service(PerformGesture).fields(PerformGesture("iconic", 1, 500)) == (
         "iconic", 1, 500, 0, 0.0, 0.0, 0.0)
 
 
-# ------------------------------------------------------------------------------------------------- the published types
+# ------------------------------------------------------------------------------ the published types
 
-# the fields of the project's release 1.0, as its public repository has them, by the file of ours that carries them
+# the fields of the project's release 1.0, as its public repository has them, by the file of ours
+# that carries them
 PUBLISHED = {
     "srv/animateBehaviorService": ["string state", "---", "string success"],
-    "srv/gestureExecutionService": EXPECTED["srv/gestureExecutionService.srv"],
-    "srv/overtAttentionService": EXPECTED["srv/overtAttentionService.srv"],
-    "srv/robotNavigationService": EXPECTED["srv/robotNavigationService.srv"],
+    "srv/gestureExecutionService":
+        EXPECTED["srv/gestureExecutionService.srv"],
+    "srv/overtAttentionService":
+        EXPECTED["srv/overtAttentionService.srv"],
+    "srv/robotNavigationService":
+        EXPECTED["srv/robotNavigationService.srv"],
     "srv/robotPoseService": ["float64 x", "float64 y", "float64 theta", "---", "bool success"],
     "srv/sayTextService": ["string message", "string language", "---", "bool success"],
     "srv/speechEnabledService": ["string status", "---", "int8 response"],
     "srv/speechLanguageService": ["string language", "---", "int8 response"],
     "srv/tabletPromptService": ["string message", "---", "bool success"],
     "msg/overtAttentionMessage": ["string state", "int64 value"],
-    "action/recogniseSpeech": ["float32 wait", "---", "string transcription", "---", "int8 progress"],
+    "action/recogniseSpeech": [
+        "float32 wait", "---", "string transcription", "---", "int8 progress"
+    ],
 }
 
 
 def md5(*lines):
-    """Return the md5 of a message: a field of another message stands there with that one's md5 in place of its type."""
+    """Return the md5 of a message: a field of another message stands there with that one's md5 in
+    place of its type."""
     return hashlib.md5("\n".join(lines).encode()).hexdigest()
 
 
 def md5_of_service(lines):
     split = lines.index("---")
-    return hashlib.md5(("\n".join(lines[:split]) + "\n".join(lines[split + 1:])).encode()).hexdigest()
+    return hashlib.md5(
+        ("\n".join(lines[:split]) + "\n".join(lines[split + 1:])).encode()).hexdigest()
 
 
 def md5s_of_action(lines):
-    """Return the md5s of the messages of an action: its own part follows what actionlib puts before it."""
+    """Return the md5s of the messages of an action: its own part follows what actionlib puts before
+    it."""
     goal, result, feedback = ([part] for part in lines if part != "---")
     header = md5("uint32 seq", "time stamp", "string frame_id")
     goal_id = md5("time stamp", "string id")
-    words = "PENDING ACTIVE PREEMPTED SUCCEEDED ABORTED REJECTED PREEMPTING RECALLING RECALLED LOST".split()
+    words = ("PENDING ACTIVE PREEMPTED SUCCEEDED ABORTED REJECTED PREEMPTING RECALLING RECALLED "
+             "LOST".split(
+    ))
     status = md5(*["uint8 {}={}".format(word, number) for number, word in enumerate(words)],
                  goal_id + " goal_id", "uint8 status", "string text")
-    return {"ActionGoal": md5(header + " header", goal_id + " goal_id", md5(*goal) + " goal"),
-            "ActionResult": md5(header + " header", status + " status", md5(*result) + " result"),
-            "ActionFeedback": md5(header + " header", status + " status", md5(*feedback) + " feedback")}
+    return {
+        "ActionGoal": md5(header + " header", goal_id + " goal_id",
+                          md5(*goal) + " goal"), "ActionResult": md5(header + " header",
+                                                                     status + " status",
+                                                                     md5(*result) + " result"),
+        "ActionFeedback": md5(header + " header", status + " status",
+                              md5(*feedback) + " feedback")
+    }
 
 
 def documented():
     """Return the md5 of each type that the document lists."""
     with open(os.path.join(ROOT, "docs", "release_1_0_types.md"), encoding="utf-8") as file:
-        rows = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in file if line.startswith("| `")]
+        rows = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in file
+                if line.startswith("| `")]
     return {kind: digest for _, kind, digest in rows}
 
 
 @pytest.mark.parametrize("name", sorted(PUBLISHED))
 def test_the_fields_are_those_of_release_1_0(name):
-    with open(os.path.join(ROOT, "{}.{}".format(name, name.split("/")[0])), encoding="utf-8") as file:
+    with open(os.path.join(ROOT, "{}.{}".format(name,
+                                                name.split("/")[0])), encoding="utf-8") as file:
         fields = [" ".join(line.split("#")[0].split()) for line in file]
     assert [field for field in fields if field] == PUBLISHED[name]
 
@@ -161,10 +202,11 @@ def test_the_document_lists_each_name_that_the_release_offers():
         text = file.read()
     own = [offer for offer in release_1_0.INTERFACE.offers if offer.type.startswith("cssr_system/")]
     assert [offer.name for offer in own if "| `{}` |".format(offer.name) not in text] == []
-    assert [offer.type for offer in own if "/{}` |".format(offer.type.split("/")[1]) not in text] == []
+    assert [offer.type for offer in own
+            if "/{}` |".format(offer.type.split("/")[1]) not in text] == []
 
 
-# ---------------------------------------------------------------------------------------- what release 1.0 is told and tells
+# --------------------------------------------------------------- what release 1.0 is told and tells
 
 
 def status(state, value):
@@ -172,24 +214,26 @@ def status(state, value):
 
 
 RELEASE_SERVICES = [
-    (SetAnimation("enabled"), "/animateBehaviour/setActivation", "animateBehavior", "animateBehaviorService", ("enabled",),
-     ("success", "1", "0")),
-    (SetPose(Location(2.0, 3.5, 90.0)), "/robotLocalization/set_pose", "robotLocalization", "robotPoseService",
-     (2.0, 3.5, 90.0), ("success", True, False)),
-    (SetRecognition(True), "/speechEvent/set_enabled", "speechEvent", "speechEnabledService", ("true",), ("response", 1, 0)),
-    (SetRecognition(False), "/speechEvent/set_enabled", "speechEvent", "speechEnabledService", ("false",),
-     ("response", 1, 0)),
-    (SetRecognitionLanguage("IsiZulu"), "/speechEvent/set_language", "speechEvent", "speechLanguageService", ("IsiZulu",),
-     ("response", 1, 0)),
-    (Prompt(("Yes", "No")), "/tabletEvent/prompt_and_get_response", "tabletEvent", "tabletPromptService", ("'Yes'|'No'",),
-     ("success", True, False)),
-    (Say("Sawubona", "IsiZulu"), "/textToSpeech/say_text", "textToSpeech", "sayTextService", ("Sawubona", "IsiZulu"),
-     ("success", True, False)),
+    (SetAnimation("enabled"), "/animateBehaviour/setActivation", "animateBehavior",
+     "animateBehaviorService", ("enabled", ), ("success", "1", "0")),
+    (SetPose(Location(2.0, 3.5, 90.0)), "/robotLocalization/set_pose", "robotLocalization",
+     "robotPoseService", (2.0, 3.5, 90.0), ("success", True, False)),
+    (SetRecognition(True), "/speechEvent/set_enabled", "speechEvent", "speechEnabledService",
+     ("true", ), ("response", 1, 0)),
+    (SetRecognition(False), "/speechEvent/set_enabled", "speechEvent", "speechEnabledService",
+     ("false", ), ("response", 1, 0)),
+    (SetRecognitionLanguage("IsiZulu"), "/speechEvent/set_language", "speechEvent",
+     "speechLanguageService", ("IsiZulu", ), ("response", 1, 0)),
+    (Prompt(("Yes", "No")), "/tabletEvent/prompt_and_get_response", "tabletEvent",
+     "tabletPromptService", ("'Yes'|'No'", ), ("success", True, False)),
+    (Say("Sawubona", "IsiZulu"), "/textToSpeech/say_text", "textToSpeech", "sayTextService",
+     ("Sawubona", "IsiZulu"), ("success", True, False)),
 ]
 
 
 @pytest.mark.parametrize("request_, name, node, type_, fields, success", RELEASE_SERVICES)
-def test_a_service_is_called_as_release_1_0_publishes_it(request_, name, node, type_, fields, success):
+def test_a_service_is_called_as_release_1_0_publishes_it(request_, name, node, type_, fields,
+                                                         success):
     service = release_1_0.INTERFACE.service(type(request_))
     assert (service.name, service.node, service.type) == (name, node, "cssr_system/" + type_)
     assert service.fields(request_) == fields
@@ -197,23 +241,31 @@ def test_a_service_is_called_as_release_1_0_publishes_it(request_, name, node, t
     assert [type(value) for value in service.success] == [type(value) for value in success]
 
 
-@pytest.mark.parametrize("name, is_continuous", [("/overtAttention/mode", True), ("/speechEvent/text", False)])
+@pytest.mark.parametrize("name, is_continuous", [("/overtAttention/mode", True),
+                                                 ("/speechEvent/text", False)])
 def test_each_topic_of_release_1_0_is_declared(name, is_continuous):
     assert release_1_0.INTERFACE.topic(name).is_continuous is is_continuous
 
 
-@pytest.mark.parametrize("transcription, text", [(" yes please ", "yes please"), (" ", None), ("", None)])
+@pytest.mark.parametrize("transcription, text", [(" yes please ", "yes please"), (" ", ""),
+                                                 ("", "")])
 def test_speech_may_come_as_the_result_of_an_action(transcription, text):
     action = release_1_0.INTERFACE.topic("/speechEvent/text").action
-    assert (action.name, action.type) == ("/speechEvent/recognise_speech_action", "cssr_system/recogniseSpeech")
-    assert action.goal(10.0) == (10.0,)
-    assert action.read(SimpleNamespace(transcription=transcription)) == text
+    assert (action.name, action.type) == ("/speechEvent/recognise_speech_action",
+                                          "cssr_system/recogniseSpeech")
+    assert action.fields(Listen(10.0)) == (10.0,)
+    assert action.answer(SimpleNamespace(transcription=transcription)).response == text
 
 
 @pytest.mark.parametrize("sense, given, others, wait", [
-    (Sense.VISITOR, status("scanning", 2), [status("scanning", 1), status("scanning", 3), status("social", 2)], math.inf),
-    (Sense.PRESENCE, status("social", 2), [status("social", 1), status("seeking", 2)], 10.0),
-    (Sense.GAZE, status("seeking", 2), [status("seeking", 1), status("seeking", 3), status("social", 2)], math.inf),
+    (Sense.VISITOR, status("scanning", 2),
+     [status("scanning", 1), status("scanning", 3),
+      status("social", 2)], math.inf),
+    (Sense.PRESENCE, status("social", 2), [status("social", 1),
+                                           status("seeking", 2)], 10.0),
+    (Sense.GAZE, status("seeking", 2),
+     [status("seeking", 1), status("seeking", 3),
+      status("social", 2)], math.inf),
 ])
 def test_what_tells_of_a_visitor(sense, given, others, wait):
     evidence = release_1_0.INTERFACE.evidence(sense)
@@ -251,7 +303,7 @@ def test_an_exhibit_without_a_place_is_unusable():
     assert answer(response(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)).exhibits == (
         Exhibit("Forge", "a", "b", Location(1.0, 2.0, 3.0), Point(4.0, 5.0, 6.0)),)
     for numbers in ((math.nan, 2.0, 3.0, 4.0, 5.0, 6.0), (1.0, 2.0, 3.0, 4.0, 5.0, math.inf)):
-        with pytest.raises(Unusable, match="^'Forge' has a coordinate that is not a number: "):
+        with pytest.raises(Unusable, match="^Forge has a coordinate that is not a number: "):
             answer(response(*numbers))
 
 
@@ -278,8 +330,12 @@ def test_any_speech_is_an_utterance_for_which_the_robot_goes_on_to_listen():
 
 
 def test_a_declaration_that_contradicts_itself_is_refused():
-    say, (tell,) = INTERFACE.service(Say), [each for each in release_1_0.SERVICES if each.request is Say]
-    with pytest.raises(ValueError, match="^/textToSpeech/say_text and /textToSpeech/say_text are both declared for Say$"):
+    say, (tell, ) = INTERFACE.service(Say), [
+        each for each in release_1_0.SERVICES if each.request is Say
+    ]
+    with pytest.raises(
+            ValueError,
+            match="^/textToSpeech/say_text and /textToSpeech/say_text are both declared for Say$"):
         Interface("twice", (say, tell), (), (), {})
     with pytest.raises(LookupError, match="no service is declared for the request SetAttention"):
         Interface("unsafe", (say,), (), (SetAttention("disabled"),), {})
@@ -291,19 +347,27 @@ def test_a_declaration_that_contradicts_itself_is_refused():
 def test_a_service_names_the_piece_that_is_left_out(piece, following):
     with pytest.raises(TypeError) as raised:
         dataclasses.replace(INTERFACE.service(Say), **{piece: following})
-    assert str(raised.value) == "the declaration of /textToSpeech/say_text has no {}, but {!r} in its place".format(
+    assert str(
+        raised.value
+    ) == "the declaration of /textToSpeech/say_text has no {}, but {!r} in its place".format(
         piece, following)
 
 
-@pytest.mark.parametrize("request_, doing", [
-    (SetAnimation("enabled"), "starting lifelike movement"), (SetAnimation("disabled"), "stopping lifelike movement"),
-    (SetRecognition(True), "switching speech recognition on"), (SetRecognition(False), "switching speech recognition off")])
+@pytest.mark.parametrize("request_, doing",
+                         [(SetAnimation("enabled"), "starting lifelike movement"),
+                          (SetAnimation("disabled"), "stopping lifelike movement"),
+                          (SetRecognition(True), "switching speech recognition on"),
+                          (SetRecognition(False), "switching speech recognition off")])
 def test_what_is_switched_on_or_off_is_told_so(request_, doing):
     assert tuple(request_.words) == (doing, "", "", "notice")
 
 
 def test_what_a_robot_of_release_1_0_may_lack():
-    assert {service.name: service.fails_without for service in release_1_0.SERVICES if service.is_optional} == {
-        "/robotLocalization/set_pose": False, "/speechEvent/set_enabled": False, "/speechEvent/set_language": False,
-        "/tabletEvent/prompt_and_get_response": True}
+    assert {
+        service.name: service.fails_without for service in release_1_0.SERVICES
+        if service.is_optional
+    } == {
+        "/robotLocalization/set_pose": False, "/speechEvent/set_enabled": False,
+        "/speechEvent/set_language": False, "/tabletEvent/prompt_and_get_response": True
+    }
     assert not any(service.is_optional for service in INTERFACE.services)

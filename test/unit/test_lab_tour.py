@@ -1,29 +1,39 @@
-"""The lab tour on the real engine: what the robot is asked, in which order, for each kind of visitor and each failure.
+"""The lab tour on the real engine: what the robot is asked, in which order, for each kind of
+visitor and each failure.
 
-The expected orders are read off data/lab_tour.xml by hand, with the meaning that BehaviorTree.CPP gives its nodes.
+The expected orders are read off data/lab_tour.xml by hand, with the meaning that BehaviorTree.CPP
+gives its nodes.
 """
 import pytest
 
 from behavior_controller.bt.status import SUCCESS
-from behavior_controller.events import LeafFinished, PassFinished, Recovered
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.document import ATTENTION, FACES
-from behavior_controller.interface.records import (Answer, AttentionStatus, Faces, GoTo, PerformGesture, Point, Prompt,
-                                                   QueryKnowledge, Say, SetAnimation, SetAttention)
+from behavior_controller.execution.events import LeafFinished, PassFinished, Recovered
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.d543 import ATTENTION, FACES
+from behavior_controller.robot.requests import (
+    Answer, AttentionStatus, Faces, GoTo, PerformGesture, Point, Prompt, QueryKnowledge, Say,
+    SetAnimation, SetAttention)
 from behavior_controller.leaves.recovery import HandleFallBack
 from mission_rig import ENTRANCE, EXHIBITS, HOME, Rig, one_leaf, refusal, service_of, visitor_who
 
 SAYS = {
-    "Welcome": "welcome", "Query": "would you like", "SayYesNo": "only understand yes or no",
-    "Press": "press yes or no", "Follow": "follow me", "Another": "another time", "End": "last exhibit",
-    "Door": "here is the door", "Bye": "goodbye",
+    "Welcome": "welcome",
+    "Query": "would you like",
+    "SayYesNo": "only understand yes or no",
+    "Press": "press yes or no",
+    "Follow": "follow me",
+    "Another": "another time",
+    "End": "last exhibit",
+    "Door": "here is the door",
+    "Bye": "goodbye",
 }
 
 
 def named(request):
     """Return a short name of a request: what it does, and to what."""
     if isinstance(request, Say):
-        return "say " + next((name for name, words in SAYS.items() if words in request.text.lower()), request.text)
+        return "say " + next(
+            (name for name, words in SAYS.items() if words in request.text.lower()), request.text)
     if isinstance(request, SetAttention):
         return "attention " + request.state
     if isinstance(request, SetAnimation):
@@ -35,28 +45,35 @@ def named(request):
     if isinstance(request, Prompt):
         return "prompt " + "|".join(request.options)
     assert isinstance(request, PerformGesture)
-    return "{} {} {} at {:g} {:g} {:g}".format(request.type, request.id, request.duration_ms, *request.target)
+    return "{} {} {} at {:g} {:g} {:g}".format(request.type, request.id, request.duration_ms,
+                                               *request.target)
 
 
 GAZE = ["attention seeking", "attention social"]
-MEETING = ["animation enabled", "attention scanning", "animation disabled", "iconic 1 3000 at 0 0 0",
-           "animation enabled", "say Welcome"] + GAZE
+MEETING = [
+    "animation enabled", "attention scanning", "animation disabled", "iconic 1 3000 at 0 0 0",
+    "animation enabled", "say Welcome"
+] + GAZE
 
 
 def drive(place):
-    return ["attention disabled", "animation disabled", "go to {:g} {:g} {:g}".format(*place.location)]
+    return [
+        "attention disabled", "animation disabled", "go to {:g} {:g} {:g}".format(*place.location)
+    ]
 
 
 def visit(exhibit):
-    return (["say Follow"] + drive(exhibit) + GAZE
-            + ["say " + exhibit.description1, "deictic 1 3000 at {:g} {:g} {:g}".format(*exhibit.gesture),
-               "attention social", "say " + exhibit.description2])
+    return (["say Follow"] + drive(exhibit) + GAZE + [
+        "say " + exhibit.description1, "deictic 1 3000 at {:g} {:g} {:g}".format(*exhibit.gesture),
+        "attention social", "say " + exhibit.description2
+    ])
 
 
 FAREWELL = (["say End", "query entrance"] + drive(ENTRANCE) + GAZE
             + ["say Door", "deictic 1 3000 at {:g} {:g} {:g}".format(*ENTRANCE.gesture),
                "iconic 3 3000 at 0 0 0", "say Bye"])
-TOUR = ["query exhibits"] + visit(EXHIBITS[0]) + visit(EXHIBITS[1]) + FAREWELL + ["query home"] + drive(HOME)
+TOUR = ["query exhibits"] + visit(EXHIBITS[0]) + visit(EXHIBITS[1]) + FAREWELL + ["query home"
+                                                                                  ] + drive(HOME)
 
 
 def asked(rig):
@@ -84,7 +101,9 @@ def test_a_visitor_who_says_no_gets_no_tour():
 
 
 def test_a_visitor_who_presses_no_gets_no_tour():
-    rig = Rig(asrEnabled=False, answer=lambda request: Answer("No") if isinstance(request, Prompt) else NotImplemented)
+    rig = Rig(
+        asrEnabled=False, answer=lambda request: Answer("No")
+        if isinstance(request, Prompt) else NotImplemented)
     assert rig.run(visitor_who()) == 0
     assert asked(rig) == MEETING + ["say Query", "say Press", "prompt Yes|No", "say Another"]
 
@@ -96,9 +115,11 @@ def test_a_silent_visitor_is_asked_three_times_and_then_let_go():
 
 
 def test_who_presses_nothing_is_asked_three_times_and_then_let_go():
-    rig = Rig(asrEnabled=False, answer=lambda request: Answer("") if isinstance(request, Prompt) else NotImplemented)
+    rig = Rig(asrEnabled=False, answer=lambda request: Answer("")
+              if isinstance(request, Prompt) else NotImplemented)
     assert rig.run(visitor_who()) == 0
-    assert asked(rig) == MEETING + ["say Query"] + 3 * ["say Press", "prompt Yes|No"] + ["say Another"]
+    assert asked(rig) == MEETING + ["say Query"
+                                    ] + 3 * ["say Press", "prompt Yes|No"] + ["say Another"]
 
 
 def test_a_visitor_who_does_not_look_is_not_asked():
@@ -169,7 +190,8 @@ def test_an_exhibit_that_cannot_be_reached_ends_the_tour_at_home_as_a_failure():
     rig = Rig(answer=answer)
     assert rig.run(visitor_who(says="yes")) == 3
     before = ["query exhibits"] + visit(EXHIBITS[0])[:3]
-    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"] + drive(HOME)
+    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"
+                                                                                 ] + drive(HOME)
 
 
 def test_the_last_exhibit_out_of_reach_ends_the_tour_at_home_as_a_failure_too():
@@ -177,7 +199,8 @@ def test_the_last_exhibit_out_of_reach_ends_the_tour_at_home_as_a_failure_too():
     rig = Rig(answer=answer)
     assert rig.run(visitor_who(says="yes")) == 3
     before = ["query exhibits"] + visit(EXHIBITS[0]) + visit(EXHIBITS[1])[:3]
-    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"] + drive(HOME)
+    assert asked(rig) == MEETING + ["say Query"] + before + 3 * [goal] + SAFE + ["query home"
+                                                                                 ] + drive(HOME)
 
 
 def test_navigation_that_works_at_the_second_attempt_changes_nothing_else():
@@ -199,23 +222,27 @@ def test_navigation_that_works_at_the_second_attempt_changes_nothing_else():
 
 
 WHOLE = MEETING + ["say Query"] + TOUR
-ABREAST = ("animation enabled", "attention scanning"), ("iconic 3 3000 at 0 0 0", "say Bye")  # the pairs in Parallel
+# the pairs in Parallel
+ABREAST = ("animation enabled", "attention scanning"), ("iconic 3 3000 at 0 0 0", "say Bye")
 
 
 def once_more(name, cause):
-    """Return whether a request that failed in this way is made again: by what kind it is, as the policy's text says."""
+    """Return whether a request that failed in this way is made again: by what kind it is, as the
+    policy's text says."""
     may_be_done = cause in (Cause.NO_ANSWER, Cause.CONNECTION_LOST)
     if name.split()[0] in ("animation", "attention", "query", "go"):
         return True  # twice is the same as once
     return not may_be_done and cause is not Cause.HANDLER_EXCEPTION  # said or shown twice is wrong
 
 
-@pytest.mark.parametrize("cause", [Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
-                                   Cause.HANDLER_EXCEPTION])
+@pytest.mark.parametrize("cause", [
+    Cause.REFUSED, Cause.NOT_REACHABLE, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
+    Cause.HANDLER_EXCEPTION
+])
 @pytest.mark.parametrize("number", range(len(WHOLE)))
 def test_any_single_failure_is_made_good_or_left_out(number, cause):
-    rig = Rig(answer=lambda request: Failure(cause, "test", service_of(request)) if len(rig.requests) == number + 1
-              else NotImplemented)
+    rig = Rig(answer=lambda request: Failure(cause, "test", service_of(request))
+              if len(rig.requests) == number + 1 else NotImplemented)
     assert rig.run(visitor_who(says="yes")) == 0
     expected = list(WHOLE)
     if once_more(WHOLE[number], cause):
@@ -229,13 +256,16 @@ def test_any_single_failure_is_made_good_or_left_out(number, cause):
 
 
 def test_an_empty_list_of_exhibits_is_no_tour_and_no_success():
-    rig = Rig(answer=lambda request: Answer() if request == QueryKnowledge("exhibits") else NotImplemented)
+    rig = Rig(answer=lambda request: Answer()
+              if request == QueryKnowledge("exhibits") else NotImplemented)
     assert rig.run(visitor_who(says="yes")) == 3
-    assert asked(rig) == (MEETING + ["say Query"] + 3 * ["query exhibits"] + SAFE + ["query home"] + drive(HOME))
+    assert asked(rig) == (MEETING + ["say Query"] + 3 * ["query exhibits"] + SAFE + ["query home"] +
+                          drive(HOME))
 
 
 def gaze_except_at(*stops):
-    """Return a visitor who says yes and looks at the robot but at these stops, the first exhibit being stop 1."""
+    """Return a visitor who says yes and looks at the robot but at these stops, the first exhibit
+    being stop 1."""
     def act(rig):
         drives = sum(isinstance(request, GoTo) for request in rig.requests)
         visitor_who(says="yes", gazes=drives not in stops)(rig)
@@ -243,8 +273,10 @@ def gaze_except_at(*stops):
 
 
 def knowing(exhibits, answer=lambda request: NotImplemented):
-    """Return a robot whose knowledge base has these exhibits, and that answers as ``answer`` otherwise."""
-    return lambda request: Answer(exhibits=exhibits) if request == QueryKnowledge("exhibits") else answer(request)
+    """Return a robot whose knowledge base has these exhibits, and that answers as ``answer``
+    otherwise."""
+    return lambda request: Answer(exhibits=exhibits) if request == QueryKnowledge(
+        "exhibits") else answer(request)
 
 
 GO_HOME = ["query home"] + drive(HOME)
@@ -263,7 +295,7 @@ def test_a_tour_at_which_nobody_looks_is_no_success():
     tour = ["query exhibits"] + visit(EXHIBITS[0])[:5] + visit(EXHIBITS[1])[:5]
     assert asked(rig) == MEETING + ["say Query"] + tour + SAFE + GO_HOME
     assert [(event.policy, event.success) for event in rig.of(Recovered)] == [
-        ("skip", True), ("give up: every exhibit would be left out", False)]
+        ("skip", True), ("give up: every stop would be left out", False)]
 
 
 def test_the_only_exhibit_out_of_reach_is_no_success():
@@ -290,16 +322,18 @@ def test_one_exhibit_that_was_shown_makes_a_tour():
 
 def test_the_next_visitor_has_a_tour_of_his_own():
     rig = Rig()
-    assert rig.run(lambda rig: gaze_except_at(1, 2)(rig) if not rig.of(PassFinished) else visitor_who(says="yes")(rig),
-                   runs=2) == 0
+    assert rig.run(
+        lambda rig: gaze_except_at(1, 2)(rig)
+        if not rig.of(PassFinished) else visitor_who(says="yes")(rig), runs=2) == 0
     assert [event.outcome for event in rig.of(PassFinished)] == ["FAILURE", "SUCCESS"]
     assert asked(rig)[-len(TOUR):] == TOUR
 
 
 def test_a_mission_that_goes_on_in_spite_of_all_still_ends():
-    loop = ("<Sequence><RetrieveListOfExhibits/><Inverter><KeepRunningUntilFailure><Sequence><IsListWithExhibit/>"
-            "<ForceSuccess><Fallback><Sequence><SelectExhibit/><IsMutualGazeDiscovered/></Sequence><HandleFallBack/>"
-            "</Fallback></ForceSuccess></Sequence></KeepRunningUntilFailure></Inverter></Sequence>")
+    loop = ("<Sequence><RetrieveListOfExhibits/><Inverter><KeepRunningUntilFailure><Sequence>"
+            "<IsListWithExhibit/><ForceSuccess><Fallback><Sequence><SelectExhibit/>"
+            "<IsMutualGazeDiscovered/></Sequence><HandleFallBack/></Fallback></ForceSuccess>"
+            "</Sequence></KeepRunningUntilFailure></Inverter></Sequence>")
     rig = one_leaf(loop)
     assert rig.run(lambda rig: rig.clock.advance(0.5)) == 0
     assert rig.tree.blackboard.get("leftOutExhibits") == [0, 1]
@@ -335,7 +369,8 @@ def test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(stop, before):
 def test_a_visitor_who_left_on_the_way_to_the_door_is_not_told_goodbye():
     rig = Rig()
     assert rig.run(leaves_at(3)) == 3
-    assert asked(rig) == UP_TO_THE_TOUR + visit(EXHIBITS[0]) + visit(EXHIBITS[1]) + FAREWELL[:6] + GO_HOME
+    assert asked(rig) == UP_TO_THE_TOUR + visit(EXHIBITS[0]) + visit(
+        EXHIBITS[1]) + FAREWELL[:6] + GO_HOME
 
 
 def test_a_visitor_who_does_not_look_at_the_door_is_told_goodbye():
@@ -346,14 +381,17 @@ def test_a_visitor_who_does_not_look_at_the_door_is_told_goodbye():
 
 def test_the_next_visitor_is_told_goodbye_again():
     rig = Rig()
-    assert rig.run(lambda rig: (visitor_who(says="yes") if rig.of(PassFinished) else leaves_at(1))(rig), runs=2) == 0
+    assert rig.run(
+        lambda rig: (visitor_who(says="yes")
+                     if rig.of(PassFinished) else leaves_at(1))(rig), runs=2) == 0
     assert asked(rig)[-len(TOUR):] == TOUR
 
 
 def test_no_recovery_gives_a_tour_to_who_said_no():
-    rig = one_leaf("<Sequence><QueryTourSpeech/><ReactiveFallback><IsYesNoUttered/><Sleep msec=\"9000\"/>"
-                   "</ReactiveFallback><Fallback><IsVisitorResponseYes/><HandleFallBack/></Fallback>"
-                   "<RetrieveListOfExhibits/></Sequence>")
+    rig = one_leaf(
+        "<Sequence><QueryTourSpeech/><ReactiveFallback><IsYesNoUttered/><Sleep msec=\"9000\"/>"
+        "</ReactiveFallback><Fallback><IsVisitorResponseYes/><HandleFallBack/></Fallback>"
+        "<RetrieveListOfExhibits/></Sequence>")
     assert rig.run(visitor_who(says="no")) == 3
     assert [named(request) for request in rig.requests] == ["say Query"] + SAFE
 
@@ -362,7 +400,9 @@ def test_no_recovery_gives_a_tour_to_who_said_no():
     test_an_exhibit_that_cannot_be_reached_ends_the_tour_at_home_as_a_failure,
     test_an_empty_list_of_exhibits_is_no_tour_and_no_success,
     test_a_tour_at_which_nobody_looks_is_no_success,
-    lambda: test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(1, visit(EXHIBITS[0])[:5]),
+    lambda: test_a_visitor_who_left_ends_the_tour_and_is_not_told_goodbye(
+        1,
+        visit(EXHIBITS[0])[:5]),
     test_no_recovery_gives_a_tour_to_who_said_no,
 ])
 def test_a_recovery_that_always_succeeds_is_noticed(monkeypatch, shown):
@@ -382,16 +422,22 @@ def test_an_exhibit_with_nothing_to_point_at_gets_no_gesture():
 def test_every_leaf_of_the_mission_is_reached_by_one_visitor_or_another():
     reached = set()
     for changed, says in (({}, "yes"), ({"asrEnabled": False}, None), ({}, "no"), ({}, None)):
-        rig = Rig(answer=lambda request: refusal(request) if named(request) == "say Welcome" else NotImplemented,
-                  **changed)
+        rig = Rig(
+            answer=lambda request: refusal(request)
+            if named(request) == "say Welcome" else NotImplemented, **changed)
         rig.run(visitor_who(says=says))
         reached |= {event.node for event in rig.of(LeafFinished)}
     assert len(reached) == 33  # the 32 nodes of table 4 and SeekOvertAttentionMode
 
 
 def test_every_failure_is_recorded_with_cause_and_service():
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
     rig.run(visitor_who(says="yes"))
-    failures = [event.failure for event in rig.of(LeafFinished) if event.failure and event.node.endswith("Gesture")]
-    assert failures and all(isinstance(failure, Failure) and failure.cause.value == "refused"
-                            and failure.resource == "/gestureExecution/perform_gesture" for failure in failures)
+    failures = [
+        event.failure for event in rig.of(LeafFinished)
+        if event.failure and event.node.endswith("Gesture")
+    ]
+    assert failures and all(
+        isinstance(failure, Failure) and failure.cause.value == "refused" and
+        failure.resource == "/gestureExecution/perform_gesture" for failure in failures)

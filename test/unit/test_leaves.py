@@ -1,26 +1,32 @@
-"""Each node of table 4: what it asks for, what it writes, and how it fails. Expected fields are the contract's."""
+"""Each node of table 4: what it asks for, what it writes, and how it fails. Expected fields are the
+contract's."""
+import re
 from functools import partial
+from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from behavior_controller import leaves
-from behavior_controller.bt.compiler import load_text
+from behavior_controller.bt.loader.tree_builder import load_text
 from behavior_controller.bt.engine.node import Node
-from behavior_controller.bt.language.ports import literal_fault
+from behavior_controller.bt.engine.ports import literal_fault
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
-from behavior_controller.events import LeafFinished, StepStarted, Told, TourAdvanced
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface import Sense
-from behavior_controller.interface.records import (Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt,
-                                                   QueryKnowledge, Say, SetAnimation, SetAttention)
-from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.execution.events import LeafFinished, StepStarted, Told, StopChanged
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.declarations import Sense
+from behavior_controller.robot.requests import (
+    Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Say,
+    SetAnimation, SetAttention)
+from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.leaves import data, registry
 from behavior_controller.leaves.base import FailureLog, InstantCondition, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
-from behavior_controller.mission_spec import MissionSpec, whole_mission
+from behavior_controller.config.node_facts import MissionSpec, whole_mission
+from behavior_controller.config.phrases import SPEECHES
 from mission_rig import ENTRANCE, EXHIBITS, HOME, one_leaf, refusal, service_of, write
 
 TABLE_4 = """DescribeExhibitSpeech DisableAnimateBehavior DisabledOvertAttentionMode EnableAnimateBehavior EndTourSpeech
@@ -48,14 +54,21 @@ def test_a_default_is_a_value_of_its_port_s_type():
 
 
 def test_an_entry_that_a_leaf_shares_is_cleared_for_the_next_visitor():
-    shared = {port.default for spec in leaves.SPECS for port in spec.ports if str(port.default).startswith("{@")}
-    assert shared <= {whole_mission(datum.name) for datum in data.ALL}, "declare the entry in leaves/data.py"
+    shared = {
+        port.default for spec in leaves.SPECS for port in spec.ports
+        if str(port.default).startswith("{@")
+    }
+    assert shared <= {whole_mission(datum.name)
+                      for datum in data.ALL}, "declare the entry in leaves/data.py"
 
 
 def test_what_makes_no_sense_after_the_visitor_has_left():
     known = set(TABLE_4 + EXTENSIONS)
-    assert known & {spec.id for spec in leaves.SPECS if isinstance(spec, MissionSpec) and spec.is_farewell} == {
-        "HereIsTheDoorSpeech", "EndTourSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"}
+    assert known & {
+        spec.id for spec in leaves.SPECS if isinstance(spec, MissionSpec) and spec.is_farewell
+    } == {
+        "HereIsTheDoorSpeech", "EndTourSpeech", "SayGoodByeSpeech", "SayGoodBye", "GoodbyeGesture"
+    }
 
 
 @pytest.mark.parametrize("node, request_", [
@@ -96,8 +109,9 @@ def test_the_name_chooses_the_description(name, text):
     assert rig.requests == [Say(text)]
 
 
-@pytest.mark.parametrize("node, text", [
-    ("DescribeExhibitSpeech", "one two"), ("DescribeExhibitSpeech_1", "one"), ("DescribeExhibitSpeech_2", "two")])
+@pytest.mark.parametrize("node, text", [("DescribeExhibitSpeech", "one two"),
+                                        ("DescribeExhibitSpeech_1", "one"),
+                                        ("DescribeExhibitSpeech_2", "two")])
 def test_descriptions_without_a_name(node, text):
     rig = one_leaf("<{}/>".format(node))
     write(rig, currentExhibit="robot", description1="one", description2="two")
@@ -112,8 +126,10 @@ def test_an_empty_description_is_passed_over():
     assert rig.requests == []
 
 
-@pytest.mark.parametrize("node", ["DescribeExhibitSpeech", "PerformDeicticGesture", "Navigate", "SelectExhibit",
-                                  "LocationOvertAttentionMode"])
+@pytest.mark.parametrize("node", [
+    "DescribeExhibitSpeech", "PerformDeicticGesture", "Navigate", "SelectExhibit",
+    "LocationOvertAttentionMode"
+])
 def test_without_what_it_needs_a_leaf_fails_and_asks_for_nothing(node):
     rig = one_leaf("<{}/>".format(node))
     assert rig.tick() is FAILURE
@@ -145,10 +161,14 @@ def test_driving():
 @pytest.mark.parametrize("element, request_", [
     ('<Navigate target="1;2.5;-90"/>', GoTo(Location(1.0, 2.5, -90.0))),
     ('<Navigate target="{@there}"/>', GoTo(Location(4.0, 5.0, 6.0))),
-    ('<Sequence><Script code="there := \'4;5; 6\'"/><Navigate target="{there}"/></Sequence>', GoTo(Location(4, 5, 6))),
-    ('<PerformDeicticGesture target="1;2;3.5"/>', PerformGesture("deictic", 1, 3000, Point(1.0, 2.0, 3.5))),
-    ('<LocationOvertAttentionMode target="1;2;3.5"/>', SetAttention("location", Point(1.0, 2.0, 3.5))),
-    ('<Sequence><LookUpHome targetLocation="{@home}"/><Navigate target="{@home}"/></Sequence>', GoTo(HOME.location)),
+    ('<Sequence><Script code="there := \'4;5; 6\'"/><Navigate target="{there}"/></Sequence>',
+     GoTo(Location(4, 5, 6))),
+    ('<PerformDeicticGesture target="1;2;3.5"/>',
+     PerformGesture("deictic", 1, 3000, Point(1.0, 2.0, 3.5))),
+    ('<LocationOvertAttentionMode target="1;2;3.5"/>', SetAttention("location", Point(
+        1.0, 2.0, 3.5))),
+    ('<Sequence><LookUpHome targetLocation="{@home}"/><Navigate target="{@home}"/></Sequence>',
+     GoTo(HOME.location)),
 ])
 def test_a_mission_may_give_another_entry_or_a_value(element, request_):
     rig = one_leaf(element)
@@ -159,7 +179,8 @@ def test_a_mission_may_give_another_entry_or_a_value(element, request_):
 
 @pytest.mark.parametrize("element, words", [
     ('<Navigate target="2.0;3,5;90"/>', "write x;y;theta, in metres and degrees"),
-    ('<Navigate target="1;2"/>', "write x;y;theta"), ('<Navigate target="1;2;inf"/>', "write x;y;theta"),
+    ('<Navigate target="1;2"/>', "write x;y;theta"),
+    ('<Navigate target="1;2;inf"/>', "write x;y;theta"),
     ('<PerformDeicticGesture target="left"/>', "write x;y;z, in metres"),
     ('<IsListWithExhibit exhibits="robot"/>', "a value of type Exhibits has no text"),
     ('<DescribeExhibitSpeech part="3"/>', "the part cannot be 3; allowed: 1, 2, both"),
@@ -171,11 +192,16 @@ def test_a_value_that_is_none_is_refused_at_load(element, words):
 
 
 @pytest.mark.parametrize("element, entry, value", [
-    ("<Navigate/>", "targetLocation", Point(1.0, 2.0, 3.0)), ("<Navigate/>", "targetLocation", "there"),
-    ("<PerformDeicticGesture/>", "gestureTarget", 5), ("<SelectExhibit/>", "exhibits", "robot"),
-    ("<IsListWithExhibit/>", "nextExhibit", "first"), ("<IsVisitorResponseYes/>", "visitorResponse", [1]),
-    ("<IsMutualGazeDiscovered/>", "attentionSetAt", "now"), ("<IsYesNoUttered/>", "questionAskedAt", [1]),
-    ("<RetrieveListOfExhibits/>", "nextExhibit", "first"), ("<SocialOvertAttentionMode/>", "attentionSetAt", [1]),
+    ("<Navigate/>", "targetLocation", Point(1.0, 2.0, 3.0)),
+    ("<Navigate/>", "targetLocation", "there"),
+    ("<PerformDeicticGesture/>", "gestureTarget", 5),
+    ("<SelectExhibit/>", "exhibits", "robot"),
+    ("<IsListWithExhibit/>", "nextExhibit", "first"),
+    ("<IsVisitorResponseYes/>", "visitorResponse", [1]),
+    ("<IsMutualGazeDiscovered/>", "attentionSetAt", "now"),
+    ("<IsYesNoUttered/>", "questionAskedAt", [1]),
+    ("<RetrieveListOfExhibits/>", "nextExhibit", "first"),
+    ("<SocialOvertAttentionMode/>", "attentionSetAt", [1]),
     ("<DescribeExhibitSpeech part='{@part}'/>", "part", "3"),
 ])
 def test_data_of_the_wrong_kind_is_a_failure_and_never_an_exception(element, entry, value):
@@ -189,9 +215,11 @@ def test_data_of_the_wrong_kind_is_a_failure_and_never_an_exception(element, ent
 
 
 @pytest.mark.parametrize("element", [
-    "<IsYesNoUttered/>", "<IsMutualGazeDiscovered/>", "<IsVisitorPresent/>", "<SetOvertAttentionMode name='social'/>",
-    "<SetRobotPose/>", "<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>",
-    "<ScriptCondition code='@questionAskedAt &gt; 0'/>", "<Script code='left := @leftOutExhibits'/>"])
+    "<IsYesNoUttered/>", "<IsMutualGazeDiscovered/>", "<IsVisitorPresent/>",
+    "<SetOvertAttentionMode name='social'/>", "<SetRobotPose/>",
+    "<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>",
+    "<ScriptCondition code='@questionAskedAt &gt; 0'/>", "<Script code='left := @leftOutExhibits'/>"
+])
 def test_nothing_has_to_write_what_a_leaf_can_do_without(element):
     assert "never-written" not in {warning.code for warning in one_leaf(element).tree.warnings}
 
@@ -201,20 +229,25 @@ def test_what_a_leaf_cannot_do_without_has_to_be_written():
 
 
 def test_the_part_of_a_description_need_not_be_given():
-    assert "port-missing" not in {warning.code for warning in one_leaf("<DescribeExhibitSpeech/>").tree.warnings}
+    assert "port-missing" not in {
+        warning.code for warning in one_leaf("<DescribeExhibitSpeech/>").tree.warnings
+    }
 
 
-@pytest.mark.parametrize("result, cause", [(Answer(), Cause.MISSING_DATA),
-                                           (Failure(Cause.REFUSED, "no", "/textToSpeech/say_text"), Cause.REFUSED)])
+@pytest.mark.parametrize("result, cause",
+                         [(Answer(), Cause.MISSING_DATA),
+                          (Failure(Cause.REFUSED, "no", "/textToSpeech/say_text"), Cause.REFUSED)])
 def test_a_question_that_cannot_note_its_time_fails_and_says_so_once(result, cause):
     rig = one_leaf("<QueryTourSpeech/>", lambda request: result)
     write(rig, questionAskedAt=[1])
     assert rig.tick() is FAILURE
     event, = rig.of(LeafFinished)
-    assert event.failure.cause is cause and event.failure.message.count("questionAskedAt") == 2  # the port and the entry
+    # the port and the entry
+    assert event.failure.cause is cause and event.failure.message.count("questionAskedAt") == 2
 
 
-@pytest.mark.parametrize("part, text", [("1", "one"), ("2", "two"), ("both", "one two"), ("{@which}", "two")])
+@pytest.mark.parametrize("part, text", [("1", "one"), ("2", "two"), ("both", "one two"),
+                                        ("{@which}", "two")])
 def test_the_part_chooses_the_description_whatever_the_name(part, text):
     rig = one_leaf("<DescribeExhibitSpeech part='{}' name='1'/>".format(part))
     write(rig, currentExhibit="robot", description1="one", description2="two", which="2")
@@ -223,8 +256,8 @@ def test_the_part_chooses_the_description_whatever_the_name(part, text):
 
 
 def test_exhibits_are_selected_in_tour_order():
-    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><SelectExhibit/><SelectExhibit/><Inverter><IsListWithExhibit/>"
-                   "</Inverter></Sequence>")
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><SelectExhibit/><SelectExhibit/><Inverter>"
+                   "<IsListWithExhibit/></Inverter></Sequence>")
     assert rig.tick() is SUCCESS
     second = EXHIBITS[1]
     board = rig.tree.blackboard
@@ -235,14 +268,18 @@ def test_exhibits_are_selected_in_tour_order():
 
 
 def test_each_exhibit_of_the_tour_is_begun_and_over():
-    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><IsListWithExhibit/><SelectExhibit/><IsListWithExhibit/>"
-                   "<SelectExhibit/><Inverter><IsListWithExhibit/></Inverter></Sequence>")
+    rig = one_leaf("<Sequence><RetrieveListOfExhibits/><IsListWithExhibit/><SelectExhibit/>"
+                   "<IsListWithExhibit/><SelectExhibit/><Inverter><IsListWithExhibit/></Inverter>"
+                   "</Sequence>")
     assert rig.tick() is SUCCESS
     select, ask = "SelectExhibit", "IsListWithExhibit"
-    assert rig.of(TourAdvanced) == [
-        TourAdvanced(uid, node, "{}::{}".format(node, uid), number, 2, "exhibit {}".format(number), state)
-        for uid, node, number, state in [(4, select, 1, "begun"), (5, ask, 1, "over"), (6, select, 2, "begun"),
-                                         (8, ask, 2, "over")]]
+    assert rig.of(StopChanged) == [
+        StopChanged(uid, node, "{}::{}".format(node, uid), number, 2, "exhibit {}".format(number),
+                    state, "exhibit" if state == "begun" else "")
+        for uid, node, number, state in [
+            (4, select, 1, "begun"), (5, ask, 1, "over"),
+            (6, select, 2, "begun"), (8, ask, 2, "over")]
+    ]
 
 
 def test_a_list_that_another_node_has_written_begins_at_its_start():
@@ -255,7 +292,8 @@ def test_after_the_last_exhibit_none_can_be_selected():
     rig = one_leaf("<SelectExhibit/>")
     write(rig, exhibits=list(EXHIBITS), nextExhibit=2)
     assert rig.tick() is FAILURE
-    assert rig.of(LeafFinished)[0].failure == Failure(Cause.MISSING_DATA, "no exhibit is left to select")
+    assert rig.of(LeafFinished)[0].failure == Failure(Cause.MISSING_DATA,
+                                                      "no exhibit is left to select")
 
 
 @pytest.mark.parametrize("following", [-1, 0, 3])
@@ -263,7 +301,7 @@ def test_no_exhibit_is_over_before_the_first_and_after_the_last(following):
     rig = one_leaf("<IsListWithExhibit/>")
     write(rig, exhibits=list(EXHIBITS), nextExhibit=following)
     assert rig.tick() is (FAILURE if following == 3 else SUCCESS)
-    assert rig.of(TourAdvanced) == []
+    assert rig.of(StopChanged) == []
 
 
 def test_a_list_that_is_asked_for_again_begins_at_its_start():
@@ -271,10 +309,12 @@ def test_a_list_that_is_asked_for_again_begins_at_its_start():
     write(rig, exhibits=[ENTRANCE], nextExhibit=1, leftOutExhibits=[0])
     assert rig.tick() is SUCCESS
     board = rig.tree.blackboard
-    assert (board.get("exhibits"), board.get("nextExhibit"), board.get("leftOutExhibits")) == (list(EXHIBITS), 0, [])
+    assert (board.get("exhibits"), board.get("nextExhibit"),
+            board.get("leftOutExhibits")) == (list(EXHIBITS), 0, [])
 
 
-@pytest.mark.parametrize("node", ["DisabledOvertAttentionMode", "SocialOvertAttentionMode", "SeekOvertAttentionMode"])
+@pytest.mark.parametrize(
+    "node", ["DisabledOvertAttentionMode", "SocialOvertAttentionMode", "SeekOvertAttentionMode"])
 def test_a_mode_notes_when_it_was_set(node):
     rig = one_leaf("<{}/>".format(node), lambda request: None)
     rig.tick()
@@ -285,7 +325,8 @@ def test_a_mode_notes_when_it_was_set(node):
 
 
 @pytest.mark.parametrize("node", ["QueryTourSpeech", "SayYesNoSpeech", "PressYesNoSpeech"])
-@pytest.mark.parametrize("result", [Answer(), Failure(Cause.REFUSED, "no", "/textToSpeech/say_text")])
+@pytest.mark.parametrize(
+    "result", [Answer(), Failure(Cause.REFUSED, "no", "/textToSpeech/say_text")])
 def test_a_question_notes_when_it_was_over(node, result):
     rig = one_leaf("<{}/>".format(node), lambda request: None)
     rig.tick()
@@ -320,22 +361,26 @@ def test_the_entrance_has_a_gesture_target_and_home_has_none():
      "the knowledge base has 2 places for home; exactly 1 is needed"),
     ("PressYesNoDialogue", Answer(""), Cause.MISSING_DATA, "the visitor pressed nothing"),
     ("PressYesNoDialogue", Answer("0"), Cause.MISSING_DATA, "the visitor pressed nothing"),
-    ("PressYesNoDialogue", Answer("perhaps"), Cause.UNUSABLE_ANSWER, "the response 'perhaps' is none of Yes, No"),
+    ("PressYesNoDialogue", Answer("perhaps"), Cause.UNUSABLE_ANSWER,
+     "the response 'perhaps' is none of Yes, No"),
 ])
 def test_answers_that_are_none(node, answer, cause, message):
     rig = one_leaf("<{}/>".format(node), lambda request: answer)
     assert rig.tick() is FAILURE
     event, = rig.of(LeafFinished)
-    assert (event.failure, event.told) == (Failure(cause, message, service_of(rig.requests[0])), None)
+    assert (event.failure, event.told) == (Failure(cause, message,
+                                                   service_of(rig.requests[0])), None)
 
 
-@pytest.mark.parametrize("response, stored", [("Yes", "yes"), ("1", "yes"), ("no", "no"), ("2", "no")])
+@pytest.mark.parametrize("response, stored", [("Yes", "yes"), ("1", "yes"), ("no", "no"),
+                                              ("2", "no")])
 def test_the_tablet_stores_the_answer(response, stored):
     rig = one_leaf("<PressYesNoDialogue/>", lambda request: Answer(response))
     assert rig.tick() is SUCCESS
     assert rig.tree.blackboard.get("visitorResponse") == stored
     label = {"yes": "Yes", "no": "No"}[stored]
-    assert rig.of(LeafFinished)[0].told == Told("pressed", "the visitor pressed “{}”".format(label), stored)
+    assert rig.of(LeafFinished)[0].told == Told("pressed", "the visitor pressed “{}”".format(label),
+                                                stored)
 
 
 @pytest.mark.parametrize("stored, result", [("yes", SUCCESS), ("no", FAILURE), (None, FAILURE)])
@@ -353,22 +398,28 @@ def test_the_configuration_decides_about_speech(enabled, result):
 
 def test_the_start_forgets_the_last_visitor():
     rig = one_leaf("<START_OF_TREE/>")
-    write(rig, visitorResponse="yes", exhibits=list(EXHIBITS), nextExhibit=1, targetLocation=Location(1.0, 1.0, 1.0),
-          gestureTarget=Point(1.0, 1.0, 1.0), currentExhibit="robot", description1="one", description2="two")
+    write(rig, visitorResponse="yes", exhibits=list(EXHIBITS), nextExhibit=1,
+          targetLocation=Location(1.0, 1.0, 1.0), gestureTarget=Point(1.0, 1.0, 1.0),
+          currentExhibit="robot", description1="one", description2="two")
     assert rig.tick() is SUCCESS
     assert {key: entry.value for key, entry in rig.tree.blackboard.local.items()} == {
         "questionAskedAt": 1000.0, "attentionSetAt": 1000.0}
 
 
-CALLERS = [spec.id for spec in leaves.SPECS if not spec.names and spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits"))
-           or spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))]
+CALLERS = [
+    spec.id for spec in leaves.SPECS
+    if not spec.names and spec.id.endswith(("Speech", "Mode", "Behavior", "GoodBye", "Exhibits")) or
+    spec.id.startswith(("LookUp", "PressYesNoD", "Welcome", "Goodbye"))
+]
 
 
 @pytest.mark.parametrize("node", CALLERS)
 @pytest.mark.parametrize("cause", list(Cause)[:8])
 def test_every_cause_of_failure_is_recorded_as_it_came(node, cause):
-    rig = one_leaf("<{}/>".format(node), lambda request: Failure(cause, "because", service_of(request)))
-    write(rig, gestureTarget=Point(1.0, 1.0, 1.0), currentExhibit="robot", description1="one", description2="two")
+    rig = one_leaf("<{}/>".format(node),
+                   lambda request: Failure(cause, "because", service_of(request)))
+    write(rig, gestureTarget=Point(1.0, 1.0, 1.0), currentExhibit="robot", description1="one",
+          description2="two")
     assert rig.tick() is FAILURE
     failure = rig.of(LeafFinished)[0].failure
     assert failure == Failure(cause, "because", service_of(rig.requests[0]))
@@ -396,24 +447,45 @@ def test_a_leaf_tells_what_it_does_and_for_how_long_at_most(node, words, deadlin
 
 def test_a_leaf_names_its_gesture_and_the_places_that_the_robot_has_learnt():
     there = "<Navigate/><PerformDeicticGesture/><LocationOvertAttentionMode/>"
-    rig = one_leaf("<Sequence><WelcomeGesture/><RetrieveListOfExhibits/><SelectExhibit/>{0}<LookUpEntrance/>{0}"
-                   "<LookUpHome/><Navigate/></Sequence>".format(there))
+    rig = one_leaf(
+        "<Sequence><WelcomeGesture/><RetrieveListOfExhibits/><SelectExhibit/>"
+        "{0}<LookUpEntrance/>{0}"
+        "<LookUpHome/><Navigate/></Sequence>".format(there))
     assert rig.tick() is SUCCESS
-    assert [(event.words, event.what) for event in rig.of(StepStarted) if event.what] == [
-        ("making", "the welcome gesture"),
-        ("driving", "to exhibit 1"), ("pointing", "at exhibit 1"), ("looking", "at exhibit 1"),
-        ("driving", "to the entrance"), ("pointing", "at the entrance"), ("looking", "at the entrance"),
-        ("driving", "to its home")]
+    assert [(event.words, event.what) for event in rig.of(StepStarted)
+            if event.what] == [("making", "the welcome gesture"), ("driving", "to exhibit 1"),
+                               ("pointing", "at exhibit 1"), ("looking", "at exhibit 1"),
+                               ("driving", "to the entrance"), ("pointing", "at the entrance"),
+                               ("looking", "at the entrance"), ("driving", "home")]
 
 
-@pytest.mark.parametrize("node, told", [
-    ("WelcomeSpeech", Told("said", "said “{}”")), ("QueryTourSpeech", Told("asked", "asked “{}”", "asked")),
-    ("SocialOvertAttentionMode", None)])
+def test_places_with_the_same_coordinates_keep_their_names():
+    here, there = Location(1.0, 2.0, 3.0), Point(1.0, 2.0, 3.0)
+    places = [Exhibit(name, "", "", here, there) for name in ("first", "second", "door")]
+
+    def answer(request):
+        if not isinstance(request, QueryKnowledge):
+            return Answer()
+        return Answer(exhibits=tuple(places[:2] if request.what == "exhibits" else places[2:]))
+
+    go = "<Navigate/><PerformDeicticGesture/>"
+    rig = one_leaf(
+        "<Sequence><LookUpEntrance/><RetrieveListOfExhibits/>{0}<SelectExhibit/>{0}"
+        "<Navigate target='1;2;3'/><SelectExhibit/>{0}</Sequence>".format(go), answer)
+    assert rig.tick() is SUCCESS
+    assert [event.what for event in rig.of(StepStarted) if event.what] == [
+        "to the entrance", "at the entrance", "to first", "at first", "to 1, 2, 3°", "to second",
+        "at second"]
+
+
+@pytest.mark.parametrize("node, told", [("WelcomeSpeech", Told("said", "said “{}”")),
+                                        ("QueryTourSpeech", Told("asked", "asked “{}”", "asked")),
+                                        ("SocialOvertAttentionMode", None)])
 def test_a_leaf_tells_what_it_has_done_unless_that_matters_to_nobody(node, told):
     rig = one_leaf("<{}/>".format(node))
     rig.tick()
     assert rig.of(LeafFinished)[0].told == (
-        told and told._replace(text=told.text.format(rig.requests[0].text)))
+        told and replace(told, text=told.text.format(rig.requests[0].text)))
 
 
 def test_a_halted_leaf_drops_its_answer():
@@ -427,10 +499,12 @@ def test_a_halted_leaf_drops_its_answer():
     assert [event.status for event in rig.of(LeafFinished)] == ["IDLE"]
 
 
-@pytest.mark.parametrize("leaf", ["<WelcomeSpeech/>", "<IsVisitorResponseYes/>", "<SelectExhibit/>"])
+@pytest.mark.parametrize("leaf",
+                         ["<WelcomeSpeech/>", "<IsVisitorResponseYes/>", "<SelectExhibit/>"])
 def test_a_leaf_tells_how_long_it_took_and_why_it_failed(leaf):
-    rig = one_leaf("<Sequence><Delay delay_msec='1000'><AlwaysSuccess/></Delay>{}</Sequence>".format(leaf),
-                   lambda request: None)
+    rig = one_leaf(
+        "<Sequence><Delay delay_msec='1000'><AlwaysSuccess/></Delay>{}</Sequence>".format(leaf),
+        lambda request: None)
     rig.tick()
     rig.clock.advance(1.0)
     if rig.tick() is RUNNING:
@@ -443,7 +517,8 @@ def test_a_leaf_tells_how_long_it_took_and_why_it_failed(leaf):
 
 
 def test_a_success_leaves_no_message():
-    rig = one_leaf("<WelcomeSpeech/>", lambda request: refusal(request) if len(rig.requests) == 1 else Answer())
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: refusal(request)
+                   if len(rig.requests) == 1 else Answer())
     rig.tick()
     assert rig.tree.nodes[-1].feedback_message == "the server refused"
     rig.tick()
@@ -453,7 +528,7 @@ def test_a_success_leaves_no_message():
 def test_the_old_spelling_of_handlefallback_loads_with_a_warning():
     rig = one_leaf("<HandleFallback/>")
     assert [str(warning) for warning in rig.tree.warnings] == [
-        "<text>:1:45: warning: HandleFallback is an old spelling; write HandleFallBack"]
+        "<text>:1:49: warning: HandleFallback is an old spelling; write HandleFallBack"]
 
 
 def test_the_failure_log_finds_the_newest_in_a_range():
@@ -479,7 +554,8 @@ def test_every_leaf_can_be_made_without_anything_running():
 
 
 def test_exhibits_are_plain_records():
-    assert Exhibit("a", "b", "c", Location(1.0, 2.0, 3.0), Point(1.0, 2.0, 3.0)).location.theta_deg == 3.0
+    assert Exhibit("a", "b", "c", Location(1.0, 2.0, 3.0), Point(1.0, 2.0,
+                                                                 3.0)).location.theta_deg == 3.0
 
 
 @pytest.mark.parametrize("leaf, answer, expected", [
@@ -500,43 +576,83 @@ def test_requests_and_topics_of_a_node_type_are_those_of_its_leaf():
 
 
 def test_each_request_of_a_leaf_has_its_service():
-    lacking = [(spec.id, request.__name__) for spec in leaves.mission_specs() for request in spec.calls
+    lacking = [(spec.id, request.__name__) for spec in leaves.mission_specs()
+               for request in spec.calls
                if not any(robot.serves(request) for robot in INTERFACES.values())]
-    assert lacking == [], "no service is declared for the request in behavior_controller.interface"
+    assert lacking == [], ("no service is declared for the request in "
+                           "behavior_controller.robot.declarations")
 
 
 def test_a_leaf_that_does_not_say_what_it_asks_for_is_refused_at_load():
-    class Silent(ServiceLeaf):
+    class FixtureSilent(ServiceLeaf):
         asks = GoTo
     types = registry()
-    types.extend([leaf_spec("Silent", Silent, "A leaf without a method request.")])
-    with pytest.raises(FaultsFound, match="Silent cannot be made: .*request"):
-        load_text("<root BTCPP_format='4'><BehaviorTree ID='M'><Silent/></BehaviorTree></root>", types)
+    types.extend([leaf_spec("FixtureSilent", FixtureSilent, "A leaf without a method request.")])
+    with pytest.raises(FaultsFound, match="FixtureSilent cannot be made: .*request"):
+        load_text(
+            "<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureSilent/></BehaviorTree></root>",
+            types)
+
+
+@pytest.mark.parametrize("wanted, words", [
+    ("ding", "'ding', which is no Say"), (SetAnimation("enabled"), "which is no Say"),
+    (Say(5), "wrong field: .*str")])
+def test_a_request_of_a_wrong_kind_is_an_error_of_its_leaf(wanted, words):
+    class FixtureBell(ServiceLeaf):
+        asks = Say
+
+        def request(self):
+            return wanted
+    with pytest.raises(TypeError, match=words):
+        FixtureBell("bell").try_once()
 
 
 def test_each_leaf_and_decorator_has_its_row():
     def below(kind):
         return {kind}.union(*map(below, kind.__subclasses__()))
-    made = {base for spec in leaves.SPECS for base in type(spec.factory((spec.names or ("name",))[0])).__mro__}
+
+    made = {
+        base for spec in leaves.SPECS
+        for base in type(spec.factory((spec.names or ("name", ))[0])).__mro__
+    }
     ours = {kind for kind in below(Node) if kind.__module__.startswith(leaves.__name__ + ".")}
-    assert {kind.__qualname__ for kind in ours - made} == set(), "no row in the SPECS of their modules"
+    assert {kind.__qualname__
+            for kind in ours - made} == set(), "no row in the SPECS of their modules"
 
 
-BARE = "<root BTCPP_format='4'><BehaviorTree ID='M'><Bare/></BehaviorTree></root>"
+def test_each_node_type_is_in_a_test():
+    """Fixed phrases are rows, which are tested together."""
+    texts = [path.read_text(encoding="utf-8") for path in Path(__file__).parent.glob("test_*.py")]
+    names = set(re.findall(r"\w+", " ".join(texts)))
+    types = {spec.id for spec in leaves.SPECS} - {speech.node for speech in SPEECHES}
+    assert types - names == set(), "write a test of each, in test_leaves.py"
 
 
-@pytest.mark.parametrize("leaf", [partial(FixedSpeech, phrase="WelcomeSpeech"), DescribeExhibitSpeech])
+def test_a_node_type_has_no_name_of_a_fixture():
+    assert [spec.id for spec in leaves.SPECS if spec.id.startswith("Fixture")] == []
+
+
+BARE = "<root BTCPP_format='4'><BehaviorTree ID='M'><FixtureBare/></BehaviorTree></root>"
+
+
+@pytest.mark.parametrize("leaf",
+                         [partial(FixedSpeech, phrase="WelcomeSpeech"), DescribeExhibitSpeech])
 def test_a_leaf_that_is_declared_without_its_facts_is_refused_at_load(leaf):
     types = registry()
-    types.extend([NodeSpec("Bare", Kind.ACTION, leaf)])
-    with pytest.raises(FaultsFound, match="Bare is a mission leaf.*declare it with leaf_spec"):
+    types.extend([NodeSpec("FixtureBare", Kind.ACTION, leaf)])
+    with pytest.raises(FaultsFound,
+                       match="FixtureBare is a mission leaf.*declare it with leaf_spec"):
         load_text(BARE, types)
 
 
 def test_a_condition_that_does_not_say_what_it_checks_is_refused_at_load():
     types = registry()
-    types.extend([leaf_spec("Bare", TopicCondition, "A condition without its sense.")])
-    with pytest.raises(FaultsFound, match="Bare does not say what it checks: its class needs a sense, or own_evidence"):
+    types.extend([leaf_spec("FixtureBare", TopicCondition, "A condition without its sense.")])
+    with pytest.raises(
+            FaultsFound,
+            match="FixtureBare does not say what it checks: its class needs a sense, or "
+                  "own_evidence"
+    ):
         load_text(BARE, types)
 
 
@@ -545,8 +661,8 @@ def test_a_condition_that_does_not_say_what_it_checks_is_refused_at_load():
     type("Seen", (TopicCondition,), {"sense": Sense.VISITOR})])
 def test_a_condition_needs_no_message_of_its_own(kind, monkeypatch):
     types = registry()
-    types.extend([leaf_spec("Bare", kind, "A condition.")])
+    types.extend([leaf_spec("FixtureBare", kind, "A condition.")])
     monkeypatch.setattr(leaves, "registry", lambda: types)
-    rig = one_leaf("<Bare/>")
+    rig = one_leaf("<FixtureBare/>")
     assert rig.tick() is FAILURE
     assert rig.of(LeafFinished)[-1].failure.message == "it does not hold"

@@ -1,12 +1,10 @@
 """The live page in a real browser, and what a server must put up with."""
 import asyncio
-import errno
 import http.client
 import json
 import os
 import random
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -14,30 +12,33 @@ import sys
 import threading
 import time
 import types
-import urllib.error
 import urllib.request
 
 import pytest
 from tornado.iostream import IOStream
 
-from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-                                        RunStarted, Sources, StepStarted)
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.health import GONE
-from behavior_controller.interface.records import Answer, GoTo, PerformGesture, Say
+from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
+                                                  PassFinished, PassStarted, RunFinished,
+                                                  StepStarted)
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.execution.health import GONE
+from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
-from behavior_controller.story import LEFT_OUT
-from behavior_controller.text import Source
-from behavior_controller.watch import board as board_module
-from behavior_controller.watch import drawing, server
-from behavior_controller.watch import page as page_module
-from behavior_controller.watch.board import PARTS, TOLD, Board
-from behavior_controller.watch.page import Page
-from browser import axe, findings, open_browser, reset_screen, set_screen
+from behavior_controller.execution.state import LEFT_OUT
+from behavior_controller.monitoring import board as board_module
+from behavior_controller.monitoring import server
+from behavior_controller.monitoring import web_page as page_module
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.view import TOLD
+from behavior_controller.monitoring.parts import PARTS
+from behavior_controller.monitoring.story import counted, how_it_ended, why
+from behavior_controller.monitoring.web_page import Page
+from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, visitor_who
 from test_story import RUNS, Teller, rig_of
 
-SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
+SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
+                      "src")
 
 
 class Stop(Exception):
@@ -56,13 +57,15 @@ class Show:
     def __init__(self, rig, address="127.0.0.1"):
         self.rig, self.warnings = rig, []
         self.port = free_port()
-        self.page = Page(address, self.port, Board(rig.mission.events, rig.mission.health, registry()),
+        self.page = Page(address, self.port,
+                         Board(rig.mission.events, rig.mission.health, registry()),
                          self.warnings.append)
         self.page.show(rig.tree)
         self.url = "http://127.0.0.1:{}/".format(self.port)
 
     def fetch(self, path="", method="GET", host=None):
-        """Return status, body and headers; ``host`` is the name that the page is asked for by, empty for none."""
+        """Return status, body and headers; ``host`` is the name that the page is asked for by,
+        empty for none."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=5)
         connection.putrequest(method, "/" + path, skip_host=host is not None)
         if host:
@@ -117,6 +120,8 @@ def wait_until(is_so, seconds=8.0):
 
 def open_page(browser, shown, width=1280, height=800):
     browser.set_window_size(width, height)
+    browser.get("about:blank")
+    browser.get_log("browser")  # the page of the test before may miss its server
     browser.get(shown.url)
     wait_until(lambda: browser.execute_script("return items.length") == len(shown.rig.tree.nodes))
 
@@ -144,23 +149,31 @@ def is_second_text(request):
 
 @pytest.mark.parametrize("width, height", [(1280, 800), (800, 1180)])
 def test_a_tour_is_followed_without_a_reload(show, browser, width, height):
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
     shown = show(rig)
     open_page(browser, shown, width, height)
     assert text(browser, "#now") == "nothing runs"
     browser.execute_script("window.is_same_page = true")
     shown.run_until(is_second_text)
     board = shown.page.board
-    wait_until(lambda: text(browser, "#now") == board.part("story")["step"]["words"])
-    assert "second text 1" in text(browser, "#now") and text(browser, "#visitor") == "Visitor 1 · exhibit 1 of 2, exhibit 1"
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    assert text(browser, "#now") == board.part("now")["card"]["what"]
+    assert text(browser,
+                "#visitor") == "Visitor 1 · exhibit 1 of 2, exhibit 1"
     assert re.match(r"\d+ s of at most \d+ s$", text(browser, "#elapsed"))
     assert browser.execute_script("return is_same_page")
     wait_until(lambda: browser.execute_script(IN_VIEW))
-    assert text(browser, "#running").endswith("VisitExhibit › 2 (DescribeExhibitSpeech) #128")
-    drawn = browser.execute_script("return items.map(one => one && ([...one.classList].find(name => name.length == 1) || '-'))")
+    assert text(browser, "#running").endswith("VisitExhibit › 2 (DescribeExhibitSpeech) #134")
+    drawn = browser.execute_script(
+        "return items.map(one => one && ([...one.classList].find(name => name.length == 1) || '-'))"
+    )
     letters = board.part("statuses")["letters"]
-    assert [(uid, letter) for uid, letter in enumerate(drawn) if letter and letter != letters[uid]] == []
-    assert browser.execute_script(TRANSCRIPT) == [sentence["text"] for sentence in reversed(board.part("story")["sentences"])]
+    assert [(uid, letter) for uid, letter in enumerate(drawn)
+            if letter and letter != letters[uid]] == []
+    assert browser.execute_script(TRANSCRIPT) == [
+        sentence["text"] for sentence in reversed(board.part("story")["sentences"])
+    ]
     assert "exhibit 1" in text(browser, "#blackboard")
     assert browser.execute_script(NO_SIDEWAYS)
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
@@ -174,7 +187,8 @@ def test_the_page_counts_the_time_of_a_step_by_itself(show, browser):
     first = int(text(browser, "#elapsed").split()[0])
     wait_until(lambda: int(text(browser, "#elapsed").split()[0]) >= first + 2)
     assert browser.execute_script("return byId('limit').max") == 60
-    shown_as, value = browser.execute_script("return [byId('elapsed').textContent, byId('limit').value]")
+    shown_as, value = browser.execute_script(
+        "return [byId('elapsed').textContent, byId('limit').value]")
     assert value == pytest.approx(int(shown_as.split()[0]), abs=1.0)
 
 
@@ -182,12 +196,16 @@ def test_the_page_counts_the_time_of_a_step_by_itself(show, browser):
 def rig_s_time(monkeypatch):
     """Return what has the board tell the time of day by the clock of a rig."""
     def use(rig):
-        monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
-            time=rig.clock.now, monotonic=time.monotonic, strftime=time.strftime, localtime=time.localtime))
+        monkeypatch.setattr(
+            board_module, "time",
+            types.SimpleNamespace(time=rig.clock.now, monotonic=time.monotonic,
+                                  strftime=time.strftime, localtime=time.localtime))
     return use
 
 
-TRANSCRIPT = "return [...document.querySelectorAll('#transcript li span')].map(one => one.innerText)"
+TRANSCRIPT = """
+return [...document.querySelectorAll('#transcript [data-number]')].sort((one, other) => other.dataset.number - one.dataset.number)
+  .map(one => one.children[1].textContent)"""
 VISITS_LIST = """
 return [...document.querySelectorAll("#visits-list > li")].map(one => [one.children[1].lastChild.textContent.trim(),
   [...one.querySelectorAll(".why")].map(why => why.innerText)])"""
@@ -195,7 +213,8 @@ ALARMS = "return [...document.querySelectorAll('#alarms li')].map(one => one.inn
 
 
 @pytest.mark.parametrize("kind", RUNS)
-def test_the_page_tells_each_kind_of_visit_in_the_sentences_of_the_story(show, browser, rig_s_time, kind):
+def test_the_page_tells_each_kind_of_visit_in_the_sentences_of_the_story(
+        show, browser, rig_s_time, kind):
     visitor, _, _, runs, _ = RUNS[kind]
     rig = rig_of(kind)
     rig_s_time(rig)
@@ -204,28 +223,37 @@ def test_the_page_tells_each_kind_of_visit_in_the_sentences_of_the_story(show, b
     teller.run(visitor, runs)
     told = teller.sentences[::-1]
     wait_until(lambda: browser.execute_script(TRANSCRIPT) == [each.text for each in told[:TOLD]])
-    ends = [each.text for each in told if each.text.startswith("pass ")]
-    left_out = [["{}: left out, {}".format(each.name, each.why) for each in visit.exhibits if each.state == LEFT_OUT]
-                for visit in reversed(teller.story.visits)]
-    wait_until(lambda: browser.execute_script(VISITS_LIST) == [list(each) for each in zip(ends, left_out)])
-    outcomes = ["{} {}".format(count, outcome) for outcome, count in teller.story.outcomes.items()]
-    assert len(ends) == runs and text(browser, "#outcomes") == ", ".join(outcomes)
+    ends = [how_it_ended(visit) for visit in reversed(teller.story.state.visits)]
+    left_out = [[
+        "{}: left out, {}".format(each.name, why(each.why)) for each in visit.stops
+        if each.state == LEFT_OUT
+    ] for visit in reversed(teller.story.state.visits)]
+    wait_until(lambda: browser.execute_script(VISITS_LIST) ==
+               [list(each) for each in zip(ends, left_out)])
+    assert len(ends) == runs
+    assert text(browser, "#outcomes") == counted(teller.story.state.outcomes)
     wrong = [each.text for each in told if each.kind == "health"] + [
-        each.text for each in told if each.severity == "error" and each.kind != "health" and each.visit == runs]
-    assert browser.execute_script(ALARMS)[:3] == ["✘ " + each for each in wrong[:3]]
+        each.text for each in told
+        if each.severity == "error" and each.kind != "health" and each.visit == runs
+    ]
+    more = " (and {} more)".format(len(wrong) - 1) if len(wrong) > 1 else ""
+    assert browser.execute_script(ALARMS) == ["✘ " + each + more for each in wrong[:1]]
 
 
 def test_every_status_has_a_sign_and_a_word_of_its_own(show, browser):
-    rig = one_leaf("<Parallel success_count='3' failure_count='4'><WelcomeSpeech/><ForceFailure><FollowMeSpeech/></ForceFailure>"
-                   "<SayGoodByeSpeech/><EndTourSpeech/></Parallel>",
+    rig = one_leaf("<Parallel success_count='3' failure_count='4'><WelcomeSpeech/><ForceFailure>"
+                   "<FollowMeSpeech/></ForceFailure><SayGoodByeSpeech/><EndTourSpeech/></Parallel>",
                    lambda request: None if "oodbye" in request.text.lower() else Answer())
     shown = show(rig)
     open_page(browser, shown)
     rig.tick()
     wait_until(lambda: "R" in browser.execute_script("return letters"))
-    seen = dict(browser.execute_script("setAll(true); return items.map((one, n) => [letters[n], [one.firstChild.children[1]"
-                                       ".innerText, one.getAttribute('aria-label').split(': ')[1]]])"))
-    assert seen["R"] == ["▶", "running"] and seen["S"] == ["✔", "success"] and seen["F"] == ["✘", "failure"]
+    seen = dict(
+        browser.execute_script(
+            "setAll(true); return items.map((one, n) => [letters[n], [one.firstChild.children[1]"
+            ".innerText, one.firstChild.children[1].getAttribute('aria-label')]])"))
+    assert seen["R"] == ["▶", "running"] and seen["S"] == ["✔", "success"
+                                                           ] and seen["F"] == ["✘", "failure"]
 
 
 def press(browser, *keys):
@@ -240,17 +268,21 @@ def test_the_keyboard_folds_walks_and_opens(show, browser):
     browser.execute_script("byId('fold').click(); items[0].focus()")
 
     def focused():
-        return browser.execute_script("return document.activeElement.querySelector('.name').innerText")
+        return browser.execute_script(
+            "return document.activeElement.querySelector('.name').innerText")
 
     press(browser, Keys.ARROW_DOWN, Keys.ARROW_DOWN)
     assert focused() == "DetectVisitor"
     press(browser, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
-    assert focused() == "EnableAnimateBehavior"  # the rows between say how the mission is put together
+    # the rows between say how the mission is put together
+    assert focused() == "EnableAnimateBehavior"
     press(browser, Keys.ARROW_LEFT)
     assert focused() == "DetectVisitor"
-    assert browser.execute_script("return document.activeElement.getAttribute('aria-expanded')") == "true"
+    assert browser.execute_script(
+        "return document.activeElement.getAttribute('aria-expanded')") == "true"
     press(browser, Keys.SPACE)
-    assert browser.execute_script("return document.activeElement.getAttribute('aria-expanded')") == "false"
+    assert browser.execute_script(
+        "return document.activeElement.getAttribute('aria-expanded')") == "false"
     press(browser, Keys.ENTER)
     wait_until(lambda: "DetectVisitor" in text(browser, "#facts"))
     press(browser, Keys.ESCAPE)
@@ -263,91 +295,135 @@ def test_the_keyboard_folds_walks_and_opens(show, browser):
     assert focused() == "Sequence" and browser.execute_script("return follow") is False
 
 
+def test_the_transcript_is_one_tab_stop_whose_sentences_are_walked(show, browser):
+    from selenium.webdriver.common.keys import Keys
+    shown = show(Rig())
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    browser.execute_script("byId('transcript').focus()")
+    press(browser, Keys.ARROW_UP, Keys.ARROW_UP)
+    last = browser.execute_script("return [...byId('transcript').querySelectorAll('a')].slice(-2)")
+    assert browser.switch_to.active_element == last[0]
+    press(browser, Keys.TAB)
+    assert browser.execute_script("return document.activeElement.id") == "visits-list"
+
+
 def test_all_rows_are_there_if_they_are_wanted(show, browser):
     shown = show(Rig())
     open_page(browser, shown)
     bare = [node["uid"] for node in shown.page.board.part("mission")["nodes"] if node["bare"]]
     rows = "return items.flatMap((one, place) => one ? [] : [place + 1])"
-    assert bare and browser.execute_script("return [...Array(items.length).keys()].filter(n => !items[n]).map(n => n + 1)") == bare
+    assert bare and browser.execute_script(
+        "return [...Array(items.length).keys()].filter(n => !items[n]).map(n => n + 1)") == bare
     browser.execute_script("byId('all').click()")
     assert browser.execute_script(rows) == []
-    assert browser.execute_script("return document.querySelectorAll('[role=treeitem]').length") == len(shown.rig.tree.nodes)
+    assert browser.execute_script(
+        "return document.querySelectorAll('[role=treeitem]').length") == len(shown.rig.tree.nodes)
 
 
 def test_the_subtrees_around_what_is_seen_stay_at_the_top(show, browser):
     shown = show(Rig())
     open_page(browser, shown, 1280, 800)
-    browser.execute_script("byId('unfold').click(); byId('tree').scrollTop = items[121].offsetTop - 200")  # VisitExhibit's
+    # VisitExhibit's
+    browser.execute_script(
+        "byId('unfold').click(); byId('tree').scrollTop = items[127].offsetTop - 200")
     names = """const box = byId('tree').getBoundingClientRect(), x = box.left + 300;
     return [0, 1, 2, 3].map(n => document.elementFromPoint(x, box.top + 14 + n * 28).closest('.row').querySelector('.name').innerText)"""
-    assert browser.execute_script(names) == ["Sequence", "GiveTour", "VisitExhibits", "VisitExhibit"]
+    assert browser.execute_script(names) == [
+        "Sequence", "GiveTour", "VisitExhibits", "VisitExhibit"
+    ]
 
 
 def test_a_sentence_leads_to_its_node_with_ports_results_and_place(show, browser):
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, GoTo) and request.goal.x == 2.0 else NotImplemented)
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, GoTo) and request.goal.x == 2.0 else NotImplemented)
     shown = show(rig)
     open_page(browser, shown)
     rig.run(visitor_who(says="yes"))
-    wait_until(lambda: "Navigate failed" in text(browser, "#transcript"))
+    wait_until(lambda: "/robotNavigation/set_goal" in text(browser, "#transcript"))
     browser.execute_script("""[...document.querySelectorAll('#transcript a')].find(
-        one => one.textContent.startsWith('Navigate failed:')).click()""")
+        one => one.textContent.includes('/robotNavigation/set_goal')).click()""")
     wait_until(lambda: "{@targetLocation}" in text(browser, "#ports"))
-    assert text(browser, "#node-title") == "Navigate #101"
-    assert "lab_tour.xml:" in text(browser, "#facts") and "the server refused" in text(browser, "#results")
+    assert text(browser, "#node-title") == "Navigate #107"
+    assert "lab_tour.xml:" in text(browser, "#facts") and "the server refused" in text(
+        browser, "#results")
     assert browser.execute_script("return document.activeElement.id") == "node-title"
-    assert browser.execute_script("return items[100].offsetParent !== null")  # its row is unfolded
+    assert browser.execute_script("return items[106].offsetParent !== null")  # its row is unfolded
     browser.execute_script("byId('close').click()")
     assert browser.execute_script("return location.hash") == ""
 
 
+MARKS = {"failure": "error", "recovery": "r"}
+DRAWN = """
+return [...document.querySelectorAll("#lanes .bar." + arguments[0])].reduce(
+  (sum, bar) => sum + Number((/: ([0-9]+) ×/.exec(bar.title) || [0, 1])[1]), 0)"""
+
+
 def test_the_timeline_has_an_axis_waits_and_recoveries(show, browser):
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
     shown = show(rig)
     open_page(browser, shown)
     shown.run_until(is_second_text)
-    wait_until(lambda: browser.execute_script("return document.querySelectorAll('#timeline .wait').length"))
-    count = "return document.querySelectorAll('#timeline {}').length"
+    wait_until(lambda: browser.execute_script(
+        "return document.querySelectorAll('#lanes .bar.w').length"))
     assert len(labels(browser)) >= 2
     sentences = shown.page.board.part("story")["sentences"]
     for kind in ("failure", "recovery"):
-        told = [sentence for sentence in sentences if sentence["kind"] == kind and sentence["visit"] == 1]
-        assert told and browser.execute_script(count.format("." + kind)) == len(told)
-    assert "recoveries" in browser.execute_script("return byId('timeline').textContent")
+        told = [
+            sentence for sentence in sentences
+            if sentence["kind"] == kind and sentence["visit"] == 1
+        ]
+        assert told and browser.execute_script(DRAWN, MARKS[kind]) == len(told)
+    assert "recoveries" in browser.execute_script("return byId('lanes').textContent")
 
 
 def labels(browser):
-    """Return the labels of the timeline's axis, which stand within it and apart, as seconds since the visit began."""
+    """Return the labels of the timeline's axis, which stand within it and apart, as seconds since
+    the visit began."""
     found = browser.execute_script("""
-        const outer = byId("timeline").getBoundingClientRect();
-        return [outer.left, outer.right, [...document.querySelectorAll("#timeline .tick")].map(
-            one => [one.textContent, one.getBoundingClientRect().left, one.getBoundingClientRect().right])]""")
-    edges = [found[0]] + [edge for _, left, right in found[2] for edge in (left, right)] + [found[1]]
+        const outer = byId("lanes").getBoundingClientRect();
+        return [outer.left, outer.right, [...document.querySelectorAll("#lanes .axis span")].map(
+            one => [one.textContent, one.getBoundingClientRect().left, one.getBoundingClientRect().right])]"""
+                                   )
+    edges = [found[0]] + [edge for _, left, right in found[2]
+                          for edge in (left, right)] + [found[1]]
     assert edges == sorted(edges), found
     return [60 * int(label.split(":")[0]) + float(label.split(":")[1]) for label, _, _ in found[2]]
 
 
 @pytest.mark.parametrize("width", [400, 1280])
-def test_the_timeline_is_zoomed_and_moved_by_buttons_keys_wheel_and_pointer(show, browser, screen, rig_s_time, width):
+def test_the_timeline_is_zoomed_and_moved_by_buttons_keys_wheel_and_pointer(
+        show, browser, screen, rig_s_time, width):
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
     from selenium.webdriver.common.keys import Keys
     rig = Rig()
     rig_s_time(rig)
     shown = show(rig)
-    for seconds, event in ((0, PassStarted(1, 0.0)), (30, StepStarted(101, "Navigate", "", "driving", "", 0.0, False)),
-                           (50, PassFinished(1, "SUCCESS", 80.0))):
+    for seconds, event in ((0, PassStarted(1, 0.0)),
+                           (30, StepStarted(107, "Navigate", "", "driving", "", 0.0,
+                                            False)), (50, PassFinished(1, "SUCCESS", 80.0))):
         rig.clock.advance(seconds)
         rig.mission.events.emit(event)
     screen(width, 800)
     open_page(browser, shown)
-    timeline = browser.find_element("id", "timeline")
+    timeline = browser.find_element("id", "lanes")
 
     def stretch():
-        return [seconds / 1000 for seconds in browser.execute_script("return [stretch.from, stretch.to]")]
+        return [
+            seconds / 1000
+            for seconds in browser.execute_script("return [timeline.from, timeline.to]")
+        ]
 
-    assert stretch() == [0, 80] and labels(browser) == {400: [0, 30, 60], 1280: [0, 10, 20, 30, 40, 50, 60, 70]}[width]
+    assert stretch() == [0, 80] and labels(browser) == {
+        400: [0, 30, 60], 1280: [0, 10, 20, 30, 40, 50, 60, 70]
+    }[width]
     timeline.send_keys("+", "+")
-    assert stretch() == [30, 50] and labels(browser) == {400: [30, 40], 1280: list(range(30, 50, 2))}[width]
+    assert stretch() == [30, 50] and labels(browser) == {
+        400: [30, 40], 1280: list(range(30, 50, 2))
+    }[width]
     timeline.send_keys(Keys.ARROW_LEFT)
     assert stretch() == [25, 45]
     browser.find_element("id", "later").click()
@@ -355,13 +431,14 @@ def test_the_timeline_is_zoomed_and_moved_by_buttons_keys_wheel_and_pointer(show
     browser.find_element("id", "out").click()
     assert stretch() == [25, 65]
     ActionChains(browser).drag_and_drop_by_offset(timeline, 50, 0).perform()
-    moved = 50 * 40 / browser.execute_script("return stretch.track().width")
+    moved = 50 * 40 / browser.execute_script("return timeline.width")
     assert stretch() == [pytest.approx(25 - moved), pytest.approx(65 - moved)]
     timeline.send_keys(Keys.HOME)
     wheel = ActionChains(browser).move_to_element_with_offset(timeline, 0, 0)
     wheel.scroll_from_origin(ScrollOrigin.from_element(timeline), 0, -10).perform()
     assert stretch() == [0, 80]  # the page scrolls
-    wheel.key_down(Keys.CONTROL).scroll_from_origin(ScrollOrigin.from_element(timeline), 0, -10).key_up(Keys.CONTROL).perform()
+    wheel.key_down(Keys.CONTROL).scroll_from_origin(ScrollOrigin.from_element(timeline), 0,
+                                                    -10).key_up(Keys.CONTROL).perform()
     assert stretch()[1] - stretch()[0] == pytest.approx(64)
     browser.find_element("id", "whole-visit").click()
     assert stretch() == [0, 80]
@@ -371,182 +448,147 @@ def test_a_stretch_that_is_seen_up_to_now_goes_on_and_another_stays(show, browse
     rig = Rig()
     rig_s_time(rig)
     shown = show(rig)
-    steps = "return [stretch.length, stretch.from, stretch.to].map(each => each / 1000)"
+    steps = "return [timeline.length, timeline.from, timeline.to].map(each => each / 1000)"
 
     def seen_after(seconds, *events):
         rig.clock.advance(seconds)
         for event in events:
             rig.mission.events.emit(event)
-        message = {name: shown.page.board.part(name) for name in ("timeline", "story")}
-        browser.execute_script("SHOW.timeline(arguments[0].timeline); SHOW.story(arguments[0].story)", message)
+        message = {name: shown.page.board.part(name) for name in PARTS}
+        browser.execute_script(
+            "show(arguments[0], arguments[0])", message)
         return [round(each) for each in browser.execute_script(steps)]
 
     open_page(browser, shown)
     browser.execute_script("source.close()")
-    driving = StepStarted(101, "Navigate", "", "driving", "", 0.0, False)
+    driving = StepStarted(107, "Navigate", "", "driving", "", 0.0, False)
     assert seen_after(0, PassStarted(1, 0.0), driving) == [1, 0, 1]
     assert seen_after(40) == [40, 0, 40]
-    browser.execute_script("stretch.show(stretch.length - 20000, stretch.length)")
+    browser.execute_script("timeline.show(timeline.length - 20000, timeline.length)")
     assert seen_after(10) == [50, 30, 50]
-    browser.execute_script("stretch.show(0, 20000)")
+    browser.execute_script("timeline.show(0, 20000)")
     assert seen_after(10) == [60, 0, 20]
-    assert seen_after(30, PassFinished(1, "SUCCESS", 90.0), PassStarted(2, 90.0), driving) == [1, 0, 1]
+    assert seen_after(30, PassFinished(1, "SUCCESS", 90.0), PassStarted(2, 90.0),
+                      driving) == [1, 0, 1]
 
 
-# ------------------------------------------------------------------------------------------------------------- the graph
+# ---------------------------------------------------------------------------------------- the graph
+
+GRAPH = """
+const box = byId("tree").getBoundingClientRect(), inside = (one, other) => one.left >= other.left - 1 && one.right <= other.right + 1
+  && one.top >= other.top - 1 && one.bottom <= other.bottom + 1;
+const shown = items.filter(one => one && one.firstChild.offsetParent), boxes = new Map();
+for (const one of shown) boxes.set(one, one.firstChild.getBoundingClientRect());
+const at = one => boxes.get(one);
+const apart = (one, other) => one.right <= other.left || other.right <= one.left || one.bottom <= other.top || other.bottom <= one.top;
+return {shown: shown.length, inside: shown.filter(one => inside(at(one), box)).length,
+  overlapping: shown.filter(one => shown.some(other => other !== one && !apart(at(one), at(other)))).length,
+  misplaced: shown.filter(one => parentItem(one) && (at(parentItem(one)).left >= at(one).left || at(parentItem(one)).top >= at(one).top)).length,
+  letter_height: 13 * at(shown[0]).height / shown[0].firstChild.offsetHeight, tip: inside(at(document.querySelector(".tip")), box),
+  has_map: byId("map").offsetHeight > 0}"""
+FOCUSED = "return document.activeElement.querySelector('.name').innerText"
 
 
-DRAWN = "return drawn.flatMap((one, place) => one ? [place + 1] : [])"
-COLOURED = """
-return drawn.flatMap((one, place) => one ? [[place + 1, [...one.classList].find(name => name.length == 1) || "-"]] : [])"""
-FOCUSED = "return document.activeElement.dataset.label"
-
-
-@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not installed")
-def test_the_graph_is_drawn_coloured_zoomed_and_leads_to_nodes(show, browser):
+def test_the_whole_tour_can_be_read_as_a_graph_which_is_zoomed_folded_and_searched(
+        show, browser, screen):
     from selenium.webdriver.common.keys import Keys
     shown = show(Rig())
+    screen(1280, 800)
     open_page(browser, shown)
-    browser.execute_script("byId('show-graph').click()")
-    nodes = shown.page.board.part("mission")["nodes"]
-    wait_until(lambda: browser.execute_script(DRAWN) == [node["uid"] for node in nodes if not node["bare"]], 30.0)
     shown.run_until(is_second_text)
-    wait_until(lambda: browser.execute_script("return drawn[127].classList.contains('tip')"))
-    letters = shown.page.board.part("statuses")["letters"]
-    assert browser.execute_script(COLOURED) == [[node["uid"], letters[node["uid"] - 1]] for node in nodes if not node["bare"]]
-    inside = """const one = drawn[127].getBoundingClientRect(), box = byId('graph').getBoundingClientRect();
-    return one.left >= box.left && one.right <= box.right && one.top >= box.top && one.bottom <= box.bottom"""
-    assert browser.execute_script(inside)  # it follows what runs
-    wide = browser.execute_script("return view.width")
-    browser.execute_script("byId('nearer').click()")
-    assert browser.execute_script("return view.width") < wide
-    browser.execute_script("byId('whole').click()")
-    assert browser.execute_script("return view.width") > wide
-    browser.execute_script("drawn[0].focus()")
-    press(browser, Keys.ARROW_DOWN, Keys.ARROW_RIGHT)
-    assert browser.execute_script(FOCUSED).startswith("DetectVisitor")
-    press(browser, Keys.ARROW_DOWN)
-    assert browser.execute_script(FOCUSED).startswith("EnableAnimateBehavior")  # as in the list
-    press(browser, Keys.ARROW_UP, Keys.ENTER)
-    wait_until(lambda: text(browser, "#node-title").startswith("DetectVisitor"))
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    browser.find_element("id", "show-graph").click()
+    graph = browser.execute_script(GRAPH)
+    count = sum(not node["bare"] for node in shown.page.board.part("mission")["nodes"])
+    assert (graph["shown"], graph["inside"]) == (count, count) and not graph["has_map"]
+    assert graph["overlapping"] == graph["misplaced"] == 0 and graph["letter_height"] > 9
+    for _ in range(3):
+        browser.find_element("id", "nearer").click()
+    browser.execute_script("byId('tree').scrollTo(0, 0); setFollow(true)")
+    graph = browser.execute_script(GRAPH)
+    assert graph["tip"] and graph["inside"] < count and graph["has_map"]
+    browser.execute_script("items[0].focus()")
+    press(browser, "0", Keys.ARROW_DOWN, Keys.ARROW_DOWN, Keys.ARROW_LEFT)
+    assert browser.execute_script(FOCUSED) == "DetectVisitor"
+    assert browser.execute_script(GRAPH)["shown"] < count - 5
+    press(browser, "/", "deictic", Keys.ENTER)  # the second one
+    assert text(browser, "#matches") == "2 found"
     press(browser, Keys.ESCAPE)
-    browser.execute_script("byId('all').click()")
-    wait_until(lambda: browser.execute_script(DRAWN) == [node["uid"] for node in nodes], 30.0)
-    assert browser.execute_script(COLOURED) == [[uid, letter] for uid, letter in enumerate(letters, 1)]
+    assert browser.execute_script("return document.activeElement.dataset.uid") == "175"
+    press(browser, "?")
+    assert browser.execute_script("return byId('keys').open")
+    press(browser, Keys.ESCAPE)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    assert browser.execute_script("return [byId('graph'), byId('tree')].map(one => one.offsetHeight > 0)") == [False, True]
+    tops = browser.execute_script("""
+        return [...document.querySelectorAll(".row")].filter(row => row.offsetParent).map(
+            row => row.getBoundingClientRect().top)""")
+    assert tops == sorted(tops)  # the list
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
-    browser.execute_script("drawn[100].dispatchEvent(new MouseEvent('click', {bubbles: true}))")
-    wait_until(lambda: text(browser, "#node-title") == "Navigate #101")
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
 
 
-def test_without_graphviz_the_page_says_so(show, browser, monkeypatch):
-    monkeypatch.setattr(drawing.shutil, "which", lambda name: None)
-    shown = show(Rig())
+def test_a_graph_of_1000_nodes_is_there_at_once_and_stays_with_what_runs(show, browser):
+    part = ("<Sequence name='part {0}'><ForceSuccess name='a'><WelcomeSpeech/></ForceSuccess>"
+            "</Sequence>")
+    rig = one_leaf("<Sequence>{}<Sleep msec='9000'/></Sequence>".format("".join(
+        map(part.format, range(333)))))
+    shown = show(rig)
     open_page(browser, shown)
-    browser.execute_script("byId('show-graph').click()")
-    wait_until(lambda: text(browser, "#graph") == "No graph: graphviz is not installed: apt-get install graphviz")
-
-
-def test_a_drawing_is_made_once_for_a_tree(show, monkeypatch):
-    made = []
-
-    def draw(tree, name, left_out):
-        made.append((name, set(left_out)))
-        assert threading.current_thread().daemon  # else the process would wait for it at its end
-        return b"<svg/>"
-
-    monkeypatch.setattr(page_module, "svg", draw)
-    shown = show(Rig())
-    for count, path in enumerate(["graph.svg", "graph-operator.svg"], 1):
-        assert [shown.fetch(path)[:2] for _ in range(3)] == [(200, "<svg/>")] * 3 and len(made) == count
-    bare = {node["uid"] for node in shown.page.board.part("mission")["nodes"] if node["bare"]}
-    name = shown.rig.tree.root.name  # no file has been told yet
-    assert bare and made == [(name, set()), (name, bare)]
-    source = Source("/m/first.xml", "-")
-    shown.rig.mission.events.emit(RunStarted("/m/first.xml", [], {}, Sources((source,), source, source, "R")))
-    shown.page.show(one_leaf("<WelcomeSpeech/>").tree)
-    assert shown.fetch("graph.svg")[2]["Content-Type"] == "image/svg+xml; charset=utf-8" and made[2:] == [("first", set())]
-
-
-def test_before_there_is_a_mission_there_is_no_drawing():
-    rig, port = Rig(), free_port()
-    page = Page("127.0.0.1", port, Board(rig.mission.events, rig.mission.health, registry()), pytest.fail)
-    try:
-        with pytest.raises(urllib.error.HTTPError) as answer:
-            urllib.request.urlopen("http://127.0.0.1:{}/graph.svg".format(port), timeout=5)
-        assert (answer.value.code, answer.value.read()) == (404, b"there is no mission yet")
-        assert answer.value.headers["Content-Type"] == "text/plain; charset=utf-8" and page.is_served
-    finally:
-        page.close()
-    with socket.socket() as client:
-        assert client.connect_ex(("127.0.0.1", port)) == errno.ECONNREFUSED
-
-
-def test_what_graphviz_cannot_do_is_a_line_and_holds_up_nothing(show, monkeypatch):
-    monkeypatch.setattr(drawing, "MOST_NODES", 1)
-    status, body, _ = show(Rig()).fetch("graph.svg")
-    assert (status, body) == (404, "the tree has 216 nodes; trees of at most 1 are drawn")
-    monkeypatch.setattr(drawing, "MOST_NODES", 3000)
-    begun, end = threading.Event(), threading.Event()
-
-    def hang(*arguments, **options):
-        begun.set()
-        end.wait(20.0)
-        raise subprocess.TimeoutExpired("dot", drawing.LIMIT)
-
-    monkeypatch.setattr(drawing.subprocess, "run", hang)
-    shown = show(Rig())
-    found = []
-    asking = threading.Thread(target=lambda: found.append(shown.fetch("graph.svg")[:2]))
-    asking.start()
-    assert begun.wait(10.0)
-    assert shown.fetch("state")[0] == 200  # while graphviz draws
-    end.set()
-    asking.join(10.0)
-    assert found == [(404, "graphviz did not draw the tree within 30 s")]
+    rig.tick()
+    wait_until(lambda: "Sleep #1001" in text(browser, "#running"))
+    took = browser.execute_script(
+        "const began = performance.now(); setGraph(true); return performance.now() - began")
+    graph = browser.execute_script(GRAPH)
+    assert graph["shown"] == 1001 and graph["overlapping"] == graph["misplaced"] == 0
+    assert graph["tip"] and graph["has_map"] and graph["letter_height"] == 13
+    print("a graph of 1,001 nodes: {:.0f} ms".format(took))
+    assert took < 10000
 
 
 def test_what_there_is_to_know_of_a_node_is_told_on_demand(show):
     shown = show(Rig())
-    _, body, headers = shown.fetch("node/101")
-    assert json.loads(body)["type"] == "Navigate" and headers["Content-Type"] == "application/json; charset=utf-8"
-    assert [shown.fetch("node/" + uid)[0] for uid in ("0", "217", "999999", "x", "1/2")] == [404] * 5
+    _, body, headers = shown.fetch("node/107")
+    assert json.loads(
+        body)["type"] == "Navigate" and headers["Content-Type"] == "application/json; charset=utf-8"
+    assert [shown.fetch("node/" + uid)[0]
+            for uid in ("0", "223", "999999", "x", "1/2")] == [404] * 5
 
 
-# ------------------------------------------------------------------------------------------------------- for all to see
+# ----------------------------------------------------------------------------------- for all to see
 
-DEAD = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone", "the robot cannot drive")
+DEAD = HealthChanged("service", "/robotNavigation/set_goal", "robotNavigation", False, "gone",
+                     "the robot cannot drive")
 
 
-@pytest.mark.parametrize("mode", ["light", "dark"])
-@pytest.mark.parametrize("width, height", [(400, 800), (800, 1180), (1280, 800), (1920, 1080)])
+@pytest.mark.parametrize("width, height, mode", first(
+    [(400, 800, "light")], [screen + (mode,) for screen in SCREENS for mode in MODES]))
 def test_axe_finds_nothing_at_any_width(show, browser, screen, width, height, mode):
     source = axe()
-    rig = Rig(answer=lambda request: refusal(request) if isinstance(request, PerformGesture) else NotImplemented)
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
     rig.mission.health.report(GONE, DEAD)
     shown = show(rig)
     screen(width, height, mode)
     open_page(browser, shown)
     shown.run_until(is_second_text)
     wait_until(lambda: "second text 1" in text(browser, "#now"))
-    browser.execute_script("location.hash = '#node-101'")
+    browser.execute_script("location.hash = '#node-107'")
     wait_until(lambda: "{@targetLocation}" in text(browser, "#ports"))
-    assert browser.execute_script("return innerWidth") == width and browser.execute_script(NO_SIDEWAYS)
+    assert browser.execute_script("return innerWidth") == width and browser.execute_script(
+        NO_SIDEWAYS)
     assert findings(browser, source) == []
 
 
-@pytest.mark.parametrize("mode", ["light", "dark"])
-@pytest.mark.parametrize("state", ["graph", "stale", "ended"])
+@pytest.mark.parametrize("state, mode", first(
+    [("graph", "dark"), ("stale", "light"), ("ended", "dark")],
+    [(state, mode) for state in ("graph", "stale", "ended") for mode in MODES]))
 def test_axe_finds_nothing_in_any_state(show, browser, screen, state, mode):
     source = axe()
     shown = show(Rig())
     screen(1280, 800, mode)
     open_page(browser, shown)
-    if state == "graph" and shutil.which("dot"):
-        browser.execute_script("setGraph(true)")
-        wait_until(lambda: browser.execute_script("return drawn.length > 0"), 30.0)
+    if state == "graph":
+        browser.execute_script("setGraph(true); setScale(1); byId('find').value = 'gaze'; find()")
     elif state == "stale":
         browser.execute_script("hasConnection = false; showDoubt(); source.close()")
         assert "is lost" in doubt(browser)
@@ -559,11 +601,14 @@ def test_axe_finds_nothing_in_any_state(show, browser, screen, state, mode):
 def test_another_mission_takes_the_place_of_the_first(show, browser):
     shown = show(Rig())
     open_page(browser, shown)
-    other = one_leaf("<Sequence><WelcomeSpeech name='&lt;img src=x onerror=alert(1)&gt;'/></Sequence>")
+    other = one_leaf(
+        "<Sequence><WelcomeSpeech name='&lt;img src=x onerror=alert(1)&gt;'/></Sequence>")
     shown.page.show(other.tree)
     wait_until(lambda: browser.execute_script("return items.length") == 2)
     # a name is a text, whatever it looks like
-    assert text(browser, "#tree .row:last-child .name, [aria-level='2'] .name") == "<img src=x onerror=alert(1)>"
+    assert text(
+        browser,
+        "#tree .row:last-child .name, [aria-level='2'] .name") == "<img src=x onerror=alert(1)>"
 
 
 NAME_IN_VIEW = """
@@ -582,11 +627,13 @@ def test_a_phone_shows_first_what_the_robot_does_and_what_is_wrong(show, browser
     assert browser.execute_script("return innerWidth") == 400
     shown.run_until(is_second_text)
     wait_until(lambda: "second text 1" in text(browser, "#now"))
-    for what in ("#alarms", "#now", "#elapsed", "#exhibits", "#transcript li"):  # without scrolling
-        bottom = browser.execute_script("return document.querySelector(arguments[0]).getBoundingClientRect().bottom", what)
+    for what in ("#alarms", "#now", "#elapsed", "#stops",
+                 "#transcript li:last-child"):  # without scrolling
+        bottom = browser.execute_script(
+            "return document.querySelector(arguments[0]).getBoundingClientRect().bottom", what)
         assert 0 < bottom <= 800, what
     assert browser.execute_script(NO_SIDEWAYS)
-    dead = [part["told"] for part in shown.page.board.part("health") if not part["well"]]
+    dead = [part["told"] for part in shown.page.board.part("health").values() if not part["well"]]
     assert text(browser, "#alarms") == "✘ " + dead[0] and "the robot cannot drive" in dead[0]
     browser.execute_script("byId('mission-section').scrollIntoView()")
     wait_until(lambda: browser.execute_script(NAME_IN_VIEW))
@@ -596,7 +643,9 @@ def test_a_phone_shows_first_what_the_robot_does_and_what_is_wrong(show, browser
 
 
 def test_a_tree_of_many_levels_is_shown(show, browser):
-    shown = show(one_leaf("<Inverter>" * 1900 + "<WelcomeSpeech/>" + "</Inverter>" * 1900, lambda request: None))
+    shown = show(
+        one_leaf("<Inverter>" * 1900 + "<WelcomeSpeech/>" + "</Inverter>" * 1900,
+                 lambda request: None))
     open_page(browser, shown)
     browser.execute_script("setAll(true)")
     shown.rig.tick()
@@ -604,12 +653,12 @@ def test_a_tree_of_many_levels_is_shown(show, browser):
     wait_until(lambda: browser.execute_script(NAME_IN_VIEW))
 
 
-# ------------------------------------------------------------------------------------------------- how fast, how much
+# ------------------------------------------------------------------------------- how fast, how much
 
 SEEN = """
 window.seen = {};
 new MutationObserver(() => requestAnimationFrame(() => {
-  for (const shown of document.querySelectorAll("#transcript li span"))
+  for (const shown of document.querySelectorAll("#transcript .sentence span"))
     if (!(shown.textContent in seen)) seen[shown.textContent] = performance.timeOrigin + performance.now();
 })).observe(byId("transcript"), {childList: true, subtree: true});"""
 
@@ -628,6 +677,8 @@ def latency(shown, browser, name, count=40):
     return delays[int(0.95 * len(delays))]
 
 
+@pytest.mark.long
+@pytest.mark.timing
 def test_an_event_is_on_the_screen_within_150_ms(show, browser):
     shown = show(Rig())
     open_page(browser, shown)
@@ -643,36 +694,54 @@ VISITS = 10000
 
 def visit(events, number):
     """Tell the events of one visitor."""
-    path = "GiveTour::73/VisitExhibits::76/VisitExhibit::86/Navigate::101"
-    failure = Failure(Cause.REFUSED, "the server refused visitor {}".format(number), "/robotNavigation/set_goal")
+    path = "GiveTour::79/VisitExhibits::82/VisitExhibit::92/Navigate::107"
+    failure = Failure(Cause.REFUSED, "the server refused visitor {}".format(number),
+                      "/robotNavigation/set_goal")
     events.emit(PassStarted(number, 0.0))
-    events.emit(StepStarted(101, "Navigate", path, "driving to", "exhibit {}".format(number), 180.0, False))
-    events.emit(LeafFinished(101, "Navigate", path, "FAILURE", "/robotNavigation/set_goal", 0.1, failure))
+    events.emit(
+        StepStarted(107, "Navigate", path, "driving to", "exhibit {}".format(number), 180.0, False))
+    events.emit(
+        LeafFinished(107, "Navigate", path, "FAILURE", "/robotNavigation/set_goal", 0.1, failure))
     events.emit(Noticed("error", "notice {}".format(number)))
-    events.emit(HealthChanged("service", "/robotNavigation/set_goal", "", bool(number % 2), "gone", "it cannot drive"))
+    events.emit(
+        HealthChanged("service", "/robotNavigation/set_goal", "", bool(number % 2), "gone",
+                      "it cannot drive"))
     events.emit(PassFinished(number, "FAILURE" if number % 3 else "SUCCESS", 1.0))
 
 
 def size(browser):
-    """Return the nodes of the document and the bytes of the script's heap, when all that is garbage has gone."""
+    """Return the nodes of the document and the bytes of the script's heap, when all that is garbage
+    has gone."""
     for _ in range(2):
         browser.execute_cdp_cmd("HeapProfiler.collectGarbage", {})
-    metrics = {each["name"]: each["value"] for each in browser.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]}
-    return browser.execute_script("return document.querySelectorAll('*').length"), metrics["JSHeapUsedSize"]
+    metrics = {
+        each["name"]: each["value"]
+        for each in browser.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
+    }
+    return browser.execute_script(
+        "return document.querySelectorAll('*').length"), metrics["JSHeapUsedSize"]
 
 
+BEHIND = 300.0  # s, in which the browser of a loaded machine draws what it has received
+
+
+@pytest.mark.long
 def test_a_page_left_open_for_10000_visits_does_not_grow(show, browser, monkeypatch):
-    monkeypatch.setattr(page_module, "PUSH_INTERVAL", 0.001)  # so that the page draws more than one visit in twenty
+    # so that the page draws more than one visit in twenty
+    monkeypatch.setattr(page_module, "PUSH_INTERVAL", 0.001)
+    browser.set_script_timeout(BEHIND)
     shown = show(Rig())
     open_page(browser, shown)
     browser.execute_cdp_cmd("Performance.enable", {})
-    browser.execute_script("window.messages = 0; source.addEventListener('message', () => messages++)")
+    browser.execute_script(
+        "window.messages = 0; source.addEventListener('message', () => messages++)")
 
     def tell(first, end):
         for number in range(first, end):
             visit(shown.rig.mission.events, number)
             time.sleep(0.001)
-        wait_until(lambda: "pass {}:".format(end - 1) in text(browser, "#visits-list"), 60.0)
+        wait_until(lambda: re.search(r"\b{}\b".format(end - 1), text(browser, "#visits-list")),
+                   BEHIND)
 
     tell(1, 300)  # by now each list is as long as it may become
     nodes, heap = size(browser)
@@ -683,10 +752,11 @@ def test_a_page_left_open_for_10000_visits_does_not_grow(show, browser, monkeypa
     assert browser.execute_script("return messages") > 300
     assert after_nodes < 1.1 * nodes and after_heap < 1.2 * heap + 1e6
     board = shown.page.board
-    assert len(board.part("story")["sentences"]) <= 100 and len(board.part("visits")["newest"]) <= 50
+    assert len(board.part("story")["sentences"]) <= 100 and len(
+        board.part("visits")["newest"]) <= 50
 
 
-# ------------------------------------------------------------------------------------------------------ is it still so?
+# ---------------------------------------------------------------------------------- is it still so?
 
 
 def doubt(browser):
@@ -701,7 +771,7 @@ SERVED = """
 import sys, threading, time
 from mission_rig import one_leaf
 from test_page import Show
-from behavior_controller.interface.document import FACES
+from behavior_controller.robot.d543 import FACES
 rig = one_leaf("<Sleep msec='900000'/>")
 shown = Show(rig)
 print(shown.port, flush=True)
@@ -715,23 +785,28 @@ while True:
 
 def test_a_controller_that_is_frozen_does_not_look_live(browser):
     here = os.path.dirname(os.path.abspath(__file__))
-    with subprocess.Popen([sys.executable, "-c", SERVED], stdout=subprocess.PIPE, universal_newlines=True,
-                          env=dict(os.environ, PYTHONPATH=os.pathsep.join([SOURCE, here]))) as served:
+    with subprocess.Popen([sys.executable, "-c", SERVED], stdout=subprocess.PIPE,
+                          universal_newlines=True,
+                          env=dict(os.environ, PYTHONPATH=os.pathsep.join([SOURCE,
+                                                                           here]))) as served:
         try:
             browser.get("http://127.0.0.1:{}/".format(served.stdout.readline().strip()))
             wait_until(lambda: "last message 0." in text(browser, "#health"))
             assert doubt(browser) == "" and not is_stale(browser)
             os.kill(served.pid, signal.SIGSTOP)
             wait_until(lambda: is_stale(browser), 5.0)
-            assert doubt(browser).startswith("No message from the mission. What is shown may be old. Since ")
+            assert doubt(browser).startswith(
+                "No message from the mission. What is shown may be old. Since ")
             wait_until(lambda: ", 4 s ago." in doubt(browser))
             # the age that the server told last goes on growing
-            assert float(re.search(r"last message ([\d.]+) s ago", text(browser, "#health"))[1]) >= 3.0
+            assert float(re.search(r"last message ([\d.]+) s ago", text(browser,
+                                                                        "#health"))[1]) >= 3.0
             os.kill(served.pid, signal.SIGCONT)
             wait_until(lambda: doubt(browser) == "" and not is_stale(browser))
         finally:
             served.kill()
-    wait_until(lambda: doubt(browser).startswith("The connection to the mission is lost; trying again."))
+    wait_until(lambda: doubt(browser).startswith(
+        "The connection to the mission is lost; trying again."))
     assert is_stale(browser)
 
 
@@ -739,7 +814,8 @@ def test_a_tick_thread_that_hangs_does_not_look_live_though_the_page_is_served(s
     shown = show(one_leaf("<Sleep msec='9000'/>"))
     open_page(browser, shown)
     wait_until(lambda: is_stale(browser))
-    assert doubt(browser).startswith("The controller hangs: its tick thread gives no sign of life. Since ")
+    assert doubt(browser).startswith(
+        "The controller hangs: its tick thread gives no sign of life. Since ")
     shown.rig.clock.advance(1.0)  # it runs its timers again
     wait_until(lambda: doubt(browser) == "" and not is_stale(browser))
 
@@ -752,10 +828,13 @@ def test_the_end_of_the_mission_is_told_and_the_next_one_is_shown(show, browser)
     wait_until(lambda: browser.execute_script("return !hasConnection"))
     assert doubt(browser) == "The mission has ended: all passes are done; last pass: SUCCESS."
     rig = one_leaf("<Sequence><Sleep msec='9000'/><WelcomeSpeech/></Sequence>")
-    following = Page("127.0.0.1", shown.port, Board(rig.mission.events, rig.mission.health, registry()), pytest.fail)
+    following = Page("127.0.0.1", shown.port,
+                     Board(rig.mission.events, rig.mission.health, registry()), pytest.fail)
     try:
         following.show(rig.tree)
-        wait_until(lambda: browser.execute_script("return items.length") == 3 and "ended" not in doubt(browser), 15.0)
+        wait_until(
+            lambda: browser.execute_script("return items.length") == 3 and "ended" not in doubt(
+                browser), 15.0)
     finally:
         following.close()
 
@@ -765,44 +844,54 @@ def test_health_is_told_when_it_changes(show, browser):
     shown = show(rig)
     open_page(browser, shown)
     for is_well in (False, True):
-        rig.mission.health.report(GONE, HealthChanged("service", "/robotNavigation/set_goal", "", is_well, "gone", "no drive"))
+        rig.mission.health.report(
+            GONE,
+            HealthChanged("service", "/robotNavigation/set_goal", "", is_well, "gone", "no drive"))
         rig.mission.health.publish(rig.mission.events)
         wait_until(lambda: ("gone; no drive" in text(browser, "#health")) is not is_well)
 
 
-# ------------------------------------------------------------------------------------------------------ without a browser
+# -------------------------------------------------------------------------------- without a browser
 
 
 def test_it_needs_nothing_from_elsewhere_and_takes_no_orders(show):
     shown = show(Rig())
-    for path in ("", "common.js", "page.js", "page.css", "colours.css", "icon.svg"):
+    for path in ("", "common.js", "moment.js", "tree.js", "page.js", "style.css", "icon.svg"):
         status, body, headers = shown.fetch(path)
-        assert status == 200 and "http://" not in body.replace("http://www.w3.org/2000/svg", "") and "https://" not in body
+        assert status == 200 and "http://" not in body.replace("http://www.w3.org/2000/svg",
+                                                               "") and "https://" not in body
         assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'"
-        assert headers["X-Frame-Options"] == "DENY" and headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["X-Frame-Options"] == "DENY" and headers[
+            "X-Content-Type-Options"] == "nosniff"
         assert headers["Cache-Control"] == "no-store"
     _, body, headers = shown.fetch("state")
-    assert json.loads(body).keys() == set(PARTS) and headers["Content-Type"] == "application/json; charset=utf-8"
+    assert json.loads(body).keys() == set(
+        PARTS) and headers["Content-Type"] == "application/json; charset=utf-8"
     for method in ("POST", "PUT", "DELETE"):
         assert shown.fetch("state", method)[0] == 405
     assert shown.fetch("../page.py")[0] in (403, 404) and shown.fetch("none")[0] == 404
 
 
 @pytest.mark.parametrize("path", ["", "page.js", "state", "events", "none"])
-@pytest.mark.parametrize("host", ["rebound.example", "rebound.example:8080", "localhost.rebound.example", "93.184.216.34",
-                                  "127.0.0.1.rebound.example", "localhost@rebound.example", "127.0.0.1, rebound.example", ""])
+@pytest.mark.parametrize("host", [
+    "rebound.example", "rebound.example:8080", "localhost.rebound.example", "93.184.216.34",
+    "127.0.0.1.rebound.example", "localhost@rebound.example", "127.0.0.1, rebound.example", ""
+])
 def test_a_foreign_name_is_refused(show, path, host):
-    """A site whose name points at this computer could else read the page in the operator's browser."""
+    """A site whose name points at this computer could else read the page in the operator's browser.
+    """
     status, body, headers = show(Rig()).fetch(path, host=host)
     assert status in (400, 403) and "mission" not in body and "<" not in body
     if status == 403:
         assert headers["Content-Security-Policy"] == "default-src 'self'; frame-ancestors 'none'"
         assert headers["Content-Type"] == "text/plain; charset=utf-8"
-        assert body == ("This page answers to the address of its computer and to localhost, and to the name that "
-                        "monitorAddress gives, but not to the name that was asked for.\n")
+        assert body == ("This page answers to the address of its computer and to localhost, and to "
+                        "the name that monitorAddress gives, but not to the name that was asked "
+                        "for.\n")
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:9", "localhost", "LocalHost:8080", "127.1.2.3", "[::1]:8080"])
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "127.0.0.1:9", "localhost", "LocalHost:8080", "127.1.2.3", "[::1]:8080"])
 def test_loopback_names_are_answered(show, host):
     assert show(Rig()).fetch("state", host=host)[0] == 200
 
@@ -813,7 +902,8 @@ def test_to_the_network_the_page_answers_by_address_and_host_name(show):
     for host in (own, own.upper() + ":80", own + ".local", "localhost"):
         assert shown.fetch("state", host=host)[0] == 200
     for address in addresses:
-        with urllib.request.urlopen("http://{}:{}/state".format(address, shown.port), timeout=5) as answer:
+        with urllib.request.urlopen("http://{}:{}/state".format(address, shown.port),
+                                    timeout=5) as answer:
             assert answer.status == 200
     for host in (own + ".rebound.example", "rebound.example", "0.0.0.0"):
         assert shown.fetch("state", host=host)[0] == 403
@@ -828,7 +918,8 @@ def test_to_the_network_the_page_answers_by_the_address_that_the_request_came_to
             pytest.skip("this computer has no network")
         address = probe.getsockname()[0]
     shown = show(Rig(), address="0.0.0.0")
-    with urllib.request.urlopen("http://{}:{}/state".format(address, shown.port), timeout=5) as answer:
+    with urllib.request.urlopen("http://{}:{}/state".format(address, shown.port),
+                                timeout=5) as answer:
         assert answer.status == 200
     assert shown.fetch("state", host=address)[0] == 403  # it came to the loopback address
 
@@ -843,9 +934,11 @@ def test_the_page_answers_to_the_name_that_it_is_served_at(show, monkeypatch):
 
 def test_a_foreign_page_cannot_frame_it(show, browser, tmp_path):
     shown = show(Rig())
-    (tmp_path / "foreign.html").write_text("<title>foreign</title><iframe src='{}'></iframe>".format(shown.url))
+    (tmp_path / "foreign.html").write_text(
+        "<title>foreign</title><iframe src='{}'></iframe>".format(shown.url))
     browser.get("file://{}/foreign.html".format(tmp_path))
-    wait_until(lambda: any("frame-ancestors" in entry["message"] for entry in browser.get_log("browser")))
+    wait_until(lambda: any(
+        "frame-ancestors" in entry["message"] for entry in browser.get_log("browser")))
 
 
 def test_idle_connections_are_capped_and_make_room(show):
@@ -870,7 +963,8 @@ def test_a_browser_that_is_served_keeps_its_place(show, monkeypatch):
         stream.readline()
         idle = [socket.create_connection(("127.0.0.1", shown.port)) for _ in range(70)]
         for _ in range(5):
-            wait_until(lambda: is_served(shown))  # it takes the place of the connection that is idle longest
+            # it takes the place of the connection that is idle longest
+            wait_until(lambda: is_served(shown))
         shown.rig.mission.events.emit(RunFinished("stopped; last pass: none", 0))
         wait_until(lambda: b"stopped; last pass: none" in stream.readline())
         for each in idle:
@@ -890,7 +984,8 @@ def test_a_newcomer_gets_the_place_of_what_was_idle_for_two_seconds(monkeypatch)
         first, second = stream(), stream()
         assert connections.admit(first)
         now[0] = 101.0
-        assert connections.admit(second) and first.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        assert connections.admit(second) and first.socket.getsockopt(socket.SOL_SOCKET,
+                                                                     socket.SO_KEEPALIVE)
         now[0] = 101.9
         early = stream()
         assert not connections.admit(early) and early.closed() and not first.closed()
@@ -939,7 +1034,8 @@ def test_a_loop_runs_what_it_is_told_on_its_own_thread_until_it_is_closed():
     loop.close(finish)
     assert not thread.is_alive()
     loop.call(told.append, "late")
-    assert told[:1] + told[2:] == ["a loop", "called", "finish", "end", "cancelled"] and told[1].is_closed()
+    assert told[:1] + told[2:] == ["a loop", "called", "finish", "end", "cancelled"
+                                   ] and told[1].is_closed()
 
 
 def test_a_connection_that_is_used_keeps_its_place(show, monkeypatch):
@@ -984,7 +1080,8 @@ def is_served(shown):
 
 
 def test_changes_are_pushed_together(show):
-    rig = one_leaf("<Repeat num_cycles='-1'><Sequence><WelcomeSpeech/><FollowMeSpeech/><Sleep msec='1'/></Sequence></Repeat>")
+    rig = one_leaf("<Repeat num_cycles='-1'><Sequence><WelcomeSpeech/><FollowMeSpeech/><Sleep "
+                   "msec='1'/></Sequence></Repeat>")
     shown = show(rig)
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
         assert json.loads(stream.readline()[6:]).keys() == set(PARTS)
@@ -1006,12 +1103,11 @@ def test_what_happens_is_taken_also_while_no_browser_looks(show):
 
 def test_a_browser_is_told_at_once_what_has_happened_so_far(show, monkeypatch):
     monkeypatch.setattr(page_module, "PUSH_INTERVAL", 60.0)
-    monkeypatch.setattr(page_module, "svg", lambda tree, name, left_out: name.encode())
     shown = show(one_leaf("<WelcomeSpeech/>"))
     assert shown.fetch("state")[0] == 200  # the server has begun
     rig = one_leaf("<Sequence name='another'><WelcomeSpeech/></Sequence>", lambda request: None)
     shown.page.show(rig.tree)
-    assert shown.fetch("graph.svg")[1] == "another"
+    assert json.loads(shown.fetch("state")[1])["mission"]["nodes"][0]["name"] == "another"
     rig.tick()
     with urllib.request.urlopen(shown.url + "events", timeout=5) as stream:
         assert json.loads(stream.readline()[6:])["statuses"]["letters"] == "RR"
@@ -1044,7 +1140,7 @@ def test_the_end_reaches_a_browser_before_the_server_closes(show, monkeypatch):
         shown.rig.mission.events.emit(RunFinished("stopped; last pass: none", 0))
         shown.page.close()
         messages = [json.loads(line[6:]) for line in stream if line.startswith(b"data: ")]
-    assert messages[-1]["passes"]["ended"] == "stopped; last pass: none"
+    assert messages[-1]["now"]["ended"] == "stopped; last pass: none"
 
 
 def test_a_controller_that_ends_without_a_word_has_stopped(show):
@@ -1053,7 +1149,7 @@ def test_a_controller_that_ends_without_a_word_has_stopped(show):
         stream.readline()
         shown.page.close()
         messages = [json.loads(line[6:]) for line in stream if line.startswith(b"data: ")]
-    assert messages[-1]["passes"]["ended"] == "the controller has stopped"
+    assert messages[-1]["now"]["ended"]
 
 
 def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
@@ -1070,15 +1166,20 @@ def test_a_browser_that_never_reads_does_not_hold_up_the_end(show):
 def test_a_port_that_is_taken_is_one_line(show):
     shown = show(Rig())
     warnings = []
-    page = Page("127.0.0.1", shown.port, Board(shown.rig.mission.events, shown.rig.mission.health, registry()), warnings.append)
+    page = Page("127.0.0.1", shown.port,
+                Board(shown.rig.mission.events, shown.rig.mission.health, registry()),
+                warnings.append)
     page.show(shown.rig.tree)
     assert not page.is_served
     page.close()
-    assert warnings == ["no page in the browser: 127.0.0.1:{} cannot be opened (Address already in use); "
-                        "set monitorPort to another port, or to 0".format(shown.port)]
+    assert warnings == [
+        "no page in the browser: 127.0.0.1:{} cannot be opened (Address already in use); "
+        "set monitorPort to another port, or to 0".format(shown.port)
+    ]
 
 
-def test_a_browser_too_many_is_told_so_and_one_that_takes_nothing_is_disconnected(show, monkeypatch):
+def test_a_browser_too_many_is_told_so_and_one_that_takes_nothing_is_disconnected(
+        show, monkeypatch):
     shown = show(one_leaf("<Sleep msec='9000'/>"))
     ask = b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n"
     browsers = [socket.create_connection(("127.0.0.1", shown.port), timeout=5) for _ in range(20)]
@@ -1098,11 +1199,13 @@ def test_a_browser_too_many_is_told_so_and_one_that_takes_nothing_is_disconnecte
 
 
 def test_browsers_that_vanish_or_never_read_disturb_nobody(show):
-    rig = one_leaf("<Repeat num_cycles='-1'><Sequence><WelcomeSpeech/><Sleep msec='1'/></Sequence></Repeat>")
+    rig = one_leaf(
+        "<Repeat num_cycles='-1'><Sequence><WelcomeSpeech/><Sleep msec='1'/></Sequence></Repeat>")
     shown = show(rig)
     idle = [socket.create_connection(("127.0.0.1", shown.port)) for _ in range(70)]
     for number, each in enumerate(idle):
-        each.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n" if number % 3 else b"\x00\xff garbage\r\n\r\n")
+        each.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n" if number %
+                     3 else b"\x00\xff garbage\r\n\r\n")
     wait_until(lambda: len(shown.page.streams) == 20)
     began = time.perf_counter()
     for _ in range(2000):
@@ -1118,7 +1221,10 @@ def test_browsers_that_vanish_or_never_read_disturb_nobody(show):
 def test_the_terminal_shows_the_same(show):
     shown = show(Rig())
     shown.run_until(lambda request: isinstance(request, Say) and request.text == "first text 1")
-    printed = subprocess.run([sys.executable, os.path.join(SOURCE, "behavior_controller", "missionStatus"), "--port",
-                              str(shown.port)], env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE,
-                             universal_newlines=True, check=True).stdout
-    assert "1 (DescribeExhibitSpeech) #119" in printed
+    printed = subprocess.run([
+        sys.executable,
+        os.path.join(SOURCE, "behavior_controller", "missionStatus"), "--port",
+        str(shown.port)
+    ], env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE, universal_newlines=True,
+                             check=True).stdout
+    assert "1 (DescribeExhibitSpeech) #125" in printed

@@ -1,4 +1,5 @@
-"""Mistakes as authors make them, planted by a seeded generator: nearly all are told, and none at a wrong line.
+"""Mistakes as authors make them, planted by a seeded generator: nearly all are told, and none at a
+wrong line.
 
 ``PLANTED_MISTAKES`` sets how many are tried, ``PLANTED_SEED`` which.
 """
@@ -10,10 +11,10 @@ import re
 import pytest
 
 from behavior_controller import folders
-from behavior_controller.bt.language.document import parse
-from behavior_controller.bt.language.markup import TOKEN
+from behavior_controller.bt.loader.document import parse
+from behavior_controller.bt.loader.xml_repair import TOKEN
 from behavior_controller.errors import MissionError
-from behavior_controller.mission import build_tree
+from behavior_controller.missions.load import build_tree
 
 COUNT = int(os.environ.get("PLANTED_MISTAKES", "300"))
 SEED = int(os.environ.get("PLANTED_SEED", "1"))
@@ -109,7 +110,9 @@ def chosen(text, pattern, draw):
 
 def replaced(text, match, new, group=0):
     """Return ``text`` with a group of a match replaced, and the line of its beginning."""
-    return text[:match.start(group)] + new + text[match.end(group):], {line_of(text, match.start(group))}
+    return text[:match.start(group)] + new + text[match.end(group):], {
+        line_of(text, match.start(group))
+    }
 
 
 def line_of(text, offset):
@@ -117,7 +120,8 @@ def line_of(text, offset):
 
 
 def by_pattern(pattern, change, group=1):
-    """Return a mistake that changes a group of a pattern; ``change`` gets its text and a random source."""
+    """Return a mistake that changes a group of a pattern; ``change`` gets its text and a random
+    source."""
     def plant(text, draw):
         match = chosen(text, pattern, draw)
         if match is MISSING:
@@ -147,12 +151,15 @@ def attribute_gone(pattern):
 
 
 def closing_tag_gone(text, draw):
-    match = chosen(text, r"\n *</(Sequence|Fallback|Parallel|ReactiveFallback|ForceFailure|Inverter)>", draw)
+    match = chosen(text,
+                   r"\n *</(Sequence|Fallback|Parallel|ReactiveFallback|ForceFailure|Inverter)>",
+                   draw)
     opened = []
     for token in TOKEN.finditer(text, 0, match.start() + 1):
         if token.lastgroup == "end":
             opened.pop()
-        elif token.lastgroup == "open" or (token.lastgroup == "repair" and not token.group("repair")):
+        elif token.lastgroup == "open" or (token.lastgroup == "repair" and
+                                           not token.group("repair")):
             opened.append(token.start())
     return text[:match.start()] + text[match.end():], {line_of(text, opened[-1])}
 
@@ -171,7 +178,9 @@ def entry_misspelt(text, draw):
     if word == match.group(1):
         return MISSING
     wrong, lines = replaced(text, match, word, 1)
-    return wrong, lines | {line_of(text, other.start()) for other in re.finditer(r"\b%s\b" % match.group(1), text)}
+    return wrong, lines | {
+        line_of(text, other.start()) for other in re.finditer(r"\b%s\b" % match.group(1), text)
+    }
 
 
 def both_tags_misspelt(text, draw):
@@ -179,16 +188,20 @@ def both_tags_misspelt(text, draw):
     if match is MISSING:
         return MISSING
     wrong = misspelt(match.group(1), draw)
-    new = text[:match.start(1)] + wrong + text[match.end(1):match.start(3)] + wrong + text[match.end(3):]
+    new = text[:match.start(1)] + wrong + text[match.end(1):match.start(3)] + wrong + text[match.
+                                                                                           end(3):]
     return new, {line_of(text, match.start())}
 
 
 def second_child(text, draw):
-    match = chosen(text, r"<(Inverter|ForceFailure|ForceSuccess|Timeout|Delay|KeepRunningUntilFailure|Repeat|"
-                   r"Precondition)\b[^<>]*>", draw)
+    match = chosen(
+        text, r"<(Inverter|ForceFailure|ForceSuccess|Timeout|Delay|KeepRunningUntilFailure|Repeat|"
+        r"Precondition)\b[^<>]*>", draw)
     if match is MISSING:
         return MISSING
-    return text[:match.end()] + "<AlwaysSuccess/>" + text[match.end():], {line_of(text, match.start())}
+    return text[:match.end()] + "<AlwaysSuccess/>" + text[match.end():], {
+        line_of(text, match.start())
+    }
 
 
 def child_of_a_leaf(text, draw):
@@ -207,7 +220,8 @@ def recovery_first(text, draw):
 def emptied(text, draw):
     match = chosen(text, r"<(Sequence|Fallback|Inverter|ForceFailure|ReactiveFallback)([^<>]*)>\s*"
                    r"(?:<[^<>]*/>\s*)+</\1>", draw)
-    return replaced(text, match, "<{}{}></{}>".format(match.group(1), match.group(2), match.group(1)))
+    return replaced(text, match, "<{}{}></{}>".format(match.group(1), match.group(2),
+                                                      match.group(1)))
 
 
 def circle(text, draw):
@@ -222,19 +236,26 @@ def definition_misspelt(text, draw):
     match = chosen(text, r'<BehaviorTree ID="(\w+)"', draw)
     wrong, lines = replaced(text, match, misspelt(match.group(1), draw), 1)
     named = re.finditer(r'(?:<SubTree ID|main_tree_to_execute)="%s"' % match.group(1), text)
-    return (wrong, lines | {line_of(text, other.start()) for other in named}) if wrong != text else MISSING
+    return (wrong, lines | {line_of(text, other.start())
+                            for other in named}) if wrong != text else MISSING
 
 
 def writer_gone(text, draw):
     """A node that writes what others read; it is told at one of these."""
-    match = chosen(text, r"\n *<(?:SelectExhibit|RetrieveListOfExhibits|SeekOvertAttentionMode|IsYesNoUttered)/>", draw)
+    match = chosen(
+        text,
+        r"\n *<(?:SelectExhibit|RetrieveListOfExhibits|SeekOvertAttentionMode|IsYesNoUttered)/>",
+        draw)
     if match is MISSING or len(re.findall("<{}/>".format(match.group().strip(" \n</>")), text)) > 1:
         return MISSING
-    readers = re.finditer(r"<(?:IsListWithExhibit|Navigate|DescribeExhibitSpeech|PerformDeicticGesture|SelectExhibit|"
-                          r"IsMutualGazeDiscovered|IsVisitorResponseYes|HandleFallBack)\b", text)
+    readers = re.finditer(
+        r"<(?:IsListWithExhibit|Navigate|DescribeExhibitSpeech|PerformDeicticGesture|SelectExhibit|"
+        r"IsMutualGazeDiscovered|IsVisitorResponseYes|HandleFallBack)\b", text)
     removed = match.group().count("\n")
     return text[:match.start()] + text[match.end():], {
-        line_of(text, reader.start()) - removed * (reader.start() > match.start()) for reader in readers}
+        line_of(text, reader.start()) - removed * (reader.start() > match.start())
+        for reader in readers
+    }
 
 
 def element_as_text(text, draw):
@@ -248,74 +269,124 @@ def attribute_twice(text, draw):
 
 
 MISTAKES = {
-    "a tag misspelt": by_pattern(r"<(\w+)(?: [^<>]*)?/>", misspelt),
-    "both tags misspelt": both_tags_misspelt,
-    "a tag in lower case": by_pattern(r"<([A-Z]\w+)(?: [^<>]*)?/>", lambda word, _draw: word.lower()),
-    "an attribute misspelt": by_pattern(r" (num_attempts|msec|success_count|failure_count|code|variable|case_1|case_2|"
-                                        r"_skipIf|_onFailure|_onSuccess|_while|_post|queue|target|num_cycles|entry)=",
-                                        misspelt),
-    "a condition without its underscore": by_pattern(r" (_\w+)=\"[^\"]*[=!<>&][^\"]*\"", lambda word, _draw: word[1:]),
-    "an attribute in another case": by_pattern(r" (_skipIf|_onFailure|_onSuccess|_failureIf|ID)=",
-                                               lambda word, _draw: word.lower()),
-    "a call misspelt": by_pattern(r'<SubTree ID="(\w+)"', misspelt),
-    "a closing tag gone": closing_tag_gone,
-    "a closing quote gone": by_pattern(r'="[^"<>]*(")(?: |/|>)', constant("")),
-    "no quotes": by_pattern(r'=("\w+")', lambda word, _draw: word[1:-1]),
-    "a blank between attributes gone": by_pattern(r'"( )\w+="', constant("")),
-    "a slash gone": slash_gone,
-    "a second child": second_child,
-    "a child of a leaf": child_of_a_leaf,
-    "no children": emptied,
-    "a number with a unit": by_pattern(r'(?:msec|delay_msec)="(\d+)"', lambda word, draw: word + draw.choice(
-        [" ms", "ms", " s", " min", "s"])),
-    "a number with a separator": by_pattern(r'msec="(\d+)"', constant("15,000", "1.5", "2,5", "12e4", "1_000",
-                                                                      "10 000")),
-    "a word for a number": by_pattern(r'(?:msec|num_attempts|num_cycles|success_count)="(\d+)"',
-                                      constant("three", "", "ten", "-", "x3")),
-    "no rounds": by_pattern(r'(?:num_attempts|num_cycles)="(\d+)"', constant("0", "-2", "-3")),
-    "too many wanted": by_pattern(r'success_count="(\d+)"', constant("3", "5", "0")),
-    "a needed attribute gone": attribute_gone(
-        r'\s(?:num_attempts|msec|num_cycles|code|delay_msec|ID|if|queue)="[^"]*"'),
-    "an unknown attribute": by_pattern(r"<(?:\w+Speech|Sleep|Navigate|Is\w+)(/)>", constant(
-        ' text="hello"/', ' wait="5"/', ' onSuccess="x := 1"/')),
-    "an entry misspelt": entry_misspelt,
-    "an entry misspelt in a condition": by_pattern(r'(?:_skipIf|_while|_failureIf|if)="[^"]*?([a-z]{4,})[^"]*"',
-                                                   misspelt),
-    "a brace gone": by_pattern(r'"\{\w+(\})"', constant("")),
-    "a dollar": by_pattern(r'"(\{)\w+\}"', constant("${")),
-    "braces forgotten": by_pattern(r'(?:variable|known|tone)="(\{\w+\})"', lambda word, _draw: word[1:-1]),
-    "created with =": by_pattern(r"(?:visits|@battery) (:=) [^;\"]+", constant("=")),
-    "= for ==": by_pattern(r'(?:_skipIf|code)="[^":]*? (==) ', constant("=")),
-    "== for :=": by_pattern(r'_on\w+="[^"]* (:=|=) ', constant("==")),
-    "a word for an operator": by_pattern(r" (&amp;&amp;|\|\|) ", constant("and", "or", "AND")),
-    "not for !": by_pattern(r'"(!)', constant("not ")),
-    "double quotes in a script": by_pattern(r"('\w+')\"", lambda word, _draw: "&quot;" + word[1:-1] + "&quot;"),
-    "a quote gone in a script": by_pattern(r"'\w+(')", constant("")),
-    "an operator from elsewhere": by_pattern(r" (==|!=|>|&lt;) ", constant("===", "=&gt;", "=&lt;", "&lt;&gt;", "!==")),
-    "a parenthesis too many": by_pattern(r'(?:_on\w+|_skipIf|_while|code)="[^"]*(")', constant(')"')),
-    "a text compared with a number": by_pattern(r"mood == ('\w+')", constant("1", "true")),
-    "a case with a comma": by_pattern(r'case_\d="\w+(")', constant(',"', ' "', ";\"")),
-    "the same case": by_pattern(r'case_2="(\w+)"', constant("good")),
-    "a recovery that comes first": recovery_first,
-    "a tree that contains itself": circle,
-    "an element as a text": element_as_text,
-    "an attribute twice": attribute_twice,
-    "a port of the model misspelt": by_pattern(r'<SubTree ID="Greet".*? (known|tone|pause)=', misspelt),
-    "a wrong status": by_pattern(r'else="(\w+)"', constant("success", "OK")),
-    "a place that is none": by_pattern(r'target="([^"]*)"', constant("2.5,1,90", "2.5;1", "kitchen")),
-    "another kind": by_pattern(r"<(WelcomeSpeech|IsVisitorDiscovered|Navigate)(?: [^<>]*)?/>",
-                               lambda word, _draw: ('Action ID="{}"' if word[0] == "I" else 'Condition ID="{}"').format(
-                                   word)),
-    "a tree's own name misspelt": definition_misspelt,
-    "a port of the model not given": attribute_gone(r' (?:known|tone)="[^"]*"'),
-    "a writer gone": writer_gone,
-    "a version 3 name": by_pattern(r"<(SubTree) ID", constant("SubTreePlus", "Subtree")),
+    "a tag misspelt":
+        by_pattern(r"<(\w+)(?: [^<>]*)?/>", misspelt),
+    "both tags misspelt":
+        both_tags_misspelt,
+    "a tag in lower case":
+        by_pattern(r"<([A-Z]\w+)(?: [^<>]*)?/>", lambda word, _draw: word.lower()),
+    "an attribute misspelt":
+        by_pattern(
+            r" (num_attempts|msec|success_count|failure_count|code|variable|case_1|case_2|"
+            r"_skipIf|_onFailure|_onSuccess|_while|_post|queue|target|num_cycles|entry)=",
+            misspelt),
+    "a condition without its underscore":
+        by_pattern(r" (_\w+)=\"[^\"]*[=!<>&][^\"]*\"", lambda word, _draw: word[1:]),
+    "an attribute in another case":
+        by_pattern(r" (_skipIf|_onFailure|_onSuccess|_failureIf|ID)=",
+                   lambda word, _draw: word.lower()),
+    "a call misspelt":
+        by_pattern(r'<SubTree ID="(\w+)"', misspelt),
+    "a closing tag gone":
+        closing_tag_gone,
+    "a closing quote gone":
+        by_pattern(r'="[^"<>]*(")(?: |/|>)', constant("")),
+    "no quotes":
+        by_pattern(r'=("\w+")', lambda word, _draw: word[1:-1]),
+    "a blank between attributes gone":
+        by_pattern(r'"( )\w+="', constant("")),
+    "a slash gone":
+        slash_gone,
+    "a second child":
+        second_child,
+    "a child of a leaf":
+        child_of_a_leaf,
+    "no children":
+        emptied,
+    "a number with a unit":
+        by_pattern(r'(?:msec|delay_msec)="(\d+)"',
+                   lambda word, draw: word + draw.choice([" ms", "ms", " s", " min", "s"])),
+    "a number with a separator":
+        by_pattern(r'msec="(\d+)"', constant("15,000", "1.5", "2,5", "12e4", "1_000", "10 000")),
+    "a word for a number":
+        by_pattern(r'(?:msec|num_attempts|num_cycles|success_count)="(\d+)"',
+                   constant("three", "", "ten", "-", "x3")),
+    "no rounds":
+        by_pattern(r'(?:num_attempts|num_cycles)="(\d+)"', constant("0", "-2", "-3")),
+    "too many wanted":
+        by_pattern(r'success_count="(\d+)"', constant("3", "5", "0")),
+    "a needed attribute gone":
+        attribute_gone(r'\s(?:num_attempts|msec|num_cycles|code|delay_msec|ID|if|queue)="[^"]*"'),
+    "an unknown attribute":
+        by_pattern(r"<(?:\w+Speech|Sleep|Navigate|Is\w+)(/)>",
+                   constant(' text="hello"/', ' wait="5"/', ' onSuccess="x := 1"/')),
+    "an entry misspelt":
+        entry_misspelt,
+    "an entry misspelt in a condition":
+        by_pattern(r'(?:_skipIf|_while|_failureIf|if)="[^"]*?([a-z]{4,})[^"]*"', misspelt),
+    "a brace gone":
+        by_pattern(r'"\{\w+(\})"', constant("")),
+    "a dollar":
+        by_pattern(r'"(\{)\w+\}"', constant("${")),
+    "braces forgotten":
+        by_pattern(r'(?:variable|known|tone)="(\{\w+\})"', lambda word, _draw: word[1:-1]),
+    "created with =":
+        by_pattern(r"(?:visits|@battery) (:=) [^;\"]+", constant("=")),
+    "= for ==":
+        by_pattern(r'(?:_skipIf|code)="[^":]*? (==) ', constant("=")),
+    "== for :=":
+        by_pattern(r'_on\w+="[^"]* (:=|=) ', constant("==")),
+    "a word for an operator":
+        by_pattern(r" (&amp;&amp;|\|\|) ", constant("and", "or", "AND")),
+    "not for !":
+        by_pattern(r'"(!)', constant("not ")),
+    "double quotes in a script":
+        by_pattern(r"('\w+')\"", lambda word, _draw: "&quot;" + word[1:-1] + "&quot;"),
+    "a quote gone in a script":
+        by_pattern(r"'\w+(')", constant("")),
+    "an operator from elsewhere":
+        by_pattern(r" (==|!=|>|&lt;) ", constant("===", "=&gt;", "=&lt;", "&lt;&gt;", "!==")),
+    "a parenthesis too many":
+        by_pattern(r'(?:_on\w+|_skipIf|_while|code)="[^"]*(")', constant(')"')),
+    "a text compared with a number":
+        by_pattern(r"mood == ('\w+')", constant("1", "true")),
+    "a case with a comma":
+        by_pattern(r'case_\d="\w+(")', constant(',"', ' "', ";\"")),
+    "the same case":
+        by_pattern(r'case_2="(\w+)"', constant("good")),
+    "a recovery that comes first":
+        recovery_first,
+    "a tree that contains itself":
+        circle,
+    "an element as a text":
+        element_as_text,
+    "an attribute twice":
+        attribute_twice,
+    "a port of the model misspelt":
+        by_pattern(r'<SubTree ID="Greet".*? (known|tone|pause)=', misspelt),
+    "a wrong status":
+        by_pattern(r'else="(\w+)"', constant("success", "OK")),
+    "a place that is none":
+        by_pattern(r'target="([^"]*)"', constant("2.5,1,90", "2.5;1", "kitchen")),
+    "another kind":
+        by_pattern(
+            r"<(WelcomeSpeech|IsVisitorDiscovered|Navigate)(?: [^<>]*)?/>", lambda word, _draw:
+            ('Action ID="{}"' if word[0] == "I" else 'Condition ID="{}"').format(word)),
+    "a tree's own name misspelt":
+        definition_misspelt,
+    "a port of the model not given":
+        attribute_gone(r' (?:known|tone)="[^"]*"'),
+    "a writer gone":
+        writer_gone,
+    "a version 3 name":
+        by_pattern(r"<(SubTree) ID", constant("SubTreePlus", "Subtree")),
 }
 
 
 def missions():
     with open(folders.mission("lab_tour"), encoding="utf-8") as file:
-        return [file.read(), WITH_DATA, WITH_DATA]  # most kinds of mistakes are possible only with data
+        # most kinds of mistakes are possible only with data
+        return [file.read(), WITH_DATA, WITH_DATA]
 
 
 def told(text):

@@ -1,4 +1,5 @@
-"""What py_trees' own manager, visitors and display find in a tree, and what a py_trees behaviour finds as a leaf."""
+"""What py_trees' own manager, visitors and display find in a tree, and what a py_trees behaviour
+finds as a leaf."""
 import re
 
 import py_trees
@@ -59,12 +60,15 @@ REGISTRY = bt.Registry(bt.builtin_specs() + [
 
 
 def load(body, rest="", clock=None):
-    return bt.load_text("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{}</BehaviorTree>{}</root>"
-                        .format(body, rest), REGISTRY, "m.xml", clock=clock or bt.ManualClock())
+    return bt.load_text(
+        "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{}</BehaviorTree>{}</"
+        "root>"
+        .format(body, rest), REGISTRY, "m.xml", clock=clock or bt.ManualClock())
 
 
 class Watched:
-    """py_trees' manager of a tree; ``seen`` holds name and status of each node that the last tick showed to a visitor."""
+    """py_trees' manager of a tree; ``seen`` holds name and status of each node that the last tick
+    showed to a visitor."""
 
     def __init__(self, tree, root=None):
         self.tree, self.seen = tree, []
@@ -94,12 +98,13 @@ class Watched:
         return {node.name: node.status for node in self.tree.nodes}
 
 
-# --------------------------------------------------------------------------------------------------------- the manager
+# -------------------------------------------------------------------------------------- the manager
 
 
-@pytest.mark.parametrize("body, result", [
-    ("<Sleep msec='50'/>", Status.SUCCESS), ("<Delay delay_msec='50'><AlwaysFailure/></Delay>", Status.FAILURE),
-    ("<Timeout msec='50'><Sleep msec='60000'/></Timeout>", Status.FAILURE)])
+@pytest.mark.parametrize("body, result",
+                         [("<Sleep msec='50'/>", Status.SUCCESS),
+                          ("<Delay delay_msec='50'><AlwaysFailure/></Delay>", Status.FAILURE),
+                          ("<Timeout msec='50'><Sleep msec='60000'/></Timeout>", Status.FAILURE)])
 def test_timers_run_under_the_manager(body, result):
     watched = Watched(load(body))
     assert watched.tick() is Status.RUNNING
@@ -110,7 +115,9 @@ def test_timers_run_under_the_manager(body, result):
 
 
 def test_tick_tock_comes_to_the_end_in_real_time():
-    tree = load("<Sequence><Delay delay_msec='20'><AlwaysSuccess/></Delay><Sleep msec='20'/></Sequence>", clock=bt.Clock())
+    tree = load(
+        "<Sequence><Delay delay_msec='20'><AlwaysSuccess/></Delay><Sleep msec='20'/></Sequence>",
+        clock=bt.Clock())
     manager, ends = py_trees.trees.BehaviourTree(tree.root), []
 
     def look(manager):
@@ -123,22 +130,26 @@ def test_tick_tock_comes_to_the_end_in_real_time():
 
 
 def test_visitors_see_what_was_ticked_with_its_result_and_children_first():
-    watched = Watched(load("<Sequence><AlwaysSuccess name='a'/><Fallback name='f'><AlwaysFailure name='b'/>"
-                           "<Sleep name='c' msec='10'/><AlwaysSuccess name='d'/></Fallback>"
-                           "<ForceSuccess name='e'><AlwaysFailure name='g'/></ForceSuccess></Sequence>"))
+    watched = Watched(
+        load("<Sequence><AlwaysSuccess name='a'/><Fallback name='f'><AlwaysFailure name='b'/>"
+             "<Sleep name='c' msec='10'/><AlwaysSuccess name='d'/></Fallback>"
+             "<ForceSuccess name='e'><AlwaysFailure name='g'/></ForceSuccess></Sequence>"))
     watched.tick()
-    assert watched.seen == [("a", Status.SUCCESS), ("b", Status.FAILURE), ("c", Status.RUNNING), ("f", Status.RUNNING),
-                            ("Sequence", Status.RUNNING)]
+    assert watched.seen == [("a", Status.SUCCESS), ("b", Status.FAILURE), ("c", Status.RUNNING),
+                            ("f", Status.RUNNING), ("Sequence", Status.RUNNING)]
     assert watched.manager.tip().name == "c" and watched.manager.root.current_child.name == "f"
     assert watched.snapshot.changed
     watched.tick()
-    assert watched.seen == [("c", Status.RUNNING), ("f", Status.RUNNING), ("Sequence", Status.RUNNING)]
+    assert watched.seen == [("c", Status.RUNNING), ("f", Status.RUNNING),
+                            ("Sequence", Status.RUNNING)]
     assert watched.tick(0.02) is Status.SUCCESS
-    assert watched.seen == [("c", Status.SUCCESS), ("f", Status.SUCCESS), ("g", Status.FAILURE), ("e", Status.SUCCESS),
-                            ("Sequence", Status.SUCCESS)]
+    assert watched.seen == [("c", Status.SUCCESS), ("f", Status.SUCCESS), ("g", Status.FAILURE),
+                            ("e", Status.SUCCESS), ("Sequence", Status.SUCCESS)]
     # what was ticked still shows it after the tick; the engine has reset all of it
-    assert watched.statuses() == {"Sequence": Status.SUCCESS, "a": Status.INVALID, "f": Status.SUCCESS, "b": Status.INVALID,
-                                  "c": Status.SUCCESS, "d": Status.INVALID, "e": Status.SUCCESS, "g": Status.FAILURE}
+    assert watched.statuses() == {
+        "Sequence": Status.SUCCESS, "a": Status.INVALID, "f": Status.SUCCESS, "b": Status.INVALID,
+        "c": Status.SUCCESS, "d": Status.INVALID, "e": Status.SUCCESS, "g": Status.FAILURE
+    }
     assert watched.manager.tip().name == "g"
     assert {watched.tree.nodes[n].id for n in (0, 2, 4, 6, 7)} == set(watched.snapshot.visited)
 
@@ -147,27 +158,34 @@ def test_ascii_tree_shows_the_statuses_of_the_last_tick():
     watched = Watched(load("<Fallback><AlwaysFailure/><AlwaysSuccess/></Fallback>"))
     watched.tick()
     for draw in (py_trees.display.ascii_tree, py_trees.display.unicode_tree):
-        lines = re.sub("\x1b\\[[0-9;]*m", "", draw(watched.tree.root, show_status=True)).splitlines()
+        lines = re.sub("\x1b\\[[0-9;]*m", "", draw(watched.tree.root,
+                                                   show_status=True)).splitlines()
         ok, wrong = "ox" if draw is py_trees.display.ascii_tree else (
             py_trees.console.check_mark, py_trees.console.multiplication_x)
         assert [line.strip().split(" ", 1)[1] for line in lines] == [
-            "Fallback [{}]".format(ok), "AlwaysFailure [{}]".format(wrong), "AlwaysSuccess [{}]".format(ok)]
+            "Fallback [{}]".format(ok), "AlwaysFailure [{}]".format(wrong),
+            "AlwaysSuccess [{}]".format(ok)
+        ]
 
 
 def test_what_is_skipped_or_was_halted_is_invalid_to_py_trees():
-    watched = Watched(load("<Parallel failure_count='1' success_count='1'><AlwaysSuccess name='s' _skipIf='true'/>"
-                           "<Sleep name='r' msec='9'/><AlwaysFailure name='f'/></Parallel>"))
+    watched = Watched(
+        load(
+            "<Parallel failure_count='1' success_count='1'><AlwaysSuccess name='s' _skipIf='true'/>"
+            "<Sleep name='r' msec='9'/><AlwaysFailure name='f'/></Parallel>"))
     assert watched.tick() is Status.FAILURE
     assert watched.seen == [("s", Status.INVALID), ("r", Status.INVALID), ("f", Status.FAILURE),
                             ("Parallel", Status.FAILURE)]
 
 
 def test_a_tree_that_is_skipped_is_no_longer_running():
-    assert Watched(load("<Sequence><AlwaysSuccess _skipIf='true'/></Sequence>")).tick() is Status.INVALID
+    assert Watched(
+        load("<Sequence><AlwaysSuccess _skipIf='true'/></Sequence>")).tick() is Status.INVALID
 
 
 def test_the_engine_goes_by_its_own_statuses():
-    body = "<Sequence><AlwaysSuccess/><RetryUntilSuccessful num_attempts='2'><AlwaysFailure/></RetryUntilSuccessful></Sequence>"
+    body = ("<Sequence><AlwaysSuccess/><RetryUntilSuccessful "
+            "num_attempts='2'><AlwaysFailure/></RetryUntilSuccessful></Sequence>")
     watched, other = Watched(load(body)), load(body)
     for _ in range(5):
         changes, told = [], []
@@ -182,16 +200,19 @@ def test_the_engine_goes_by_its_own_statuses():
 
 
 def test_an_interrupt_halts():
-    watched = Watched(load("<Sequence><AlwaysSuccess/><Sleep msec='9' _onHalted='x := 1'/></Sequence>"))
+    watched = Watched(
+        load("<Sequence><AlwaysSuccess/><Sleep msec='9' _onHalted='x := 1'/></Sequence>"))
     watched.tick()
     watched.manager.root.stop(Status.INVALID)
     assert watched.tree.blackboard.get("x") == 1
     assert set(watched.statuses().values()) == {Status.INVALID} and watched.manager.tip() is None
 
 
-@pytest.mark.parametrize("halt", [lambda tree: tree.halt(), lambda tree: tree.root.stop(Status.INVALID)])
+@pytest.mark.parametrize("halt",
+                         [lambda tree: tree.halt(), lambda tree: tree.root.stop(Status.INVALID)])
 def test_a_halt_after_the_end_has_nothing_to_do(halt):
-    watched = Watched(load("<Sequence><AlwaysSuccess/><Inverter><AlwaysFailure/></Inverter></Sequence>"))
+    watched = Watched(
+        load("<Sequence><AlwaysSuccess/><Inverter><AlwaysFailure/></Inverter></Sequence>"))
     watched.tick()
     changes = []
     watched.tree.subscribe(lambda node, old, new: changes.append((node.uid, old, new)))
@@ -200,14 +221,16 @@ def test_a_halt_after_the_end_has_nothing_to_do(halt):
 
 
 def test_a_part_of_a_tree_has_a_manager_of_its_own():
-    tree = load("<Sequence><AlwaysSuccess/><Fallback name='part'><AlwaysFailure/><Sleep msec='9'/></Fallback></Sequence>")
+    tree = load("<Sequence><AlwaysSuccess/><Fallback name='part'><AlwaysFailure/><Sleep "
+                "msec='9'/></Fallback></Sequence>")
     watched = Watched(tree, tree.nodes[2])
     assert watched.tick() is Status.RUNNING and watched.seen[-1] == ("part", Status.RUNNING)
     assert watched.tick(0.01) is Status.SUCCESS
 
 
 def test_a_mission_is_a_part_of_a_tree_of_py_trees():
-    tree = load("<Sequence name='mission'><AlwaysSuccess name='a'/><Sleep name='nap' msec='10' _onHalted='x := 1'/></Sequence>")
+    tree = load("<Sequence name='mission'><AlwaysSuccess name='a'/><Sleep name='nap' msec='10' "
+                "_onHalted='x := 1'/></Sequence>")
     after = py_trees.behaviours.Success("after")
     whole = py_trees.composites.Sequence("whole", True, [tree.root, after])
     manager = py_trees.trees.BehaviourTree(py_trees.composites.Selector("top", False, [
@@ -223,17 +246,17 @@ def test_a_mission_is_a_part_of_a_tree_of_py_trees():
 
 
 def test_conditions_and_repeated_children_are_seen_once():
-    watched = Watched(load("<Repeat num_cycles='2'><Sequence _while='true'><Sleep msec='5'/><AlwaysSuccess name='a'/>"
-                           "</Sequence></Repeat>"))
+    watched = Watched(load("<Repeat num_cycles='2'><Sequence _while='true'><Sleep "
+                           "msec='5'/><AlwaysSuccess name='a'/></Sequence></Repeat>"))
     watched.tick()
     watched.tick(0.006)
-    assert watched.seen == [("Sleep", Status.RUNNING), ("a", Status.SUCCESS), ("Sequence", Status.RUNNING),
-                            ("Repeat", Status.RUNNING)]
+    assert watched.seen == [("Sleep", Status.RUNNING), ("a", Status.SUCCESS),
+                            ("Sequence", Status.RUNNING), ("Repeat", Status.RUNNING)]
 
 
 def test_an_exception_comes_through_the_manager_with_its_place():
     watched = Watched(load("<Sequence>\n <Blank name='b'/></Sequence>"))
-    with pytest.raises(bt.TickError, match=r"Exception in node 'b' \[Blank\]: m.xml:2:2: its update returned INVALID or no"):
+    with pytest.raises(bt.TickError, match=r"'b' \[Blank\]: m.xml:2:2: .*INVALID"):
         watched.tick()
 
 
@@ -245,15 +268,27 @@ def test_two_thousand_levels():
 def test_children_are_those_of_the_file():
     tree = load("<Sequence>\n<Fallback name='f'><AlwaysSuccess/></Fallback></Sequence>")
     manager = py_trees.trees.BehaviourTree(tree.root)
-    for change in (lambda: manager.prune_subtree(tree.nodes[2].id),
-                   lambda: manager.insert_subtree(py_trees.behaviours.Success("s"), tree.nodes[1].id, 0),
-                   lambda: manager.replace_subtree(tree.nodes[2].id, py_trees.behaviours.Success("s"))):
-        with pytest.raises(bt.NodeError, match="m.xml:2:1: the children of f are those of its file"):
+    fallback, child = tree.nodes[1:3]
+    other = py_trees.behaviours.Success("s")
+    for change in (
+            lambda: manager.prune_subtree(child.id),
+            lambda: manager.insert_subtree(other, fallback.id, 0),
+            lambda: manager.replace_subtree(child.id, other),
+            lambda: fallback.add_child(other),
+            lambda: fallback.add_children([]),
+            lambda: fallback.insert_child(other, index=0),
+            lambda: fallback.prepend_child(other),
+            lambda: fallback.replace_child(child, other),
+            lambda: fallback.remove_child(child),
+            lambda: fallback.remove_child_by_id(child.id),
+            lambda: fallback.remove_all_children()):
+        with pytest.raises(bt.NodeError,
+                           match="m.xml:2:1: the children of f are those of its file"):
             change()
     assert [node.name for node in tree.root.iterate()] == ["AlwaysSuccess", "f", "Sequence"]
 
 
-# --------------------------------------------------------------------------------------------------------- behaviours
+# --------------------------------------------------------------------------------------- behaviours
 
 
 def leaf_of(tree):
@@ -266,8 +301,8 @@ def test_a_behaviour_lives_as_in_py_trees():
     leaf = leaf_of(tree)
     assert leaf.name == "s" and leaf.behaviour.has_parent_with_name("Sequence")
     assert [tree.tick_once() for _ in range(3)] == [Status.RUNNING, Status.RUNNING, Status.SUCCESS]
-    assert leaf.behaviour.calls == [("setup", {"robot": 1}), "initialise", "update", "update", "update",
-                                    (Status.RUNNING, Status.SUCCESS)]
+    assert leaf.behaviour.calls == [("setup", {"robot": 1}), "initialise", "update", "update",
+                                    "update", (Status.RUNNING, Status.SUCCESS)]
     assert leaf.feedback_message == "0 left"
     tree.tick_once()
     assert leaf.behaviour.calls[6:] == ["initialise", "update"]
@@ -278,13 +313,15 @@ def test_a_behaviour_under_py_trees_manager_is_itself_to_the_tools():
     watched.manager.setup()
     watched.tick()
     leaf = leaf_of(watched.tree)
-    assert watched.seen[0] == ("s", Status.RUNNING) and leaf.behaviour.id in watched.snapshot.visited
+    assert watched.seen[0] == ("s",
+                               Status.RUNNING) and leaf.behaviour.id in watched.snapshot.visited
     assert "2 left" in py_trees.display.ascii_tree(watched.tree.root, show_status=True)
     assert leaf.behaviour.calls[0] == ("setup", {})
 
 
 def test_a_halt_terminates_a_running_behaviour_alone():
-    tree = load("<Timeout msec='10'><Sequence><Steps name='s'/><Sleep msec='100'/></Sequence></Timeout>")
+    tree = load(
+        "<Timeout msec='10'><Sequence><Steps name='s'/><Sleep msec='100'/></Sequence></Timeout>")
     tree.tick_once()
     tree.clock.advance(0.02)
     calls = leaf_of(tree).behaviour.calls
@@ -329,26 +366,30 @@ def test_a_behaviour_comes_to_its_end_in_real_time():
 @pytest.mark.parametrize("leaf", ["Blank", "Invalid"])
 def test_a_behaviour_without_a_status_is_an_error(leaf):
     tree = load("<Fallback><{}/></Fallback>".format(leaf))
-    with pytest.raises(bt.TickError, match=r"\[{}\]: m.xml:1:80: its update returned INVALID or no status".format(leaf)):
+    with pytest.raises(
+            bt.TickError,
+            match=r"\[{}\]: m.xml:1:80: its update returned INVALID or no status".format(leaf)):
         tree.tick_once()
 
 
-@pytest.mark.parametrize("body, words", [
-    ("<Sequence><Same/><Same/></Sequence>", "Same cannot be made: ValueError: its factory returned the same behaviour twice"),
-    ("<Below><AlwaysSuccess/></Below>", "a py_trees behaviour is a leaf")])
-def test_a_behaviour_that_cannot_have_its_place(body, words):
+@pytest.mark.parametrize("body, error", [("<Sequence><Same/><Same/></Sequence>", "Same "),
+                                         ("<Below><AlwaysSuccess/></Below>", "Below ")])
+def test_a_behaviour_that_cannot_have_its_place(body, error):
     ONE.parent = None
     with pytest.raises(bt.MissionError) as raised:
         load(body)
-    assert len(raised.value.faults) == 1 and words in str(raised.value) and str(raised.value).startswith("m.xml:1:")
+    fault, = raised.value.faults
+    assert (fault.file, fault.line, fault.code) == ("m.xml", 1,
+                                                    "node-broken") and fault.text.startswith(error)
 
 
-# -------------------------------------------------------------------------------------------------------- blackboards
+# -------------------------------------------------------------------------------------- blackboards
 
-ENTRIES = ("<Sequence><Script code='x := y'/><SetBlackboard value='{x}' output_key='z'/><SubTree ID='T' inner='{x}' given='3'/>"
-           "</Sequence>")
-TREE_T = ("<BehaviorTree ID='T'><Sequence><Precondition if='inner == 1'><AlwaysSuccess/></Precondition>"
-          "<SetBlackboard value='2' output_key='own'/></Sequence></BehaviorTree>")
+ENTRIES = ("<Sequence><Script code='x := y'/><SetBlackboard value='{x}' output_key='z'/><SubTree "
+           "ID='T' inner='{x}' given='3'/></Sequence>")
+TREE_T = (
+    "<BehaviorTree ID='T'><Sequence><Precondition if='inner == 1'><AlwaysSuccess/></Precondition>"
+    "<SetBlackboard value='2' output_key='own'/></Sequence></BehaviorTree>")
 
 
 @pytest.fixture(name="shown")
@@ -364,12 +405,17 @@ def py_trees_blackboard():
 
 def test_py_trees_draws_the_entries_of_a_tree(shown):
     tree = load(ENTRIES, TREE_T)
-    dot = py_trees.display.dot_tree(tree.root, visibility_level=VisibilityLevel.ALL, with_blackboard_variables=True)
-    edges = {(edge.get_source().strip('"'), edge.get_destination().strip('"')) for edge in dot.get_edge_list()}
+    dot = py_trees.display.dot_tree(tree.root, visibility_level=VisibilityLevel.ALL,
+                                    with_blackboard_variables=True)
+    edges = {(edge.get_source().strip('"'), edge.get_destination().strip('"'))
+             for edge in dot.get_edge_list()}
     entries = {"/M/x", "/M/y", "/M/z", "/M/T #4/own"}
-    assert {edge for edge in edges if set(edge) & entries} == {
-        ("/M/y", "Script"), ("Script", "/M/x"), ("/M/x", "SetBlackboard"), ("SetBlackboard", "/M/z"),
-        ("/M/x", "Precondition"), ("SetBlackboard*", "/M/T #4/own")}
+    assert {edge for edge in edges if set(edge) & entries} == {("/M/y", "Script"),
+                                                               ("Script", "/M/x"),
+                                                               ("/M/x", "SetBlackboard"),
+                                                               ("SetBlackboard", "/M/z"),
+                                                               ("/M/x", "Precondition"),
+                                                               ("SetBlackboard*", "/M/T #4/own")}
     assert shown.keys() == entries
 
 

@@ -6,14 +6,17 @@ import time
 
 import pytest
 
+from behavior_controller.execution.observed_gateway import ObservedGateway
 from behavior_controller.bt.engine.clock import ManualClock
-from behavior_controller.events import LeafFinished, Noticed, PassFinished, RunStarted, Sources
-from behavior_controller.gateway import Cause, Failure, FakeGateway, FakeTopics, Sample
-from behavior_controller.interface.document import SPEECH
-from behavior_controller.interface.records import Answer, Say
+from behavior_controller.execution.events import (
+    LeafFinished, Noticed, PassFinished, RunStarted, Sources)
+from behavior_controller.robot.gateway import Cause, Failure, FakeGateway, FakeTopics, Sample
+from behavior_controller.robot.d543 import INTERFACE, SPEECH
+from behavior_controller.robot.requests import Answer, Location, Say
 from behavior_controller.text import Source
-from behavior_controller.watch import record as module
-from behavior_controller.watch.record import Record, new_folder
+from behavior_controller.monitoring.record import recorder as module
+from behavior_controller.monitoring.record.recorder import Record, new_folder
+from mission_rig import Rig
 
 
 def lines(record):
@@ -21,41 +24,58 @@ def lines(record):
     record.close()
     with open(record.path, encoding="utf-8") as file:
         header, *found = [json.loads(line) for line in file]
-    assert (header["event"], header["format"], header["version"], header["pid"]) == (
-        "Header", "behaviorController record", 3, os.getpid())
-    return found
+    assert (header["format"], header["version"], header["pid"]) == ("behaviorController record", 9,
+                                                                    os.getpid())
+    return [line["event"] for line in found]
 
 
 def test_events_are_written_as_they_happen(tmp_path):
-    record = Record(str(tmp_path / "new folder"), ManualClock(), complain=None)
-    record(RunStarted("/m.xml", [["a", "Navigate"]], {"asrEnabled": True}, Sources(
-        (Source("/m.xml", "<root/>"),), Source("/p.ini", "yes yes\n"), Source("/r.ini", "budget 1 1\n"), "R")))
+    record = Record(str(tmp_path / "new folder"), ManualClock(), complain=None).open()
+    record(
+        RunStarted(
+            "/m.xml", [("a", "Navigate")], {"asrEnabled": True},
+            Sources((Source("/m.xml", "<root/>"), ), Source("/p.ini", "yes yes\n"),
+                    Source("/r.ini", "budget 1 1\n"), "R")))
     record(LeafFinished(7, "Navigate", "go/a", "FAILURE", "/robotNavigation/set_goal", 0.5,
                         Failure(Cause.REFUSED, "no", "/robotNavigation/set_goal")))
     first, second = lines(record)
-    assert (first["event"], first["leaves"], first["settings"]) == (
+    assert (first["_type"], first["leaves"], first["settings"]) == (
         "RunStarted", [["a", "Navigate"]], {"asrEnabled": True})
     assert first["sources"] == {
-        "documents": [{"file": "/m.xml", "text": "<root/>"}], "phrases": {"file": "/p.ini", "text": "yes yes\n"},
-        "policy": {"file": "/r.ini", "text": "budget 1 1\n"}, "interface": "R", "knowledge": []}
-    assert second["failure"] == {"cause": "refused", "message": "no", "resource": "/robotNavigation/set_goal"}
-    assert (second["node"], second["path"], second["status"], second["seconds"]) == ("Navigate", "go/a", "FAILURE", 0.5)
+        "documents": [["/m.xml", "<root/>"]], "phrases": ["/p.ini", "yes yes\n"],
+        "policy": ["/r.ini", "budget 1 1\n"], "interface": "R", "knowledge": []}
+    assert second["failure"] == {
+        "_type": "Failure", "cause": "refused", "message": "no",
+        "resource": "/robotNavigation/set_goal"
+    }
+    assert (second["node"], second["path"], second["status"],
+            second["seconds"]) == ("Navigate", "go/a", "FAILURE", 0.5)
 
 
 def test_a_folder_that_cannot_be_written_is_one_complaint(tmp_path):
     (tmp_path / "file").write_text("")
     complaints = []
-    record = Record(str(tmp_path / "file"), ManualClock(), complaints.append)
+    record = Record(str(tmp_path / "file"), ManualClock(), complaints.append).open()
     record(PassFinished(1, "SUCCESS", 1.0))
     record.close()
     assert not record.is_kept
-    assert complaints == ["no record is written to {}: File exists; the mission goes on".format(record.path)]
+    assert complaints == [
+        "no record is written to {}: File exists; the mission goes on".format(record.path)
+    ]
+
+
+def test_until_it_is_opened_an_earlier_record_stays(tmp_path):
+    (tmp_path / "mission.jsonl").write_text("earlier")
+    record = Record(str(tmp_path), ManualClock(), complain=None)
+    record(PassFinished(1, "SUCCESS", 1.0))
+    record.close()
+    assert (tmp_path / "mission.jsonl").read_text() == "earlier"
 
 
 def test_a_disk_that_is_full_is_one_complaint(tmp_path):
     os.symlink("/dev/full", str(tmp_path / "mission.jsonl"))
     complaints = []
-    record = Record(str(tmp_path), ManualClock(), complaints.append)
+    record = Record(str(tmp_path), ManualClock(), complaints.append).open()
     for number in range(3):
         record(PassFinished(number, "SUCCESS", 1.0))
     record.close()
@@ -63,11 +83,12 @@ def test_a_disk_that_is_full_is_one_complaint(tmp_path):
 
 
 def test_what_happened_is_in_the_file_before_the_node_ends(tmp_path):
-    record = Record(str(tmp_path), ManualClock(), complain=None)
-    assert [thread.daemon for thread in threading.enumerate() if thread.name == "record"] == [True]  # a disk may hang
+    record = Record(str(tmp_path), ManualClock(), complain=None).open()
+    # a disk may hang
+    assert [thread.daemon for thread in threading.enumerate() if thread.name == "record"] == [True]
     record(PassFinished(1, "SUCCESS", 1.0))
     ends = time.monotonic() + 10.0
-    while not os.path.exists(record.path) or os.path.getsize(record.path) < 150:
+    while not os.path.exists(record.path) or os.path.getsize(record.path) < 160:
         assert time.monotonic() < ends
         time.sleep(0.01)
     assert record.is_kept and os.stat(record.path).st_mode & 0o111 == 0
@@ -80,7 +101,7 @@ def test_what_happened_is_in_the_file_before_the_node_ends(tmp_path):
 def test_a_record_does_not_grow_for_ever(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "MOST_BYTES", 1000)
     complaints = []
-    record = Record(str(tmp_path), ManualClock(), complaints.append)
+    record = Record(str(tmp_path), ManualClock(), complaints.append).open()
     for number in range(100):
         record(PassFinished(number, "SUCCESS", 1.0))
     assert 5 < len(lines(record)) < 20
@@ -91,7 +112,7 @@ def test_what_does_not_fit_into_the_queue_is_counted_where_it_is_missing(tmp_pat
     monkeypatch.setattr(module, "REST", 60.0)  # until it is closed, as if the disk were that slow
     monkeypatch.setattr(module, "MOST_WAITING", 10)
     complaints = []
-    record = Record(str(tmp_path), ManualClock(), complaints.append)
+    record = Record(str(tmp_path), ManualClock(), complaints.append).open()
     for number in range(12):
         record(PassFinished(number, "SUCCESS", 1.0))
     monkeypatch.setattr(module, "MOST_WAITING", 14)
@@ -99,31 +120,33 @@ def test_what_does_not_fit_into_the_queue_is_counted_where_it_is_missing(tmp_pat
         record(PassFinished(number, "SUCCESS", 1.0))
     found = [line.get("number", line) for line in lines(record)]
     lost = [line for line in found if isinstance(line, dict)]
-    assert [(line["event"], line["lines"]) for line in lost] == [("Lost", 2), ("Lost", 5)]
+    assert [(line["_type"], line["lines"]) for line in lost] == [("Lost", 2), ("Lost", 5)]
     assert found == list(range(10)) + [lost[0], 12, 13, 14, lost[1]]
-    assert complaints == ["the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
-        record.path, number) for number in (2, 5)]
+    assert complaints == [
+        "the record {} lacks {} lines, because the disk is too slow; the mission goes on".format(
+            record.path, number) for number in (2, 5)
+    ]
 
 
 def test_an_answer_is_recorded_once_when_it_is_seen(tmp_path):
-    record = Record(str(tmp_path), ManualClock(), complain=None)
+    record = Record(str(tmp_path), ManualClock(), complain=None).open()
     answers = {}
     robot = FakeGateway(lambda: None, answers.get)
-    gateway = record.gateway(robot)
+    gateway = ObservedGateway(robot, INTERFACE, record)
     early, late = gateway.start(Say("now")), gateway.start(Say("later"))
     assert early.result is None and late.result is None
     robot.calls[1].finish(Failure(Cause.REFUSED, "no", "/x"))
     assert late.result == late.result == Failure(Cause.REFUSED, "no", "/x") and early.result is None
     robot.calls[0].finish(Answer("1"))
     assert early.result == early.result == Answer("1")
-    assert [(line["event"], line["call"]) for line in lines(record)] == [
+    assert [(line["_type"], line["call"]) for line in lines(record)] == [
         ("Asked", 1), ("Asked", 2), ("Answered", 2), ("Answered", 1)]
 
 
 def test_a_recorded_robot_drops_calls_and_wakes_as_it_does(tmp_path):
-    record, woken = Record(str(tmp_path), ManualClock(), complain=None), []
+    record, woken = Record(str(tmp_path), ManualClock(), complain=None).open(), []
     robot, topics = FakeGateway(), FakeTopics(lambda: 7.0, lambda: woken.append(True))
-    record.gateway(robot).start(Say("now")).drop()
+    ObservedGateway(robot, INTERFACE, record).start(Say("now")).drop()
     assert robot.dropped == [Say("now")]
     recorded = record.topics(topics)
     topics.listen = lambda *wanted: woken.append(wanted)
@@ -132,18 +155,45 @@ def test_a_recorded_robot_drops_calls_and_wakes_as_it_does(tmp_path):
     recorded.wake_when("key", SPEECH, lambda text: text == "yes")
     for text in ("no", "yes"):
         topics.publish(SPEECH, text)
-    assert woken == [True] and recorded.newest(SPEECH) == recorded.newest(SPEECH) == Sample("yes", 7.0)
-    assert [(line["event"], line.get("read"), line.get("value")) for line in lines(record)] == [
-        ("Asked", None, None), ("Message", 1, "yes")]
+    assert woken == [True
+                     ] and recorded.newest(SPEECH) == recorded.newest(SPEECH) == Sample("yes", 7.0)
+    assert [(line["_type"], line.get("read"), line.get("value")) for line in lines(record)] == [
+        ("Asked", None, None), ("Message", 1, "no"), ("Message", 1, "yes")]
+
+
+def test_entries_are_recorded_when_they_were_written_and_when_they_have_gone(tmp_path):
+    rig = Rig("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree "
+              "ID='M'><Sequence><SubTree ID='Inner' name='inner'/><Sleep "
+              "msec='9000'/></Sequence></BehaviorTree><BehaviorTree ID='Inner'><Script code='b := "
+              "4'/></BehaviorTree></root>")
+    board = rig.tree.blackboard
+    record = Record(str(tmp_path), rig.clock, complain=None).open()
+    record.show(rig.tree)
+
+    def tick(**entries):
+        for name, value in entries.items():
+            board.unset(name) if value is None else board.set(name, value)
+        rig.tick()
+
+    tick(a=1)
+    tick()
+    tick(a=1)
+    board.unset("a")
+    tick(a=1)
+    tick(a=None)
+    tick(c=[Location(1.0, 2.0, 3.0)] * 99)
+    written = [dict(line["entries"]) for line in lines(record) if line["_type"] == "EntriesWritten"]
+    assert written[:-1] == [{"a": "1", "inner/b": "4"}, {"a": "1"}, {"a": "1"}, {"a": None}]
+    assert list(written[-1]) == ["c"] and 100 < len(written[-1]["c"]) <= 120
 
 
 def test_a_record_that_is_no_regular_file_and_odd_texts_stop_nothing(tmp_path):
     os.mkfifo(str(tmp_path / "mission.jsonl"))
     complaints = []
-    Record(str(tmp_path), ManualClock(), complaints.append).close()
-    Record(str(tmp_path / "a\0b"), ManualClock(), complaints.append).close()
+    Record(str(tmp_path), ManualClock(), complaints.append).open().close()
+    Record(str(tmp_path / "a\0b"), ManualClock(), complaints.append).open().close()
     assert len(complaints) == 2 and all("the mission goes on" in text for text in complaints)
-    record = Record(str(tmp_path / "odd"), ManualClock(), complain=None)
+    record = Record(str(tmp_path / "odd"), ManualClock(), complain=None).open()
     record(Noticed("error", "\ud800 \x1b \U0001f916"))
     assert lines(record)[0]["text"] == "\ud800 \x1b \U0001f916"
 
@@ -151,7 +201,7 @@ def test_a_record_that_is_no_regular_file_and_odd_texts_stop_nothing(tmp_path):
 def test_a_record_is_never_larger_than_is_read_again(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "MOST_BYTES", 2000)
     complaints = []
-    record = Record(str(tmp_path), ManualClock(), complaints.append)
+    record = Record(str(tmp_path), ManualClock(), complaints.append).open()
     for number in range(10):
         record(Noticed("info", "\u20ac" * 100))
     record.close()

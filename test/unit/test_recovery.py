@@ -1,23 +1,25 @@
-"""HandleFallBack and its policy: what is retried, left out, given up, and when the budget is spent."""
+"""HandleFallBack and its policy: what is retried, left out, given up, and when the budget is spent.
+"""
 import dataclasses
 
 import pytest
 
-from behavior_controller import folders, leaves, policy
+from behavior_controller import folders, leaves
+from behavior_controller.config import recovery_policy
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.events import (HealthChanged, LeafFinished, Noticed, Recovered, Recovering, Retried,
-                                        TourAdvanced)
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.health import GONE
-from behavior_controller.interface.records import (Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation,
-                                                   SetAttention)
+from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed, Recovered,
+                                                  Recovering, Retried, StopChanged)
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.execution.health import GONE
+from behavior_controller.robot.requests import (
+    Answer, GoTo, Location, Point, QueryKnowledge, Say, SetAnimation, SetAttention)
 from behavior_controller.leaves.data import TARGET_LOCATION
 from mission_rig import EXHIBITS, one_leaf, refusal, service_of, write
 
 SPEC = {spec.id: spec for spec in leaves.SPECS}
 NODES = list(SPEC)
-DELIVERED = policy.load(folders.config("recoveryPolicy.ini"), leaves.mission_specs())
+DELIVERED = recovery_policy.load(folders.config("recoveryPolicy.ini"), leaves.mission_specs())
 SAFE = [SetAttention("disabled"), SetAnimation("disabled")]
 
 
@@ -63,7 +65,8 @@ def test_a_retry_waits_its_back_off_and_then_twice_as_long():
 
 
 def test_a_step_that_works_at_the_second_attempt_has_its_effects():
-    rig = fallback("<RetrieveListOfExhibits/>", failing(1, Cause.REFUSED, Answer(exhibits=EXHIBITS)))
+    rig = fallback("<RetrieveListOfExhibits/>", failing(1, Cause.REFUSED,
+                                                        Answer(exhibits=EXHIBITS)))
     assert to_the_end(rig) is SUCCESS
     assert rig.tree.blackboard.get("exhibits") == list(EXHIBITS)
     assert [(event.attempts, event.success) for event in rig.of(Recovered)] == [(1, True)]
@@ -99,43 +102,54 @@ def test_the_delivered_policy(node, cause, asked, result):
     assert rig.requests[asked:] == (SAFE if result is FAILURE else [])
 
 
-@pytest.mark.parametrize("node", ["IsVisitorDiscovered", "IsVisitorResponseYes", "IsListWithExhibit", "IsYesNoUttered"])
+@pytest.mark.parametrize(
+    "node", ["IsVisitorDiscovered", "IsVisitorResponseYes", "IsListWithExhibit", "IsYesNoUttered"])
 def test_an_answer_no_is_not_turned_into_a_yes(node):
     rig = fallback("<{}/>".format(node), lambda request: Answer())
     assert to_the_end(rig) is FAILURE
-    assert [(event.failure.cause, event.success) for event in rig.of(Recovered)] == [(Cause.CONDITION_FALSE, False)]
+    assert [(event.failure.cause, event.success)
+            for event in rig.of(Recovered)] == [(Cause.CONDITION_FALSE, False)]
 
 
 def test_without_a_visitors_gaze_the_mission_goes_on():
     assert to_the_end(fallback("<IsMutualGazeDiscovered/>", lambda request: Answer())) is SUCCESS
 
 
-@pytest.mark.parametrize("node", ["Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome"])
+@pytest.mark.parametrize(
+    "node", ["Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome"])
 @pytest.mark.parametrize("cause", list(Cause))
 def test_what_the_tour_rests_on_is_never_skipped(node, cause):
-    assert DELIVERED.rule(SPEC[node], cause).then == policy.GIVE_UP
-    anything_goes = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
-    assert anything_goes.rule(SPEC[node], cause).then == policy.GIVE_UP
+    assert DELIVERED.rule(SPEC[node], cause).then == recovery_policy.GIVE_UP
+    anything_goes = recovery_policy.Policy(
+        (recovery_policy.Rule("*", "*", 0, 0.0, recovery_policy.SKIP), ), 9, 9.0)
+    assert anything_goes.rule(SPEC[node], cause).then == recovery_policy.GIVE_UP
 
 
 def test_other_nodes_may_be_skipped_by_a_rule_for_all():
-    rules = policy.Policy((policy.Rule("*", "*", 0, 0.0, policy.SKIP),), 9, 9.0)
-    assert rules.rule(SPEC["WelcomeSpeech"], Cause.REFUSED).then == policy.SKIP
+    rules = recovery_policy.Policy((recovery_policy.Rule("*", "*", 0, 0.0, recovery_policy.SKIP), ),
+                                   9, 9.0)
+    assert rules.rule(SPEC["WelcomeSpeech"], Cause.REFUSED).then == recovery_policy.SKIP
 
 
 def test_without_a_rule_a_failure_is_given_up():
-    assert str(policy.Policy((), 9, 9.0).rule(SPEC["WelcomeSpeech"], Cause.REFUSED)) == "give up"
+    assert str(recovery_policy.Policy((), 9, 9.0).rule(SPEC["WelcomeSpeech"],
+                                                       Cause.REFUSED)) == "give up"
 
 
-@pytest.mark.parametrize("word, cause", [
-    ("refused", Cause.REFUSED), ("exception", Cause.HANDLER_EXCEPTION), ("no-answer", Cause.NO_ANSWER),
-    ("connection-lost", Cause.CONNECTION_LOST), ("not-reachable", Cause.NOT_REACHABLE),
-    ("not-advertised", Cause.NOT_ADVERTISED), ("type-mismatch", Cause.TYPE_MISMATCH),
-    ("unusable-answer", Cause.UNUSABLE_ANSWER), ("missing-data", Cause.MISSING_DATA),
-    ("condition-false", Cause.CONDITION_FALSE)])
+@pytest.mark.parametrize("word, cause", [("refused", Cause.REFUSED),
+                                         ("exception", Cause.HANDLER_EXCEPTION),
+                                         ("no-answer", Cause.NO_ANSWER),
+                                         ("connection-lost", Cause.CONNECTION_LOST),
+                                         ("not-reachable", Cause.NOT_REACHABLE),
+                                         ("not-advertised", Cause.NOT_ADVERTISED),
+                                         ("type-mismatch", Cause.TYPE_MISMATCH),
+                                         ("unusable-answer", Cause.UNUSABLE_ANSWER),
+                                         ("missing-data", Cause.MISSING_DATA),
+                                         ("condition-false", Cause.CONDITION_FALSE)])
 def test_the_words_for_causes(tmp_path, word, cause):
     rules = read(tmp_path, "budget 5 10\nWelcomeSpeech {} 7 0 skip\n".format(word))
-    assert [other for other in Cause if rules.rule(SPEC["WelcomeSpeech"], other).retries == 7] == [cause]
+    assert [other for other in Cause
+            if rules.rule(SPEC["WelcomeSpeech"], other).retries == 7] == [cause]
     with open(folders.config("recoveryPolicy.ini"), encoding="utf-8") as file:
         explained = file.read().split("# retries")[0]
     assert word in explained.replace(",", "").split()
@@ -151,14 +165,17 @@ def test_nothing_failed_before_is_a_failure():
     rig = one_leaf("<Fallback><AlwaysFailure/><HandleFallBack/></Fallback>")
     assert rig.tick() is FAILURE
     nothing = Failure(Cause.MISSING_DATA, "no mission node failed before")
-    assert rig.of(Recovered) == [Recovered("HandleFallBack", "HandleFallBack::3", nothing, "give up", 0, False,
-                                           "given up", "", 3)]
+    assert rig.of(Recovered) == [
+        Recovered("HandleFallBack", "HandleFallBack::3", nothing, "give up", 0, False, "given up",
+                  "", 3)
+    ]
     assert [event.failure for event in rig.of(LeafFinished)] == [None]  # the event above tells it
     assert rig.requests == []
 
 
 def test_an_old_failure_is_not_handled_again():
-    rig = one_leaf("<Fallback><Sequence><WelcomeSpeech/><AlwaysFailure/></Sequence><HandleFallBack/></Fallback>",
+    rig = one_leaf("<Fallback><Sequence><WelcomeSpeech/><AlwaysFailure/></Sequence>"
+                   "<HandleFallBack/></Fallback>",
                    failing(1, Cause.NO_ANSWER))
     assert to_the_end(rig) is SUCCESS
     assert to_the_end(rig) is FAILURE  # the speech worked: what failed now is not a mission node
@@ -166,7 +183,8 @@ def test_an_old_failure_is_not_handled_again():
 
 def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
     def answer(request):
-        return Failure(Cause.REFUSED, "test", service_of(request)) if isinstance(request, Say) else Answer()
+        return Failure(Cause.REFUSED, "test", service_of(request)) if isinstance(request,
+                                                                                 Say) else Answer()
 
     rig = one_leaf("<Parallel><Fallback><GoodbyeGesture/><HandleFallBack/></Fallback>"
                    "<Fallback><SayGoodByeSpeech/><HandleFallBack/></Fallback></Parallel>", answer)
@@ -175,7 +193,8 @@ def test_each_branch_of_a_parallel_recovers_from_its_own_failure():
 
 
 def test_the_budget_ends_endless_recovery():
-    rig = one_leaf("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>", failing(9999, Cause.NO_ANSWER))
+    rig = one_leaf("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>",
+                   failing(9999, Cause.NO_ANSWER))
     rig.mission.policy = dataclasses.replace(rig.mission.policy, most=2, seconds=100.0)
     assert [to_the_end(rig) for _ in range(3)] == [SUCCESS, SUCCESS, FAILURE]
     rig.clock.advance(99.0)
@@ -189,7 +208,8 @@ def test_beyond_the_budget_nothing_is_retried():
     rig.mission.policy = dataclasses.replace(rig.mission.policy, most=0, seconds=60.0)
     assert to_the_end(rig) is FAILURE
     assert rig.requests[1:] == SAFE
-    assert [event.policy for event in rig.of(Recovered)] == ["give up: the budget of 0 recoveries in 60 s is spent"]
+    assert [event.policy for event in rig.of(Recovered)
+            ] == ["give up: the budget of 0 recoveries in 60 s is spent"]
     rig.mission.policy = dataclasses.replace(rig.mission.policy, most=99)
     assert to_the_end(rig) is SUCCESS
     assert rig.of(Recovered)[-1].policy == "retry 1x, then skip"
@@ -198,9 +218,12 @@ def test_beyond_the_budget_nothing_is_retried():
 def test_another_cause_at_the_second_attempt_has_a_rule_of_its_own():
     # refused, surely not said; then no answer, perhaps said: not a third time
     causes = [Cause.REFUSED, Cause.NO_ANSWER, Cause.REFUSED, Cause.REFUSED]
-    rig = fallback("<WelcomeSpeech/>", lambda request: Failure(causes[len(rig.requests) - 1], "test", service_of(request)))
-    rig.mission.policy = policy.Policy((policy.Rule("*", "refused", 3, 0.5, policy.SKIP),
-                                        policy.Rule("*", "*", 0, 0.0, policy.SKIP)), 9, 9.0)
+    rig = fallback(
+        "<WelcomeSpeech/>",
+        lambda request: Failure(causes[len(rig.requests) - 1], "test", service_of(request)))
+    rig.mission.policy = recovery_policy.Policy(
+        (recovery_policy.Rule("*", "refused", 3, 0.5, recovery_policy.SKIP),
+         recovery_policy.Rule("*", "*", 0, 0.0, recovery_policy.SKIP)), 9, 9.0)
     assert to_the_end(rig) is SUCCESS
     assert len(rig.requests) == 2
     assert [(event.failure.cause, event.attempts, event.policy) for event in rig.of(Recovered)] == [
@@ -228,7 +251,8 @@ def test_what_has_become_needless_counts_as_done():
 
 
 def test_giving_up_waits_for_the_safe_state_and_asks_for_nothing_else():
-    rig = fallback("<PressYesNoDialogue/>", lambda request: None if request in SAFE else refusal(request))
+    rig = fallback("<PressYesNoDialogue/>", lambda request: None
+                   if request in SAFE else refusal(request))
     for _ in range(3):
         assert rig.tick() is RUNNING
     assert rig.requests[1:] == SAFE
@@ -262,9 +286,11 @@ def test_each_attempt_that_fails_is_told_and_how_it_ended(times, retried, outcom
     assert to_the_end(rig) is (FAILURE if outcome == "given up" else SUCCESS)
     assert [(event.node, event.attempt, event.failure.cause) for event in rig.of(Retried)] == [
         ("Navigate", attempt, Cause.REFUSED) for attempt in retried]
-    assert [(event.outcome, event.success) for event in rig.of(Recovered)] == [(outcome, outcome == "done")]
+    assert [(event.outcome, event.success)
+            for event in rig.of(Recovered)] == [(outcome, outcome == "done")]
     first, last = rig.of(LeafFinished)[0], rig.of(LeafFinished)[-1]
-    assert (last.node, last.failure) == ("HandleFallBack", first.failure if outcome == "given up" else None)
+    assert (last.node, last.failure) == ("HandleFallBack",
+                                         first.failure if outcome == "given up" else None)
 
 
 def test_what_is_left_out_is_told_as_skipped():
@@ -283,7 +309,10 @@ def goals_of(rig, seconds):
     for _ in range(int(seconds / 0.25)):
         before = len(rig.requests)
         rig.tick()
-        when += [rig.clock.now() - 1000.0 for request in rig.requests[before:] if isinstance(request, GoTo)]
+        when += [
+            rig.clock.now() - 1000.0 for request in rig.requests[before:]
+            if isinstance(request, GoTo)
+        ]
         rig.clock.advance(0.25)
     return when
 
@@ -302,7 +331,8 @@ def test_a_retry_waits_for_a_service_that_is_gone_to_come_back():
 
 
 def test_the_answer_to_a_retry_counts_if_the_service_is_gone_when_it_comes():
-    rig = fallback("<Navigate/>", lambda request: refusal(request) if len(rig.requests) == 1 else None)
+    rig = fallback("<Navigate/>", lambda request: refusal(request)
+                   if len(rig.requests) == 1 else None)
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
     assert goals_of(rig, 2.0) == [0.0, 1.0]
     rig.mission.health.report(GONE, gone(service_of(GoTo)))
@@ -316,7 +346,8 @@ def test_the_wait_for_a_service_has_an_end():
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
     rig.mission.health.report(GONE, gone(service_of(GoTo)))
     rig.mission.health.publish(rig.mission.events)
-    # the back-off of 1 s, then at most RETURN_LIMIT; the second retry waits its own back-off of 2 s only
+    # the back-off of 1 s, then at most RETURN_LIMIT; the second retry waits its own back-off of 2 s
+    # only
     assert goals_of(rig, 30.0)[:3] == [0.0, 1.0 + 15.0, 1.0 + 15.0 + 2.0]
 
 
@@ -339,7 +370,8 @@ def test_another_node_may_stand_in_for_the_one_that_failed(tmp_path, looks, outc
     rig.mission.policy = read(tmp_path, INSTEAD)
     write(rig, gestureTarget=Point(1.0, 2.0, 3.0))
     assert to_the_end(rig) is SUCCESS
-    assert [type(request).__name__ for request in rig.requests] == ["PerformGesture", "PerformGesture", "SetAttention"]
+    assert [type(request).__name__
+            for request in rig.requests] == ["PerformGesture", "PerformGesture", "SetAttention"]
     assert rig.requests[-1] == LOOK
     assert [(event.outcome, event.attempts, event.policy) for event in rig.of(Recovered)] == [
         (outcome, 1, "retry 1x, then LocationOvertAttentionMode instead, or skip")]
@@ -351,23 +383,27 @@ def test_another_node_may_stand_in_for_the_one_that_failed(tmp_path, looks, outc
 
 
 def test_a_subtree_has_no_stand_in(tmp_path):
-    rig = one_leaf("<Fallback><Sequence><PerformDeicticGesture/></Sequence><HandleFallBack/></Fallback>",
-                   failing(9, Cause.REFUSED))
+    rig = one_leaf(
+        "<Fallback><Sequence><PerformDeicticGesture/></Sequence><HandleFallBack/></Fallback>",
+        failing(9, Cause.REFUSED))
     rig.mission.policy = read(tmp_path, INSTEAD)
     write(rig, gestureTarget=Point(1.0, 2.0, 3.0))
     assert to_the_end(rig) is SUCCESS
     assert len(rig.requests) == 1
 
 
-VISIT = ("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
-         "<HandleFallBack/></Fallback></Sequence>")
+VISIT = (
+    "<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
+    "<HandleFallBack/></Fallback></Sequence>")
 
 
 def test_an_exhibit_goes_back_to_the_list_once():
-    rig = one_leaf("<Sequence><RetrieveListOfExhibits/>{0}<ForceSuccess>{0}</ForceSuccess>{0}</Sequence>".format(VISIT))
+    rig = one_leaf(
+        "<Sequence><RetrieveListOfExhibits/>{0}<ForceSuccess>{0}</ForceSuccess>{0}</Sequence>".
+        format(VISIT))
     assert to_the_end(rig) is FAILURE
     assert [event.success for event in rig.of(Recovered)] == [True, False, False]
-    assert [(event.number, event.state) for event in rig.of(TourAdvanced)] == [
+    assert [(event.number, event.state) for event in rig.of(StopChanged)] == [
         (1, "begun"), (1, "omitted")] + 2 * [(2, "begun"), (2, "omitted")]
     assert rig.tree.blackboard.get("nextExhibit") == 2
 
@@ -377,44 +413,49 @@ def test_a_visit_may_be_wrapped_otherwise():
     assert to_the_end(rig) is FAILURE
     assert [event.success for event in rig.of(Recovered)] == [True, False]
     assert rig.tree.blackboard.get("nextExhibit") == 1  # the second one goes back to the list
-    assert [(event.number, event.of, event.state) for event in rig.of(TourAdvanced)] == [
+    assert [(event.number, event.of, event.state) for event in rig.of(StopChanged)] == [
         (1, 2, "begun"), (1, 2, "omitted"), (2, 2, "begun"), (2, 2, "omitted")]
 
 
 def test_a_place_of_the_tour_that_was_not_selected_is_not_left_out():
-    rig = one_leaf("<Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence><HandleFallBack/></Fallback>")
+    rig = one_leaf("<Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
+                   "<HandleFallBack/></Fallback>")
     write(rig, exhibits=list(EXHIBITS), targetLocation=EXHIBITS[0].location)
     assert to_the_end(rig) is SUCCESS
-    assert (rig.tree.blackboard.get("leftOutExhibits"), rig.of(TourAdvanced)) == (None, [])
+    assert (rig.tree.blackboard.get("leftOutExhibits"), rig.of(StopChanged)) == (None, [])
 
 
 def test_what_is_left_out_and_cannot_be_noted_is_told_and_no_exception():
-    rig = one_leaf("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/><IsMutualGazeDiscovered/></Sequence>"
-                   "<HandleFallBack/></Fallback></Sequence>")
+    rig = one_leaf("<Sequence><SelectExhibit/><Fallback><Sequence><Navigate/>"
+                   "<IsMutualGazeDiscovered/></Sequence><HandleFallBack/></Fallback></Sequence>")
     write(rig, exhibits=list(EXHIBITS), leftOutExhibits="none")
     assert to_the_end(rig) is SUCCESS
     assert [event.outcome for event in rig.of(Recovered)] == ["skipped"]
-    assert [("leftOutExhibits" in event.text, event.level) for event in rig.of(Noticed)] == [(True, "warning")]
+    assert [("leftOutExhibits" in event.text, event.level)
+            for event in rig.of(Noticed)] == [(True, "warning")]
 
 
 def test_what_fails_after_the_last_exhibit_leaves_out_none():
-    rig = one_leaf("<Fallback><Sequence><RetrieveListOfExhibits/><SelectExhibit/><SelectExhibit/><LookUpEntrance/>"
-                   "<IsMutualGazeDiscovered/></Sequence><HandleFallBack/></Fallback>")
+    rig = one_leaf("<Fallback><Sequence><RetrieveListOfExhibits/><SelectExhibit/><SelectExhibit/>"
+                   "<LookUpEntrance/><IsMutualGazeDiscovered/></Sequence><HandleFallBack/>"
+                   "</Fallback>")
     assert to_the_end(rig) is SUCCESS
     assert rig.tree.blackboard.get("leftOutExhibits") == []
 
 
 def test_the_safe_state_is_taken_once_for_one_failure():
-    rig = one_leaf("<Fallback><Sequence><Fallback><Navigate/><HandleFallBack/></Fallback></Sequence>"
-                   "<HandleFallBack/></Fallback>", failing(9, Cause.TYPE_MISMATCH))
+    rig = one_leaf(
+        "<Fallback><Sequence><Fallback><Navigate/><HandleFallBack/></Fallback></Sequence>"
+        "<HandleFallBack/></Fallback>", failing(9, Cause.TYPE_MISMATCH))
     write(rig, targetLocation=Location(1.0, 2.0, 3.0))
     assert to_the_end(rig) is FAILURE
     assert rig.requests[1:] == SAFE
 
 
 def test_halting_a_recovery_drops_its_call():
-    rig = fallback("<LookUpHome/>", lambda request: Failure(Cause.REFUSED, "test", service_of(request))
-                   if len(rig.requests) == 1 else None)
+    rig = fallback(
+        "<LookUpHome/>", lambda request: Failure(Cause.REFUSED, "test", service_of(request))
+        if len(rig.requests) == 1 else None)
     rig.tick()
     rig.clock.advance(1.0)
     assert rig.tick() is RUNNING
@@ -431,7 +472,8 @@ def test_halting_a_recovery_stops_its_pause():
 
 
 def test_halting_a_recovery_drops_the_safe_state():
-    rig = fallback("<PressYesNoDialogue/>", lambda request: None if request in SAFE else refusal(request))
+    rig = fallback("<PressYesNoDialogue/>", lambda request: None
+                   if request in SAFE else refusal(request))
     rig.tick()
     dropped = []
     for call in rig.gateway.calls[1:]:
@@ -443,7 +485,28 @@ def test_halting_a_recovery_drops_the_safe_state():
 def read(tmp_path, text):
     path = tmp_path / "policy.ini"
     path.write_text(text, encoding="utf-8")
-    return policy.load(str(path), leaves.mission_specs())
+    return recovery_policy.load(str(path), leaves.mission_specs())
+
+
+PAUSES = ("2:1: pauses are one line: pause <first> <longest> (allowed: seconds, 1 to 3600, the "
+          "longest last)")
+
+
+@pytest.mark.parametrize("text, pauses", [("", [10, 20, 40, 80, 160, 300, 300]),
+                                          ("pause 1 3600\n", [1, 2, 4, 8, 16, 32, 64]),
+                                          ("pause 7 7\n", 7 * [7])])
+def test_a_pause_doubles_up_to_the_longest(tmp_path, text, pauses):
+    rules = read(tmp_path, "budget 5 10\n" + text)
+    assert [rules.pause(number) for number in range(7)] == pauses
+    assert rules.pause(10 ** 9) == rules.longest_pause
+
+
+def test_the_delivered_pauses_are_those_of_a_policy_that_names_none():
+    assert (DELIVERED.first_pause,
+            DELIVERED.longest_pause) == (recovery_policy.Policy.first_pause,
+                                         recovery_policy.Policy.longest_pause)
+    with open(folders.config("recoveryPolicy.ini"), encoding="utf-8") as file:
+        assert "\npause 10 300 " in file.read()
 
 
 @pytest.mark.parametrize("line, expected", [
@@ -451,15 +514,26 @@ def read(tmp_path, text):
     ("Navigat refused 1 0 giveUp", "2:1: unknown node Navigat (did you mean Navigate?)"),
     ("Navigate refusd 1 0 giveUp", "2:1: unknown cause refusd (did you mean refused?)"),
     ("Navigate refused -1 0 giveUp", "2:1: retries cannot be -1 (allowed: 0 to 99)"),
-    ("Navigate refused 1 soon giveUp", "2:1: back-off cannot be soon (allowed: seconds, 0 to 3600)"),
-    ("Navigate refused 1 0 ignore", "2:1: the last word cannot be ignore (allowed: skip, giveUp, or a node that "
+    ("Navigate refused 1 soon giveUp",
+     "2:1: back-off cannot be soon (allowed: seconds, 0 to 3600)"),
+    ("Navigate refused 1 0 ignore",
+     "2:1: the last word cannot be ignore (allowed: skip, giveUp, or a node that "
      "calls a service)"),
     ("Navigate refused 1 0 LookUpHome", "2:1: Navigate cannot be skipped (write giveUp)"),
-    ("WelcomeGesture refused 1 0 IsASREnabled", "2:1: the last word cannot be IsASREnabled (allowed: skip, giveUp, or a "
+    ("WelcomeGesture refused 1 0 IsASREnabled",
+     "2:1: the last word cannot be IsASREnabled (allowed: skip, giveUp, or a "
      "node that calls a service)"),
-    ("WelcomeGesture refused 1 0 WelcomeSpech", "2:1: the last word cannot be WelcomeSpech (did you mean WelcomeSpeech?)"),
+    ("WelcomeGesture refused 1 0 WelcomeSpech",
+     "2:1: the last word cannot be WelcomeSpech (did you mean WelcomeSpeech?)"),
     ("Navigate refused 1 0", "2:1: 4 words; a rule has 5: node cause retries back-off then"),
     ("budget 1 1", "2:1: a budget is one line: budget <recoveries> <seconds>"),
+    ("pause 10", PAUSES),
+    ("pause 10 5", PAUSES),
+    ("pause 0.5 5", PAUSES),
+    ("pause 10 3601", PAUSES),
+    ("pause soon 5", PAUSES),
+    ("pause 1 2 3", PAUSES),
+    ("pause 1 2\npause 1 2", PAUSES.replace("2:1", "3:1")),
 ])
 def test_a_wrong_line_is_named(tmp_path, line, expected):
     with pytest.raises(ConfigurationError) as raised:
@@ -467,7 +541,8 @@ def test_a_wrong_line_is_named(tmp_path, line, expected):
     assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [expected]
 
 
-@pytest.mark.parametrize("line", ["budget 5", "budget 5 10 60", "budget many 10", "budget 5 soon", "budget 100 10"])
+@pytest.mark.parametrize(
+    "line", ["budget 5", "budget 5 10 60", "budget many 10", "budget 5 soon", "budget 100 10"])
 def test_a_budget_is_a_number_of_recoveries_and_of_seconds(tmp_path, line):
     with pytest.raises(ConfigurationError) as raised:
         read(tmp_path, line + "\n")
@@ -479,7 +554,8 @@ def test_a_budget_is_a_number_of_recoveries_and_of_seconds(tmp_path, line):
 def test_the_largest_numbers_of_a_policy(tmp_path):
     rules = read(tmp_path, "budget 99 3600\nNavigate refused 99 3600 giveUp\n")
     assert (rules.most, rules.seconds) == (99, 3600.0)
-    assert rules.rules == (policy.Rule("Navigate", "refused", 99, 3600.0, policy.GIVE_UP),)
+    assert rules.rules == (recovery_policy.Rule("Navigate", "refused", 99, 3600.0,
+                                                recovery_policy.GIVE_UP), )
 
 
 def test_all_wrong_lines_come_at_once_and_a_missing_budget_too(tmp_path):
@@ -487,36 +563,46 @@ def test_all_wrong_lines_come_at_once_and_a_missing_budget_too(tmp_path):
         read(tmp_path, "* * 0 0 skip\n* * 0 0 skip\nx y 0 0 skip # comment\n")
     assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [
         "2:1: * * is never looked at: line 1 decides before it (the first line that fits decides)",
-        "3:1: unknown node x", "3:1: unknown cause y (the causes: {})".format(
-            "refused, exception, no-answer, connection-lost, not-reachable, not-advertised, type-mismatch, "
-            "unusable-answer, missing-data, condition-false"), " the line \"budget <recoveries> <seconds>\" is missing"]
+        "3:1: unknown node x",
+        "3:1: unknown cause y (the causes: {})".format(
+            "refused, exception, no-answer, connection-lost, not-reachable, not-advertised, "
+            "type-mismatch, unusable-answer, missing-data, condition-false"),
+        " the line \"budget <recoveries> <seconds>\" is missing"]
 
 
-@pytest.mark.parametrize("first, second", [
-    ("Navigate refused", "Navigate refused"), ("Navigate *", "Navigate refused"), ("* refused", "Navigate refused"),
-    ("* *", "Navigate refused"), ("* *", "* refused")])
+@pytest.mark.parametrize("first, second", [("Navigate refused", "Navigate refused"),
+                                           ("Navigate *", "Navigate refused"),
+                                           ("* refused", "Navigate refused"),
+                                           ("* *", "Navigate refused"), ("* *", "* refused")])
 def test_a_rule_that_can_never_decide_is_a_mistake(tmp_path, first, second):
     with pytest.raises(ConfigurationError) as raised:
         read(tmp_path, "budget 5 10\n{} 0 0 giveUp\n{} 1 0 giveUp\n".format(first, second))
     assert [str(fault).split("policy.ini:")[1] for fault in raised.value.faults] == [
-        "3:1: {} is never looked at: line 2 decides before it (the first line that fits decides)".format(second)]
+        "3:1: {} is never looked at: line 2 decides before it (the first line that fits decides)".
+        format(second)
+    ]
 
 
 def test_a_narrow_rule_may_stand_before_a_wide_one(tmp_path):
-    assert len(read(tmp_path, "budget 5 10\nNavigate refused 1 0 giveUp\nNavigate * 0 0 giveUp\n* refused 1 0 skip\n"
-                    "* * 0 0 skip\n").rules) == 4
+    assert len(
+        read(
+            tmp_path,
+            "budget 5 10\nNavigate refused 1 0 giveUp\nNavigate * 0 0 giveUp\n* refused 1 0 skip\n"
+            "* * 0 0 skip\n").rules) == 4
 
 
 def test_the_first_rule_that_fits_decides(tmp_path):
-    rules = read(tmp_path, "budget 5 10\nWelcomeSpeech refused 3 0.5 skip\nWelcomeSpeech * 1 0 giveUp\n")
+    rules = read(tmp_path,
+                 "budget 5 10\nWelcomeSpeech refused 3 0.5 skip\nWelcomeSpeech * 1 0 giveUp\n")
     assert rules.rule(SPEC["WelcomeSpeech"], Cause.REFUSED).retries == 3
     assert rules.rule(SPEC["WelcomeSpeech"], Cause.NO_ANSWER).retries == 1
-    assert rules.rule(SPEC["FollowMeSpeech"], Cause.REFUSED).then == policy.GIVE_UP
+    assert rules.rule(SPEC["FollowMeSpeech"], Cause.REFUSED).then == recovery_policy.GIVE_UP
 
 
 def test_the_first_failure_of_a_run_is_found_by_a_recovery_that_was_there_before_it():
-    rig = one_leaf("<Fallback><Sequence><ScriptCondition code='speaks'/><WelcomeSpeech/></Sequence><HandleFallBack/>"
-                   "</Fallback>", refusal)
+    rig = one_leaf("<Fallback><Sequence><ScriptCondition "
+                   "code='speaks'/><WelcomeSpeech/></Sequence><HandleFallBack/></Fallback>",
+                   refusal)
     write(rig, speaks=0)
     rig.tick()  # no mission node has failed: there is nothing to recover from
     write(rig, speaks=1)

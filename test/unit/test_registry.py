@@ -3,7 +3,7 @@ import dataclasses
 
 import pytest
 
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, did_you_mean
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 
 
 def spec(node_id):
@@ -19,27 +19,21 @@ def test_types_are_found_by_name_and_kept_in_order():
 
 def test_nothing_is_known_of_a_type_that_says_nothing():
     silent = spec("Wave")
-    assert {name for name, value in vars(silent).items() if value} == {"id", "kind", "factory", "fewest_children"}
+    assert {name for name, value in vars(silent).items()
+            if value} == {"id", "kind", "factory", "fewest_children"}
     assert silent.fewest_children == 1
-    assert {name for name, value in Port("at")._asdict().items() if value} == {"name", "type", "direction", "role"}
+    assert {name for name, value in Port("at")._asdict().items()
+            if value} == {"name", "type", "direction", "role"}
 
 
 def test_the_summary_names_what_an_instance_may_be_called():
     waves = NodeSpec("Wave", Kind.ACTION, lambda name: None, description="Waves.")
     assert waves.summary == "Waves."
-    assert dataclasses.replace(waves, names=("left", "right")).summary == "Waves. Named left, right."
+    assert dataclasses.replace(waves,
+                               names=("left", "right")).summary == "Waves. Named left, right."
 
 
 def test_a_second_registration_is_refused():
     registry = Registry([spec("Navigate")])
     with pytest.raises(ValueError, match="Navigate is registered twice"):
         registry.extend([spec("Navigate")])
-
-
-@pytest.mark.parametrize("word, expected", [
-    ("WelcomSpeech", "did you mean WelcomeSpeech?"),
-    ("welcomespeech", "did you mean WelcomeSpeech?"),
-    ("Frobnicate", ""),
-])
-def test_suggestions(word, expected):
-    assert did_you_mean(word, ["WelcomeSpeech", "Navigate"]) == expected

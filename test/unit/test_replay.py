@@ -6,22 +6,29 @@ import subprocess
 import sys
 
 import pytest
+from msgspec.structs import replace
 
 from behavior_controller import folders
 from behavior_controller.errors import MissionError
-from behavior_controller.events import HealthChanged, PassFinished, PassStarted, RunStarted
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.health import GONE
-from behavior_controller.interface.document import ATTENTION, FACES
-from behavior_controller.interface.records import AttentionStatus, Faces, GoTo, Say, SetAttention
+from behavior_controller.execution.events import (Answered, Asked, HealthChanged, LeafFinished,
+                                                  Line, Lost, PassFinished, PassStarted, RunStarted,
+                                                  Tick)
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.execution.health import GONE
+from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH
+from behavior_controller.robot.requests import AttentionStatus, Faces, GoTo, Say, SetAttention
 from behavior_controller.text import Source
-from behavior_controller.watch.codec import Answered, Asked, Line, Lost, Tick
-from behavior_controller.watch.record import Record, new_folder
-from behavior_controller.watch.replay import main, read_record, replay
+from behavior_controller.monitoring.record.recorder import Record, new_folder
+from behavior_controller.monitoring.record.replay import main, read_record, replay
 from mission_rig import ASKS_WITHOUT_START_OF_TREE, Rig, recorded, service_of, visitor_who
 from recorded_tours import recorded_day
 
-SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
+SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
+                      "src")
+
+
+def events_of(lines):
+    return [line.event for line in lines]
 
 
 def visitors():
@@ -55,8 +62,40 @@ def test_a_recorded_run_takes_the_same_path(tmp_path, kind, visitor, by_voice, f
     path = recorded(tmp_path, visitor, by_voice, failure_rate, seed, runs=2)
     outcome = replay(read_record(path))
     assert (outcome.divergence, outcome.passes) == ("", 2)
-    changes = sum(len(entry.changes) for _, entry in read_record(path) if isinstance(entry, Tick))
+    changes = sum(
+        len(event.changes) for event in events_of(read_record(path)) if isinstance(event, Tick))
     assert outcome.changes == changes > 50
+
+
+@pytest.mark.parametrize("utterances", [("yes", "where is the exit"), ("hm", "no", "yes"),
+                                        ("hm", ) * 150 + ("yes", "hm")])
+def test_utterances_that_come_together_are_heard_as_they_were(tmp_path, utterances):
+    def visitor(rig):
+        visitor_who()(rig)
+        for utterance in utterances:
+            rig.clock.advance(0.001)
+            rig.topics.publish(SPEECH, utterance)
+
+    lines = read_record(recorded(tmp_path, visitor, runs=2))
+    assert any(event.told is not None and event.told.mark in ("yes", "no")
+               for event in events_of(lines) if isinstance(event, LeafFinished))
+    outcome = replay(lines)
+    assert (outcome.divergence, outcome.passes) == ("", 2)
+
+
+def test_a_mission_that_follows_in_the_same_record_knows_the_messages_from_before(tmp_path):
+    rig = Rig(
+        "<root BTCPP_format='4'><BehaviorTree ID='M'><IsVisitorDiscovered/></BehaviorTree></root>")
+    record = Record(str(tmp_path), rig.clock, pytest.fail).open()
+    rig.mission.events.subscribe(record)
+    rig.mission.topics = record.topics(rig.topics)
+    rig.topics.publish(FACES, Faces(("1",), (True,)))
+    for _ in range(2):
+        record.show(rig.tree)
+        assert rig.run(lambda rig: None) == 0
+    record.close()
+    outcome = replay(read_record(record.path))
+    assert (outcome.divergence, outcome.passes) == ("", 2)
 
 
 def edited(path, old, new):
@@ -76,14 +115,16 @@ def test_answers_that_take_their_time_come_when_they_came(tmp_path, monkeypatch)
 def test_a_replay_needs_no_file_but_the_record(tmp_path, mission, monkeypatch):
     data = os.path.dirname(mission)
     with open(os.path.join(data, "tour.xml"), "w") as file:
-        file.write("<root BTCPP_format='4' main_tree_to_execute='LabTour'><include path='sub/one.xml'/></root>")
+        file.write("<root BTCPP_format='4' main_tree_to_execute='LabTour'><include "
+                   "path='sub/one.xml'/></root>")
     os.mkdir(os.path.join(data, "sub"))
     shutil.copy(mission, os.path.join(data, "sub", "tour.xml"))
     with open(os.path.join(data, "sub", "one.xml"), "w") as file:
         file.write("<root BTCPP_format='4'><include path='tour.xml'/></root>")
     monkeypatch.setattr(folders, "mission", lambda name: os.path.join(data, "tour.xml"))
-    lines = read_record(recorded(tmp_path / "record", visitor_who(says="no"), failure_rate=0.3, seed=5))
-    started = next(entry for _, entry in lines if isinstance(entry, RunStarted))
+    lines = read_record(
+        recorded(tmp_path / "record", visitor_who(says="no"), failure_rate=0.3, seed=5))
+    started = next(event for event in events_of(lines) if isinstance(event, RunStarted))
     assert [os.path.relpath(source.file, data) for source in started.sources.documents] == [
         "sub/tour.xml", "sub/one.xml", "tour.xml"]
     shutil.rmtree(data)
@@ -93,49 +134,67 @@ def test_a_replay_needs_no_file_but_the_record(tmp_path, mission, monkeypatch):
 
 
 def started_with(lines, **sources):
-    return [line._replace(entry=line.entry._replace(sources=line.entry.sources._replace(**sources)))
-            if isinstance(line.entry, RunStarted) else line for line in lines]
+    return [replace(line, event=replace(line.event, sources=replace(line.event.sources, **sources)))
+            if isinstance(line.event, RunStarted) else line for line in lines]
 
 
 @pytest.mark.parametrize("part, old, new, expected", [
-    ("phrases", "Hello, and welcome", "Welcome", "now it asks /textToSpeech/say_text for Say(text='Welcome"),
+    ("phrases", "Hello, and welcome", "Welcome",
+     "now it asks /textToSpeech/say_text for Say(text='Welcome"),
     ("policy", "budget", "WelcomeGesture * 3 0 giveUp\nbudget", "now "),
 ])
 def test_phrases_and_policy_are_those_of_the_record(tmp_path, part, old, new, expected):
     lines = read_record(recorded(tmp_path, visitor_who(says="yes"), failure_rate=1.0))
-    source = getattr(next(entry for _, entry in lines if isinstance(entry, RunStarted)).sources, part)
+    source = getattr(
+        next(event for event in events_of(lines) if isinstance(event, RunStarted)).sources, part)
     assert old in source.text and replay(lines).divergence == ""
     changed_text = source._replace(text=source.text.replace(old, new, 1))
     assert expected in replay(started_with(lines, **{part: changed_text})).divergence
 
 
+@pytest.mark.parametrize("old, new", [
+    ("SayYesNoSpeech", "ForgottenSpeech"),  # both are by now: one is missing, one unknown
+    ("SayYesNoSpeech", "# ")])
+def test_a_record_from_before_the_phrases_of_today_is_replayed(tmp_path, old, new):
+    lines = read_record(recorded(tmp_path, visitor_who(says="no")))
+    started = next(event for event in events_of(lines) if isinstance(event, RunStarted))
+    text = started.sources.phrases
+    assert "\n" + old in text.text
+    before = text._replace(text=text.text.replace("\n" + old, "\n" + new, 1))
+    assert replay(started_with(lines, phrases=before)).divergence == ""
+
+
 def test_a_record_of_another_interface_is_refused(tmp_path):
-    lines = started_with(read_record(recorded(tmp_path, visitor_who(says="no"))), interface="release 7")
+    lines = started_with(read_record(recorded(tmp_path, visitor_who(says="no"))),
+                         interface="release 7")
     with pytest.raises(MissionError) as raised:
         replay(lines)
-    assert str(raised.value) == ("the record: its interface is release 7; this release has D5.4.3, release-1.0 (replay "
-                                 "it with the release that wrote it)")
+    assert str(raised.value) == (
+        "the record: its interface is release 7; this release has D5.4.3, release-1.0 (replay "
+        "it with the release that wrote it)")
 
 
 def test_knowledge_files_for_a_robot_with_a_knowledge_base_are_refused(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
     with pytest.raises(MissionError) as raised:
         replay(started_with(lines, knowledge=(Source("environment", "x"), Source("culture", "y"))))
-    assert str(raised.value) == ("the record: its knowledge cannot be used: sources.knowledge: 2 files do not fit the robot "
-                                 "D5.4.3 (replay it with the release that wrote it)")
+    assert str(raised.value) == (
+        "the record: its knowledge cannot be used: sources.knowledge: 2 files do not fit the robot "
+        "D5.4.3 (replay it with the release that wrote it)")
 
 
-@pytest.mark.parametrize("bad, fault", [
-    ({"missionRuns": -7}, 'missionRuns cannot be "-7" (allowed: a whole number from 0 to 1000000000)'),
-    ({"missionRuns": -7, "asrEnabled": 3, "dance": 1}, 'asrEnabled cannot be "3" (allowed: true or false); and 2 more')])
-def test_settings_that_this_release_cannot_use_are_one_line(tmp_path, bad, fault):
-    lines = [line._replace(entry=line.entry._replace(settings=dict(line.entry.settings, **bad)))
-             if isinstance(line.entry, RunStarted) else line
+@pytest.mark.parametrize("bad, first, more",
+                         [({"missionRuns": -7}, '"-7"', ""),
+                          ({"missionRuns": -7, "asrEnabled": 3, "dance": 1}, '"3"', " 2 more")])
+def test_settings_that_this_release_cannot_use_are_one_line(tmp_path, bad, first, more):
+    lines = [replace(line, event=replace(line.event, settings=dict(line.event.settings, **bad)))
+             if isinstance(line.event, RunStarted) else line
              for line in read_record(recorded(tmp_path, visitor_who(says="no")))]
     with pytest.raises(MissionError) as raised:
         replay(lines)
-    assert str(raised.value) == ("the record: its configuration cannot be used: settings: {} (replay it with the release "
-                                 "that wrote it)".format(fault))
+    fault, = raised.value.faults
+    assert " settings: " in fault.text and first in fault.text and fault.text.endswith(more)
+    assert "\n" not in str(raised.value) and '"-7"' not in fault.text.replace(first, "")
 
 
 @pytest.mark.parametrize("old, new, where", [
@@ -160,54 +219,67 @@ def test_an_edited_mission_says_where_it_parts(tmp_path, mission, old, new, wher
 
 def test_a_replay_forgets_each_visitor_when_the_run_did(tmp_path, mission):
     with open(mission, "w") as file:
-        file.write("<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(ASKS_WITHOUT_START_OF_TREE))
+        file.write("<root BTCPP_format='4'><BehaviorTree ID='M'>{}</BehaviorTree></root>".format(
+            ASKS_WITHOUT_START_OF_TREE))
 
     def says_yes_in_the_first_pass(rig):
         visitor_who(says=None if rig.of(PassFinished) else "yes")(rig)
 
     lines = read_record(recorded(tmp_path, says_yes_in_the_first_pass, mission=mission, runs=2))
-    assert [entry.outcome for _, entry in lines if isinstance(entry, PassFinished)] == ["SUCCESS", "FAILURE"]
+    assert [event.outcome for event in events_of(lines)
+            if isinstance(event, PassFinished)] == ["SUCCESS", "FAILURE"]
     assert replay(lines).divergence == ""
     # the second visitor would count as having said yes
-    assert "in pass 2" in replay([line for line in lines if not isinstance(line.entry, PassStarted)]).divergence
+    assert "in pass 2" in replay(
+        [line for line in lines if not isinstance(line.event, PassStarted)]).divergence
 
 
 def test_a_replay_halts_the_tree_after_an_error_and_only_then(tmp_path, mission):
     with open(mission, "w") as file:
-        file.write("""<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence><AlwaysSuccess _onHalted='x := 7'/>
-                      <ScriptCondition code='x == 7'/><Script code='x := 8'/></Sequence></BehaviorTree></root>""")
+        file.write(
+            """<root BTCPP_format='4'><BehaviorTree ID='M'><Sequence><AlwaysSuccess _onHalted='x := 7'/>
+                      <ScriptCondition code='x == 7'/><Script code='x := 8'/></Sequence></BehaviorTree></root>"""
+        )
     lines = read_record(recorded(tmp_path, visitor_who(), mission=mission, runs=3))
     # x is not known in the first pass, known after the halt, and 8 after a pass that is not halted
-    assert [entry.outcome for _, entry in lines if isinstance(entry, PassFinished)] == ["FAILURE", "SUCCESS", "FAILURE"]
+    assert [event.outcome for event in events_of(lines)
+            if isinstance(event, PassFinished)] == ["FAILURE", "SUCCESS", "FAILURE"]
     assert replay(lines).divergence == ""
 
 
 def test_another_answer_in_the_record_leads_elsewhere(tmp_path):
     path = recorded(tmp_path, visitor_who(says="yes"))
     lines = read_record(path)
-    call = next(entry.call for _, entry in lines if isinstance(entry, Asked) and isinstance(entry.request, GoTo))
-    place = next(place for place, (_, entry) in enumerate(lines) if isinstance(entry, Answered) and entry.call == call)
+    call = next(event.call for event in events_of(lines)
+                if isinstance(event, Asked) and isinstance(event.request, GoTo))
+    place = next(place for place, event in enumerate(events_of(lines))
+                 if isinstance(event, Answered) and event.call == call)
     failure = Failure(Cause.TYPE_MISMATCH, "-", "/robotNavigation/set_goal")
-    lines[place] = lines[place]._replace(entry=Answered(call, failure))
+    lines[place] = replace(lines[place], event=Answered(call, failure))
     assert "Navigate" in replay(lines).divergence
 
 
 def changed(lines, kind, change, number):
-    """Return the lines after a change of the ``number``-th of one kind; a change that returns None drops the line."""
-    places = [place for place, (_, entry) in enumerate(lines)
-              if isinstance(entry, kind) and getattr(entry, "changes", [1])]
+    """Return the lines after a change of the ``number``-th of one kind; a change that returns None
+    drops the line."""
+    places = [place for place, event in enumerate(events_of(lines))
+              if isinstance(event, kind) and getattr(event, "changes", [1])]
     place = places[number]
-    new = change(lines[place].entry)
-    return lines[:place] + ([lines[place]._replace(entry=new)] if new else []) + lines[place + 1:]
+    new = change(lines[place].event)
+    return lines[:place] + ([replace(lines[place], event=new)] if new else []) + lines[place + 1:]
 
 
 @pytest.mark.parametrize("kind, number, change, expected", [
-    (Tick, 5, lambda entry: entry._replace(changes=entry.changes[:-1]), "recorded is no further change, now it is "),
-    (Tick, 5, lambda entry: entry._replace(changes=entry.changes + [(1, "F")]), ", now it is no further change"),
-    (Asked, 5, lambda entry: entry._replace(request=Say("x")), "Say(text='x', language='English'), now it asks /"),
-    (Asked, -1, lambda entry: None, "recorded is no request, now it asks /"),
+    (Tick, 5, lambda event: replace(event, changes=event.changes[:-1]),
+     "recorded is no further change, now it is "),
+    (Tick, 5, lambda event: replace(event, changes=event.changes + [(1, "F")]),
+     ", now it is no further change"),
+    (Asked, 5, lambda event: replace(event, request=Say("x")),
+     "Say(text='x', language='English'), now it asks /"),
+    (Asked, -3, lambda event: None, "recorded is no request, now it asks /"),
 ])
-def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, number, change, expected):
+def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, number, change,
+                                                            expected):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
     divergence = replay(changed(lines, kind, change, number)).divergence
     assert divergence.startswith("in pass 1, ") and expected in divergence
@@ -217,24 +289,27 @@ def test_statuses_alone_and_requests_alone_are_another_path(tmp_path, kind, numb
 
 def test_a_divergence_has_its_time_since_the_mission_began(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    ticks = [entry for _, entry in lines if isinstance(entry, Tick)]
-    last = [entry for entry in ticks if entry.changes][-1]
+    ticks = [event for event in events_of(lines) if isinstance(event, Tick)]
+    last = [event for event in ticks if event.changes][-1]
     seconds = last.at - ticks[0].at
-    divergence = replay(changed(lines, Tick, lambda entry: entry._replace(changes=[(1, "F")]), -1)).divergence
-    assert seconds > 1.0 and divergence.startswith("in pass 1, {:.1f} s after its mission began: ".format(seconds))
+    divergence = replay(changed(lines, Tick, lambda event: replace(event, changes=[(1, "F")]),
+                                -1)).divergence
+    assert seconds > 1.0 and divergence.startswith(
+        "in pass 1, {:.1f} s after its mission began: ".format(seconds))
 
 
 def test_a_request_that_is_no_longer_made_is_another_path(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    place = [place for place, (_, entry) in enumerate(lines) if isinstance(entry, Tick)][5]
+    place = [place for place, event in enumerate(events_of(lines)) if isinstance(event, Tick)][5]
     more = Line(1.0, Asked(99, "/x", Say("x")))
     divergence = replay(lines[:place] + [more] + lines[place:]).divergence
-    assert "recorded is the request Say(text='x', language='English'), now there is none" in divergence
+    assert ("recorded is the request Say(text='x', language='English'), now there is "
+            "none" in divergence)
 
 
 def test_a_record_that_lacks_lines_says_so(tmp_path):
     lines = read_record(recorded(tmp_path, visitor_who(says="no")))
-    assert "the record lacks 7 lines" in replay(lines[:-1] + [Line(1.0, Lost(7))] + lines[-1:]).divergence
+    assert " 7 lines" in replay(lines[:-1] + [Line(1.0, Lost(7))] + lines[-1:]).divergence
 
 
 def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
@@ -244,25 +319,28 @@ def test_what_was_known_of_the_robots_nodes_is_replayed(tmp_path):
         drives = sum(isinstance(request, GoTo) for request in rig.requests)
         if drives == 1 and not states["gone"]:
             states["gone"] = 1
-            rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", False, "gone", "", ""))
+            rig.mission.health.report(
+                GONE, HealthChanged("service", service_of(GoTo), "", False, "gone", "", ""))
         elif states["gone"]:
             states["gone"] += 1
             if states["gone"] == 12:
-                rig.mission.health.report(GONE, HealthChanged("service", service_of(GoTo), "", True, "back", "", ""))
+                rig.mission.health.report(
+                    GONE, HealthChanged("service", service_of(GoTo), "", True, "back", "", ""))
         visitor_who(says="yes")(rig)
 
     rig = Rig(answer=lambda request: Failure(Cause.CONNECTION_LOST, "-", service_of(GoTo))
               if isinstance(request, GoTo) and states["gone"] == 0 else NotImplemented)
-    record = Record(str(tmp_path), rig.clock, pytest.fail)
+    record = Record(str(tmp_path), rig.clock, pytest.fail).open()
     rig.mission.events.subscribe(record)
     record.show(rig.tree)
-    rig.mission.gateway, rig.mission.topics = record.gateway(rig.gateway), record.topics(rig.topics)
+    rig.mission.topics = record.topics(rig.topics)
     rig.mission_file = folders.mission("lab_tour")
     assert rig.run(visitor) == 0
     record.close()
     lines = read_record(record.path)
     assert replay(lines).divergence == ""
-    assert replay([line for line in lines if not isinstance(line.entry, HealthChanged)]).divergence != ""
+    assert replay([line for line in lines
+                   if not isinstance(line.event, HealthChanged)]).divergence != ""
 
 
 def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
@@ -275,27 +353,31 @@ def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     assert outcome.divergence == "" and outcome.passes == 0 and outcome.changes > 50
 
 
-HEADER = '{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": 3, "pid": 7}\n'
-NOTICED = HEADER + '{"event": "Noticed", "time": 1.5, "level": "info", "text": "-"}\n'
+HEADER = '{"format": "behaviorController record", "version": 9, "pid": 7, "time": 1.5}\n'
+NOTICED = HEADER + '{"time": 1.5, "event": {"_type": "Noticed", "level": "info", "text": "-"}}\n'
+NO_LINE = "3:1: this is not a line of a record: "
+VERSION_3 = ('{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": '
+             '3, "pid": 7}\n')
 
 
 @pytest.mark.parametrize("text, expected", [
-    ("", "the record has no mission in it"), ("{}\n{}\n{}\n", "1:1: this is not a line of a record"),
-    (NOTICED + "[1]\n" + NOTICED, "3:1: this is not a line of a record: it has no event"),
+    ("", "the record has no mission in it"), ("{}\n{}\n{}\n", "1:1: this is no record: "),
+    (NOTICED + "[1]\n" + NOTICED, NO_LINE + "Expected `object`, got `array`"),
     (NOTICED, "the record has no mission in it"), (None, "the record cannot be read: "),
-    (NOTICED + '{"event": "Dance"}\n', "3:1: this is not a line of a record: the event Dance is unknown"),
-    (NOTICED + "\n", "3:1: this is not a line of a record: it is not JSON"),
-    (NOTICED + "[" * 200_000 + "\n", "3:1: this is not a line of a record: it is nested too deeply"),
-    (HEADER + NOTICED.replace("1.5", "9" * 100_000), "2:1: this is not a line of a record: a whole number has more than 18 digits"),
-    (NOTICED.replace('"Noticed", "time": 1.5', '"Noticed", "time": NaN'), "2:1: this is not a line of a record: time is "
-     "not a number"),
-    (HEADER + '{"event": "Noticed", "time": 1.5, "level": "info"}\n', "2:1: this is not a line of a record: text is missing"),
-    (NOTICED[len(HEADER):], "1:1: the record has no version; this release reads version 2 and 3 (replay it with the release that "
-     "wrote it)"),
-    (HEADER.replace('version": 3', 'version": 27'), "1:1: the record has the version 27; this release reads version 2 and 3 "
-     "(replay it with the release that wrote it)"),
-    (HEADER.replace("behaviorController ", "other "), "1:1: this is not a line of a record: format is not "),
-])
+    (NOTICED + '{"time": 1, "event": {"_type": "Dance"}}\n',
+     NO_LINE + "Invalid value 'Dance' - at `$.event._type`"),
+    (NOTICED + "\n", NO_LINE + "Input data was truncated"), (NOTICED + "\\u\n", NO_LINE),
+    (NOTICED + '{"time": 1, "x": ' + "[" * 200_000 + "\n", NO_LINE + "it is nested too deeply"),
+    (NOTICED + NOTICED[len(HEADER):].replace("1.5", "9" * 100_000),
+     NO_LINE + "Number out of range - at `$.time`"),
+    (NOTICED + NOTICED[len(HEADER):].replace("1.5", "NaN"), NO_LINE + "JSON is malformed"),
+    (NOTICED + '{"time": 1.5, "event": {"_type": "Noticed", "level": "info"}}\n',
+     NO_LINE + "Object missing required field `text` - at `$.event`"),
+    (NOTICED[len(HEADER):], "1:1: this is no record: it does not begin with the header of one "
+                            "(name the mission.jsonl of a run)"),
+    (VERSION_3, "1:1: the record has the version 3; this release reads version 9 (replay it with "
+                "the release that wrote it)"),
+    (HEADER.replace("behaviorController ", "other "), "1:1: this is no record: ")])
 def test_what_is_no_record_is_named(tmp_path, text, expected):
     path = tmp_path / "r.jsonl"
     if text is not None:
@@ -307,16 +389,18 @@ def test_what_is_no_record_is_named(tmp_path, text, expected):
 
 
 def command(*arguments):
-    done = subprocess.run([sys.executable, os.path.join(SOURCE, "behavior_controller", "replayMission")] + list(arguments),
-                          env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          universal_newlines=True)
+    done = subprocess.run(
+        [sys.executable,
+         os.path.join(SOURCE, "behavior_controller", "replayMission")] + list(arguments),
+        env=dict(os.environ, PYTHONPATH=SOURCE), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        universal_newlines=True)
     return done.returncode, done.stdout
 
 
 def test_the_command(tmp_path, mission):
     path = recorded(tmp_path, visitor_who(says="yes"), mission=mission)
     code, printed = command(path)
-    assert code == 0 and printed.startswith("the same path: 1 passes, ")
+    assert code == 0 and printed.startswith("the same path: 1 pass, ")
     edited(mission, "<WelcomeSpeech/>", "<AlwaysSuccess/>")
     assert command(path) == (0, printed)
     code, printed = command("--mission", mission, path)
@@ -330,13 +414,15 @@ def test_the_command(tmp_path, mission):
     assert command("--mission", mission, "--report", "x.html", path)[0] == 2
 
 
-@pytest.mark.parametrize("variable, logs", [("ROS_LOG_DIR", ""), ("ROS_HOME", "log"), ("HOME", ".ros/log")])
+@pytest.mark.parametrize("variable, logs", [("ROS_LOG_DIR", ""), ("ROS_HOME", "log"),
+                                            ("HOME", ".ros/log")])
 def test_the_newest_record_of_the_default_folder(tmp_path, monkeypatch, capsys, variable, logs):
     for name in ("ROS_LOG_DIR", "ROS_HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(variable, str(tmp_path))
     assert main(["latest"]) == 2
-    assert capsys.readouterr().err == "{}: there is no record yet (name a record or its folder)\n".format(
+    assert capsys.readouterr(
+    ).err == "{}: there is no record yet (name a record or its folder)\n".format(
         tmp_path / logs / "behaviorController_records" / "*" / "mission.jsonl")
     folder = new_folder(str(tmp_path / logs))
     recorded(folder, visitor_who(says="no"))
@@ -351,19 +437,23 @@ def test_a_folder_of_one_record_is_that_record_and_of_several_is_refused(tmp_pat
     for name in ("20260101-000000_1", "20260102-000000_1"):
         (tmp_path / name).mkdir()
     recorded(tmp_path / "20260101-000000_1", visitor_who(says="no"))
-    assert main([str(tmp_path)]) == 0 and capsys.readouterr().out.startswith("the same path: 1 pass")
+    assert main([str(tmp_path)
+                 ]) == 0 and capsys.readouterr().out.startswith("the same path: 1 pass")
     recorded(tmp_path / "20260102-000000_1", visitor_who(says="no"))
     assert main([str(tmp_path)]) == 2
-    assert capsys.readouterr().err == "{0}: the folder has the records of 2 runs (name one, the newest is {0}/{1})\n".format(
+    assert capsys.readouterr(
+    ).err == "{0}: the folder has the records of 2 runs (name one, the newest is {0}/{1})\n".format(
         tmp_path, "20260102-000000_1")
     assert main([str(tmp_path / "none")]) == 2
-    assert capsys.readouterr().err == "{}: the record cannot be read: No such file or directory\n".format(tmp_path / "none")
+    assert capsys.readouterr(
+    ).err == "{}: the record cannot be read: No such file or directory\n".format(tmp_path / "none")
 
 
 def test_a_report_that_cannot_be_written_is_one_line(tmp_path, capsys):
     path = recorded(tmp_path, visitor_who(says="no"))
     assert main(["--report", "/dev/full", path]) == 2
-    assert capsys.readouterr().err == "/dev/full: the report cannot be written: No space left on device\n"
+    assert capsys.readouterr(
+    ).err == "/dev/full: the report cannot be written: No space left on device\n"
 
 
 def test_the_report(tmp_path):
@@ -372,6 +462,6 @@ def test_the_report(tmp_path):
     assert command("--report", page, path)[0] == 0
     with open(page, encoding="utf-8") as file:
         text = file.read()
-    assert text.count('<li id="n') == len(read_record(path)[0].entry.nodes)
+    assert text.count('<li id="n') == len(read_record(path)[0].event.nodes)
     assert "WelcomeSpeech" in text and "recovery" in text.lower()
     assert json.dumps("drawn")[1:-1] in text

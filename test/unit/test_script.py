@@ -1,4 +1,5 @@
-"""Scripts do what BehaviorTree.CPP's do (section 11), and no text of a script can harm the process."""
+"""Scripts do what BehaviorTree.CPP's do (section 11), and no text of a script can harm the process.
+"""
 import glob
 import json
 import math
@@ -10,19 +11,21 @@ from xml.etree import ElementTree
 
 import pytest
 
-from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.language.script import (Assignment, Operand, ScriptError, ScriptSyntaxError, compile_script,
-                                                    to_bool)
-from behavior_controller.bt.language.values import ValueFault
+from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.script.parser import (
+    Assignment, Operand, ScriptError, ScriptSyntaxError, compile_script, to_bool)
+from behavior_controller.bt.script.values import ValueFault
 
-TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance", "hand")
+TRACES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "conformance",
+                      "hand")
 # the library's names of types that differ from ours
 TYPES = {"BT::AnyTypeAllowed": "any", "std::string": "string", "long": "int64"}
 ENUMS = {"RED": 1, "GREEN": 2}
 
 
 def run(text, enums=None, **entries):
-    """Return the value of a script and the blackboard it ran on, which holds ``entries`` as scripts make them."""
+    """Return the value of a script and the blackboard it ran on, which holds ``entries`` as scripts
+    make them."""
     blackboard = Blackboard()
     for key, value in entries.items():
         blackboard.create(key).replace(value)
@@ -30,17 +33,19 @@ def run(text, enums=None, **entries):
 
 
 def same(expected, found):
-    """Return whether two values are equal and of one kind; the traces write reals without a finite value as text."""
+    """Return whether two values are equal and of one kind; the traces write reals without a finite
+    value as text."""
     if isinstance(found, float) and not math.isfinite(found):
         return expected == str(found)
     return type(expected) is type(found) and expected == found
 
 
-# ------------------------------------------------------------------------------------------------- the recorded traces
+# ------------------------------------------------------------------------------ the recorded traces
 
 
 def single_scripts():
-    """Yield the name, the script and the trace of every recorded case whose tree is one Script node."""
+    """Yield the name, the script and the trace of every recorded case whose tree is one Script
+    node."""
     for path in sorted(glob.glob(os.path.join(TRACES, "script_*.json"))):
         with open(path, encoding="utf-8") as file:
             case = json.load(file)
@@ -83,12 +88,13 @@ def check_run(name, script, case):
     for key, entry in blackboard.local.items():
         assert same(expected[key], entry.value), (name, key, entry.value)
         declared, original = case["expected"]["blackboard_types"][""][key]
-        assert entry.type == TYPES.get(declared, declared) or declared.startswith("std::vector"), (name, key)
+        assert entry.type == TYPES.get(declared,
+                                       declared) or declared.startswith("std::vector"), (name, key)
         assert entry.origin == ("" if original == "empty" else TYPES.get(original, original)) or \
             original.startswith("std::vector"), (name, key)
 
 
-# --------------------------------------------------------------------------------------------------------- reading text
+# ------------------------------------------------------------------------------------- reading text
 
 
 @pytest.mark.parametrize("text, reason", [
@@ -117,25 +123,30 @@ def test_what_cannot_be_read_is_refused_with_its_place(text, reason):
     assert raised.value.position == int((re.findall(r"at position (\d+)", reason) or [0])[-1])
 
 
-@pytest.mark.parametrize("text, value", [
-    ("1 + 2 * 3 - 4 / 2", 5.0),
-    ("2 * 3 & 7 | 8", 14.0),
-    ("6 ^ 3 & 1", 7.0),
-    ("10 - 3 - 2", 5.0),
-    ("1 < 2 == 2", 1.0),  # a chain: 1 < 2 and 2 == 2
-    ("3 > 2 == 1", 0.0),  # likewise: 2 is not 1
-    ("1 < 2 < 3 && 3 > 2", 1.0),
-    ("0 || 1 && 0", 0.0),
-    ("-2 * -3", 6.0),
-    ("!0 + 1", 2.0),
-    ("0 ? 1 : 0 ? 2 : 3", 3),
-    ("1 ? 0 ? 4 : 5 : 6", 5), ("0 ? 2 : 0 || 1", 1.0),
-    ("x := y := 3", 3),
-    ("1 2 3", 3),
-    ("end := 3", 3), ("name := 1 integer := 2 real := 3 text := 4", 4), ("operator := 5; end := operator; end", 5),
-    ("5..'x'", "5x"),
-    ("5.5..'x'", "5.500000x"),
-])
+@pytest.mark.parametrize(
+    "text, value",
+    [
+        ("1 + 2 * 3 - 4 / 2", 5.0),
+        ("2 * 3 & 7 | 8", 14.0),
+        ("6 ^ 3 & 1", 7.0),
+        ("10 - 3 - 2", 5.0),
+        ("1 < 2 == 2", 1.0),  # a chain: 1 < 2 and 2 == 2
+        ("3 > 2 == 1", 0.0),  # likewise: 2 is not 1
+        ("1 < 2 < 3 && 3 > 2", 1.0),
+        ("0 || 1 && 0", 0.0),
+        ("-2 * -3", 6.0),
+        ("!0 + 1", 2.0),
+        ("0 ? 1 : 0 ? 2 : 3", 3),
+        ("1 ? 0 ? 4 : 5 : 6", 5),
+        ("0 ? 2 : 0 || 1", 1.0),
+        ("x := y := 3", 3),
+        ("1 2 3", 3),
+        ("end := 3", 3),
+        ("name := 1 integer := 2 real := 3 text := 4", 4),
+        ("operator := 5; end := operator; end", 5),
+        ("5..'x'", "5x"),
+        ("5.5..'x'", "5.500000x"),
+    ])
 def test_precedence(text, value):
     assert same(value, run(text)[0])
 
@@ -147,25 +158,40 @@ def test_names_that_are_read_and_written_are_known():
 
 
 def test_which_statements_assign_is_known():
-    assert compile_script("a; b := 1 (c = 2) + 1;; d").facts.statements == [
+    statements = compile_script("a; b := 1 (c = 2) + 1;; d").facts.statements
+    assert [(position, *assigns) for position, _, *assigns in statements] == [
         (0, False, False), (3, True, True), (10, False, True), (24, False, False)]
+    assert [value.word for _, value, *_ in statements] == ["a", "1", "", "d"]
 
 
 @pytest.mark.parametrize("text, kind, word, position", [
-    ("a := b", "name", "b", 5), ("a := (b)", "name", "b", 6), ("a := 'b'", "text", "'b'", 5),
+    ("a := b", "name", "b", 5),
+    ("a := (b)", "name", "b", 6),
+    ("a := 'b'", "text", "'b'", 5),
     ("a := 1.5", "number", "1.5", 5),
-    ("a := true", "number", "true", 5), ("a := -b", "number", "", 6), ("a := b := c", "", "c", 10),
-    ("a := b := 'c'", "text", "'c'", 10), ("a := b ? c : d", "", "d", 13), ("a := b + c", "", "", 5),
-    ("a := b + 1", "", "", 5), ("a := 1 + 2", "number", "", 5), ("a := 'b' + 'c'", "text", "", 5),
-    ("a := b .. c", "text", "", 5), ("a := b - c", "number", "", 5), ("a := b < c", "number", "", 5),
+    ("a := true", "number", "true", 5),
+    ("a := -b", "number", "", 6),
+    ("a := b := c", "", "c", 10),
+    ("a := b := 'c'", "text", "'c'", 10),
+    ("a := b ? c : d", "", "d", 13),
+    ("a := b + c", "", "", 5),
+    ("a := b + 1", "", "", 5),
+    ("a := 1 + 2", "number", "", 5),
+    ("a := 'b' + 'c'", "text", "", 5),
+    ("a := b .. c", "text", "", 5),
+    ("a := b - c", "number", "", 5),
+    ("a := b < c", "number", "", 5),
 ])
 def test_what_the_text_of_a_script_tells_of_a_value(text, kind, word, position):
-    assert compile_script(text).facts.assignments[-1] == Assignment("a", ":=", Operand(kind, word, position), 0)
+    assert compile_script(text).facts.assignments[-1] == Assignment("a", ":=",
+                                                                    Operand(kind, word, position),
+                                                                    0)
 
 
 @pytest.mark.parametrize("text, operations", [
     ("a < b < 'c'", [("<", ("name", "a"), ("name", "b")), ("<", ("name", "b"), ("text", "'c'"))]),
-    ("1 + 2 .. a", [("+", ("number", "1"), ("number", "2")), ("..", ("number", ""), ("name", "a"))]),
+    ("1 + 2 .. a", [("+", ("number", "1"), ("number", "2")),
+                    ("..", ("number", ""), ("name", "a"))]),
     ("1 * a + 2", [("*", ("number", "1"), ("name", "a")), ("+", ("number", ""), ("number", "2"))]),
     ("a + (b + c)", [("+", ("name", "b"), ("name", "c")), ("+", ("name", "a"), ("", ""))]),
 ])
@@ -175,27 +201,60 @@ def test_what_a_script_joins(text, operations):
 
 
 def test_where_an_entry_is_read_first():
-    assert compile_script("a := b + c; c := b; @d").facts.names == {"a": 0, "b": 5, "c": 9, "@d": 20}
+    assert compile_script("a := b + c; c := b; @d").facts.names == {
+        "a": 0, "b": 5, "c": 9, "@d": 20
+    }
 
 
-# ------------------------------------------------------------------------------------------------------ running scripts
+# ---------------------------------------------------------------------------------- running scripts
 
 
 @pytest.mark.parametrize("text, value", [
-    ("7 / 2", 3.5), ("4 / 2", 2.0), ("1 / 0", math.inf), ("-1 / 0", -math.inf), ("1 / (0 * -1)", -math.inf),
-    ("~0", -1.0), ("~9223372036854774784.0", -9223372036854774784.0), ("-9223372036854775808.0 & -2", -2.0 ** 63),
-     ("~1.5", -2.0), ("!2", 0.0), ("!0.0", 1.0), ("- - 3", 3.0), ("-~1", 2.0),
-    ("6.0 & 3", 2.0), ("5 ^ 3", 6.0),
-    ("2.0 && 1", 1.0), ("0 || 0.0", 0.0),
-    ("1.0 == 1.00000001", 1.0), ("0 == 1.1920929e-07", 1.0), ("0 != 1.1920929e-07", 0.0),
-    ("1.0 >= 1.00000001", 0.0), ("1 != 1.000001", 1.0),
-    ("'abc' < 'abd'", 1.0), ("'Z' < 'a'", 1.0), ("'\u00e9' > 'z'", 1.0), ("'ab' < 'abc'", 1.0),
-    ("'3abc' == 3", 1.0), ("'true' == 1", 1.0), ("GREEN == 'GREEN'", 1.0), ("2 < '10'", 1.0),
+    ("7 / 2", 3.5),
+    ("4 / 2", 2.0),
+    ("1 / 0", math.inf),
+    ("-1 / 0", -math.inf),
+    ("1 / (0 * -1)", -math.inf),
+    ("~0", -1.0),
+    ("~9223372036854774784.0", -9223372036854774784.0),
+    ("-9223372036854775808.0 & -2", -2.0**63),
+    ("~1.5", -2.0),
+    ("!2", 0.0),
+    ("!0.0", 1.0),
+    ("- - 3", 3.0),
+    ("-~1", 2.0),
+    ("6.0 & 3", 2.0),
+    ("5 ^ 3", 6.0),
+    ("2.0 && 1", 1.0),
+    ("0 || 0.0", 0.0),
+    ("1.0 == 1.00000001", 1.0),
+    ("0 == 1.1920929e-07", 1.0),
+    ("0 != 1.1920929e-07", 0.0),
+    ("1.0 >= 1.00000001", 0.0),
+    ("1 != 1.000001", 1.0),
+    ("'abc' < 'abd'", 1.0),
+    ("'Z' < 'a'", 1.0),
+    ("'\u00e9' > 'z'", 1.0),
+    ("'ab' < 'abc'", 1.0),
+    ("'3abc' == 3", 1.0),
+    ("'true' == 1", 1.0),
+    ("GREEN == 'GREEN'", 1.0),
+    ("2 < '10'", 1.0),
     ("3 < 2 < nope", 0.0),
-    ("'1' ? 'yes' : nope", "yes"), ("'0' ? nope : 'no'", "no"), ("0.5 ? 1 : 2", 1),
-    ("'x' .. 1", "x1"), ("'x' .. 1.5", "x1.500000"), ("'a' + 'b' + 'c'", "abc"), ("RED + 1", 2.0),
-    ("0x1F", 31), ("007", 7), ("9223372036854775807", 2 ** 63 - 1), ("9223372036854775808", 0),
-    ("0xFFFFFFFFFFFFFFFF", 0), ("0" * 50 + "7", 7), ("0x" + "0" * 50 + "f", 15),
+    ("'1' ? 'yes' : nope", "yes"),
+    ("'0' ? nope : 'no'", "no"),
+    ("0.5 ? 1 : 2", 1),
+    ("'x' .. 1", "x1"),
+    ("'x' .. 1.5", "x1.500000"),
+    ("'a' + 'b' + 'c'", "abc"),
+    ("RED + 1", 2.0),
+    ("0x1F", 31),
+    ("007", 7),
+    ("9223372036854775807", 2**63 - 1),
+    ("9223372036854775808", 0),
+    ("0xFFFFFFFFFFFFFFFF", 0),
+    ("0" * 50 + "7", 7),
+    ("0x" + "0" * 50 + "f", 15),
 ])
 def test_values(text, value):
     found = run(text, ENUMS)[0]
@@ -227,15 +286,18 @@ def test_values(text, value):
     ("1 * none", "The right operand of the operator [*] is not initialized"),
     ("2 && 1", "Logic operators are not allowed"),
     ("5.5 | 2", "Binary operators are not allowed"),
-    ("~(1 / 0)", "out of range"), ("~9223372036854775808.0", "out of range"),
-    ("-1e300 & 1", "Binary operators are not allowed"), ("1 | 9223372036854775808.0", "Binary operators are not allowed"),
+    ("~(1 / 0)", "out of range"),
+    ("~9223372036854775808.0", "out of range"),
+    ("-1e300 & 1", "Binary operators are not allowed"),
+    ("1 | 9223372036854775808.0", "Binary operators are not allowed"),
     ("-'x'", "Invalid operator [-]"),
     ("'abc' == 3", "Any failed string to number conversion"),
     ("'abc' ? 1 : 2", "Any failed string to number conversion"),
     ("9007199254740993 + 0", "Loss of precision"),
     ("9007199254740992 + 0", "Loss of precision"),
     ("minus + 0", "Loss of precision"),
-    ("0.5 + 9007199254740992", "Loss of precision"), ("9007199254740992 + 0.5", "Loss of precision"),
+    ("0.5 + 9007199254740992", "Loss of precision"),
+    ("9007199254740992 + 0.5", "Loss of precision"),
     ("list == 1", "Can't mix different types in Comparison"),
     ("list == '1'", "Can't mix different types in Comparison"),
     ("list ? 1 : 2", "must be a number"),
@@ -270,8 +332,14 @@ def test_a_message_is_one_line_and_not_long():
 
 
 @pytest.mark.parametrize("text, kept", [
-    ("a := 1; a := 2.0", 2), ("a := 1.5; a := 2", 2.0), ("a := 1; a := '2'", 2.0), ("a := 1; a := 'true'", 1.0),
-    ("a := 4; a += 3; a /= 7", 1), ("a := true", 1.0), ("a := -1", -1.0), ("a := 1 + 1", 2.0),
+    ("a := 1; a := 2.0", 2),
+    ("a := 1.5; a := 2", 2.0),
+    ("a := 1; a := '2'", 2.0),
+    ("a := 1; a := 'true'", 1.0),
+    ("a := 4; a += 3; a /= 7", 1),
+    ("a := true", 1.0),
+    ("a := -1", -1.0),
+    ("a := 1 + 1", 2.0),
     ("a := 'x'; a += 'y'", "xy"),
     ("(a) := 3", 3),
 ])
@@ -297,8 +365,12 @@ def test_every_write_counts_same_value_or_not():
 
 
 @pytest.mark.parametrize("declared, text, stored, origin", [
-    ("int", "v = '42'", 42, "int"), ("int", "v = 1 + 1", 2.0, "double"), ("int", "v = 1.5", 1.5, "double"),
-    ("bool", "v = 'true'", 1, "bool"), ("double", "v = '2'", 2.0, "double"), ("string", "v = 'x'", "x", "string"),
+    ("int", "v = '42'", 42, "int"),
+    ("int", "v = 1 + 1", 2.0, "double"),
+    ("int", "v = 1.5", 1.5, "double"),
+    ("bool", "v = 'true'", 1, "bool"),
+    ("double", "v = '2'", 2.0, "double"),
+    ("string", "v = 'x'", "x", "string"),
 ])
 def test_an_empty_entry_that_a_port_declared(declared, text, stored, origin):
     blackboard = Blackboard()
@@ -315,26 +387,37 @@ def test_a_copy_keeps_the_type_that_the_value_had():
 
 
 @pytest.mark.parametrize("value, truth", [
-    (0, False), (1, True), (0.0, False), (2.5, True), (-1.0, True), (math.nan, True),
+    (0, False), (1, True), (0.0, False), (-0.0, False), (2.5, True), (math.nan, True),
 ])
 def test_truth(value, truth):
     assert to_bool(value) is truth
 
 
 @pytest.mark.parametrize("value, reason", [
-    (2, "2 is neither 0 nor 1"), (-1, "-1 is neither 0 nor 1"), ("true", "no known safe conversion"),
-    ("", "no known safe conversion"), (None, "it is empty"), ([1], "no known safe conversion"),
+    (2, "2 is neither 0 nor 1"),
+    (-1, "-1 is neither 0 nor 1"),
+    (-0.5, "-0.5 is negative"),
+    ("true", "no known safe conversion"),
+    ("", "no known safe conversion"),
+    (None, "it is empty"),
+    ([1], "no known safe conversion"),
 ])
 def test_what_is_neither_true_nor_false(value, reason):
     with pytest.raises(ValueFault, match=reason):
         to_bool(value)
 
 
-# ----------------------------------------------------------------------------------------------------- hostile scripts
+# ---------------------------------------------------------------------------------- hostile scripts
 
 
 @pytest.mark.parametrize("shape", [
-    "({})", "-({})", "1 || 1 && 1 == 1 | 1 & 1 + 1 * ({})", "a := {}", "a := ({})", "1 ? {} : 2", "0 ? 1 : ({})",
+    "({})",
+    "-({})",
+    "1 || 1 && 1 == 1 | 1 & 1 + 1 * ({})",
+    "a := {}",
+    "a := ({})",
+    "1 ? {} : 2",
+    "0 ? 1 : ({})",
     "1 ? a := {} : 2",
 ])
 def test_nesting_is_limited_long_before_the_stack_ends(shape):
@@ -354,13 +437,19 @@ def test_ninety_nine_parentheses_are_fine_and_no_more():
         assert run(before + "(" * 99 + "1" + ")" * 99)[0] == 1
         with pytest.raises(ScriptSyntaxError) as raised:
             compile_script(before + "(" * 100 + "1" + ")" * 100)
-        assert str(raised.value) == "Nested too deeply at position {}: at most 200 levels are allowed".format(
-            len(before) + 100)
+        assert str(raised.value
+                   ) == "Nested too deeply at position {}: at most 200 levels are allowed".format(
+                       len(before) + 100)
 
 
 @pytest.mark.parametrize("text, value", [
-    ("1" + " + 1" * 20000, 20001.0), ("-" * 20000 + "1", 1.0), ("0 ? 1 : " * 20000 + "2", 2), ("1;" * 20000, 1),
-    ("1" + " < 2 < 1" * 20000, 0.0), ("a := " + "9" * 1000000, 0), ("0." + "1" * 1000000 + " < 1", 1.0),
+    ("1" + " + 1" * 20000, 20001.0),
+    ("-" * 20000 + "1", 1.0),
+    ("0 ? 1 : " * 20000 + "2", 2),
+    ("1;" * 20000, 1),
+    ("1" + " < 2 < 1" * 20000, 0.0),
+    ("a := " + "9" * 1000000, 0),
+    ("0." + "1" * 1000000 + " < 1", 1.0),
     ("'" + "x" * 1000000 + "' == 'x'", 0.0),
 ])
 def test_long_scripts_take_time_in_proportion(text, value):
@@ -377,11 +466,17 @@ def test_a_text_cannot_grow_without_end():
         run("a := 'x';" + "a := a .. a;" * 64)
 
 
-OPERATORS = [":=", "=", "+=", "-=", "*=", "/=", "==", "!=", "<", ">", "<=", ">=", "&&", "||", "&", "|", "^", "+", "*",
-             "/", "..", "-", "? b :", "? (", ";"]
-OPERANDS = ["a", "b", "none", "list", "RED", "@a", "true", "1", "0", "2.5", "1e400", "9" * 25, "0xff", "'x'", "- 2",
-            "!a", "(a := 1)"]
-RUBBISH = ["'", ".", "0x", "1.", "\u00e9", "\u0663", "\x00", "\n", "#", "{", "$", "(", ")", "?", ":", "~"]
+OPERATORS = [
+    ":=", "=", "+=", "-=", "*=", "/=", "==", "!=", "<", ">", "<=", ">=", "&&", "||", "&", "|", "^",
+    "+", "*", "/", "..", "-", "? b :", "? (", ";"
+]
+OPERANDS = [
+    "a", "b", "none", "list", "RED", "@a", "true", "1", "0", "2.5", "1e400", "9" * 25, "0xff",
+    "'x'", "- 2", "!a", "(a := 1)"
+]
+RUBBISH = [
+    "'", ".", "0x", "1.", "\u00e9", "\u0663", "\x00", "\n", "#", "{", "$", "(", ")", "?", ":", "~"
+]
 
 
 def random_script(source):
@@ -410,14 +505,19 @@ def test_random_scripts_fail_cleanly_or_run():
     assert min(outcomes.values()) > 200  # else the mixture tests too little
 
 
-@pytest.mark.parametrize("script, hint", [
-    ("a =< b", "write <="), ("a => b", "write >="), ("a === b", "write =="), ("a !== b", "write !="),
-    ("a &&& b", "write &&"), ("a ||| b", "write ||"), ("a <> b", "write !="), ("a++", "write a += 1 or a -= 1"),
-    ("a--", "write a += 1 or a -= 1"), (")", ""), ("a * )", ""), ("a + )", ""), ("a * ;", ""),
-    ("a := 'x", "the text has no closing quote"), ("a := 5s", "a number is followed by no unit"),
-    ('a := "x"', "a text needs single quotes: 'yes'"), ("a % 2", "scripts have no remainder"),
-    ("a := 1, b := 2", "statements are separated by ;"), ("\u00e9", ""),
-    ("{a} := 1", "a script names an entry without braces")])
+@pytest.mark.parametrize("script, hint", [("a =< b", "write <="), ("a => b", "write >="),
+                                          ("a === b", "write =="), ("a !== b", "write !="),
+                                          ("a &&& b", "write &&"), ("a ||| b", "write ||"),
+                                          ("a <> b", "write !="), ("a++", "write a += 1 or a -= 1"),
+                                          ("a--", "write a += 1 or a -= 1"), (")", ""),
+                                          ("a * )", ""), ("a + )", ""), ("a * ;", ""),
+                                          ("a := 'x", "the text has no closing quote"),
+                                          ("a := 5s", "a number is followed by no unit"),
+                                          ('a := "x"', "a text needs single quotes: 'yes'"),
+                                          ("a % 2", "scripts have no remainder"),
+                                          ("a := 1, b := 2", "statements are separated by ;"),
+                                          ("\u00e9", ""),
+                                          ("{a} := 1", "a script names an entry without braces")])
 def test_what_may_be_meant_instead(script, hint):
     with pytest.raises(ScriptSyntaxError) as raised:
         compile_script(script)

@@ -1,4 +1,5 @@
-"""Sinks on real pipes and terminals: nothing waits for one that is blocked, nothing is lost without a word."""
+"""Sinks on real pipes and terminals: nothing waits for one that is blocked, nothing is lost without
+a word."""
 import fcntl
 import logging
 import os
@@ -12,8 +13,9 @@ import unicodedata
 
 import pytest
 
-from behavior_controller.sinks import (AT_ONCE, AT_ONCE_IN_FLOOD, FLOOD, Detached, LineStream, Sink, columns, drain,
-                                       fitted, take_over_streams)
+from behavior_controller.monitoring.sinks import (
+    AT_ONCE, AT_ONCE_IN_FLOOD, Detached, FLOOD, LineStream, Sink, columns, drain, fitted,
+    take_over_streams)
 from behavior_controller.text import LONGEST
 
 CTRL_S, CTRL_Q = b"\x13", b"\x11"
@@ -37,7 +39,7 @@ class Gate:
 def gated(most):
     """Return a gate, and its sink with one item that waits in ``write``."""
     gate = Gate()
-    sink = Sink("test", gate.write, "{} left out".format, most)
+    sink = Sink("test", gate.write, str, most)
     sink.put(0)
     assert gate.reached.acquire(timeout=5)
     return gate, sink
@@ -51,7 +53,7 @@ def test_what_does_not_fit_is_counted_and_told_where_it_is_missing():
     sink.drain(5)
     sink.put(11)
     sink.drain(5)
-    assert gate.written == [0, 1, 2, 3, 4, "6 left out", 11]
+    assert gate.written == [0, 1, 2, 3, 4, "6 lines left out: test did not take them in time", 11]
 
 
 def test_a_full_sink_takes_items_again_when_half_of_them_are_written():
@@ -66,7 +68,7 @@ def test_a_full_sink_takes_items_again_when_half_of_them_are_written():
         going_on.release()
         assert reached.acquire(timeout=5)
 
-    sink = Sink("test", write, "{} left out".format, 4)
+    sink = Sink("test", write, str, 4)
     sink.put(0)
     assert reached.acquire(timeout=5)
     for number in range(1, 6):
@@ -78,12 +80,13 @@ def test_a_full_sink_takes_items_again_when_half_of_them_are_written():
     for _ in range(10):
         going_on.release()
     sink.drain(10)
-    assert written == [0, 1, 2, 3, 4, "2 left out", 7]
+    assert written == [0, 1, 2, 3, 4, "2 lines left out: test did not take them in time", 7]
 
 
 def test_a_sink_that_is_blocked_keeps_nobody_waiting():
     gate, sink = gated(most=4)
-    assert all(thread.daemon for thread in threading.enumerate() if thread.name == "test")  # not even the process at its end
+    # not even the process at its end
+    assert all(thread.daemon for thread in threading.enumerate() if thread.name == "test")
     began = time.monotonic()
     for number in range(1000):
         sink.put(number)
@@ -101,7 +104,8 @@ def test_a_thousand_items_wait_if_nothing_else_is_said():
         sink.put(number)
     gate.open.set()
     sink.drain(10)
-    assert written == [2] and len(gate.written) == 1002
+    assert written == ["2 lines left out: test did not take them in time"]
+    assert len(gate.written) == 1002
 
 
 def test_what_is_just_being_written_is_waited_for():
@@ -135,7 +139,8 @@ def test_a_sink_with_a_rest_writes_a_few_items_and_rests():
     ends = time.monotonic() + 10
     while len(times) < 2 * AT_ONCE + 1 and time.monotonic() < ends:
         time.sleep(0.01)
-    assert times[AT_ONCE] - times[AT_ONCE - 1] >= 0.15 and times[2 * AT_ONCE] - times[2 * AT_ONCE - 1] >= 0.15
+    assert times[AT_ONCE] - times[AT_ONCE - 1] >= 0.15 and times[2 * AT_ONCE] - times[2 * AT_ONCE -
+                                                                                      1] >= 0.15
 
 
 def test_a_sink_with_a_rest_does_not_try_to_keep_up_with_a_flood():
@@ -232,20 +237,47 @@ def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, w
     assert shown.endswith("\x1b[0m\n") == text.startswith("\x1b")
     shown = shown.replace("\x1b[0m", "")
     for line in shown.replace("\x1b[33m", "").split("\n"):
-        assert sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in line) <= width
+        assert sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1
+                   for letter in line) <= width
     assert "".join(shown.split()) == "".join(text.split())
 
 
-@pytest.mark.parametrize("line, width, expected", [
-    ("aaaa bbbb cccc\n", 10, "aaaa bbbb\n    cccc\n"), ("aaaa bbb  \n", 10, "aaaa bbb  \n"),
-    ("aaaa bb-cc\n", 9, "aaaa\n    bb-cc\n"), ("aaaaaa\n", 5, "aaaaa\n    a\n"),
-    ("aaaaaa\n", 4, "aaaaaa\n"), ("aaaaaa\n", 0, "aaaaaa\n"),
-    ("\x1b[33maaaa bbbb cccc\x1b[0m\n", 10, "\x1b[33maaaa bbbb\n    cccc\x1b[0m\n"),
-    ("\x1b[33maaaa bbbb\x1b[0m\n", 9, "\x1b[33maaaa bbbb\x1b[0m\n"),
-    ("\x1b[33maaaa bbbb cccc\n", 10, "\x1b[33maaaa bbbb\n    cccc\n"),
-    (12 * "展" + "\n", 20, 10 * "展" + "\n    " + 2 * "展" + "\n"), (10 * "展" + "\n", 20, 10 * "展" + "\n")])
+@pytest.mark.parametrize(
+    "line, width, expected",
+    [("aaaa bbbb cccc\n", 10, "aaaa bbbb\n    cccc\n"), ("aaaa bbb  \n", 10, "aaaa bbb  \n"),
+     ("aaaa bb-cc\n", 9, "aaaa\n    bb-cc\n"), ("aaaaaa\n", 5, "aaaaa\n    a\n"),
+     ("aaaaaa\n", 4, "aaaaaa\n"), ("aaaaaa\n", 0, "aaaaaa\n"),
+     ("\x1b[33maaaa bbbb cccc\x1b[0m\n", 10, "\x1b[33maaaa bbbb\n    cccc\x1b[0m\n"),
+     ("\x1b[33maaaa bbbb\x1b[0m\n", 9, "\x1b[33maaaa bbbb\x1b[0m\n"),
+     ("\x1b[33maaaa bbbb cccc\n", 10, "\x1b[33maaaa bbbb\n    cccc\n"),
+     (12 * "展" + "\n", 20, 10 * "展" + "\n    " + 2 * "展" + "\n"),
+     (10 * "展" + "\n", 20, 10 * "展" + "\n")])
 def test_a_line_is_broken_where_the_terminal_ends(line, width, expected):
     assert fitted(line, width) == expected
+
+
+def test_a_path_that_is_longer_than_the_terminal_is_whole(streams):
+    path = "/records/" + 8 * "0123456789" + "/mission.jsonl"
+    assert path in fitted("record of this run: {}\n".format(path), 80)
+
+
+def test_a_terminal_gets_no_name_of_the_node_but_with_the_heartbeat(streams):
+    operator, terminal = pty.openpty()
+    sinks = take_over(terminal, terminal)
+    for text in ("drove home", "running."):
+        print("[INFO] [12:00:00]: behaviorController: " + text)
+    drain(sinks, 5)
+    assert os.read(operator, 65536).decode().split("\r\n") == [
+        "[INFO] [12:00:00]: drove home", "[INFO] [12:00:00]: behaviorController: running.", ""]
+
+
+@pytest.mark.parametrize("value, has_colours", [(None, True), ("", True), ("1", False)])
+def test_colours_are_left_out_on_demand(streams, monkeypatch, value, has_colours):
+    if value is not None:
+        monkeypatch.setenv("NO_COLOR", value)
+    terminal = pty.openpty()[1]
+    take_over(terminal, terminal)
+    assert sys.stdout.isatty() is has_colours
 
 
 @pytest.mark.parametrize("width", [0, 4])
@@ -307,7 +339,8 @@ def test_a_line_has_room_for_a_long_text_and_the_message_around_it():
             stream.write(length * "x" + "\n")
         sink.drain(5)
     whole, cut = written
-    assert whole == 2 * LONGEST * b"x" + b"\n" and cut.count(b"x") < 2 * LONGEST and b"x \\u2026 x" in cut
+    assert whole == 2 * LONGEST * b"x" + b"\n" and cut.count(
+        b"x") < 2 * LONGEST and b"x \\u2026 x" in cut
 
 
 def test_what_is_printed_of_outside_text_does_nothing_to_a_terminal(streams):
@@ -326,7 +359,8 @@ def test_a_log_that_hangs_does_not_hold_its_caller(tmp_path):
     fifo = str(tmp_path / "log")
     os.mkfifo(fifo)
     logger = logging.getLogger("test_a_log_that_hangs")
-    logger.addHandler(Detached(logging.FileHandler(fifo, delay=True)))  # opening it waits for a reader
+    # opening it waits for a reader
+    logger.addHandler(Detached(logging.FileHandler(fifo, delay=True)))
     began = time.monotonic()
     logger.error("not %s", "lost")
     assert time.monotonic() - began < 4.0
@@ -347,5 +381,6 @@ def test_what_a_log_does_not_take_is_counted_in_it():
     gate.open.set()
     detached.sink.drain(10)
     told = [each for each in gate.written if each is not record]
-    assert [(each.name, each.levelno, each.getMessage()) for each in told] == [
-        ("rosout", logging.WARNING, "behaviorController: 2 lines left out: /rosout did not take them in time")]
+    assert [(each.name, each.levelno, each.getMessage()) for each in told
+            ] == [("rosout", logging.WARNING,
+                   "behaviorController: 2 lines left out: /rosout did not take them in time")]

@@ -1,4 +1,5 @@
-"""missionStatus: what it prints of a mission, and that no server makes it hang or fail with a traceback."""
+"""missionStatus: what it prints of a mission, and that no server makes it hang or fail with a
+traceback."""
 import contextlib
 import fcntl
 import itertools
@@ -14,18 +15,21 @@ import termios
 import threading
 import time
 
+import msgspec
 import pytest
 
-from behavior_controller.events import HealthChanged, Noticed, RunFinished
-from behavior_controller.health import GONE
-from behavior_controller.interface.records import Answer, GoTo, Say
+from behavior_controller.execution.events import HealthChanged, Noticed, RunFinished
+from behavior_controller.execution.health import GONE
+from behavior_controller.robot.requests import Answer, GoTo, Say
 from behavior_controller.leaves import registry
-from behavior_controller.settings import KEYS
-from behavior_controller.watch import status
-from behavior_controller.watch.board import PARTS, Board
-from mission_rig import Rig, one_leaf, visitor_who
+from behavior_controller.config.settings import KEYS
+from behavior_controller.monitoring import status_tool
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.parts import PARTS
+from mission_rig import Rig, one_leaf, refusal, visitor_who
 
-SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "src")
+SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),
+                      "src")
 
 
 def board_of(rig):
@@ -42,31 +46,44 @@ def good():
     return state_of(board_of(one_leaf("<WelcomeSpeech/>")))
 
 
-# ------------------------------------------------------------------------------------------------------- what it prints
+def read(state, **changes):
+    """Return a state as the command reads it."""
+    return msgspec.convert(dict(state, **changes), status_tool.ShownState)
+
+
+# ----------------------------------------------------------------------------------- what it prints
 
 
 def test_what_the_terminal_shows():
-    rig = one_leaf('<Sequence name="all"><WelcomeSpeech name="hello"/><FollowMeSpeech/><SayGoodByeSpeech/></Sequence>',
+    rig = one_leaf('<Sequence name="all"><WelcomeSpeech name="hello"/><FollowMeSpeech/>'
+                   '<SayGoodByeSpeech/></Sequence>',
                    lambda request: None if "ollow" in request.text else Answer())
     board = board_of(rig)
     rig.tick()
-    state = state_of(board)
-    assert status.lines(state, False) == [
-        "mission ; saying “Please follow me.”, 0 s of at most 60 s",
-        "▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success", "  ▶ FollowMeSpeech #3: running"]
-    assert status.lines(state, True)[-1] == "  · SayGoodByeSpeech #4"
+    doing, robot, *rest = status_tool.lines(read(state_of(board)), False)
+    now = board.part("now")
+    assert now["card"]["what"] in doing and "“Please follow me.”" in doing
+    assert now["robot"]["place"] in robot and now["robot"]["alive"] in robot
+    assert rest == [
+        "▶ all (Sequence) #1: running", "  ✔ hello (WelcomeSpeech) #2: success",
+        "  ▶ FollowMeSpeech #3: running"
+    ]
+    assert status_tool.lines(read(state_of(board)), True)[-1] == "  · SayGoodByeSpeech #4"
     assert isinstance(rig.requests[0], Say)
 
 
 def test_what_is_wrong_is_shown():
     rig = one_leaf("<WelcomeSpeech/>")
     board = board_of(rig)
-    rig.mission.health.report(GONE, HealthChanged("service", "/a/b", "", False, "gone", "it cannot \x1b[2Jdrive"))
+    rig.mission.health.report(
+        GONE, HealthChanged("service", "/a/b", "", False, "gone", "it cannot \x1b[2Jdrive"))
     rig.mission.health.publish(rig.mission.events)
     state = state_of(board)
-    assert status.lines(state, False)[2:] == ["service /a/b: gone; it cannot \\x1b[2Jdrive"]
-    assert "no message for 7 s" in status.lines(dict(state, silent=7.2), False)[1]
-    hung = status.lines(dict(state, alive={"age": 8.5, "hangs": True}), False)[1]
+    assert status_tool.lines(read(state),
+                             False)[2] == "service /a/b: gone; it cannot \\x1b[2Jdrive"
+    assert "no message for 7 s" in status_tool.lines(read(state, silent=7.2), False)[2]
+    alive = {"age": 8.5, "hangs": True, "at": 0.0}
+    hung = status_tool.lines(read(state, alive=alive), False)[2]
     assert "hangs" in hung and "8.5 s" in hung
 
 
@@ -76,13 +93,41 @@ def test_a_picture_is_old_after_two_seconds_and_five_lines_of_trouble_are_shown(
     for number in range(7):
         rig.mission.events.emit(Noticed("error", "line {}".format(number)))
     state = state_of(board)
-    assert [line.split("  ")[1] for line in status.lines(state, False)[-5:]] == [
+    assert [line.split("  ")[1] for line in status_tool.lines(read(state), False)[2:7]] == [
         "line {}".format(number) for number in range(2, 7)]
-    assert len(status.lines(state, False)) == 7 == len(status.lines(dict(state, silent=1.99), False))
-    assert len(status.lines(dict(state, silent=2.0), False)) == 8
+    assert len(status_tool.lines(read(state), False)) == 8 == len(
+        status_tool.lines(read(state, silent=1.99), False))
+    assert len(status_tool.lines(read(state, silent=2.0), False)) == 9
 
 
-@pytest.mark.parametrize("width, height", [(20, 5), (40, 12), (80, 24), (100, 30), (200, 130)])
+def test_a_failure_is_shown_with_what_came_of_it():
+    asked = []
+
+    def refuse_once(request):
+        asked.append(request)
+        return refusal(request) if len(asked) == 1 else NotImplemented
+
+    rig = one_leaf("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>", refuse_once)
+    board = board_of(rig)
+    for _ in range(4):
+        rig.tick()
+        rig.clock.advance(1.0)
+    told = [row["text"] for row in board.part("story")["sentences"] if row["incident"]]
+    line = status_tool.lines(read(state_of(board)), False)[2]
+    assert len(told) == 3 and line.endswith("  {}; {}".format(told[0], told[2]))
+
+
+def test_how_long_it_takes_goes_on_while_no_message_comes():
+    rig = one_leaf("<WelcomeSpeech/>", lambda request: None)
+    board = board_of(rig)
+    rig.tick()
+    state = state_of(board)
+    state["alive"]["at"] = state["now"]["card"]["since"] + 3.0
+    assert ", 3 s of at most 60 s" in status_tool.lines(read(state), False)[0]
+    assert ", 7 s of at most 60 s" in status_tool.lines(read(state, silent=4.0), False)[0]
+
+
+@pytest.mark.parametrize("width, height", [(20, 8), (40, 12), (80, 24), (100, 30), (200, 130)])
 def test_a_window_shows_what_runs_and_what_lies_about_it(width, height):
     rig = Rig(answer=lambda request: None if isinstance(request, GoTo) else NotImplemented)
     board, states = board_of(rig), []
@@ -92,104 +137,39 @@ def test_a_window_shows_what_runs_and_what_lies_about_it(width, height):
         visitor_who("yes")(rig)
 
     rig.run(visitor, is_stopped=lambda: len(states) > 5)
-    found = status.in_window(states[-1], False, width, height)
+    text = status_tool.lines(read(states[-1]), False)
+    found = status_tool.fitted(text, width, height)
     assert len(found) < height and all(len(line) <= width for line in found)
-    tree = "\n".join(found)
-    assert "▶ Navigate" in tree and found[0].startswith(time.strftime("%H:"))
-    assert height < 12 or "▶ NavigateToLocation" in tree
-    assert height < 30 or "✔ DisableAnimateBehavior" in tree and found[0].endswith("  mission lab_tour.xml")
-    assert any(line.strip() == "…" for line in found) == (5 < height < 130)
+    assert " ".join(found[:8]).startswith(text[0][:40])
+    assert height < 24 or any("▶ Navigate" in line for line in found)
 
 
-def test_the_story_is_not_cut_in_a_narrow_window():
-    state = good()
-    state["passes"]["text"] = "visitor 3 · exhibit 2 of 5, Robot arm · driving, 4 s of at most 180 s"
-    found = status.in_window(state, False, 30, 20)
-    assert " ".join(found[1:4]).startswith(state["passes"]["text"]) and all(len(line) <= 30 for line in found)
-
-
-def state_with(nodes, letters, text="driving", trouble=(), health=()):
-    """Return the board of a mission with the given nodes: (parent, name), bare ones with a name in small letters."""
-    return {"mission": {"file": "/a/tour.xml", "nodes": [
-                {"parent": parent, "name": name, "kind": "", "bare": name.islower()} for parent, name in nodes]},
-            "statuses": {"letters": letters}, "passes": {"text": text, "ended": ""}, "alive": {"age": 0.1, "hangs": False},
-            "trouble": [{"time": "12:00:0{}".format(at), "text": line} for at, line in enumerate(trouble)],
-            "health": [{"kind": "topic", "name": name, "well": False, "status": "gone", "consequence": "so"} for name in health]}
-
-
-ROW = [(0, "All")] + [(1, name) for name in "ABCDEFGHIJ"]
-CHAIN = [(number, name) for number, name in enumerate("ABCDEF")]
-TROUBLE = ["a", "b", "c", "d", "e", "f"]
-
-
-@pytest.mark.parametrize("state, is_all, width, height, expected", [
-    (state_with(CHAIN, "RRRRRR"), False, 20, 20, [
-        "tour.xml", "driving", "▶ A: running", "  ▶ B: running", "    ▶ C: running", "      ▶ D: running",
-        "        ▶ E: running", "          ▶ F: runn…"]),
-    (state_with(CHAIN, "RRRRRR"), False, 19, 20, [
-        "tour.xml", "driving", "▶ A: running", " ▶ B: running", "  ▶ C: running", "   ▶ D: running", "    ▶ E: running",
-        "    ▶ F: running"]),
-    (state_with(ROW, "RSSSSRSSSS-"), False, 40, 9, [
-        "driving", "▶ All: running", "  …", "  ✔ D: success", "  ▶ E: running", "  ✔ F: success", "  …"]),
-    (state_with(ROW, "RSSSSRSSSS-"), False, 40, 10, [
-        "driving", "▶ All: running", "  …", "  ✔ C: success", "  ✔ D: success", "  ▶ E: running", "  ✔ F: success", "  …"]),
-    (state_with(ROW, "RSSSSRSSSS-"), False, 40, 13, [
-        "driving", "▶ All: running"] + ["  ✔ {}: success".format(name) for name in "ABCD"] + ["  ▶ E: running"] + [
-        "  ✔ {}: success".format(name) for name in "FGHI"]),
-    (state_with(ROW, "RSSSSSSSSSR"), False, 40, 7, [
-        "driving", "▶ All: running", "  …", "  ✔ I: success", "  ▶ J: running"]),
-    (state_with(ROW, "SSSSSSSSSSS", trouble=["a"]), False, 40, 5, ["driving", "✔ All: success", "12:00:00  a"]),
-    (state_with(ROW, "RSSSSRSSSS-"), False, 40, 6, ["driving", "…", "  ▶ E: running", "  …"]),
-    (state_with(ROW, "RSSSSSSSSRS"), False, 40, 7, ["driving", "▶ All: running", "  …", "  ▶ I: running", "  …"]),
-    (state_with([(0, "Tour"), (1, "A"), (2, "B")] + [(3, name) for name in "CDEFGH"], "RRRSSSSSR"), False, 40, 8, [
-        "driving", "▶ Tour: running", "  ▶ A: running", "    ▶ B: running", "      …", "      ▶ H: running"]),
-    (state_with([(0, "Tour"), (1, "A"), (1, "B"), (3, "C"), (1, "D")], "RSRSS"), False, 40, 6, [
-        "driving", "…", "  ▶ B: running", "    …"]),
-    (state_with([(0, "Tour"), (1, "A"), (2, "B"), (2, "C"), (1, "D")], "RSSSR"), False, 40, 7, [
-        "driving", "▶ Tour: running", "  …", "    ✔ C: success", "  ▶ D: running"]),
-    (state_with(ROW, "S----------", "", TROUBLE, ["/a"]), False, 40, 20, [
-        "between two visits", "✔ All: success", "topic /a: gone; so", "12:00:01  b", "12:00:02  c", "12:00:03  d", "12:00:04  e",
-        "12:00:05  f"]),
-    (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 9, [
-        "between two visits", "▶ All: running", "topic /a: gone; so", "12:00:04  e", "12:00:05  f"]),
-    (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 7, [
-        "between two visits", "▶ All: running", "topic /a: gone; so", "12:00:05  f"]),
-    (state_with(ROW, "RSSSSRSSSS-", "driving", ["a"]), False, 40, 10, [
-        "driving", "▶ All: running", "  …", "  ✔ D: success", "  ▶ E: running", "  ✔ F: success", "  …", "12:00:00  a"]),
-    (state_with(ROW, "R----------", "", TROUBLE, ["/a"]), False, 40, 5, ["between two visits", "▶ All: running", "topic /a: gone; so"]),
-    (state_with(ROW[:2], "RR"), False, 40, 3, ["  ▶ A: running"]), (state_with(ROW[:2], "RR"), False, 40, 1, []),
-    (state_with(ROW[:2], "RR"), False, 40, 4, ["driving", "  ▶ A: running"]),
-    (state_with([(0, "Tour"), (1, "sequence"), (2, "A"), (2, "B"), (1, "C")], "RRSR-"), False, 40, 20, [
-        "driving", "▶ Tour: running", "  ✔ A: success", "  ▶ B: running"]),
-    (state_with([(0, "Tour"), (1, "sequence"), (2, "A"), (2, "B"), (1, "C")], "RRSR-"), True, 40, 20, [
-        "driving", "▶ Tour: running", "  ▶ sequence: running", "    ✔ A: success", "    ▶ B: running", "  · C"]),
-    (state_with([(0, "Tour"), (1, "delay"), (2, "A")], "RR-"), False, 40, 20, [
-        "driving", "▶ Tour: running", "  ▶ delay: running"]),
-    (state_with([(0, "Tour"), (2, "A"), (7, "B"), (1, "C")], "sfr"), True, 40, 20, [
-        "driving", "✔ Tour: was success", "✘ A: was failure", "■ B: was halted", "  · C"]),
-    (state_with([(0, "Tour"), (1, "Bravo")], "-?"), False, 40, 20, ["driving", "· Tour", "  ? Bravo"]),
-    (state_with([(0, "A" * 29), (1, "B" * 28)], "RF"), False, 40, 20, [
-        "driving", "▶ " + "A" * 29 + ": running", "  ✘ " + "B" * 28 + ": failu…"]),
-    (state_with([], ""), False, 40, 20, ["driving"])])
-def test_a_window_line_by_line(state, is_all, width, height, expected):
-    clock, *found = status.in_window(state, is_all, width, height)
-    assert found == expected and clock[8:] in ("  mission tour.xml", "  mission")
+@pytest.mark.parametrize("width, height, expected", [
+    (16, 5, ["robot: well", "  ✔ B: success", "  ▶ C: running", "  · D"]),
+    (12, 5, ["robot: well", "  ✔ B: succ…", "  ▶ C: runn…", "  · D"]),
+    (40, 3, ["robot: well", "  ▶ C: running"]), (8, 4, ["robot:", "well", "  ▶ C: …"]),
+    (40, 1, ["robot: well"]),
+    (40, 20, ["robot: well", "▶ A: running", "  ✔ B: success", "  ▶ C: running", "  · D"])])
+def test_a_window_line_by_line(width, height, expected):
+    text = ["robot: well", "▶ A: running", "  ✔ B: success", "  ▶ C: running", "  · D"]
+    assert status_tool.fitted(text, width, height) == expected
 
 
 def test_names_cannot_steer_the_terminal():
     state = good()
     state["mission"]["nodes"][0]["name"] = "a\x1b]0;owned\x07\nb"
-    state["passes"]["text"] = "\x9b31m"
-    text = "\n".join(status.lines(state, True))
+    state["now"]["card"]["what"] = "\x9b31m"
+    text = "\n".join(status_tool.lines(read(state), True))
     assert "\x1b" not in text and "\x9b" not in text and "a\\x1b]0;owned\\x07\\nb" in text
 
 
-# ----------------------------------------------------------------------------------------------------------- the server
+# --------------------------------------------------------------------------------------- the server
 
 
 @contextlib.contextmanager
 def server(*pieces, pause=0.0, keeps_open=False):
-    """Answer each connection with ``pieces`` (bytes, or a function that returns an endless iterator), ``pause`` apart."""
+    """Answer each connection with ``pieces`` (bytes, or a function that returns an endless
+    iterator), ``pause`` apart."""
     listener = socket.create_server(("127.0.0.1", 0))
     over = threading.Event()
 
@@ -227,7 +207,8 @@ def changed(**parts):
 
 
 def without(part):
-    return http(json.dumps({name: value for name, value in good().items() if name != part}).encode())
+    return http(
+        json.dumps({name: value for name, value in good().items() if name != part}).encode())
 
 
 def endless(piece):
@@ -240,21 +221,27 @@ BAD = {
     "not even text": ([b"\x00\xff\xfe\r\n\r\n"], ""),
     "an empty body": ([http(b"")], "not JSON"),
     "a web page": ([http(b"<html>")], "not JSON"),
-    "a number": ([http(b"3")], "it is not an object"),
-    "a list": ([http(b"[]")], "it is not an object"),
-    "no parts": ([http(b"{}")], "alive is missing"),
-    "a missing part": ([without("statuses")], "statuses is missing"),
-    "a missing field": ([changed(passes={"count": 0})], "passes.text is missing"),
-    "a wrong type": ([changed(mission={"file": 5, "nodes": []})], "mission.file is not a text"),
-    "wrong nodes": ([changed(mission={"file": "", "nodes": [[]]})], "mission.nodes[0] is not an object"),
-    "wrong letters": ([changed(statuses={"letters": None})], "statuses.letters is not a text"),
-    "wrong health": ([changed(health=[{"kind": "topic"}])], "health[0].name is missing"),
-    "a wrong age": ([changed(alive={"age": 1e400, "hangs": True})], "alive.age is not a number"),
-    "no UTF-8": ([http(b'{"mission": "\xff"}')], "not JSON"),
-    "deep JSON": ([http(b"[" * 100000)], "not JSON"),
+    "a number": ([http(b"3")], "Expected `object`"),
+    "a list": ([http(b"[]")], "Expected `object`"),
+    "no parts": ([http(b"{}")], "field `mission`"),
+    "a missing part": ([without("statuses")], "field `statuses`"),
+    "a missing field": ([changed(now={"count": 0})], "required field `card` - at `$.now`"),
+    "a wrong type": ([changed(mission={"file": 5, "nodes": []})],
+                     "Expected `str`, got `int` - at `$.mission.file`"),
+    "wrong nodes": ([changed(mission={"file": "", "nodes": [[]]})],
+                    "Expected `object`, got `array` - at `$.mission.nodes[0]`"),
+    "wrong letters":
+        ([changed(statuses={"letters": None})], "got `null` - at `$.statuses.letters`"),
+    "wrong health":
+        ([changed(health={"/a": {"kind": "topic"}})], "required field `name` - at `$.health"),
+    "a wrong age": ([changed(alive={"age": 1e400, "hangs": True})], "not JSON"),
+    "no UTF-8": ([http(b'{"mission": {"file": "\xff"}}')], "not JSON"),
+    "deep JSON": ([http(b'{"x":' * 100000)], "not JSON"),
     "truncated": ([changed()[:-200]], "not JSON"),
     "less than was said": ([http(b"{}", "200 OK", "Content-Length: 500")], ""),
-    "a wrong chunk": ([http(b"zz\r\n{}\r\n", "200 OK", "Transfer-Encoding: chunked").replace(b"1.0", b"1.1", 1)], ""),
+    "a wrong chunk":
+        ([http(b"zz\r\n{}\r\n", "200 OK", "Transfer-Encoding: chunked").replace(b"1.0", b"1.1",
+                                                                                1)], ""),
     "a redirect": ([http(b"", "302 Found", "Location: http://127.0.0.1:9/")], "HTTP 302 Found"),
     "not found": ([http(b"", "404 Not Found")], "HTTP 404"),
     "an error": ([http(b"", "500 \x1b[31mBad")], "HTTP 500 \\x1b[31mBad"),
@@ -268,7 +255,7 @@ BAD = {
 @pytest.mark.parametrize("arguments", [[], ["--watch"]], ids=["once", "watch"])
 def test_a_bad_server_is_one_line(capsys, pieces, expected, arguments):
     with server(*pieces) as port:
-        assert status.main(["--port", str(port)] + arguments) == 1
+        assert status_tool.main(["--port", str(port)] + arguments) == 1
     printed = capsys.readouterr()
     assert printed.out == "" and printed.err.count("\n") == 1 and "\x1b" not in printed.err
     assert "http://127.0.0.1:{} ".format(port) in printed.err and "monitorPort" in printed.err
@@ -283,13 +270,19 @@ def test_a_bad_server_is_one_line(capsys, pieces, expected, arguments):
     pytest.param([http(b""), endless(b": still here\n")], id="no message")])
 @pytest.mark.parametrize("arguments", [[], ["--watch"]], ids=["once", "watch"])
 def test_a_server_that_drips_is_not_waited_for(capsys, monkeypatch, pieces, arguments):
-    monkeypatch.setattr(status, "LIMIT", 0.5)
+    monkeypatch.setattr(status_tool, "LIMIT", 0.5)
     with server(*pieces, pause=0.05, keeps_open=True) as port:
         began = time.monotonic()
-        assert status.main(["--port", str(port)] + arguments) == 1
+        assert status_tool.main(["--port", str(port)] + arguments) == 1
         assert time.monotonic() - began < 5.0
     assert "(no complete answer within 0.5 s)" in capsys.readouterr().err
-    assert all(each.daemon for each in threading.enumerate() if each.name == "messages")  # the command ends in spite of it
+    # the command ends in spite of it
+    assert all(each.daemon for each in threading.enumerate() if each.name == "messages")
+
+
+def ended():
+    """Return the part of a mission that has ended."""
+    return dict(good()["now"], ended="stopped")
 
 
 def event(state):
@@ -304,86 +297,96 @@ def test_watching_tells_how_the_mission_ended(capsys):
     board = board_of(rig)
     first = event(state_of(board))
     rig.mission.events.emit(RunFinished("all passes are done; last pass: SUCCESS", 0))
-    with server(STREAM, first, event({"passes": board.part("passes")})) as port:
-        assert status.main(["--watch", "--port", str(port)]) == 0
+    with server(STREAM, first, event({"now": board.part("now")})) as port:
+        assert status_tool.main(["--watch", "--port", str(port)]) == 0
     printed = capsys.readouterr()
-    assert printed.out.endswith("missionStatus: the mission has ended: all passes are done; last pass: SUCCESS\n")
+    assert printed.out.endswith(
+        "missionStatus: the mission has ended: all passes are done; last pass: SUCCESS\n")
     assert printed.err == ""
 
 
-@pytest.mark.parametrize("columns, rows, expected", [
-    (40, 3, "\x1b[H{}  mission\x1b[K\n▶ WelcomeSpeech #1: running\x1b[K\n\x1b[J"), (0, 0, "mission ; \n▶ WelcomeSpeech #1: running\n"),
-    (80, 1, "\x1b[H{}  mission\x1b[K\n\x1b[J")])
-def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatch, columns, rows, expected):
+@pytest.mark.parametrize(
+    "columns, rows, lines",
+    [(200, 4, 3), (0, 0, 4), (80, 1, 1)])
+def test_watching_in_a_terminal_fills_its_window_if_its_size_is_known(monkeypatch, columns, rows,
+                                                                      lines):
     terminal, inside = os.openpty()
     fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
     state = dict(good(), statuses={"letters": "R"})
     with os.fdopen(inside, "w", encoding="utf-8") as stdout, server(STREAM, event(state), event(
-            {"passes": {"text": "", "ended": "stopped"}, "statuses": {"letters": "R"}})) as port:
+            {"now": ended(), "statuses": {"letters": "R"}})) as port:
         monkeypatch.setattr(sys, "stdout", stdout)
-        assert status.main(["--watch", "--port", str(port)]) == 0
+        assert status_tool.main(["--watch", "--port", str(port)]) == 0
         printed = b""
         while not printed.endswith(b"stopped\r\n") and select.select([terminal], [], [], 5.0)[0]:
             printed += os.read(terminal, 10000)
     os.close(terminal)
     found = printed.decode().replace("\r\n", "\n")
-    clock = found.partition("\x1b[H")[2][:8]
-    assert found == expected.format(clock) + "missionStatus: the mission has ended: stopped\n"
+    shown, cleared, last = found.rpartition("\x1b[J")
+    assert (shown[:3], cleared) == ("\x1b[H", "\x1b[J") and shown.count("\x1b[K\n") == lines
+    assert last == "missionStatus: the mission has ended: stopped\n"
 
 
 def test_watching_prints_at_once_what_a_pipe_is_to_carry_on(monkeypatch):
-    monkeypatch.setattr(status, "LATE", 0.1)
-    monkeypatch.setattr(status, "GIVEN_UP", 0.1)
+    monkeypatch.setattr(status_tool, "LATE", 0.1)
+    monkeypatch.setattr(status_tool, "GIVEN_UP", 0.1)
     carried, pipe = os.pipe()
     os.set_blocking(carried, False)
-    with os.fdopen(pipe, "w", encoding="utf-8") as stdout, server(STREAM, event(good()), keeps_open=True) as port:
+    with os.fdopen(pipe, "w", encoding="utf-8") as stdout, server(STREAM, event(good()),
+                                                                  keeps_open=True) as port:
         monkeypatch.setattr(sys, "stdout", stdout)
-        assert status.main(["--watch", "--port", str(port)]) == 1
+        assert status_tool.main(["--watch", "--port", str(port)]) == 1
         assert b"WelcomeSpeech" in os.read(carried, 10000)
     os.close(carried)
 
 
 def test_once_is_once_though_the_mission_has_ended(capsys):
-    with server(changed(passes={"text": "", "ended": "stopped"})) as port:
-        assert status.main(["--port", str(port)]) == 0
-    assert capsys.readouterr().out == "mission ; \n· WelcomeSpeech #1\n"
+    with server(changed(now=ended())) as port:
+        assert status_tool.main(["--port", str(port)]) == 0
+    assert capsys.readouterr().out.endswith("\n· WelcomeSpeech #1\n")
 
 
 @pytest.mark.parametrize("length, code", [(0, 0), (-1, 1)])
 def test_a_message_may_have_so_many_bytes(capsys, monkeypatch, length, code):
     body = json.dumps(good()).encode()
-    monkeypatch.setattr(status, "MOST_BYTES", len(body) + length)
+    monkeypatch.setattr(status_tool, "MOST_BYTES", len(body) + length)
     with server(http(body)) as port:
-        assert status.main(["--port", str(port)]) == code
-    assert ("the answer has more than {} bytes".format(len(body) - 1) in capsys.readouterr().err) == bool(code)
+        assert status_tool.main(["--port", str(port)]) == code
+    assert ("the answer has more than {} bytes".format(len(body) - 1)
+            in capsys.readouterr().err) == bool(code)
 
 
 @pytest.mark.parametrize("last, expected", [
     (b"", "the connection was closed"), (b"data: {\n\n", "not JSON"),
-    (event({"passes": 3}), "passes is not an object")])
+    (event({"now": 3}), "got `int` - at `$.now`")])
 def test_watching_tells_why_it_ends_without_the_end_of_the_mission(capsys, last, expected):
     with server(STREAM, event(good()), last) as port:
-        assert status.main(["--watch", "--port", str(port)]) == 1
+        assert status_tool.main(["--watch", "--port", str(port)]) == 1
     printed = capsys.readouterr()
     assert "WelcomeSpeech" in printed.out and printed.err.count("\n") == 1
-    assert "the connection to http://127.0.0.1:{} is lost".format(port) in printed.err and expected in printed.err
+    assert "the connection to http://127.0.0.1:{} is lost".format(
+        port) in printed.err and expected in printed.err
 
 
 def test_watching_a_controller_that_is_frozen_tells_how_old_the_picture_is(capsys, monkeypatch):
-    monkeypatch.setattr(status, "LATE", 0.2)
-    monkeypatch.setattr(status, "GIVEN_UP", 2.5)
+    monkeypatch.setattr(status_tool, "LATE", 0.2)
+    monkeypatch.setattr(status_tool, "GIVEN_UP", 2.5)
     with server(STREAM, event(good()), keeps_open=True) as port:
-        assert status.main(["--watch", "--port", str(port)]) == 1
+        assert status_tool.main(["--watch", "--port", str(port)]) == 1
     printed = capsys.readouterr()
-    ages = [int(age) for age in re.findall("no message for ([0-9]+) s: what is shown may be old", printed.out)]
+    ages = [
+        int(age)
+        for age in re.findall("no message for ([0-9]+) s: what is shown may be old", printed.out)
+    ]
     assert ages == sorted(set(ages)) and len(ages) >= 2  # a line a second
     assert int(re.search(r"\(no message for ([0-9]+) s\)", printed.err).group(1)) >= 2
 
 
 def test_what_has_not_changed_is_not_printed_again(capsys):
     state = good()
-    with server(STREAM, event(state), event({"alive": {"age": 0.7, "hangs": False}}), event(state)) as port:
-        status.main(["--watch", "--port", str(port)])
+    with server(STREAM, event(state), event({"alive": {"age": 0.7, "hangs": False}}),
+                event(state)) as port:
+        status_tool.main(["--watch", "--port", str(port)])
     assert capsys.readouterr().out.count("WelcomeSpeech") == 1
 
 
@@ -393,51 +396,58 @@ def test_a_tree_of_many_levels_is_printed(capsys):
     with server(http(json.dumps(state_of(board)).encode())) as port:
         sys.setrecursionlimit(300)
         try:
-            assert status.main(["--all", "--port", str(port)]) == 0
+            assert status_tool.main(["--all", "--port", str(port)]) == 0
         finally:
             sys.setrecursionlimit(before)
     assert capsys.readouterr().out.rstrip().endswith("  · WelcomeSpeech #1901")
 
 
-# ---------------------------------------------------------------------------------------------------------- the command
+# -------------------------------------------------------------------------------------- the command
 
 
 def command(*arguments, **changes):
     return subprocess.run(
-        [sys.executable, os.path.join(SOURCE, "behavior_controller", "missionStatus")] + list(arguments),
-        env=dict(os.environ, PYTHONPATH=SOURCE, **changes), stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=30)
+        [sys.executable,
+         os.path.join(SOURCE, "behavior_controller", "missionStatus")] + list(arguments),
+        env=dict(os.environ, PYTHONPATH=SOURCE,
+                 **changes), stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=30)
 
 
 def test_nobody_there_is_one_line(capsys):
-    assert status.main(["--port", "9"]) == 1
+    assert status_tool.main(["--port", "9"]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "http://127.0.0.1:9" in error and "monitorPort" in error
 
 
-@pytest.mark.parametrize("port, is_one", [("0", False), ("1", True), ("65535", True), ("65536", False), ("x", False)])
+@pytest.mark.parametrize("port, is_one", [("0", False), ("1", True), ("65535", True),
+                                          ("65536", False), ("x", False)])
 def test_the_numbers_of_ports(capsys, port, is_one):
     with contextlib.nullcontext() if is_one else pytest.raises(SystemExit):
-        assert status.main(["--port", port]) == 1
+        assert status_tool.main(["--port", port]) == 1
     assert ("'{}' is not a port: 1 to 65535".format(port) in capsys.readouterr().err) != is_one
 
 
 def test_the_command_s_help_tells_the_default_of_the_configuration(capsys):
     with pytest.raises(SystemExit):
-        status.main(["--help"])
+        status_tool.main(["--help"])
     printed = " ".join(capsys.readouterr().out.split())
     defaults = {key.name: key.default for key in KEYS}
     for name in ("monitorAddress", "monitorPort"):
         assert "{} of the node (default {})".format(name, defaults[name]) in printed
-    assert " ".join(status.EXIT_CODES.split()) in printed and "--watch go on" in printed and "--all also" in printed
+    assert " ".join(status_tool.EXIT_CODES.split()
+                    ) in printed and "--watch go on" in printed and "--all also" in printed
 
 
-@pytest.mark.parametrize("arguments, code", [
-    (["--port", "70000"], 2), (["--port", "0"], 2), (["--port", "x"], 2), (["--port", "-1"], 2), (["--wtach"], 2),
-    (["--address", "no such host"], 1), (["--address", ""], 1), (["--address", "\N{SNOWMAN}" * 70], 1),
-    (["--address", "127.0.0.1\n"], 1)])
+@pytest.mark.parametrize("arguments, code", [(["--port", "70000"], 2), (["--port", "0"], 2),
+                                             (["--port", "x"], 2), (["--port", "-1"], 2),
+                                             (["--wtach"], 2), (["--address", "no such host"], 1),
+                                             (["--address", ""], 1),
+                                             (["--address", "\N{SNOWMAN}" * 70], 1),
+                                             (["--address", "127.0.0.1\n"], 1)])
 def test_wrong_arguments_are_told_without_a_traceback(arguments, code):
     done = command(*(["--port", "9"] + arguments))
-    assert done.returncode == code and b"Traceback" not in done.stderr and done.stderr.count(b"\n") <= 4
+    assert done.returncode == code and b"Traceback" not in done.stderr and done.stderr.count(
+        b"\n") <= 4
 
 
 def test_a_terminal_without_the_signs_and_a_full_disk():
@@ -446,6 +456,8 @@ def test_a_terminal_without_the_signs_and_a_full_disk():
         assert done.returncode == 0 and b"\\u25b6" in done.stdout or b"\\xb7" in done.stdout
         with open("/dev/full", "w") as full:
             script = os.path.join(SOURCE, "behavior_controller", "missionStatus")
-            done = subprocess.run([sys.executable, script, "--port", str(port)], env=dict(os.environ, PYTHONPATH=SOURCE),
-                                  stdout=full, stderr=subprocess.PIPE, universal_newlines=True, timeout=30)
-        assert done.returncode == 1 and done.stderr == "missionStatus: cannot print: No space left on device\n"
+            done = subprocess.run([sys.executable, script, "--port",
+                                   str(port)], env=dict(os.environ, PYTHONPATH=SOURCE), stdout=full,
+                                  stderr=subprocess.PIPE, universal_newlines=True, timeout=30)
+        assert done.returncode == 1 and done.stderr == ("missionStatus: cannot print: No space "
+                                                        "left on device\n")

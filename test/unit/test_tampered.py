@@ -1,14 +1,18 @@
-"""A record that was tampered with gives replayMission no traceback and no strange exit code, the report no script."""
+"""A record that was tampered with gives replayMission no traceback and no strange exit code, the
+report no script."""
 import copy
 import json
 import os
 import re
 
+import msgspec
 import pytest
 
-from behavior_controller.events import HealthChanged, Noticed, Retried, RunFinished, TourAdvanced
-from behavior_controller.watch import replay
-from behavior_controller.watch.codec import KINDS
+from behavior_controller.execution.events import (
+    EVENTS, BreakpointChanged, FeedbackReceived, HealthChanged, Line, Noticed, Paused, Retried,
+    RunFinished, StillHearing, StopChanged, Suspended)
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.monitoring.record import replay
 from mission_rig import recorded, visitor_who
 
 SCRIPT = "<script>alert(1)</script>\"'\x1b[31m\n\u202e"
@@ -21,8 +25,19 @@ def nested(depth):
     return value
 
 
-ODD = [None, True, -1, 0, 10 ** 17, 1e308, float("inf"), float("nan"), "", SCRIPT, "\ud800\0", [], {},
-       [[]], nested(500)]
+ODD = [
+    None, True, -1, 0, 10**17, 1e308,
+    float("inf"),
+    float("nan"), "", SCRIPT, "\ud800\0", [], {}, [[]],
+    nested(500)
+]
+
+
+KINDS = {kind.__name__ for kind in EVENTS}
+
+
+def kind_of(line):
+    return line["event"]["_type"] if "event" in line else "Header"
 
 
 @pytest.fixture(scope="module")
@@ -32,19 +47,31 @@ def record(tmp_path_factory):
     path = recorded(folder, visitor_who(says="no"), failure_rate=0.1, seed=3)
     with open(path, encoding="utf-8") as file:
         lines = [json.loads(line) for line in file]
-    began = next(number for number, line in enumerate(lines) if line["event"] == "RunStarted")
-    failure = {"cause": "refused", "message": "-", "resource": "/x"}
-    extra = [HealthChanged("service", "/x", "n", False, "gone", "-", "gone"), Noticed("info", "-"), RunFinished("-", 0),
-             Retried("x", "x", 1, failure), TourAdvanced(1, "x", "x", 1, 2, "x", "begun")]
-    lines[began + 1:began + 1] = [dict(event._asdict(), event=type(event).__name__, time=lines[began]["time"])
-                                  for event in extra]
+    began = [kind_of(line) for line in lines].index("RunStarted")
+    failure = Failure(Cause.REFUSED, "-", "/x")
+    extra = [
+        HealthChanged("service", "/x", "n", False, "gone", "-", "gone"),
+        Noticed("info", "-"),
+        RunFinished("-", 0),
+        Paused(failure, "/x"),
+        BreakpointChanged(1, "x", True),
+        Retried("x", "x", 1, failure),
+        StillHearing("/speechEvent/text"),
+        StopChanged(1, "x", "x", 1, 2, "x", "begun"),
+        Suspended("-"),
+        FeedbackReceived(1, "-")
+    ]
+    at = lines[began]["time"]
+    lines[began + 1:began + 1] = [msgspec.to_builtins(Line(at, event)) for event in extra]
     return lines
 
 
 def judged(lines, folder, capsys):
-    """Return the exit codes of a replay and of a report, after a look at what they print and write."""
+    """Return the exit codes of a replay and of a report, after a look at what they print and write.
+    """
     path, page = os.path.join(str(folder), "tampered.jsonl"), os.path.join(str(folder), "page.html")
-    data = lines if isinstance(lines, bytes) else "".join(json.dumps(line) + "\n" for line in lines).encode()
+    data = lines if isinstance(lines, bytes) else "".join(
+        json.dumps(line) + "\n" for line in lines).encode()
     with open(path, "wb") as file:
         file.write(data)
     codes = replay.main([path]), replay.main(["--report", page, path])
@@ -60,10 +87,12 @@ def judged(lines, folder, capsys):
 
 
 def places(value, path=()):
-    """Yield the paths to the parts of a line: keys and places; of a list or a mapping in it the first few."""
+    """Yield the paths to the parts of a line: keys and places; of a list or a mapping in it the
+    first few."""
     if path:
         yield path
-    parts = list(value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ())
+    parts = list(value.items(
+    ) if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ())
     for key, part in parts[:2] if path else parts:
         yield from places(part, path + (key,))
 
@@ -82,43 +111,61 @@ def delete(holder, key):
 
 
 def test_the_record_itself_is_right(record, tmp_path, capsys):
-    assert {line["event"] for line in record} == {"Header"} | set(KINDS) - {"Lost"}
+    assert set(map(kind_of, record)) == {"Header"} | KINDS - {"Lost"}
     assert judged(record, tmp_path, capsys) == (0, 0)
 
 
-EVENTS = ["Header"] + sorted(set(KINDS) - {"Lost"})
+ALL_KINDS = ["Header"] + sorted(KINDS - {"Lost"})
 
 
-@pytest.mark.parametrize("event", EVENTS)
+@pytest.mark.parametrize("event", ALL_KINDS)
 def test_any_part_of_a_line(event, record, tmp_path, capsys):
-    number = next(number for number, line in enumerate(record) if line["event"] == event)
+    number = next(number for number, line in enumerate(record) if kind_of(line) == event)
     line = record[number]
     refused = 0
     for turn, path in enumerate(places(line)):
         odd_ones = ODD[turn % 3::3]  # a third at each place: all of them take minutes
-        for change in [delete] + [lambda holder, key, odd=odd: holder.__setitem__(key, odd) for odd in odd_ones]:
-            codes = judged(record[:number] + [tampered(line, path, change)] + record[number + 1:], tmp_path, capsys)
+        for change in [delete] + [
+                lambda holder, key, odd=odd: holder.__setitem__(key, odd) for odd in odd_ones
+        ]:
+            codes = judged(record[:number] + [tampered(line, path, change)] + record[number + 1:],
+                           tmp_path, capsys)
             refused += codes[0] == 2
     assert refused > 8
 
 
 def without(kind):
-    return lambda lines: [line for line in lines if line["event"] != kind]
+    return lambda lines: [line for line in lines if kind_of(line) != kind]
+
+
+def with_fields(lines, **fields):
+    """Return the lines with these fields in each event."""
+    return lines[:1] + [dict(line, event=dict(line["event"], **fields)) for line in lines[1:]]
 
 
 @pytest.mark.parametrize("change", [
-    lambda lines: lines[::-1], lambda lines: lines + lines, lambda lines: lines[1:] + lines[:1],
-    lambda lines: [line for line in lines for _ in range(2)], lambda lines: lines[len(lines) // 2:],
-    lambda lines: lines[:1] + lines[len(lines) // 2:], lambda lines: [dict(line, time=0) for line in lines],
-    lambda lines: [dict(line, at=-1e308) for line in lines], lambda lines: [dict(line, call=1) for line in lines],
-    lambda lines: [dict(line, changes=[]) for line in lines],
-    lambda lines: [dict(line, extra=nested(50)) for line in lines],
-    lambda lines: [dict(line, event="Tick") for line in lines], lambda lines: [[line] for line in lines],
+    lambda lines: lines[::-1],
+    lambda lines: lines + lines,
+    lambda lines: lines[1:] + lines[:1],
+    lambda lines: [line for line in lines for _ in range(2)],
+    lambda lines: lines[len(lines) // 2:],
+    lambda lines: lines[:1] + lines[len(lines) // 2:],
+    lambda lines: [dict(line, time=0) for line in lines],
+    lambda lines: with_fields(lines, at=-1e308),
+    lambda lines: with_fields(lines, call=1),
+    lambda lines: with_fields(lines, changes=[]),
+    lambda lines: with_fields(lines, extra=nested(50)),
+    lambda lines: with_fields(lines, _type="Tick"),
+    lambda lines: [[line] for line in lines],
     lambda lines: b"\xef\xbb\xbf" + "\r\n".join(map(json.dumps, lines)).encode() + b"\r\n",
-    lambda lines: "\n".join(map(json.dumps, lines)).encode("utf-16"), lambda lines: b"\0" * 10_000 + b"\n",
-    lambda lines: b"\xff\n", lambda lines: b"\x80" * 1000, lambda lines: b"{" * 100_000 + b"\n",
-    lambda lines: json.dumps(lines).encode() + b"\n", lambda lines: b"\n" * 100_000,
-] + [without(kind) for kind in EVENTS])
+    lambda lines: "\n".join(map(json.dumps, lines)).encode("utf-16"),
+    lambda lines: b"\0" * 10_000 + b"\n",
+    lambda lines: b"\xff\n",
+    lambda lines: b"\x80" * 1000,
+    lambda lines: b"{" * 100_000 + b"\n",
+    lambda lines: json.dumps(lines).encode() + b"\n",
+    lambda lines: b"\n" * 100_000,
+] + [without(kind) for kind in ALL_KINDS])
 def test_the_record_as_a_whole(change, record, tmp_path, capsys):
     judged(change(record), tmp_path, capsys)
 
@@ -129,17 +176,24 @@ def test_a_byte_order_mark_and_foreign_line_ends_are_tolerated(record, tmp_path,
 
 
 def test_a_pass_number_is_no_html(record, tmp_path, capsys):
-    lines = [dict(line, number=SCRIPT) if line["event"] == "PassFinished" else line for line in record]
+    lines = [
+        dict(line, event=dict(line["event"], number=SCRIPT))
+        if kind_of(line) == "PassFinished" else line for line in record
+    ]
     assert judged(lines, tmp_path, capsys) == (2, 2)
 
 
 @pytest.mark.parametrize("name", ["documents", "phrases", "policy"])
-@pytest.mark.parametrize("text", ["", "\0", "\ud800", SCRIPT, "<root/>", "<a>" * 5000, "x\n" * 5000])
+@pytest.mark.parametrize("text",
+                         ["", "\0", "\ud800", SCRIPT, "<root/>", "<a>" * 5000, "x\n" * 5000])
 def test_the_texts_of_a_record_are_checked_as_files_are(name, text, record, tmp_path, capsys):
-    source = {"file": SCRIPT, "text": text}
-    lines = [dict(line, sources=dict(line["sources"], **{name: [source] if name == "documents" else source}))
-             if line["event"] == "RunStarted" else line for line in record]
+    source = [SCRIPT, text]
+    lines = copy.deepcopy(record)
+    for line in lines:
+        if kind_of(line) == "RunStarted":
+            line["event"]["sources"][name] = [source] if name == "documents" else source
     assert judged(lines, tmp_path, capsys) == (2, 0)
     assert replay.main([str(tmp_path / "tampered.jsonl")]) == 2
-    assert re.fullmatch("the record: its .* cannot be used: .* \\(replay it with the release that wrote it\\)\n",
-                        capsys.readouterr().err)
+    assert re.fullmatch(
+        "the record: its .* cannot be used: .* \\(replay it with the release that wrote it\\)\n",
+        capsys.readouterr().err)

@@ -1,11 +1,12 @@
-"""Outside text cannot act on a terminal or forge a line; a file that is not a text file is refused at once."""
+"""Outside text cannot act on a terminal or forge a line; a file that is not a text file is refused
+at once."""
 import os
 import socket
 import threading
 
 import pytest
 
-from behavior_controller.text import Unreadable, clean, decode, read_bytes, read_text
+from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes, read_text
 
 
 @pytest.mark.parametrize("text, shown", [
@@ -41,8 +42,9 @@ def test_every_way_to_save_a_text_file_is_the_same_text(tmp_path, data):
     assert read_text(str(path)) == "kéy 1\nb 2\n"
 
 
-@pytest.mark.parametrize("data", [b"\xff", b"a\xc3", b"\xff\xfe\x00", "\ud800".encode("utf-8", "surrogatepass"),
-                                  b"a\0b"])
+@pytest.mark.parametrize(
+    "data",
+    [b"\xff", b"a\xc3", b"\xff\xfe\x00", "\ud800".encode("utf-8", "surrogatepass"), b"a\0b"])
 def test_what_is_not_utf_8_text_is_refused(tmp_path, data):
     path = tmp_path / "a.ini"
     path.write_bytes(data)
@@ -90,7 +92,8 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
     reader.join(20)
     assert not reader.is_alive(), "it blocks after {}".format(refusals)
     assert refusals[0] == refusals[2] == refusals[3] == "it is not a regular file"
-    assert refusals[5] == "it is a folder" and refusals[6] == "No such file or directory" and len(refusals) == 10
+    assert refusals[5] == "it is a folder" and refusals[6] == "No such file or directory" and len(
+        refusals) == 10
     assert all(text and clean(text) == text for text in refusals)
 
 
@@ -108,3 +111,12 @@ def test_a_wrong_byte_has_its_place():
     with pytest.raises(UnicodeDecodeError) as raised:
         decode(b"ab\xffcd")
     assert raised.value.start == 2
+
+
+@pytest.mark.parametrize("word, expected", [
+    ("WelcomSpeech", "did you mean WelcomeSpeech?"),
+    ("welcomespeech", "did you mean WelcomeSpeech?"),
+    ("Frobnicate", ""),
+])
+def test_suggestions(word, expected):
+    assert did_you_mean(word, ["WelcomeSpeech", "Navigate"]) == expected

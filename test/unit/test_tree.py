@@ -1,13 +1,15 @@
-"""The tree: exact time under a test clock, waiting, py_trees' tools, depth, and what a mission may unfold to."""
+"""The tree: exact time under a test clock, waiting, py_trees' tools, depth, and what a mission may
+unfold to."""
 import threading
 import time
 
 import py_trees
 import pytest
 
-from behavior_controller.bt.compiler import load_mission, load_text
+from behavior_controller.bt.loader.tree_builder import load_mission, load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
+from behavior_controller.bt.engine.failure import TickError
 from behavior_controller.bt.registry import Registry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.errors import MissionError
@@ -16,8 +18,28 @@ REGISTRY = Registry(builtin_specs())
 
 
 def load(body, rest="", clock=None):
-    text = "<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{}</BehaviorTree>{}</root>"
+    text = ("<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree "
+            "ID='M'>{}</BehaviorTree>{}</root>")
     return load_text(text.format(body, rest), REGISTRY, clock=clock or ManualClock())
+
+
+@pytest.mark.parametrize("leaf, remaining", [
+    ("<SetBlackboard output_key='{counter}' value='x'/>", {"counter": 5, "5": "x"}),
+    ("<UnsetBlackboard key='{counter}'/>", {"counter": 5}),
+])
+def test_a_number_in_place_of_a_name_is_the_name_of_its_text(leaf, remaining):
+    tree = load("<Sequence><Script code='counter := 5'/>{}</Sequence>".format(leaf))
+    assert tree.tick_once() is SUCCESS
+    assert {key: entry.value for key, entry in tree.blackboard.local.items()} == remaining
+
+
+@pytest.mark.parametrize("between", ["", "<Script code='x := 2'/>"])
+def test_the_second_text_that_is_set_on_an_entry_of_a_script_is_an_error(between):
+    tree = load("<Sequence><Script code='x := 1'/><SetBlackboard output_key='x' value='42'/>" +
+                between + "<SetBlackboard name='again' output_key='x' value='43'/></Sequence>")
+    with pytest.raises(TickError, match=r"'again' \[SetBlackboard\].*\[43\] to type \[BT::Any\]"):
+        tree.tick_once()
+    assert tree.blackboard.get("x") == (2 if between else None)
 
 
 @pytest.mark.parametrize("body, milliseconds, result", [
@@ -68,14 +90,16 @@ def test_every_observer_hears_every_change():
     tree.subscribe(lambda node, old, new: first.append((node.uid, old, new)))
     tree.subscribe(lambda node, old, new: second.append((node.uid, old, new)))
     tree.tick_exactly_once()
-    assert first == second == [(1, IDLE, RUNNING), (2, IDLE, SUCCESS), (2, SUCCESS, IDLE), (1, RUNNING, SUCCESS),
-                               (1, SUCCESS, IDLE)]
+    assert first == second == [(1, IDLE, RUNNING), (2, IDLE, SUCCESS), (2, SUCCESS, IDLE),
+                               (1, RUNNING, SUCCESS), (1, SUCCESS, IDLE)]
 
 
-# ------------------------------------------------------------------------------------------------------ py_trees' tools
+# ---------------------------------------------------------------------------------- py_trees' tools
 
-FAMILY = ("<Sequence name='steps'><Fallback name='choice'><Inverter><AlwaysSuccess/></Inverter><Sleep name='nap' msec='5'/>"
-          "</Fallback><Parallel name='both'><AlwaysSuccess/><SubTree ID='T'/></Parallel></Sequence>")
+FAMILY = ("<Sequence name='steps'><Fallback "
+          "name='choice'><Inverter><AlwaysSuccess/></Inverter><Sleep name='nap' "
+          "msec='5'/></Fallback><Parallel name='both'><AlwaysSuccess/><SubTree "
+          "ID='T'/></Parallel></Sequence>")
 TREE_T = "<BehaviorTree ID='T'><AlwaysSuccess name='inside'/></BehaviorTree>"
 
 
@@ -83,16 +107,21 @@ def test_py_trees_draws_our_trees():
     tree = load(FAMILY, TREE_T)
     text = py_trees.display.ascii_tree(tree.root, show_status=True)
     assert [line.strip().split(" ")[1] for line in text.splitlines() if line.strip()] == [
-        "steps", "choice", "Inverter", "AlwaysSuccess", "nap", "both", "AlwaysSuccess", "T", "inside"]
-    dot = py_trees.display.dot_tree(tree.root, visibility_level=py_trees.common.VisibilityLevel.ALL).to_string()
+        "steps", "choice", "Inverter", "AlwaysSuccess", "nap", "both", "AlwaysSuccess", "T",
+        "inside"
+    ]
+    dot = py_trees.display.dot_tree(
+        tree.root, visibility_level=py_trees.common.VisibilityLevel.ALL).to_string()
     shapes = {"steps": "box", "choice": "octagon", "both": "parallelogram"}
     for name, shape in shapes.items():
-        assert any(name in line and "shape={}".format(shape) in line for line in dot.splitlines()), name
+        assert any(name in line and "shape={}".format(shape) in line
+                   for line in dot.splitlines()), name
 
 
 def test_subtrees_fold_in_py_trees_drawings():
     tree = load(FAMILY, TREE_T)
-    folded = py_trees.display.dot_tree(tree.root, visibility_level=py_trees.common.VisibilityLevel.BIG_PICTURE).to_string()
+    folded = py_trees.display.dot_tree(
+        tree.root, visibility_level=py_trees.common.VisibilityLevel.BIG_PICTURE).to_string()
     assert "inside" not in folded and "steps" in folded
 
 
@@ -110,7 +139,7 @@ def test_py_trees_visitors_and_the_tree_manager_work():
     assert [node.name for node in tree.root.iterate()][-1] == "steps"
 
 
-# ---------------------------------------------------------------------------------------------------------------- depth
+# -------------------------------------------------------------------------------------------- depth
 
 
 @pytest.mark.parametrize("condition", ["", " _onSuccess='x := 1' _onHalted='y := 1'"])
@@ -126,72 +155,94 @@ def test_two_thousand_levels_tick_and_halt(condition):
 
 
 def test_a_tree_unfolds_to_two_and_a_half_thousand_levels_at_most():
-    level = "<BehaviorTree ID='T{}'>" + 49 * "<Inverter>" + "{}" + 49 * "</Inverter>" + "</BehaviorTree>\n"
+    level = ("<BehaviorTree "
+             "ID='T{}'>" + 49 * "<Inverter>" + "{}" + 49 * "</Inverter>" + "</BehaviorTree>\n")
     rest = "".join(level.format(n, "<SubTree ID='T{}'/>".format(n + 1)) for n in range(49))
-    assert len(load("<SubTree ID='T0'/>", rest + level.format(49, "<AlwaysSuccess/>").replace("<Inverter>", "", 1).replace(
-        "</Inverter>", "", 1)).nodes) == 2500
+    assert len(
+        load(
+            "<SubTree ID='T0'/>", rest + level.format(49, "<AlwaysSuccess/>").replace(
+                "<Inverter>", "", 1).replace("</Inverter>", "", 1)).nodes) == 2500
     with pytest.raises(MissionError) as raised:
         load("<SubTree ID='T0'/>", rest + level.format(49, "<AlwaysSuccess/>"))
-    assert str(raised.value).endswith(":50:514: the mission unfolds to more than 2500 levels")
+    fault, = raised.value.faults
+    assert (fault.line, fault.column, fault.code) == (50, 514, "too-large") and "2500" in fault.text
+
+
+def load_substituted(substitute):
+    return load_text("<root BTCPP_format='4'><BehaviorTree ID='M'>\n<Sequence><Sleep "
+                     "msec='1'/></Sequence></BehaviorTree></root>",
+                     REGISTRY, "m.xml", substitutes={"SubstitutionRules": {"Sleep": substitute}})
 
 
 def test_a_substitute_that_does_not_exist_is_a_fault_of_the_node():
     with pytest.raises(MissionError) as raised:
-        load_text("<root BTCPP_format='4'><BehaviorTree ID='M'>\n<Sequence><Sleep msec='1'/></Sequence></BehaviorTree></root>",
-                  REGISTRY, "m.xml", rules={"SubstitutionRules": {"Sleep": "Slep"}})
-    assert str(raised.value) == "m.xml:2:11: the substitute Slep is not a node type"
+        load_substituted("Slep")
+    fault, = raised.value.faults
+    assert (fault.file, fault.line, fault.column, fault.code) == ("m.xml", 2, 11,
+                                                                  "substitute-unknown")
+    assert "Slep" in fault.text
 
 
-@pytest.mark.parametrize("body, rest, words", [pytest.param(*case, id=case[2]) for case in [
-    ("<Inverter>" * 10000 + "<AlwaysSuccess/>" + "</Inverter>" * 10000, "", "nested"),
-    ("<SubTree ID='T0'/>", "".join(
-        "<BehaviorTree ID='T{0}'><Sequence><SubTree ID='T{1}'/><SubTree ID='T{1}'/></Sequence></BehaviorTree>".format(n, n + 1)
-        for n in range(40)) + "<BehaviorTree ID='T40'><AlwaysSuccess/></BehaviorTree>", "unfolds to a billion or more"),
-    ("<SubTree ID='A'/>", "<BehaviorTree ID='A'><Inverter><SubTree ID='B'/></Inverter></BehaviorTree>"
-                          "<BehaviorTree ID='B'><SubTree ID='A'/></BehaviorTree>", "contains itself: A > B > A"),
-]])
-def test_what_would_never_end_is_a_fault(body, rest, words):
+@pytest.mark.parametrize("body, rest, code, words", [
+    pytest.param(*case, id=case[2]) for case in [
+        ("<Inverter>" * 10000 + "<AlwaysSuccess/>" + "</Inverter>" * 10000, "", "too-large",
+         "2040"),
+        ("<SubTree ID='T0'/>", "".join(
+            "<BehaviorTree ID='T{0}'><Sequence><SubTree ID='T{1}'/><SubTree ID='T{1}'/></Sequence>"
+            "</BehaviorTree>"
+            .format(n, n + 1)
+            for n in range(40)) + "<BehaviorTree ID='T40'><AlwaysSuccess/></BehaviorTree>",
+         "too-large", "250000"),
+        ("<SubTree ID='A'/>",
+         "<BehaviorTree ID='A'><Inverter><SubTree ID='B'/></Inverter></BehaviorTree>"
+         "<BehaviorTree ID='B'><SubTree ID='A'/></BehaviorTree>", "tree-circle", "A > B > A"),
+    ]
+])
+def test_what_would_never_end_is_a_fault(body, rest, code, words):
     with pytest.raises(MissionError) as raised:
         load(body, rest)
-    assert words in str(raised.value)
+    assert raised.value.faults[0].code == code and words in str(raised.value)
     assert "\n" not in str(raised.value)
 
 
 def test_faults_of_every_stage_come_in_one_pass():
     with pytest.raises(MissionError) as raised:
-        load("<Sequence><Nonsense/><Script code='1 +'/><Sleep msec='soon'/><SetBlackboard value='1' output_key='{x}'/>"
-             "<Repeat num_cycles='{x}'><LoopInt queue='1;b' value='{x}'><AlwaysSuccess/></LoopInt></Repeat></Sequence>")
-    texts = [fault.text for fault in raised.value.faults]
-    assert len(texts) == 4
-    assert texts[0] == "unknown node Nonsense"
-    assert "Expected operand" in texts[1]
-    assert "port msec of type uint cannot be \"soon\"" in texts[2]
-    assert "integer" in texts[3]
+        load("<Sequence><Nonsense/><Script code='1 +'/><Sleep msec='soon'/><SetBlackboard "
+             "value='1' output_key='{x}'/><Repeat num_cycles='{x}'><LoopInt queue='1;b' "
+             "value='{x}'><AlwaysSuccess/></LoopInt></Repeat></Sequence>")
+    assert [fault.code for fault in raised.value.faults] == [
+        "unknown-node", "script-syntax", "wrong-literal", "node-refuses"]
 
 
 def test_includes_are_read_relative_to_their_file_and_once(tmp_path):
     (tmp_path / "lib").mkdir()
-    (tmp_path / "lib" / "a.xml").write_text(
-        "<root BTCPP_format='4'><include path='b.xml'/><BehaviorTree ID='A'><SubTree ID='B'/></BehaviorTree></root>")
+    (tmp_path / "lib" / "a.xml").write_text("<root BTCPP_format='4'><include "
+                                            "path='b.xml'/><BehaviorTree ID='A'><SubTree "
+                                            "ID='B'/></BehaviorTree></root>")
     (tmp_path / "lib" / "b.xml").write_text(
         "<root BTCPP_format='4'><BehaviorTree ID='B'><AlwaysSuccess/></BehaviorTree></root>")
     main = tmp_path / "main.xml"
-    main.write_text("<root BTCPP_format='4' main_tree_to_execute='M'><include path='lib/a.xml'/><include path='lib/b.xml'/>"
-                    "<BehaviorTree ID='M'><SubTree ID='A'/></BehaviorTree></root>")
+    main.write_text("<root BTCPP_format='4' main_tree_to_execute='M'><include "
+                    "path='lib/a.xml'/><include path='lib/b.xml'/><BehaviorTree ID='M'><SubTree "
+                    "ID='A'/></BehaviorTree></root>")
     tree = load_mission(str(main), REGISTRY)
     assert tree.tick_once() is SUCCESS
     assert tree.warnings == []
 
 
-@pytest.mark.parametrize("path, words", [("none.xml", "none.xml"), ("main.xml", "includes itself")])
-def test_includes_that_cannot_be(tmp_path, path, words):
+@pytest.mark.parametrize("path, code", [("none.xml", "include-unreadable"),
+                                        ("main.xml", "include-circle")])
+def test_includes_that_cannot_be(tmp_path, path, code):
     main = tmp_path / "main.xml"
-    main.write_text("<root BTCPP_format='4'>\n <include path='{}'/>\n <BehaviorTree ID='M'><AlwaysSuccess/></BehaviorTree>"
-                    "</root>".format(path))
+    main.write_text(
+        "<root BTCPP_format='4'>\n <include path='{}'/>\n <BehaviorTree ID='M'><AlwaysSuccess/></"
+        "BehaviorTree>"
+        "</root>".format(path))
     with pytest.raises(MissionError) as raised:
         load_mission(str(main), REGISTRY)
-    assert words in str(raised.value)
-    assert "main.xml:2:" in str(raised.value)
+    fault, = raised.value.faults
+    assert (fault.line,
+            fault.code) == (2, code) and fault.file.endswith("main.xml") and path in fault.text
 
 
 def test_what_is_posted_during_a_tick_counts_in_its_next_traversal():
@@ -210,15 +261,16 @@ def test_what_is_posted_during_a_tick_counts_in_its_next_traversal():
 
 def test_a_follower_gets_the_changes_of_each_traversal_and_those_after_it():
     tree, told = load("<Sequence><AlwaysSuccess/><Sleep msec='20'/></Sequence>"), []
-    tree.follow(lambda is_first, changes: told.append((is_first, [(node.uid, old, new) for node, old, new in changes])))
+    tree.follow(lambda is_first, changes: told.append((
+        is_first, [(node.uid, old, new) for node, old, new in changes])))
     tree.tick_exactly_once()
     tree.tick_exactly_once()
     tree.clock.advance(0.02)
     tree.tick_exactly_once()
-    assert told == [
-        (True, [(1, IDLE, RUNNING), (2, IDLE, SUCCESS), (3, IDLE, RUNNING)]), (True, []),
-        (True, [(3, RUNNING, SUCCESS), (2, SUCCESS, IDLE), (3, SUCCESS, IDLE), (1, RUNNING, SUCCESS)]),
-        (None, [(1, SUCCESS, IDLE)])]
+    assert told == [(True, [(1, IDLE, RUNNING), (2, IDLE, SUCCESS), (3, IDLE, RUNNING)]),
+                    (True, []),
+                    (True, [(3, RUNNING, SUCCESS), (2, SUCCESS, IDLE), (3, SUCCESS, IDLE),
+                            (1, RUNNING, SUCCESS)]), (None, [(1, SUCCESS, IDLE)])]
     told.clear()
     tree.tick_exactly_once()
     tree.halt()
@@ -226,7 +278,8 @@ def test_a_follower_gets_the_changes_of_each_traversal_and_those_after_it():
 
 
 def test_the_writes_of_one_tree_are_not_those_of_another():
-    first, second = load("<Script code='x := 1'/>"), load("<SubTree ID='T'/>", "<BehaviorTree ID='T'><Script code='x := 1'/></BehaviorTree>")
+    first, second = load("<Script code='x := 1'/>"), load(
+        "<SubTree ID='T'/>", "<BehaviorTree ID='T'><Script code='x := 1'/></BehaviorTree>")
     changes = second.changes
     first.tick_once()
     assert second.changes == changes

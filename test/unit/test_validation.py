@@ -1,4 +1,5 @@
-"""What validateMission makes of the files that an author has: projects, folders, parts, palettes, other robots."""
+"""What validateMission makes of the files that an author has: projects, folders, parts, palettes,
+other robots."""
 import itertools
 import os
 import subprocess
@@ -9,8 +10,8 @@ import navigator
 import pytest
 
 from behavior_controller import cli, folders
-from behavior_controller.bt.checking.lint import is_misspelling
-from behavior_controller.validation import Judgement, Validation
+from behavior_controller.bt.linter.calls import is_misspelling
+from behavior_controller.missions.validation import Judgement, Validation
 
 HEAD = '<root BTCPP_format="4">\n{}\n</root>'
 TREE = '<BehaviorTree ID="{}">{}</BehaviorTree>'
@@ -43,7 +44,7 @@ def said(*paths, **options):
             for judgement in judged(*paths, **options)]
 
 
-# ------------------------------------------------------------------------------------------------- a robot's own nodes
+# ------------------------------------------------------------------------------ a robot's own nodes
 
 
 def test_the_trees_of_a_navigator_are_clean_with_its_palette(tmp_path):
@@ -69,8 +70,8 @@ def test_without_the_palette_its_nodes_are_unknown(tmp_path):
     ('path="{path}" controller', 'pfad="{path}" controller', "unknown-port"),
     ('<FollowPath path="{path}"', '<FollowPath path="{paht}"', "never-written"),
     ("<GoalUpdated/>", "<GoalUpdatet/>", "unknown-node"),
-    ('<SpinInPlace angle="1.57" error="{spin_error}"/>', '<SpinInPlace angle="1.57"><GoalUpdated/></SpinInPlace>',
-     "leaf-children"),
+    ('<SpinInPlace angle="1.57" error="{spin_error}"/>',
+     '<SpinInPlace angle="1.57"><GoalUpdated/></SpinInPlace>', "leaf-children"),
     ('<AtRate hertz="1.0">', '<AtRate hertz="1.0"><GoalUpdated/>', "decorator-children"),
     ('planner="{selected_planner}"', 'planner="{selected_planner"', "braces-odd"),
 ])
@@ -85,18 +86,24 @@ def test_mistakes_with_stubs_are_told(tmp_path, old, new, code):
 
 
 def test_what_the_robot_provides_is_not_asked_for(file):
-    path = file("m.xml", TREE.format("Main", '<Drive goal="{goal}"/>'),
-                '<TreeNodesModel><Action ID="Drive"><input_port name="goal"/></Action></TreeNodesModel>')
+    path = file(
+        "m.xml", TREE.format("Main", '<FixtureDrive goal="{goal}"/>'),
+        '<TreeNodesModel><Action ID="FixtureDrive"><input_port '
+        'name="goal"/></Action></TreeNodesModel>'
+    )
     assert told(path) == []
-    assert said(path) == ["m.xml: checked, 1 node, 0 warnings; not a mission of this robot, which lacks 1 node type "
-                          "(taken as stubs): Drive"]
+    assert said(path) == [
+        "m.xml: checked, 1 node, 0 warnings; not a mission of this robot, which lacks 1 node type "
+        "(taken as stubs): FixtureDrive"
+    ]
 
 
 @pytest.mark.parametrize("count, rest", [(20, ""), (21, ", …")])
 def test_of_many_stubs_the_first_are_named(count, rest):
     names = tuple("Node{}".format(number) for number in range(1, count + 1))
     assert str(Judgement("m.xml", nodes=30, stubs=names)) == (
-        "m.xml: checked, 30 nodes, 0 warnings; not a mission of this robot, which lacks {} node types (taken as stubs): {}{}"
+        "m.xml: checked, 30 nodes, 0 warnings; not a mission of this robot, which lacks {} node "
+        "types (taken as stubs): {}{}"
         .format(count, ", ".join(names[:20]), rest))
 
 
@@ -108,19 +115,24 @@ def test_of_many_stubs_the_first_are_named(count, rest):
     ('<input_port name="goal" optional="true"/><input_port name="speed" default="1"/>', False),
 ])
 def test_ports_of_a_palette_may_be_optional(file, port, is_told):
-    path = file("m.xml", TREE.format("Main", "<Drive/>"),
-                '<TreeNodesModel><Action ID="Drive">{}</Action></TreeNodesModel>'.format(port))
+    path = file(
+        "m.xml", TREE.format("Main", "<FixtureDrive/>"),
+        '<TreeNodesModel><Action ID="FixtureDrive">{}</Action></TreeNodesModel>'.format(port))
     assert told(path) == [("m.xml", 2, "port-missing")] * is_told
 
 
-@pytest.mark.parametrize("type_name, value, codes", [
-    ("unsigned int", "2 min", ["number-cut-short"]), ("int", "fast", ["wrong-literal"]), ("double", "2,5",
-                                                                                         ["number-cut-short"]),
-    ("bool", "yes", ["wrong-literal"]), ("geometry_msgs::Pose", "1;2", []), ("std::string", "2 min", [])])
+@pytest.mark.parametrize("type_name, value, codes",
+                         [("unsigned int", "2 min", ["number-cut-short"]),
+                          ("int", "fast", ["wrong-literal"]),
+                          ("double", "2,5", ["number-cut-short"]),
+                          ("bool", "yes", ["wrong-literal"]), ("geometry_msgs::Pose", "1;2", []),
+                          ("std::string", "2 min", [])])
 def test_types_of_a_palette_are_those_of_the_library(file, type_name, value, codes):
-    path = file("m.xml", TREE.format("Main", '<Drive how="{}"/>'.format(value)),
-                '<TreeNodesModel><Action ID="Drive"><input_port name="how" type="{}"/></Action></TreeNodesModel>'
-                .format(type_name))
+    path = file(
+        "m.xml", TREE.format("Main", '<FixtureDrive how="{}"/>'.format(value)),
+        '<TreeNodesModel><Action ID="FixtureDrive"><input_port name="how" '
+        'type="{}"/></Action></TreeNodesModel>'
+        .format(type_name))
     assert [code for _, _, code in told(path)] == codes
 
 
@@ -136,45 +148,62 @@ def test_what_an_older_version_had_is_no_stub(file):
     assert [code for _, _, code in told(path)] == ["unknown-node"]
 
 
-@pytest.mark.parametrize("word, other, is_so", [
-    ("paht", "path", True), ("pat", "path", True), ("paath", "path", True), ("bath", "path", True),
-    ("goal", "goals", False), ("pose1", "pose2", False), ("goal", "path", False), ("path", "path", False),
-    ("apth", "path", True), ("goal_pose", "pose", False)])
+@pytest.mark.parametrize("word, other, is_so", [("paht", "path", True), ("pat", "path", True),
+                                                ("paath", "path", True), ("bath", "path", True),
+                                                ("goal", "goals", False), ("pose1", "pose2", False),
+                                                ("goal", "path", False), ("path", "path", False),
+                                                ("apth", "path", True),
+                                                ("goal_pose", "pose", False)])
 def test_what_is_a_misspelling(word, other, is_so):
     assert is_misspelling(word, other) is is_so
 
 
 def test_a_misspelling_is_one_edit():
-    words = {"".join(letters) for length in range(5) for letters in itertools.product("abc", repeat=length)}
+    words = {
+        "".join(letters) for length in range(5)
+        for letters in itertools.product("abc", repeat=length)
+    }
     for word in words:
         edits = set()
         for at in range(len(word) + 1):
             begin, rest = word[:at], word[at:]
-            edits |= {begin + letter + rest for letter in "abc"} | {begin + rest[1:], begin + rest[1::-1] + rest[2:]}
+            edits |= {begin + letter + rest
+                      for letter in "abc"} | {begin + rest[1:], begin + rest[1::-1] + rest[2:]}
             edits |= {begin + letter + rest[1:] for letter in "abc" if rest}
         assert {other for other in words if is_misspelling(word, other)} == edits & words - {word}
 
 
-@pytest.mark.parametrize("inside, codes", [
-    ('<Out out="{abcd}"/><Drive goal="{abce}"/>', ["never-written"]),  # a robot's entries are its own, but this is near
-    ('<Out out="{abc}"/><Drive goal="{abd}"/>', []), ('<Out out="{abcd}"/><Drive goal="{wxyz}"/>', []),
-    ('<Out out="{abcd}"/><Drive goal="abcd"/>', []), ('<Script code="count = 1"/><Drive/>', []),
-    ('<Script code="1 == 1"/><Drive/>', ["script-no-effect"])])
+@pytest.mark.parametrize(
+    "inside, codes",
+    [
+        # a robot's entries are its own, but this is near
+        ('<Out out="{abcd}"/><FixtureDrive goal="{abce}"/>', ["never-written"]),
+        ('<Out out="{abc}"/><FixtureDrive goal="{abd}"/>', []),
+        ('<Out out="{abcd}"/><FixtureDrive goal="{wxyz}"/>', []),
+        ('<Out out="{abcd}"/><FixtureDrive goal="abcd"/>', []),
+        ('<Script code="count = 1"/><FixtureDrive/>', []),
+        ('<Script code="1 == 1"/><FixtureDrive/>', ["script-no-effect"])
+    ])
 def test_what_is_said_of_entries_in_a_mission_for_another_robot(file, inside, codes):
-    models = '<Action ID="Out"><output_port name="out"/></Action><Action ID="Drive"><input_port name="goal"/></Action>'
+    models = ('<Action ID="Out"><output_port name="out"/></Action>'
+              '<Action ID="FixtureDrive"><input_port name="goal"/></Action>')
     path = file("m.xml", TREE.format("Main", "<Sequence>{}</Sequence>".format(inside)),
                 "<TreeNodesModel>{}</TreeNodesModel>".format(models))
     assert [code for _, _, code in told(path)] == codes
 
 
-# ------------------------------------------------------------------------------------------- files that belong together
+# ----------------------------------------------------------------------- files that belong together
 
 
 def test_an_included_file_is_judged_as_a_part(file):
-    part = file("part.xml", TREE.format("A", LEAF), TREE.format("B", LEAF))  # nothing says which is its main tree
-    whole = file("whole.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
+    # nothing says which is its main tree
+    part = file("part.xml", TREE.format("A", LEAF), TREE.format("B", LEAF))
+    whole = file("whole.xml", '<include path="part.xml"/>',
+                 TREE.format("Main", '<SubTree ID="A"/>'))
     assert told(part) == [("part.xml", 1, "main-tree-missing")]
-    assert said(part, whole) == ["part.xml: a part of whole.xml", "whole.xml: can be run, 2 nodes, 0 warnings"]
+    assert said(part, whole) == [
+        "part.xml: a part of whole.xml", "whole.xml: can be run, 2 nodes, 0 warnings"
+    ]
     validation = Validation()
     assert len(list(validation.judge([whole]))) == 1
     assert validation.files == {part, whole}
@@ -189,13 +218,15 @@ def test_files_that_include_each_other_are_no_parts(file):
 
 def test_each_tree_of_a_project_that_no_other_calls_is_a_main_tree(file):
     file("a.xml", TREE.format("A", '<SubTree ID="C"/>'))
-    file("b.xml", TREE.format("B", '<Sequence>{}<Slep/></Sequence>'.format(LEAF)), TREE.format("C", LEAF))
+    file("b.xml", TREE.format("B", '<Sequence>{}<Slep/></Sequence>'.format(LEAF)),
+         TREE.format("C", LEAF))
     project = file("p.btproj", '<include path="a.xml"/>', '<include path="b.xml"/>')
     assert told(project) == [("b.xml", 2, "unknown-node")]
     file("b.xml", TREE.format("B", LEAF), TREE.format("C", LEAF))
     assert said(project) == ["p.btproj: can be run from each of A, B, 3 nodes, 0 warnings"]
     assert said(project, main="A") == ["p.btproj: can be run, 2 nodes, 0 warnings"]
-    assert said(file("q.btproj", '<include path="a.xml"/>', '<include path="c.xml"/>')) == ["q.btproj: 1 fault"]
+    assert said(file("q.btproj", '<include path="a.xml"/>',
+                     '<include path="c.xml"/>')) == ["q.btproj: 1 fault"]
     file("c.xml", TREE.format("C", LEAF))
     assert said(file("q.btproj", '<include path="a.xml"/>', '<include path="c.xml"/>')) == [
         "q.btproj: can be run, 2 nodes, 0 warnings"]
@@ -206,26 +237,31 @@ def test_a_project_may_say_which_tree_is_the_main_one(file):
     project = file("p.btproj", '<include path="a.xml"/>')
     assert said(project) == ["p.btproj: can be run from each of A, B, 2 nodes, 0 warnings"]
     with open(project, "w", encoding="utf-8") as opened:
-        opened.write('<root BTCPP_format="4" main_tree_to_execute="A"><include path="a.xml"/></root>')
+        opened.write(
+            '<root BTCPP_format="4" main_tree_to_execute="A"><include path="a.xml"/></root>')
     assert said(project) == ["p.btproj: can be run, 1 node, 0 warnings"]
 
 
 def test_the_palette_of_a_project_is_that_of_its_files(file):
-    file("a.xml", TREE.format("A", "<Drive/>"))
-    project = file("p.btproj", '<include path="a.xml"/>', '<TreeNodesModel><Action ID="Drive"/></TreeNodesModel>')
+    file("a.xml", TREE.format("A", "<FixtureDrive/>"))
+    project = file("p.btproj", '<include path="a.xml"/>',
+                   '<TreeNodesModel><Action ID="FixtureDrive"/></TreeNodesModel>')
     assert told(project) == []
 
 
 def test_a_palette_may_be_in_the_file_of_another_mission(file):
-    robot = file("robot.xml", TREE.format("X", LEAF), '<TreeNodesModel><Action ID="Drive"/></TreeNodesModel>')
-    path = file("m.xml", TREE.format("Main", "<Drive/>"))
+    robot = file("robot.xml", TREE.format("X", LEAF),
+                 '<TreeNodesModel><Action ID="FixtureDrive"/></TreeNodesModel>')
+    path = file("m.xml", TREE.format("Main", "<FixtureDrive/>"))
     assert [code for _, _, code in told(robot, path)] == ["unknown-node"]
-    assert [os.path.basename(judgement.file) for judgement in judged(path, palettes=[robot])] == ["m.xml"]
+    assert [os.path.basename(judgement.file)
+            for judgement in judged(path, palettes=[robot])] == ["m.xml"]
     assert told(path, palettes=[robot]) == []
 
 
 def test_the_main_tree_may_be_chosen(file):
-    path = file("m.xml", TREE.format("A", LEAF), TREE.format("B", "<Sequence>{0}{0}</Sequence>".format(LEAF)))
+    path = file("m.xml", TREE.format("A", LEAF),
+                TREE.format("B", "<Sequence>{0}{0}</Sequence>".format(LEAF)))
     assert said(path) == ["m.xml: 1 fault"]
     assert said(path, main="C") == ["m.xml: 1 fault"]
     assert told(path, main="B") == [("m.xml", 2, "tree-unused")]
@@ -239,7 +275,8 @@ def test_a_folder_is_all_missions_in_it(file, tmp_path):
     (tmp_path / "notes.txt").write_text("<root>")
     (tmp_path / ".git").mkdir()
     file(".git/c.xml", TREE.format("C", LEAF))
-    assert [os.path.basename(judgement.file) for judgement in judged(str(tmp_path))] == ["a.xml", "b.xml"]
+    assert [os.path.basename(judgement.file)
+            for judgement in judged(str(tmp_path))] == ["a.xml", "b.xml"]
     (tmp_path / "latin.xml").write_bytes(HEAD.format(TREE.format("Café", LEAF)).encode("latin-1"))
     assert told(str(tmp_path)) == [("latin.xml", 2, "not-text")]
 
@@ -250,14 +287,18 @@ def test_trees_are_found_in_the_files_beside_only_when_asked(file):
     file("third.xml", TREE.format("B", LEAF))
     assert told(path) == [("m.xml", 2, "unknown-tree")]
     assert said(path, in_folder=True) == ["m.xml: can be run, 4 nodes, 0 warnings"]
-    file("third.xml", TREE.format("B", "<Drive/>"), '<TreeNodesModel><Action ID="Drive"/></TreeNodesModel>')
-    assert said(path, in_folder=True) == ["m.xml: checked, 4 nodes, 0 warnings; not a mission of this robot, which lacks 1 "
-                                          "node type (taken as stubs): Drive"]
+    file("third.xml", TREE.format("B", "<FixtureDrive/>"),
+         '<TreeNodesModel><Action ID="FixtureDrive"/></TreeNodesModel>')
+    assert said(path, in_folder=True) == [
+        "m.xml: checked, 4 nodes, 0 warnings; not a mission of this robot, which lacks 1 "
+        "node type (taken as stubs): FixtureDrive"
+    ]
 
 
 def test_a_file_of_a_ros_package_is_included(file, tmp_path, monkeypatch):
     file("src/deep/robot/trees/part.xml", TREE.format("A", LEAF))
-    (tmp_path / "src/deep/robot/package.xml").write_text("<package>\n <name> my_robot </name></package>")
+    (tmp_path /
+     "src/deep/robot/package.xml").write_text("<package>\n <name> my_robot </name></package>")
     path = file("m.xml", '<include ros_pkg="my_robot" path="trees/part.xml"/>',
                 TREE.format("Main", '<SubTree ID="A"/>'))
     monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(["/nowhere", str(tmp_path / "src")]))
@@ -267,7 +308,9 @@ def test_a_file_of_a_ros_package_is_included(file, tmp_path, monkeypatch):
 
 
 def test_a_file_with_nothing_but_a_palette_is_one(file):
-    path = file("p.xml", '<TreeNodesModel><Action ID="Drive"/><Control ID="Both"/><Action/></TreeNodesModel>')
+    path = file(
+        "p.xml",
+        '<TreeNodesModel><Action ID="FixtureDrive"/><Control ID="Both"/><Action/></TreeNodesModel>')
     assert said(path) == ["p.xml: a palette of 3 node types, 1 warning"]
     assert told(path) == [("p.xml", 2, "id-missing")]
 
@@ -277,13 +320,14 @@ def test_a_palette_that_cannot_be_read_is_told(tmp_path, file):
     assert told(path, palettes=[str(tmp_path / "none.xml")]) == [("none.xml", 0, "unreadable-file")]
 
 
-# -------------------------------------------------------------------------------------------------------- the command
+# -------------------------------------------------------------------------------------- the command
 
 
 def test_a_warning_may_be_left_out_and_a_fault_not(file, capsys):
     path = file("m.xml", TREE.format("Main", '<Sequence><Sleep msec="2 min"/></Sequence>'))
     assert cli.validate(["--ignore", "number-cut-short", path]) == 0
-    assert capsys.readouterr().out == "{}: can be run, 2 nodes, 0 warnings\n".format(path)
+    assert capsys.readouterr().out.endswith(
+        "\n{}: can be run, 2 nodes, 0 warnings\n".format(path))
     path = file("m.xml", TREE.format("Main", "<Slep/>"))
     assert cli.validate(["--ignore", "unknown-node", path]) == 2
 
@@ -297,7 +341,8 @@ def test_a_code_that_does_not_exist_is_a_wrong_call(capsys):
     with pytest.raises(SystemExit) as caught:
         cli.validate(["--ignore", "number-cut-shor", "m.xml"])
     assert caught.value.code == 2
-    assert "there is no code number-cut-shor (did you mean number-cut-short?)" in capsys.readouterr().err
+    assert "there is no code number-cut-shor (did you mean number-cut-short?)" in capsys.readouterr(
+    ).err
 
 
 def test_no_delivered_mission_has_a_warning(capsys):
@@ -312,21 +357,48 @@ def test_a_file_is_checked_again_at_each_save(file, tmp_path):
     file("part.xml", TREE.format("A", "<Slep/>"))
     path = file("m.xml", '<include path="part.xml"/>', TREE.format("Main", '<SubTree ID="A"/>'))
     executable = os.path.join(os.path.dirname(os.path.abspath(cli.__file__)), "validateMission")
-    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)), PYTHONUNBUFFERED="1")
-    process = subprocess.Popen([sys.executable, executable, "--watch", path], env=variables, stdout=subprocess.PIPE,
-                               universal_newlines=True)
+    variables = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)),
+                     PYTHONUNBUFFERED="1")
+    process = subprocess.Popen([sys.executable, executable, "--watch", path], env=variables,
+                               stdout=subprocess.PIPE, universal_newlines=True)
     limit = threading.Timer(LIMIT, process.kill)
     limit.start()
+
+    def line():
+        text = process.stdout.readline()
+        return process.stdout.readline() if text.startswith("checked for") else text
+
     try:
-        assert "unknown node Slep" in process.stdout.readline()
-        assert process.stdout.readline() == "{}: 1 fault\n".format(path)
+        assert line().endswith(" [unknown-node]\n")
+        assert line() == "{}: 1 fault\n".format(path)
         os.replace(file("saved", TREE.format("A", LEAF)), str(tmp_path / "part.xml"))
-        assert process.stdout.readline() == "{}: can be run, 2 nodes, 0 warnings\n".format(path)
+        assert line() == "{}: can be run, 2 nodes, 0 warnings\n".format(path)
         os.replace(file("saved", TREE.format("Main", LEAF)), path)
-        assert process.stdout.readline() == "{}: can be run, 1 node, 0 warnings\n".format(path)
+        assert line() == "{}: can be run, 1 node, 0 warnings\n".format(path)
         os.remove(path)
-        assert "cannot be read" in process.stdout.readline()
+        assert "cannot be read" in line()
+        assert line() == "{}: 1 fault\n".format(path)
+        os.mkdir(path)
+        assert "the folder has no mission" in line()
     finally:
         limit.cancel()
         process.kill()
         process.communicate()
+
+
+# ----------------------------------------------------------------------- files that are no missions
+
+
+def test_a_palette_without_node_types_is_told(file):
+    path = file("p.xml", "<TreeNodesModel/>")
+    assert told(path) == [("p.xml", 2, "palette-empty")]
+    assert said(path) == ["p.xml: a palette of 0 node types, 1 warning"]
+    assert told(file("m.xml", TREE.format("Main", LEAF), "<TreeNodesModel/>")) == []
+
+
+@pytest.mark.parametrize("name, text", [("", ""), ("notes.txt", "<root/>"), ("a.xml", "<robot/>")])
+def test_a_folder_without_a_mission_is_a_fault(tmp_path, name, text):
+    if name:
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    judgement, = judged(str(tmp_path))
+    assert judgement.is_wrong and "the folder has no mission" in judgement.faults[0].text

@@ -1,31 +1,52 @@
-"""Text becomes a value and a value another as in BehaviorTree.CPP (sections 9.1 and 9.5); what cannot be says why."""
+"""Text becomes a value and a value another as in BehaviorTree.CPP (sections 9.1 and 9.5); what
+cannot be says why."""
 import math
 import time
 
 import pytest
 
-from behavior_controller.bt.language import values
-from behavior_controller.bt.language.values import TYPES, ValueFault
+from behavior_controller.bt.script import values
+from behavior_controller.bt.script.values import TYPES, ValueFault
 from behavior_controller.bt.status import IDLE, RUNNING, SKIPPED
 
 ENUMS = {"RED": 1}
 
 
 @pytest.mark.parametrize("type_name, text, value", [
-    ("int", "42", 42), ("int", "-42", -42), ("int", "2.9abc", 2), ("int", "0x10", 0), ("int", "2147483647", 2147483647),
-    ("int", "-2147483648", -2147483648), ("int", "0" * 5000 + "7", 7), ("uint", "3000000000", 3000000000),
-    ("int8", "-128", -128), ("uint8", "255", 255), ("int64", "9007199254740993", 9007199254740993),
-    ("uint64", "18446744073709551615", 2 ** 64 - 1),
-    ("double", "2.5m", 2.5), ("double", ".5", 0.5), ("double", "-1.5e-3", -0.0015), ("double", "1e", 1.0),
+    ("int", "42", 42),
+    ("int", "-42", -42),
+    ("int", "2.9abc", 2),
+    ("int", "0x10", 0),
+    ("int", "2147483647", 2147483647),
+    ("int", "-2147483648", -2147483648),
+    ("int", "0" * 5000 + "7", 7),
+    ("uint", "3000000000", 3000000000),
+    ("int8", "-128", -128),
+    ("uint8", "255", 255),
+    ("int64", "9007199254740993", 9007199254740993),
+    ("uint64", "18446744073709551615", 2**64 - 1),
+    ("double", "2.5m", 2.5),
+    ("double", ".5", 0.5),
+    ("double", "-1.5e-3", -0.0015),
+    ("double", "1e", 1.0),
     ("double", "1.", 1.0),
-    ("double", "INF", math.inf), ("double", "-infinity", -math.inf), ("double", "1e2.5", 100.0),
-    ("bool", "True", True), ("bool", "FALSE", False), ("bool", "False", False),
+    ("double", "INF", math.inf),
+    ("double", "-infinity", -math.inf),
+    ("double", "1e2.5", 100.0),
+    ("bool", "True", True),
+    ("bool", "FALSE", False),
+    ("bool", "False", False),
     ("string", " a\tb ", " a\tb "),
-    ("enum", "RED", 1), ("enum", "-5", -5),
-    ("NodeStatus", "IDLE", IDLE), ("NodeStatus", "SKIPPED", SKIPPED),
-    ("vec_int", "", []), ("vec_int", "1;2;-3;", [1, 2, -3]), ("vec_int", "json:[4, 5]", [4, 5]),
+    ("enum", "RED", 1),
+    ("enum", "-5", -5),
+    ("NodeStatus", "IDLE", IDLE),
+    ("NodeStatus", "SKIPPED", SKIPPED),
+    ("vec_int", "", []),
+    ("vec_int", "1;2;-3;", [1, 2, -3]),
+    ("vec_int", "json:[4, 5]", [4, 5]),
     ("vec_int", "json: []", []),
-    ("vec_double", "json:[1, 2.5]", [1.0, 2.5]), ("vec_bool", "json:[true]", [True]),
+    ("vec_double", "json:[1, 2.5]", [1.0, 2.5]),
+    ("vec_bool", "json:[true]", [True]),
     ("vec_string", 'json:["a;b"]', ["a;b"]),
 ])
 def test_from_text(type_name, text, value):
@@ -36,25 +57,45 @@ def test_from_text(type_name, text, value):
 
 
 @pytest.mark.parametrize("type_name, text, reason", [
-    ("int", "", "Can't convert string [] to integer"), ("int", "x10", "[x10] to integer"),
+    ("int", "", "Can't convert string [] to integer"),
+    ("int", "x10", "[x10] to integer"),
     ("int", " 2", "[ 2] to integer"),
-    ("int", "+2", "[+2] to integer"), ("int", "\u0662", "to integer"), ("int", "-", "to integer"),
-    ("int", "2147483648", "out of bound"), ("int", "-2147483649", "out of bound"), ("int", "9" * 5000, "out of bound"),
-    ("int", "-" + "9" * 5000, "out of bound"), ("int64", "9223372036854775808", "out of bound"),
+    ("int", "+2", "[+2] to integer"),
+    ("int", "\u0662", "to integer"),
+    ("int", "-", "to integer"),
+    ("int", "2147483648", "out of bound"),
+    ("int", "-2147483649", "out of bound"),
+    ("int", "9" * 5000, "out of bound"),
+    ("int", "-" + "9" * 5000, "out of bound"),
+    ("int64", "9223372036854775808", "out of bound"),
     ("int8", "300", "-128 to 127"),
-    ("uint", "-1", "Can't convert string [-1] to integer"), ("uint", "4294967296", "out of bound"),
-    ("double", "abc", "to double"), ("double", "+1.5", "to double"), ("double", " 1", "to double"),
+    ("uint", "-1", "Can't convert string [-1] to integer"),
+    ("uint", "4294967296", "out of bound"),
+    ("double", "abc", "to double"),
+    ("double", "+1.5", "to double"),
+    ("double", " 1", "to double"),
     ("double", ".", "to double"),
-    ("double", "\u0131nf", "to double"), ("double", "1e999", "out of bound"),
+    ("double", "\u0131nf", "to double"),
+    ("double", "1e999", "out of bound"),
     ("double", "9" * 400 + "e5", "out of bound"),
-    ("bool", "2", "0 1 true false"), ("bool", "tRue", "invalid bool"), ("bool", " true", "invalid bool"),
+    ("bool", "2", "0 1 true false"),
+    ("bool", "tRue", "invalid bool"),
+    ("bool", " true", "invalid bool"),
     ("bool", "", "invalid bool"),
-    ("enum", "PINK", "known names: RED"), ("enum", "1x", "enum"), ("enum", "1" * 5000, "enum"),
-    ("NodeStatus", "MAYBE", "Cannot convert this to NodeStatus: MAYBE; allowed: IDLE RUNNING SUCCESS FAILURE SKIPPED"),
-    ("vec_int", "1;;2", "[] to integer"), ("vec_int", "json:[1", "JSON"), ("vec_int", "json:{}", "JSON array"),
-    ("vec_int", 'json:["1"]', "not of type integer"), ("vec_int", "json:[1.5]", "not of type integer"),
-    ("vec_int", "json:[true]", "not of type integer"), ("vec_int", "json:[2147483648]", "outside"),
-    ("vec_double", "json:[null]", "not of type number"), ("vec_int", "json:" + "[" * 100000, "JSON"),
+    ("enum", "PINK", "known names: RED"),
+    ("enum", "1x", "enum"),
+    ("enum", "1" * 5000, "enum"),
+    ("NodeStatus", "MAYBE",
+     "Cannot convert this to NodeStatus: MAYBE; allowed: IDLE RUNNING SUCCESS FAILURE SKIPPED"),
+    ("vec_int", "1;;2", "[] to integer"),
+    ("vec_int", "json:[1", "JSON"),
+    ("vec_int", "json:{}", "JSON array"),
+    ("vec_int", 'json:["1"]', "not of type integer"),
+    ("vec_int", "json:[1.5]", "not of type integer"),
+    ("vec_int", "json:[true]", "not of type integer"),
+    ("vec_int", "json:[2147483648]", "outside"),
+    ("vec_double", "json:[null]", "not of type number"),
+    ("vec_int", "json:" + "[" * 100000, "JSON"),
     ("vec_int", "json:[" + "9" * 5000 + "]", ""),
 ])
 def test_text_that_cannot_be_converted(type_name, text, reason):
@@ -65,8 +106,10 @@ def test_text_that_cannot_be_converted(type_name, text, reason):
 
 
 # of the C++ types, on which the library's converters and casts depend
-LIMITS = {"int": (-2 ** 31, 2 ** 31 - 1), "uint": (0, 2 ** 32 - 1), "int8": (-128, 127), "uint8": (0, 255),
-          "int64": (-2 ** 63, 2 ** 63 - 1), "uint64": (0, 2 ** 64 - 1), "enum": (-2 ** 31, 2 ** 31 - 1)}
+LIMITS = {
+    "int": (-2**31, 2**31 - 1), "uint": (0, 2**32 - 1), "int8": (-128, 127), "uint8": (0, 255),
+    "int64": (-2**63, 2**63 - 1), "uint64": (0, 2**64 - 1), "enum": (-2**31, 2**31 - 1)
+}
 
 
 @pytest.mark.parametrize("type_name", sorted(LIMITS))
@@ -138,16 +181,30 @@ def test_how_an_entry_holds_a_value(value, held):
 
 
 @pytest.mark.parametrize("text, line", [
-    ("plain", "plain"), ("two\n\tlines", "two lines"), ("", ""), ("x" * 80, "x" * 80), ("x" * 81, "x" * 80 + "\u2026"),
-    (" 2", " 2"), ("\x0c", "\\x0c"), ("a\x00b", "a\\x00b"), ("caf\u00e9", "caf\u00e9"),
+    ("plain", "plain"),
+    ("two\n\tlines", "two lines"),
+    ("", ""),
+    ("x" * 80, "x" * 80),
+    ("x" * 81, "x" * 80 + "\u2026"),
+    (" 2", " 2"),
+    ("\x0c", "\\x0c"),
+    ("a\x00b", "a\\x00b"),
+    ("caf\u00e9", "caf\u00e9"),
 ])
 def test_how_a_message_quotes_a_text(text, line):
     assert values.shown(text) == line
 
 
 @pytest.mark.parametrize("type_name, text, rest", [
-    ("int", "2 min", "min"), ("int", "12", ""), ("int", "x", ""), ("double", "1e", "e"), ("string", "2 min", ""),
-    ("vec_int", "1;2.5;3 x", ".5"), ("vec_double", "1.5;2", ""), ("vec_int", "json:[1.5]", ""), ("vec_bool", "1 x", ""),
+    ("int", "2 min", "min"),
+    ("int", "12", ""),
+    ("int", "x", ""),
+    ("double", "1e", "e"),
+    ("string", "2 min", ""),
+    ("vec_int", "1;2.5;3 x", ".5"),
+    ("vec_double", "1.5;2", ""),
+    ("vec_int", "json:[1.5]", ""),
+    ("vec_bool", "1 x", ""),
 ])
 def test_what_is_passed_over_after_a_number(type_name, text, rest):
     assert values.unread(text, type_name) == rest

@@ -1,4 +1,5 @@
-"""The wake-up flag wakes the waiting thread, is kept until it is cleared, and may be set by a signal handler."""
+"""The wake-up flag wakes the waiting thread, is kept until it is cleared, and may be set by a
+signal handler."""
 import os
 import signal
 import threading

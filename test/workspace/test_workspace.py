@@ -1,4 +1,5 @@
-"""Both packages in a user's own catkin workspace, beside a robot whose nodes live in a package of the same name."""
+"""Both packages in a user's own catkin workspace, beside a robot whose nodes live in a package of
+the same name."""
 import os
 import re
 import signal
@@ -7,6 +8,7 @@ import subprocess
 
 import pytest
 
+pytestmark = pytest.mark.long
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 ROS = "/opt/ros/noetic/setup.bash"
 BUILD_LIMIT, RUN_LIMIT = 300.0, 120.0
@@ -41,19 +43,24 @@ class Shell:
     """A user's shell that has sourced only what is given."""
 
     def __init__(self, home, *sourced):
-        self.environment = {"HOME": str(home), "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
-                            "ROS_HOSTNAME": "localhost", "ROS_HOME": str(home / "ros"), "PYTHONUNBUFFERED": "1",
-                            "ROS_MASTER_URI": "http://localhost:{}".format(free_port())}
+        self.environment = {
+            "HOME": str(home), "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
+            "ROS_HOSTNAME": "localhost", "ROS_HOME": str(home / "ros"), "PYTHONUNBUFFERED": "1",
+            "ROS_MASTER_URI": "http://localhost:{}".format(free_port())
+        }
         # where packages come from is the machine's
-        self.environment.update({key: value for key, value in os.environ.items()
-                                 if key.startswith("PIP_") or key.lower().endswith("_proxy") or "_CERT_" in key})
+        self.environment.update({
+            key: value for key, value in os.environ.items()
+            if key.startswith("PIP_") or key.lower().endswith("_proxy") or "_CERT_" in key
+        })
         ros = (ROS,) if os.path.exists(ROS) else ()
         self._sourced = "".join(". {} && ".format(path) for path in ros + sourced)
 
     def run(self, command, limit=RUN_LIMIT):
         """Return the exit code and all that the command prints."""
-        done = subprocess.run(["bash", "-c", self._sourced + command], env=self.environment, timeout=limit,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        done = subprocess.run(["bash", "-c", self._sourced + command], env=self.environment,
+                              timeout=limit, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              universal_newlines=True)
         return done.returncode, done.stdout
 
     def do(self, command, limit=RUN_LIMIT):
@@ -64,8 +71,9 @@ class Shell:
 
     def start(self, command):
         """Start a command in its own process group and return its process."""
-        return subprocess.Popen(["bash", "-c", self._sourced + command], env=self.environment, start_new_session=True,
-                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        return subprocess.Popen(["bash", "-c", self._sourced + command], env=self.environment,
+                                start_new_session=True, stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, universal_newlines=True)
 
 
 def free_port():
@@ -94,7 +102,8 @@ def workspace(home):
 
 @pytest.fixture(params=["devel", "install"])
 def sourced(request, workspace):
-    """Each space in turn; while the install space is tried, nothing else of the workspace is there."""
+    """Each space in turn; while the install space is tried, nothing else of the workspace is there.
+    """
     if request.param == "devel":
         yield workspace / "devel/setup.bash"
         return
@@ -112,20 +121,34 @@ def test_all_runs_from_the_workspace(home, sourced):
     shell = Shell(home, str(sourced))
     package = shell.do("rospack find cssr_system").splitlines()[-1]
     assert package.startswith(str(home))
-    assert "can be run" in shell.do("rosrun cssr_system validateMission {}/data/lab_tour.xml".format(package))
+    assert "can be run" in shell.do(
+        "rosrun cssr_system validateMission {}/data/lab_tour.xml".format(package))
     assert "TreeNodesModel" in shell.do("rosrun cssr_system exportNodeModel")
+    shell.do("cd {} && py-trees-render --kwargs '{{\"mission\": \"lab_tour\"}}' "
+             "behavior_controller.cli.create_tree".format(home))
+    assert (home / "lab_tour.svg").exists()
     code, text = shell.run("rosrun cssr_system behaviorController")
     assert (code, text.count("no ROS master")) == (1, 1), text
-    shell.do("roslaunch unit_tests behaviorControllerTest.launch missionRuns:=1 visitorBehaviour:=declines "
-             "arrivalRate:=6000 failureRate:=0")
+    shell.do("roslaunch unit_tests behaviorControllerTest.launch missionRuns:=1 "
+             "visitorBehaviour:=declines arrivalRate:=6000 failureRate:=0 callTimes:=none")
+
+
+def test_no_package_of_the_system_is_shadowed(home, workspace):
+    added = [path.name for path in (workspace / "src/cssr_system/python_packages").iterdir()
+             if "." not in path.name]
+    assert "py_trees" in added
+    found = "[name for name in {} if importlib.util.find_spec(name)]".format(added)
+    assert Shell(home).do("/usr/bin/python3 -c 'import importlib.util; print({})'".format(
+        found.replace("'", '"'))) == "[]\n"
 
 
 def test_another_packages_leaves(home, sourced):
     shell = Shell(home, str(sourced))
     text = shell.do("roslaunch greeter greeter.launch")
-    for words in ("the lights are blue", "CuriousSpeech::4): SUCCESS", "the lights are white", "exit code 0"):
+    for words in ("the lights are blue", "CuriousSpeech::10): SUCCESS", "the lights are white",
+                  "the display shows Follow me", "the robot has driven", "exit code 0"):
         assert words in text, text
-    assert text.count("SayTime::6): SUCCESS") == 1  # every other time, of two
+    assert text.count("SayTime::12): SUCCESS") == 1  # every other time, of two
     assert 'ID="EveryOther"' in shell.do("rosrun cssr_system exportNodeModel")
 
 
@@ -138,22 +161,39 @@ def test_beside_a_robot_whose_package_has_the_same_name(home, workspace):
     (package / "srv/sayText.srv").write_text("string message\n---\nbool success\nstring response\n")
     (package / "textToSpeech").write_text(ROBOTS_SPEECH)
     (package / "textToSpeech").chmod(0o755)
-    ours, theirs = Shell(home, str(workspace / "devel/setup.bash")), Shell(home, str(robot / "devel/setup.bash"))
+    ours, theirs = Shell(home, str(workspace / "devel/setup.bash")), Shell(
+        home, str(robot / "devel/setup.bash"))
     theirs.environment["ROS_MASTER_URI"] = ours.environment["ROS_MASTER_URI"]
     code, text = Shell(home).run("{}/tools/add_to_workspace.sh {}".format(REPOSITORY, robot))
-    assert code == 1 and "a package of the same name" in text and not (robot / "src/unit_tests").exists()
+    assert code == 1 and "a package of the same name" in text and not (robot /
+                                                                       "src/unit_tests").exists()
     Shell(home).do("cd {} && catkin_make".format(robot), BUILD_LIMIT)
-    started = [ours.start("roslaunch unit_tests simulatedRobot.launch use_real_textToSpeech:=true failureRate:=0 "
-                          "visitorBehaviour:=declines arrivalRate:=6000")]
+    started = [
+        ours.start(
+            "roslaunch unit_tests simulatedRobot.launch use_real_textToSpeech:=true failureRate:=0 "
+            "visitorBehaviour:=declines arrivalRate:=6000")
+    ]
     try:
         ours.do("until rostopic list >/dev/null 2>&1; do sleep 0.2; done")
         started.append(theirs.start("rosrun cssr_system textToSpeech"))
         assert started[1].stdout.readline() == "ready\n"
-        ours.do("rosrun cssr_system behaviorController _missionRuns:=1 _startupTimeout:=30 _groot2Port:=0 "
-                "_monitorPort:=0 _recordDirectory:=none")
+        ours.do("rosrun cssr_system behaviorController _missionRuns:=1 _startupTimeout:=30 "
+                "_groot2Port:=0 _monitorPort:=0 _recordDirectory:=none")
         assert re.match("said: .", started[1].stdout.readline())
     finally:
         for process in started:
             os.killpg(process.pid, signal.SIGINT)
         for process in started:
             process.communicate(timeout=30)
+
+
+def test_nothing_is_left_after_it_was_removed(home, workspace):
+    """The last test of this workspace."""
+    (workspace / "src/greeter").unlink()
+    added = [path.name for path in (workspace / "src/cssr_system/python_packages").iterdir()]
+    Shell(home).do("{}/tools/add_to_workspace.sh --remove {}".format(REPOSITORY, workspace))
+    ours = re.compile(r"cssr_system|unit_tests|behavior|py-trees-render|validateMission|runTest")
+    left = [path for path in workspace.rglob("*")
+            if ours.search(str(path.relative_to(workspace))) or path.name in added]
+    assert left == []
+    assert [path.name for path in (workspace / "src").iterdir()] == ["CMakeLists.txt"]

@@ -1,8 +1,10 @@
-"""BehaviorTree.CPP version 4 on py_trees, independent of ROS and of this robot; docs/engine.md shows how to use it alone.
+"""BehaviorTree.CPP version 4 on py_trees, independent of ROS and of this robot; docs/engine.md
+shows how to use it alone.
 
-A file goes through ``language`` (XML with places, scripts), ``checking`` (every fault), ``compiler`` (the tree); a tree
-runs through ``engine`` (the tick pipeline that all nodes share). ``registry`` declares the node types. The names in
-``__all__`` are for use outside of the project; changes of their meaning are listed in the changelog.
+A file goes through ``loader.document`` (XML with places), ``linter`` (every fault) and
+``loader.tree_builder`` (the tree); ``script`` reads scripts; a tree runs through ``engine`` (the
+tick pipeline that all nodes share). ``registry`` declares the node types. The names in ``__all__``
+are for use outside of the project; changes of their meaning are listed in the changelog.
 """
 import importlib.util
 import os
@@ -12,7 +14,8 @@ OLDEST_PY_TREES = (2, 2)
 
 
 def _refuse_older_py_trees() -> None:
-    """Raise ImportError with one line for an operator if the py_trees that Python finds first is too old.
+    """Raise ImportError with one line for an operator if the py_trees that Python finds first is
+    too old.
 
     ROS Noetic installs version 0.7. The version is read, not imported: an old one may fail to load.
     """
@@ -24,17 +27,18 @@ def _refuse_older_py_trees() -> None:
         except OSError:
             continue
         if found is not None and (int(found.group(2)), int(found.group(3))) < OLDEST_PY_TREES:
-            raise ImportError(
-                "py_trees {} in {} is found first and too old, {}.{} or newer is needed (remove it, or put a newer one "
-                "before it on PYTHONPATH)".format(found.group(1), folder, *OLDEST_PY_TREES), name="py_trees")
+            oldest = ".".join(map(str, OLDEST_PY_TREES))
+            raise ImportError(f"py_trees {found.group(1)} in {folder} is found first and too old, "
+                              f"{oldest} or newer is needed (remove it, or put a newer one before "
+                              "it on PYTHONPATH)", name="py_trees")
 
 
 _refuse_older_py_trees()
 
 # after the check, which has the better message
-from behavior_controller.bt.checking.palette import tree_nodes_model
-from behavior_controller.bt.compiler import load_mission as load
-from behavior_controller.bt.compiler import load_text
+from behavior_controller.bt.linter.palette import tree_nodes_model
+from behavior_controller.bt.loader.tree_builder import load_mission as load
+from behavior_controller.bt.loader.tree_builder import load_text
 from behavior_controller.bt.engine.builtins import builtin_specs
 from behavior_controller.bt.engine.clock import Clock, ManualClock
 from behavior_controller.bt.engine.controls import Control
@@ -42,22 +46,23 @@ from behavior_controller.bt.engine.decorators import Decorator
 from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
 from behavior_controller.bt.engine.node import ConfigureError, Node, NodeError, Result, TickError
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.language.ports import NoValue, PortError
-from behavior_controller.bt.language.values import PortType, ValueFault
+from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.engine.ports import NoValue, PortError
+from behavior_controller.bt.script.values import PortType, ValueFault
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Registry
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 
 __all__ = [
     # to declare node types
-    "Registry", "builtin_specs", "NodeSpec", "Kind", "Port", "Direction", "PortType", "tree_nodes_model",
+    "Registry", "builtin_specs", "NodeSpec", "Kind", "Port", "Direction", "PortType",
+    "tree_nodes_model",
     # to write them
-    "ActionLeaf", "SyncActionLeaf", "ConditionLeaf", "Decorator", "Control", "Node",
-    "Result", "IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED",
+    "ActionLeaf", "SyncActionLeaf", "ConditionLeaf", "Decorator", "Control", "Node", "Result",
+    "IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED",
     # to run a file
     "load", "load_text", "Tree", "Blackboard", "Clock", "ManualClock",
     # what can be wrong
-    "BehaviorControllerError", "MissionError", "Fault", "TickError", "NodeError", "ConfigureError", "PortError", "NoValue",
-    "ValueFault",
+    "BehaviorControllerError", "MissionError", "Fault", "TickError", "NodeError", "ConfigureError",
+    "PortError", "NoValue", "ValueFault",
 ]

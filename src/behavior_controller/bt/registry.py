@@ -1,13 +1,15 @@
 """The node types that a mission may use: their names, kinds, ports, and how to make one."""
-import difflib
 import enum
+import sys
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from py_trees.behaviour import Behaviour
 
-from behavior_controller.bt.ends import Outcome
-from behavior_controller.bt.language.values import TYPES, PortType
+from behavior_controller.bt.possible_results import Outcome
+from behavior_controller.bt.script.values import PortType, TYPES
+from behavior_controller.text import did_you_mean
 
 
 class Kind(enum.Enum):
@@ -44,10 +46,11 @@ class Role(enum.Enum):
 class Port(NamedTuple):
     """A typed attribute of a node type.
 
-    ``type`` is a name of ``values.TYPES`` or a PortType, ``literal`` the type of a literal if that differs. ``default``
-    is text as it would stand in the file, or None for no default. ``is_optional``: the node needs no value. ``names``
-    are names of an instance that replace a missing value; all other names have no meaning. ``if_zero`` describes the
-    effect of 0 for a number of children.
+    ``type`` is a name of ``values.TYPES`` or a PortType, ``literal`` the type of a literal if that
+    differs. ``default`` is text as it would stand in the file, or None for no default.
+    ``is_optional``: the node needs no value. ``names`` are names of an instance that replace a
+    missing value; all other names have no meaning. ``if_zero`` describes the effect of 0 for a
+    number of children.
     """
 
     name: str
@@ -64,10 +67,12 @@ class Port(NamedTuple):
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One node type, with facts for the checks. ``factory(name)`` makes a node without anything that runs.
+    """One node type, with facts for the checks. ``factory(name)`` makes a node without anything
+    that runs.
 
-    ``warning`` is shown to the author of a mission that uses it. ``names`` are the allowed names of an instance if its
-    name is its argument; see ``argument``. With the defaults, nothing is known of a node type, and the linter is silent.
+    ``warning`` is shown to the author of a mission that uses it. ``names`` are the allowed names of
+    an instance if its name is its argument; see ``argument``. With the defaults, nothing is known
+    of a node type, and the linter is silent.
     """
 
     id: str
@@ -82,28 +87,59 @@ class NodeSpec:
     fewest_children: int = 1  # of a control
     child_counts: Tuple[int, ...] = ()  # with another number of children it fails when it is ticked
     children: str = ""  # what they are, for a message
-    next_after: int = 0  # the end of a child (SUCCEEDS or FAILS) after which the next child is ticked
+    # the end of a child (SUCCEEDS or FAILS) after which the next child is ticked
+    next_after: int = 0
     last_is_apart: bool = False  # the last child is ticked for other reasons
-    refuses_explicit: bool = False  # BehaviorTree.CPP refuses children that are written <Action ID="…">
+    # BehaviorTree.CPP refuses children that are written <Action ID="…">
+    refuses_explicit: bool = False
     at_most_one: str = ""  # the type of which only one child may be
     rounds: str = ""  # the port with the number of times that the child is run
     repeats_on: int = 0  # the end of the child (SUCCEEDS or FAILS) after which it is run again
+    pause: str = ""  # the port with the milliseconds for which it waits
+    may_fail_at_once: bool = False  # however often it is tried: what it needs may be gone
     is_recovery: bool = False  # it recovers from the failure of a node before it
     is_stub: bool = False  # only a palette has it: it can be checked, not run
+
+    @cached_property
+    def port_named(self) -> Dict[str, Port]:
+        """The ports by their names."""
+        return {port.name: port for port in self.ports}
+
+    @cached_property
+    def child_range(self) -> Tuple[int, int]:
+        """The fewest and the most children that it can have."""
+        if self.kind is Kind.CONTROL:
+            return self.fewest_children, sys.maxsize
+        return (1, 1) if self.kind is Kind.DECORATOR else (0, 0)
 
     @property
     def summary(self) -> str:
         """What it does, and what an instance must be called."""
-        return self.description + (" Named {}.".format(", ".join(self.names)) if self.names else "")
+        return self.description + (f" Named {', '.join(self.names)}." if self.names else "")
+
+
+_PORT_FIELDS = {"name": (str,), "type": (str,), "direction": (Direction,),
+                "default": (str, type(None)), "description": (str,)}
+
+
+def _check_fields(what: str, record: object, kinds: Dict[str, Tuple[type, ...]]) -> None:
+    """Raise ValueError, which names it, if a field of ``record`` has a value of another type."""
+    for field, allowed in kinds.items():
+        value = getattr(record, field)
+        if not isinstance(value, allowed):
+            raise ValueError(f"the {field} of the {what} is {value!r}, and not of the type "
+                             f"{allowed[0].__name__}")
 
 
 def argument(name: str) -> str:
-    """Return the argument that an instance's name means: case and surrounding blanks are ignored."""
+    """Return the argument that an instance's name means: case and surrounding blanks are ignored.
+    """
     return name.strip().lower()
 
 
 class Registry:
-    """Node types by name. A duplicate name and a port of an unknown type raise ``ValueError``."""
+    """Node types by name. A duplicate name, a field or a port of a wrong type raise ``ValueError``.
+    """
 
     def __init__(self, specs: Iterable[NodeSpec] = ()):
         self._specs: Dict[str, NodeSpec] = {}
@@ -114,20 +150,32 @@ class Registry:
         """Add each of ``specs``."""
         for spec in specs:
             if spec.id in self._specs:
-                raise ValueError("the node type {} is registered twice".format(spec.id))
+                raise ValueError(f"the node type {spec.id} is registered twice")
+            _check_fields(f"node type {spec.id!r}", spec, {"kind": (Kind,), "id": (str,),
+                                                           "description": (str,)})
+            is_port = [isinstance(port, Port) for port in spec.ports]
+            if isinstance(spec.ports, Port) or not all(is_port):
+                raise ValueError(f"the ports of the node type {spec.id} are not a tuple of Port; "
+                                 "with one port it needs a comma")
             for port in spec.ports:
+                _check_fields(f"port {port.name} of {spec.id}", port, _PORT_FIELDS)
                 self._check_type(port, spec)
+            names = [port.name for port in spec.ports]
+            if len(set(names)) < len(names):
+                raise ValueError(f"two ports of the node type {spec.id} have the same name")
             self._specs[spec.id] = spec
 
     def _check_type(self, port: Port, spec: NodeSpec) -> None:
         if isinstance(port.type, PortType):
             if self._types.setdefault(port.type, port.type) is not port.type:
-                raise ValueError("the type {} of the port {} of {} is not the one of that name that other ports have; "
-                                 "make one PortType and use it for all".format(port.type, port.name, spec.id))
+                raise ValueError(f"the type {port.type} of the port {port.name} of {spec.id} is "
+                                 "not the one of that name that other ports have; make one "
+                                 "PortType and use it for all")
         elif port.type not in TYPES:
-            hint = did_you_mean(port.type, list(TYPES) + list(self._types)) or "there are: " + " ".join(TYPES)
-            raise ValueError("the port {} of {} has the unknown type {} ({}; a type of your own is a PortType)".format(
-                port.name, spec.id, port.type, hint))
+            hint = did_you_mean(port.type,
+                                list(TYPES) + list(self._types)) or "there are: " + " ".join(TYPES)
+            raise ValueError(f"the port {port.name} of {spec.id} has the unknown type {port.type} "
+                             f"({hint}; a type of your own is a PortType)")
 
     def find(self, node_id: str) -> Optional[NodeSpec]:
         """Return the node type of that name, or None."""
@@ -136,13 +184,3 @@ class Registry:
     def all(self) -> List[NodeSpec]:
         """Return every node type, in the order of registration."""
         return list(self._specs.values())
-
-
-def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
-    """Return ``did you mean X?`` for the nearest of ``known`` (case is ignored), or an empty text.
-
-    ``likeness`` is the required similarity, from 0 to 1 (equal).
-    """
-    by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), list(by_lower), cutoff=likeness)
-    return "did you mean {}?".format(by_lower[near[0]]) if near else ""

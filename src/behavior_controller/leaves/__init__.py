@@ -1,20 +1,29 @@
-"""The mission vocabulary in one visible list: D5.4.3 table 4, the documented extensions, and release 1.0's nodes.
+"""The mission vocabulary in one visible list: D5.4.3 table 4, the documented extensions, and
+release 1.0's nodes.
 
 The nodes of other packages follow them: see ``extensions``.
 """
 import functools
-from typing import Dict, List, Tuple
+import inspect
+import re
+from typing import Any, Dict, Tuple
 
 from behavior_controller import extensions
-from behavior_controller.bt.engine.builtins import builtin_specs
-from behavior_controller.bt.registry import NodeSpec, Registry
-from behavior_controller.interface.robots import INTERFACES
-from behavior_controller.leaves import (attention, dialogue, gesture, knowledge, lifecycle, navigation, recovery,
-                                        release_1_0, speech)
-from behavior_controller.mission_spec import MissionSpec
+from behavior_controller.bt import Direction, NodeSpec, Port, Registry, builtin_specs
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.linter.structure import STRUCTURE, is_port_name
+from behavior_controller.robot.interfaces import INTERFACES
+from behavior_controller.leaves import (attention, dialogue, gesture, knowledge, lifecycle,
+                                        navigation, recovery, release_1_0, speech)
+from behavior_controller.config.node_facts import MissionSpec
+from behavior_controller.config.phrases import Speech
 
-SPECS = (lifecycle.SPECS + attention.SPECS + speech.SPECS + gesture.SPECS + navigation.SPECS + knowledge.SPECS
-         + dialogue.SPECS + recovery.SPECS + release_1_0.SPECS)
+from py_trees.behaviour import Behaviour  # after ours, which refuse an older one in plain words
+
+SPECS = (lifecycle.SPECS + attention.SPECS + speech.SPECS + gesture.SPECS + navigation.SPECS +
+         knowledge.SPECS + dialogue.SPECS + recovery.SPECS + release_1_0.SPECS)
+
+_NAME = re.compile(r"[^\W\d][\w.-]*")
 
 
 @functools.lru_cache(maxsize=None)
@@ -25,29 +34,55 @@ def specs() -> Tuple[NodeSpec, ...]:
     builtins = len(owners)
     owners.update((spec.id, extensions.TARGET) for spec in SPECS)
     for extension in extensions.found("phrases"):
-        _add(extension, speech.specs(extension.declared("SPEECHES")), owners, found)
+        _add(extension, speech.specs(extension.declared("SPEECHES", Speech)), owners, found)
     for extension in extensions.found("leaves"):
-        _add(extension, extension.declared("SPECS"), owners, found)
+        _add(extension, extension.declared("SPECS", NodeSpec), owners, found)
     return tuple(found.all()[builtins:])
 
 
-def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: Dict[str, str], found: Registry) -> None:
+def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: Dict[str, str],
+         found: Registry) -> None:
     for spec in added:
-        if not isinstance(spec, NodeSpec):
-            raise extension.broken("{!r} in SPECS is not a NodeSpec; declare a leaf with leaf_spec".format(spec))
+        near = extensions.quoted(spec.id)
         if spec.id in owners:
-            raise extension.broken("the node {} is declared by {} already; give it another name".format(
-                spec.id, owners[spec.id]))
+            raise extension.broken(f"the node {spec.id} is declared by {owners[spec.id]} already; "
+                                   "give it another name", *near)
         unserved = [request.__name__ for request in getattr(spec, "calls", ())
                     if not any(robot.serves(request) for robot in INTERFACES.values())]
         if unserved:
-            raise extension.broken("no service is declared for the request {} of {}; declare it in the module that the "
-                                   "package exports as interface".format(unserved[0], spec.id))
+            raise extension.broken(f"no service is declared for the request {unserved[0]} of "
+                                   f"{spec.id}; declare it in the module that the package exports "
+                                   "as interface", *near)
         owners[spec.id] = extension.package
         try:
             found.extend([spec])
-        except ValueError as error:
-            raise extension.broken(str(error)) from error
+        except (AttributeError, TypeError, ValueError) as error:  # of a wrong field
+            raise extension.broken(str(error), *near) from error
+        made: Any = getattr(spec.factory, "func", spec.factory)
+        if inspect.isabstract(made):
+            raise extension.broken(f"{made.__name__}, the class of {spec.id}, has no "
+                                   f"{min(made.__abstractmethods__)}()", "class " + made.__name__)
+        if not callable(made) or isinstance(made, type) and not issubclass(made, Behaviour):
+            raise extension.broken(
+                f"{made} makes no nodes of the type {spec.id}: name a class of nodes", *near)
+        if not _NAME.fullmatch(spec.id) or spec.id in STRUCTURE:
+            raise extension.broken(
+                f"{spec.id!r} cannot be the name of a node, which is that of an XML element", *near)
+        for port in spec.ports:
+            fault = _port_fault(port)
+            if fault:
+                raise extension.broken(f"the port {port.name!r} of {spec.id}: {fault}",
+                                       *extensions.quoted(port.name), *near)
+
+
+def _port_fault(port: Port) -> str:
+    """Return why no mission can use a port as it is declared; empty: it can."""
+    if not port.name or not is_port_name(port.name):
+        return "this cannot be the name of a port"
+    if port.default is not None and port.direction is not Direction.OUT:
+        wrong = ports.literal_fault(port.default, port, {})
+        return f"its default is not of the type {port.type}: {wrong}" if wrong else ""
+    return ""
 
 
 def mission_specs() -> Tuple[MissionSpec, ...]:
@@ -58,9 +93,3 @@ def mission_specs() -> Tuple[MissionSpec, ...]:
 def registry() -> Registry:
     """Return the node types that a mission may use: BehaviorTree.CPP's own and the mission's."""
     return Registry(builtin_specs() + list(specs()))
-
-
-def beyond_builtins() -> List[NodeSpec]:
-    """Return the node types of ``registry()`` that BehaviorTree.CPP does not have, for Groot2's palette."""
-    builtins = {spec.id for spec in builtin_specs()}
-    return [spec for spec in registry().all() if spec.id not in builtins]

@@ -1,18 +1,21 @@
-"""Leaves for the robot's attention and lifelike movement, and for what its cameras see of a visitor."""
+"""Leaves for the robot's attention and lifelike movement, and for what its cameras see of a
+visitor."""
 from typing import Any, Optional, Set, Tuple
 
 from behavior_controller.bt.registry import Port
-from behavior_controller.events import Noticed
-from behavior_controller.gateway import Failure, Sample
-from behavior_controller.interface import Sense
-from behavior_controller.interface.records import Answer, Point, Request, SetAnimation, SetAttention, Words
+from behavior_controller.execution.events import Noticed
+from behavior_controller.robot.gateway import Failure, Sample
+from behavior_controller.robot.declarations import Sense
+from behavior_controller.robot.requests import (
+    Answer, Point, Request, SetAnimation, SetAttention, Words)
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
 from behavior_controller.leaves.conditions import TopicCondition
-from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET, Places
+from behavior_controller.leaves.data import ATTENTION_SET_AT, GESTURE_TARGET, with_name
 
 SEEKING = "seeking"
 OF_THE_ROBOT = (2, 3)
-"""Values of /overtAttention/mode that only the robot's own node publishes: mutual gaze and failed; there 1 is seeking.
+"""Values of /overtAttention/mode that only the robot's own node publishes: mutual gaze and failed;
+there 1 is seeking.
 
 In D5.4.3 value 1 means mutual gaze, and no others are defined.
 """
@@ -22,7 +25,8 @@ SEARCHES = 3
 
 
 class AnimateBehavior(ServiceLeaf):
-    """``<EnableAnimateBehavior/>``: switches lifelike movement to ``state`` (/animateBehaviour/set_activation)."""
+    """``<EnableAnimateBehavior/>``: switches lifelike movement to ``state``
+    (/animateBehaviour/set_activation)."""
 
     asks = SetAnimation
 
@@ -36,7 +40,8 @@ class AnimateBehavior(ServiceLeaf):
 
 
 class OvertAttentionMode(ServiceLeaf):
-    """``<SocialOvertAttentionMode/>``: sets the mode of attention to ``state`` (/overtAttention/set_mode)."""
+    """``<SocialOvertAttentionMode/>``: sets the mode of attention to ``state``
+    (/overtAttention/set_mode)."""
 
     asks = SetAttention
     PORTS = (ATTENTION_SET_AT.written(),)
@@ -54,7 +59,7 @@ class OvertAttentionMode(ServiceLeaf):
 
     def words(self, request: Request) -> Words:
         """Name what the robot looks at, if it has a name."""
-        return self.mission.shared(Places).named(super().words(request), "at", getattr(request, "target"))
+        return with_name(super().words(request), "at", getattr(request, "target"))
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the mode was set."""
@@ -63,14 +68,16 @@ class OvertAttentionMode(ServiceLeaf):
 
 
 class IsVisitorDiscovered(TopicCondition):
-    """``<IsVisitorDiscovered/>``: SUCCESS if the newest message of /faceDetection/data has a face."""
+    """``<IsVisitorDiscovered/>``: SUCCESS if the newest message of /faceDetection/data has a face.
+    """
 
     sense = Sense.VISITOR
-    otherwise = "no face in view"
+    otherwise = "no face seen"
 
 
 class GazeValues:
-    """Detects the robot's convention from the values seen so far; the gaze leaves of a mission share it."""
+    """Detects the robot's convention from the values seen so far; the gaze leaves of a mission
+    share it."""
 
     def __init__(self) -> None:
         self.has_robots_value = False
@@ -78,30 +85,33 @@ class GazeValues:
         self.is_told = False
 
     def sign(self, configured: int) -> str:
-        """Return the evidence against the ``configured`` value; empty if there is none, or it was reported."""
+        """Return the evidence against the ``configured`` value; empty if there is none, or it was
+        reported."""
         sign = ""
         if configured == 1 and self.has_robots_value:
-            sign = "2 or 3, as the robot's own node does, where 1 is still seeking and 2 mutual gaze"
+            sign = ("2 or 3, as the robot's own node does, where 1 is still seeking and 2 mutual "
+                    "gaze")
         elif configured == 2 and not self.has_robots_value and len(self.searches) >= SEARCHES:
-            sign = "1 in {} searches and never 2 or 3, as a node of D5.4.3 does, where 1 is mutual gaze".format(
-                SEARCHES)
+            sign = (f"1 in {SEARCHES} searches and never 2 or 3, as a node of D5.4.3 does, where 1 "
+                    "is mutual gaze")
         if not sign or self.is_told:
             return ""
         self.is_told = True
-        return "{} has said seeking with {}; if this is such a node, set mutualGazeValue {}".format(
-            "/overtAttention/mode", sign, 3 - configured)
+        return (f"{'/overtAttention/mode'} has said seeking with {sign}; if this is such a node, "
+                f"set mutualGazeValue {3 - configured}")
 
 
 class IsMutualGazeDiscovered(TopicCondition):
-    """``<IsMutualGazeDiscovered/>``: SUCCESS if /overtAttention/mode reports mutual gaze since the mode was set.
+    """``<IsMutualGazeDiscovered/>``: SUCCESS if /overtAttention/mode reports mutual gaze since the
+    mode was set.
 
-    Only the value ``mutualGazeValue`` means mutual gaze. Evidence that the robot has the other convention is reported
-    once.
+    Only the value ``mutualGazeValue`` means mutual gaze. Evidence that the robot has the other
+    convention is reported once.
     """
 
     sense = Sense.GAZE
     PORTS = (ATTENTION_SET_AT.read(is_optional=True),)
-    otherwise = "the visitor did not look at the robot"
+    otherwise = "no gaze seen"
     values: GazeValues
 
     def setup(self, **kwargs: Any) -> None:
@@ -138,17 +148,20 @@ MODES: Tuple[Tuple[str, str, str, Tuple[Port, ...]], ...] = (
     ("SocialOvertAttentionMode", "social", "Looks at people.", ()),
     ("ScanningOvertAttentionMode", "scanning", "Looks around.", ()),
     ("SeekOvertAttentionMode", SEEKING, "Seeks mutual gaze (extension).", ()),
-    ("SeekingOvertAttentionMode", SEEKING, "Another name of SeekOvertAttentionMode (extension).", ()),
+    ("SeekingOvertAttentionMode", SEEKING, "Another name of SeekOvertAttentionMode (extension).",
+     ()),
     ("LocationOvertAttentionMode", "location", "Looks at the gesture target (extension).",
      (GESTURE_TARGET.read("target"),)),
 )
 
 SPECS = tuple(
-    leaf_spec(name, OvertAttentionMode, text, ports, {"state": state}) for name, state, text, ports in MODES
-) + (
-    leaf_spec("EnableAnimateBehavior", AnimateBehavior, "Starts lifelike movement.", arguments={"state": "enabled"}),
-    leaf_spec("DisableAnimateBehavior", AnimateBehavior, "Stops lifelike movement.", arguments={"state": "disabled"}),
-    leaf_spec("IsVisitorDiscovered", IsVisitorDiscovered, "Is a face in view?"),
-    leaf_spec("IsMutualGazeDiscovered", IsMutualGazeDiscovered,
-              "Does the visitor look at the robot, since the mode was set?"),
-)
+    leaf_spec(name, OvertAttentionMode, text, ports, {"state": state})
+    for name, state, text, ports in MODES) + (
+        leaf_spec("EnableAnimateBehavior", AnimateBehavior, "Starts lifelike movement.",
+                  arguments={"state": "enabled"}),
+        leaf_spec("DisableAnimateBehavior", AnimateBehavior, "Stops lifelike movement.",
+                  arguments={"state": "disabled"}),
+        leaf_spec("IsVisitorDiscovered", IsVisitorDiscovered, "Is a face in view?"),
+        leaf_spec("IsMutualGazeDiscovered", IsMutualGazeDiscovered,
+                  "Does the visitor look at the robot, since the mode was set?"),
+    )

@@ -1,33 +1,38 @@
 """The common parts of mission leaves: their context, the record of failures, and service calls.
 
-A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status are implemented here once.
+A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status
+are implemented here once.
 """
 import itertools
 import math
+import reprlib
+import sys
 from abc import abstractmethod
 from functools import partial
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
+from typing import (Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type,
+                    TypeVar, Union)
 
-from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
-from behavior_controller.bt.engine.node import ConfigureError, Node, Result
-from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.language.ports import NoValue, PortError
-from behavior_controller.bt.ownership import tick_thread_only
-from behavior_controller.bt.registry import Kind, Port, argument
-from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
-from behavior_controller.events import Events, LeafFinished, StepStarted, Told
-from behavior_controller.gateway import Call, Cause, Failure, Gateway, Topics
-from behavior_controller.health import Health
-from behavior_controller.interface import Evidence, Sense, Service, Topic
-from behavior_controller.interface.records import Answer, Request, Words
-from behavior_controller.knowledge_files import Knowledge
+import msgspec
+
+from behavior_controller.bt import (
+    ActionLeaf, Blackboard, Clock, ConditionLeaf, ConfigureError, Kind, NoValue, Node, Port,
+    PortError, Result, SyncActionLeaf, Tree, FAILURE, IDLE, RUNNING, SUCCESS)
+from behavior_controller.bt.engine.clock import Timer
+from behavior_controller.bt.engine.thread_check import tick_thread_only
+from behavior_controller.bt.registry import argument
+from behavior_controller.bt.status import NAMES
+from behavior_controller.execution.events import Events, LeafFinished, StepStarted, Told
+from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
+from behavior_controller.execution.health import Health
+from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
+from behavior_controller.robot.requests import Answer, Request, Words
+from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.leaves import data
-from behavior_controller.mission_spec import MissionSpec
-from behavior_controller.phrases import Phrases
-from behavior_controller.policy import Policy
-from behavior_controller.settings import Settings
+from behavior_controller.config.node_facts import MissionSpec
+from behavior_controller.config.phrases import Phrases
+from behavior_controller.config.recovery_policy import Policy
+from behavior_controller.execution.safe_state import SafeState
+from behavior_controller.config.settings import Settings
 
 Shared = TypeVar("Shared")
 
@@ -48,7 +53,30 @@ class FailureLog:
         self._numbers = itertools.count(1)
         self._by_uid: Dict[int, Failed] = {}
         self.newest_number = 0
-        self.given_up = 0  # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
+        # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
+        self.given_up = 0
+        self.is_budget_spent = False  # so that a failure of this pass was given up
+        self._unrecovered: List[Failure] = []  # those that were given up in this pass
+        self._before = 0  # the number of the last failure before this pass
+
+    @tick_thread_only
+    def begin_pass(self) -> None:
+        """Note that the failures from now on are those of another pass."""
+        self.is_budget_spent = False
+        self._unrecovered.clear()
+        self._before = self.newest_number
+
+    @tick_thread_only
+    def give_up(self, failure: Failure) -> None:
+        """Note that no recovery helped."""
+        self._unrecovered.append(failure)
+
+    @tick_thread_only
+    def of_pass(self) -> List[Failure]:
+        """Return what this pass may have failed for: the failures that were given up, and the
+        newest one."""
+        newest = self.newest(0, sys.maxsize, self._before)
+        return self._unrecovered + ([newest.failure] if newest is not None else [])
 
     @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
@@ -58,21 +86,29 @@ class FailureLog:
 
     @tick_thread_only
     def newest(self, first_uid: int, end_uid: int, after: int) -> Optional[Failed]:
-        """Return the newest failure of the leaves ``first_uid`` to ``end_uid - 1`` with a number beyond ``after``."""
-        found = [failed for uid, failed in self._by_uid.items() if first_uid <= uid < end_uid and failed.number > after]
+        """Return the newest failure of the leaves ``first_uid`` to ``end_uid - 1`` with a number
+        beyond ``after``."""
+        found = [failed for uid, failed in self._by_uid.items()
+                 if first_uid <= uid < end_uid and failed.number > after]
         return max(found, key=lambda failed: failed.number) if found else None
+
+
+NOT_ASKED = "nothing was asked"
+BEFORE_QUESTION = "it was said before the question"
+"""Why a spoken answer is ignored."""
 
 
 class MissionContext:
     """The context of the leaves of a running mission. ``setup(mission=…)`` passes it to each."""
 
-    def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases, policy: Policy,
-                 clock: Clock, events: Events, health: Optional[Health] = None, knowledge: Optional[Knowledge] = None,
+    def __init__(self, gateway: Gateway, topics: Topics, settings: Settings, phrases: Phrases,
+                 policy: Policy, clock: Clock, events: Events, health: Optional[Health] = None,
+                 knowledge: Optional[Knowledge] = None,
                  offers: Sequence[Union[Service, Topic]] = ()):
         """``health`` is the state of the robot's nodes; without it they count as working.
 
-        ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the services and topics
-        that the mission cannot do without.
+        ``knowledge`` is that of files, where they stand for a knowledge base; ``offers`` are the
+        services and topics that the mission cannot do without.
         """
         self.gateway = gateway
         self.topics = topics
@@ -89,23 +125,49 @@ class MissionContext:
         self.failures = FailureLog()
         self.recoveries: List[float] = []  # when each recent recovery began, for the budget
         self.visit_began = -math.inf
+        self.has_questions = False  # whether answers count only after a question
         self._shared: Dict[Any, Any] = {}
 
     def shared(self, kind: Callable[[], Shared]) -> Shared:
         """Return the one ``kind()`` of this mission, which its leaves share."""
         return self._shared.setdefault(kind, kind())
 
+    def ignore_answers(self, reason: str) -> None:
+        """Have spoken answers reported as ignored from now on, and why; empty: they count.
+
+        Without a question in the mission, answers count at any time of the visit.
+        """
+        if self.has_questions and self.interface.tells(Sense.UTTERANCE):
+            topic = self.interface.evidence(Sense.UTTERANCE).topic
+            self.topics.ignore(topic, reason, self.phrases.is_answer)
+
     def begin_visit(self, blackboard: Blackboard, at: float) -> None:
-        """Clear the last visitor's data on the root's ``blackboard``; answers and gazes from before ``at`` do not count."""
+        """Clear the last visitor's data on the root's ``blackboard``; answers and gazes from before
+        ``at`` do not count."""
         self.visit_began = at
+        self.ignore_answers(NOT_ASKED)
+        self.failures.begin_pass()
         for datum in data.ALL:
             blackboard.unset(datum.name)
         for datum in (data.QUESTION_ASKED_AT, data.ATTENTION_SET_AT):
             blackboard.set(datum.name, at, datum.type)
 
-    def leaves_of(self, tree: Tree) -> List[List[str]]:
+    def ask_for_safe_state(self) -> SafeState:
+        """Send the requests for the safe state. On the tick thread."""
+        return SafeState(self.gateway, self.interface, self.offers, self.clock.now)
+
+    def recovers_again_at(self) -> float:
+        """Return when the budget allows a recovery, by the mission's clock."""
+        most = self.policy.most
+        if not most:
+            return math.inf
+        return self.recoveries[-most] + self.policy.seconds if len(
+            self.recoveries) >= most else -math.inf
+
+    def leaves_of(self, tree: Tree) -> List[Tuple[str, str]]:
         """Return path and type of each mission leaf, in document order."""
-        return [[node.full_path, node.registration_id] for node in tree.nodes if isinstance(node, MissionLeaf)]
+        return [(node.full_path, node.registration_id) for node in tree.nodes
+                if isinstance(node, MissionLeaf)]
 
 
 class MissionLeaf(Node):
@@ -115,7 +177,8 @@ class MissionLeaf(Node):
     spec: MissionSpec
     mission: MissionContext
     sense: Optional[Sense] = None  # the sign of the visitor that it checks
-    own_evidence: Optional[Evidence] = None  # of a topic that another package declares, instead of a sense
+    # of a topic that another package declares, instead of a sense
+    own_evidence: Optional[Evidence] = None
     otherwise = "it does not hold"  # the message of a condition's failure
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
@@ -124,8 +187,8 @@ class MissionLeaf(Node):
     def configure(self) -> None:
         """Refuse a node type without the facts that the recovery needs."""
         if not isinstance(self.spec, MissionSpec):
-            raise ConfigureError("{} is a mission leaf and is declared by a NodeSpec alone; declare it with leaf_spec"
-                                 .format(self.registration_id))
+            raise ConfigureError(f"{self.registration_id} is a mission leaf and is declared by a "
+                                 "NodeSpec alone; declare it with leaf_spec")
 
     def setup(self, **kwargs: Any) -> None:
         """Take the mission's context; a tree that is only drawn has none."""
@@ -133,7 +196,8 @@ class MissionLeaf(Node):
             self.mission = kwargs["mission"]
 
     def get_input_or(self, port: str, otherwise: Any) -> Any:
-        """Return the value of an input port, or ``otherwise`` if nothing has written its entry. Raises PortError."""
+        """Return the value of an input port, or ``otherwise`` if nothing has written its entry.
+        Raises PortError."""
         try:
             return self.get_input(port)
         except NoValue:
@@ -148,6 +212,10 @@ class MissionLeaf(Node):
         self.report(SUCCESS)
         return SUCCESS
 
+    def ended(self, failure: Optional[Failure]) -> Result:
+        """Report how the leaf ended; ``failure`` None: it was done."""
+        return self.succeeded() if failure is None else self.failed(failure)
+
     def failed(self, failure: Failure) -> Result:
         """Record and report the failure, and return FAILURE."""
         self.mission.failures.add(self, failure)
@@ -159,23 +227,27 @@ class MissionLeaf(Node):
         resource = (failure.resource if failure is not None else "") or self.resource
         self.feedback_message = failure.message if failure is not None else ""
         told, self.told = self.told, None
-        self.mission.events.emit(LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
-                                              self.mission.clock.now() - self.started_at, failure, told))
+        self.mission.events.emit(
+            LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
+                         self.mission.clock.now() - self.started_at, failure, told))
 
-    def begin_step(self, words: str, what: str, limit: float) -> None:
-        """Emit in words for people what the robot does from now on, for ``limit`` seconds at most (0: any)."""
-        self._begin(words, what, limit, False)
+    def begin_step(self, words: Words, limit: float, goes_on: bool = False) -> None:
+        """Emit in words for people what the robot does from now on, for ``limit`` seconds at most
+        (0: any); ``goes_on``: see ``StepStarted``."""
+        self._begin(words.doing, words.what, limit, False, goes_on)
 
     def begin_wait(self, words: str, limit: float) -> None:
         """As ``begin_step``, for what the robot waits for."""
         self._begin(words, "", limit if limit < math.inf else 0.0, True)
 
-    def _begin(self, words: str, what: str, limit: float, is_wait: bool) -> None:
-        self.mission.events.emit(StepStarted(self.uid, self.registration_id, self.full_path, words, what, limit, is_wait))
+    def _begin(self, words: str, what: str, limit: float, is_wait: bool,
+               goes_on: bool = False) -> None:
+        self.mission.events.emit(StepStarted(
+            self.uid, self.registration_id, self.full_path, words, what, limit, is_wait, goes_on))
 
 
-class InstantAction(MissionLeaf, SyncActionLeaf):
-    """An action without a service: done within its tick."""
+class InstantLeaf(MissionLeaf):
+    """A leaf without a service: done within its tick."""
 
     @abstractmethod
     def act(self) -> Optional[Failure]:
@@ -185,28 +257,25 @@ class InstantAction(MissionLeaf, SyncActionLeaf):
         """Act and report."""
         self.started_at = self.mission.clock.now()
         try:
-            failure = self.act()
+            return self.ended(self.act())
         except PortError as error:
-            failure = self.missing(error)
-        return self.succeeded() if failure is None else self.failed(failure)
+            return self.failed(self.missing(error))
 
 
-class InstantCondition(MissionLeaf, ConditionLeaf):
+class InstantAction(InstantLeaf, SyncActionLeaf):
+    """An action without a service."""
+
+
+class InstantCondition(InstantLeaf, ConditionLeaf):
     """A condition on the mission's own data."""
 
     @abstractmethod
     def holds(self) -> bool:
         """Return the answer."""
 
-    def update(self) -> Result:
-        """Answer and report."""
-        self.started_at = self.mission.clock.now()
-        try:
-            if self.holds():
-                return self.succeeded()
-        except PortError as error:
-            return self.failed(self.missing(error))
-        return self.failed(Failure(Cause.CONDITION_FALSE, self.otherwise))
+    def act(self) -> Optional[Failure]:
+        """Fail if the condition does not hold."""
+        return None if self.holds() else Failure(Cause.CONDITION_FALSE, self.otherwise)
 
 
 class Ended(NamedTuple):
@@ -216,12 +285,14 @@ class Ended(NamedTuple):
 
 
 class Attempt:
-    """One request of a service leaf, from its sending to its end. The leaf makes one, and each retry another."""
+    """One request of a service leaf, from its sending to its end. The leaf makes one, and each
+    retry another."""
 
     def __init__(self, leaf: "ServiceLeaf"):
         self._leaf = leaf
         try:
             wanted = leaf.request()
+            _check_request(leaf.asks, wanted)
         except PortError as error:
             wanted = leaf.missing(error)
         self._failure = wanted if isinstance(wanted, Failure) else None
@@ -229,8 +300,9 @@ class Attempt:
         self._words: Optional[Words] = None
         if wanted is not None and not isinstance(wanted, Failure):
             self._words = leaf.words(wanted)
-            leaf.begin_step(self._words.doing, self._words.what, leaf.limit(wanted))
+            leaf.begin_step(self._words, leaf.limit(wanted))
             self._call = leaf.mission.gateway.start(wanted)
+        self._rest: Optional[Timer] = None  # ends what the robot does after its answer
 
     def poll(self) -> Optional[Ended]:
         """Return how the attempt ended, or None while it is under way."""
@@ -241,6 +313,8 @@ class Attempt:
             return None
         if isinstance(result, Failure):
             return Ended(self._leaf.attempt_failed(result))
+        if self._goes_on(self._call.request):
+            return None
         self._leaf.told = self._leaf.done(self._words) if self._words is not None else None
         try:
             failure = self._leaf.accept(result)
@@ -250,14 +324,42 @@ class Attempt:
             self._leaf.told = None
         return Ended(failure)
 
+    def _goes_on(self, request: Request) -> bool:
+        """Return whether the robot still does what it has answered already."""
+        if self._rest is None:
+            seconds = self._leaf.lasts(request)
+            if not seconds or self._words is None:
+                return False
+            self._leaf.begin_step(self._words, seconds, goes_on=True)
+            self._rest = self._leaf.mission.clock.call_after(seconds, self._leaf.wake)
+        return self._rest.callback is not None
+
     def drop(self) -> None:
         """Drop the attempt; its answer is not used."""
         if self._call is not None:
             self._call.drop()
+        if self._rest is not None:
+            self._rest.cancel()
+
+
+def _check_request(asks: type, wanted: object) -> None:
+    """Raise TypeError if a leaf's request is not of the kind that it asks for, or has a field of a
+    wrong type."""
+    if wanted is None or isinstance(wanted, Failure):
+        return
+    if not isinstance(wanted, asks):
+        raise TypeError(f"its request() returned {reprlib.repr(wanted)}, which is no "
+                        f"{asks.__name__}")
+    try:
+        msgspec.convert(msgspec.to_builtins(wanted), asks)
+    except msgspec.ValidationError as error:
+        raise TypeError(
+            f"the {asks.__name__} of its request() has a wrong field: {error}") from None
 
 
 class ServiceLeaf(MissionLeaf, ActionLeaf):
-    """An action that calls a service: RUNNING until the answer or the deadline, which the gateway keeps."""
+    """An action that calls a service: RUNNING until the answer or the deadline, which the gateway
+    keeps, and then for as long as ``lasts`` says."""
 
     asks: type  # the kind of request
     attempt: Optional[Attempt] = None
@@ -281,7 +383,9 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
     def done(self, words: Words) -> Optional[Told]:
         """Return the sentence for a request that was carried out."""
-        return Told(words.kind, " ".join(filter(None, (words.done, words.what)))) if words.done else None
+        if not words.done:
+            return None
+        return Told(words.kind, " ".join(filter(None, (words.done, words.what))))
 
     def limit(self, request: Request) -> float:
         """Return the seconds that ``request`` may take; 0 if no service carries it out."""
@@ -289,6 +393,10 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
             return self.mission.settings.deadline(self.mission.interface.service(type(request)))
         except LookupError:
             return 0.0
+
+    def lasts(self, request: Request) -> float:
+        """Return the seconds for which the robot goes on with ``request`` after its answer."""
+        return 0.0
 
     def attempt_failed(self, failure: Failure) -> Failure:
         """Return the failure of a request that was made, the leaf's own or a retry."""
@@ -310,7 +418,7 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         if ended is None:
             return RUNNING
         self.attempt = None
-        return self.succeeded() if ended.failure is None else self.failed(ended.failure)
+        return self.ended(ended.failure)
 
     def on_halted(self) -> None:
         """Drop the attempt."""
@@ -337,31 +445,37 @@ class OptionalServiceLeaf(ServiceLeaf):
         """As ``request`` of a ServiceLeaf."""
 
 
-def _named(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]], name: str) -> MissionLeaf:
-    return leaf(name, **choices[argument(name)])
-
-
-def _listens(leaf: Type[MissionLeaf]) -> Tuple[Union[Sense, Topic], ...]:
-    if leaf.own_evidence is not None:
-        return (leaf.own_evidence.topic,)
-    return (leaf.sense,) if leaf.sense is not None else ()
-
-
 def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),
-              arguments: Optional[Dict[str, Any]] = None, choices: Optional[Mapping[str, Dict[str, Any]]] = None,
-              **facts: Any) -> MissionSpec:
+              arguments: Optional[Dict[str, Any]] = None,
+              choices: Optional[Mapping[str, Dict[str, Any]]] = None, **facts: Any) -> MissionSpec:
     """Return the node type of a leaf: kind, ports, requests and topics are those of the class.
 
-    ``ports`` are added to those of the class, ``arguments`` are the constructor's after the name. With ``choices`` the
-    name of an instance chooses them. Raises ImportError if a service leaf does not say what it asks for.
+    ``ports`` are added to those of the class, ``arguments`` are the constructor's after the name.
+    With ``choices`` the name of an instance chooses them. Raises ImportError if it is no mission
+    leaf, or a service leaf that does not say what it asks for.
     """
-    if issubclass(leaf, ServiceLeaf) and not hasattr(leaf, "asks"):
-        raise ImportError("{}.{}, the leaf of {}, does not say what it asks for: asks = the kind of request".format(
-            leaf.__module__, leaf.__qualname__, node_id))
-    return MissionSpec(
-        node_id, Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION,
-        partial(_named, leaf, choices) if choices else partial(leaf, **arguments) if arguments else leaf,
-        leaf.PORTS + ports, description, names=tuple(choices or ()),
-        is_instant=issubclass(leaf, (InstantAction, InstantCondition)),
-        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (), does_without=issubclass(leaf, OptionalServiceLeaf),
-        listens=_listens(leaf), **facts)
+    if not (isinstance(leaf, type) and issubclass(leaf, MissionLeaf)):
+        raise ImportError(f"{leaf!r}, the leaf of {node_id}, is not a class of mission leaves")
+    asks = getattr(leaf, "asks", None)
+    if issubclass(leaf, ServiceLeaf) and not (isinstance(asks, type) and issubclass(asks, Request)):
+        raise ImportError(f"{leaf.__module__}.{leaf.__qualname__}, the leaf of {node_id}, does not "
+                          "say what it asks for: asks = the kind of request")
+    kind = Kind.CONDITION if issubclass(leaf, ConditionLeaf) else Kind.ACTION
+    factory: Callable[[str], MissionLeaf] = partial(leaf, **(arguments or {}))
+    if choices:
+        factory = partial(_chosen, leaf, choices)
+    if not isinstance(leaf.own_evidence, (Evidence, type(None))):
+        raise ImportError(f"own_evidence of {leaf.__qualname__} is no Evidence: Evidence(TOPIC)"
+                          " wraps a topic")
+    sign = leaf.sense if leaf.own_evidence is None else leaf.own_evidence.topic
+    return MissionSpec(node_id, kind, factory, (*leaf.PORTS, *ports), description,
+                       names=tuple(choices or ()), is_instant=issubclass(leaf, InstantLeaf),
+                       may_fail_at_once=issubclass(leaf, ServiceLeaf),
+                       calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
+                       does_without=issubclass(leaf, OptionalServiceLeaf),
+                       listens=(sign,) if sign is not None else (), **facts)
+
+
+def _chosen(leaf: Type[MissionLeaf], choices: Mapping[str, Dict[str, Any]],
+            name: str) -> MissionLeaf:
+    return leaf(name, **choices[argument(name)])

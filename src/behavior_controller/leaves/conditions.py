@@ -1,42 +1,72 @@
-"""Conditions on a topic: evaluated on the newest message, and woken by the message that changes the answer."""
+"""Conditions on a topic: evaluated on the messages that count, woken by the one that changes the
+answer."""
 import math
 from typing import Any, Optional, Tuple
 
+from msgspec.structs import replace
+
 from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt.engine.leaf import ConditionLeaf
-from behavior_controller.bt.engine.node import ConfigureError, Result
-from behavior_controller.bt.language.ports import PortError
-from behavior_controller.bt.status import FAILURE, RUNNING
-from behavior_controller.events import Told
-from behavior_controller.gateway import Cause, Failure, Sample
-from behavior_controller.interface import Evidence, Sense, Topic
+from behavior_controller.bt import (
+    ConditionLeaf, ConfigureError, PortError, Result, FAILURE, RUNNING)
+from behavior_controller.execution.events import Told
+from behavior_controller.robot.gateway import Cause, Failure, Sample, since
+from behavior_controller.robot.declarations import Evidence, Sense, Topic
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.leaves.waits import is_asked_again, wait_for
 
 
-class TopicCondition(MissionLeaf, ConditionLeaf):
-    """A condition on the newest message of the topic with the evidence of ``sense``.
+class Patience:
+    """The time for which a leaf waits for messages of a topic, and for what began within it."""
 
-    It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive control asks it
-    again and again, where the waiting is the mission's. Nothing polls: an alarm wakes the tree at the message that
-    changes the answer, a timer when the message of the answer becomes too old.
+    def __init__(self, leaf: MissionLeaf, topic: Topic, seconds: float):
+        self._leaf = leaf
+        self._topic = topic
+        self._is_late = False
+        self._timer = leaf.mission.clock.call_after(seconds, leaf.wake)
+
+    def is_over(self) -> bool:
+        """Return whether no message counts any more, apart from those that have come."""
+        if self._timer.callback is not None and not self._is_late:
+            return False
+        if not self._leaf.mission.topics.is_hearing(self._topic):
+            return True
+        if not self._is_late and self._topic.action is not None:
+            self._is_late = True
+            self._timer = self._leaf.mission.clock.call_after(self._topic.action.deadline,
+                                                              self._leaf.wake)
+        return False
+
+    def cancel(self) -> None:
+        """Stop waiting."""
+        self._timer.cancel()
+
+
+class TopicCondition(MissionLeaf, ConditionLeaf):
+    """A condition on the topic with the evidence of ``sense``: on a state's newest message, or each
+    event.
+
+    It answers at once; with ``conditionWait`` it is RUNNING for up to that long, unless a reactive
+    control asks it again and again, where the waiting is the mission's. Nothing polls: an alarm
+    wakes the tree at the message that changes the answer, a timer when the message of the answer
+    becomes too old.
     """
 
     sense: Sense
-    awaiting = ""  # what the robot does that waits for it, in people's words, in place of those of the sense
+    # what the robot does that waits for it, in people's words, in place of those of the sense
+    awaiting = ""
     _is_asked_again: bool
     _mission_waits: Optional[float] = None  # see ``wait_for``
     _expiry: Optional[Timer] = None
-    _patience: Optional[Timer] = None
-    _is_over = False
-    _told: Tuple[str, float] = ("", 0.0)  # the failure reported last, and what a message had to be newer than then
+    _patience: Optional[Patience] = None
+    # the failure reported last, and what a message had to be newer than then
+    _told: Tuple[str, float] = ("", 0.0)
 
     def configure(self) -> None:
         """Refuse a class that does not say what it checks."""
         super().configure()
         if self.sense is None and self.own_evidence is None:
-            raise ConfigureError("{} does not say what it checks: its class needs a sense, or own_evidence".format(
-                self.registration_id))
+            raise ConfigureError(f"{self.registration_id} does not say what it checks: its class "
+                                 "needs a sense, or own_evidence")
 
     def setup(self, **kwargs: Any) -> None:
         """Find out whether the mission waits for it."""
@@ -50,11 +80,6 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         return self.topic.name
 
     @property
-    def own_sense(self) -> Optional[Sense]:
-        """The sense of the condition; None if another package declares its evidence."""
-        return None if self.own_evidence is not None else self.sense
-
-    @property
     def evidence(self) -> Evidence:
         """The evidence of ``sense`` on this robot."""
         return self.own_evidence or self.mission.interface.evidence(self.sense)
@@ -65,7 +90,8 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         return self.evidence.topic
 
     def is_evidence(self, value: Any) -> bool:
-        """Return whether a message with this value makes the condition true. Called on the receiving thread too."""
+        """Return whether a message with this value makes the condition true. Called on the
+        receiving thread too."""
         return self.evidence.is_given(value, self.mission.settings.gaze_value)
 
     def not_before(self) -> float:
@@ -82,7 +108,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         """Process the newest message apart from the answer to the condition."""
 
     def update(self) -> Result:
-        """Evaluate the newest message."""
+        """Evaluate the messages that count."""
         if self.status is not RUNNING:
             self.started_at = self.mission.clock.now()
         try:
@@ -92,16 +118,21 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
             return self._fail(self.missing(error), 0.0)
 
     def _answer(self) -> Result:
-        sample = self.mission.topics.newest(self.topic)
-        counts = sample is not None and self._counts(sample)
+        topics, topic = self.mission.topics, self.topic
+        samples = topics.recent(topic)
+        sample = samples[-1] if samples else None
+        counting = list(filter(self._is_young, since(samples, self.not_before())))
         self.judged(sample)
-        if sample is not None and counts and self.is_evidence(sample.value):
-            return self._true(sample)
-        if sample is not None and counts and self.evidence.is_given_up(sample.value):
-            self.mission.topics.wake_when(self.uid, self.topic, self.is_evidence)
+        for each in counting:
+            if self.is_evidence(each.value):
+                return self._true(each, each is sample)
+        if any(self.evidence.is_given_up(each.value) for each in counting):
+            topics.wake_when(self.uid, topic, self.is_evidence)
             return self._false(sample)
-        self.mission.topics.wake_when(self.uid, self.topic, self._is_end)
-        self.mission.topics.listen(self.topic, self.wait)
+        topics.wake_when(self.uid, topic, lambda value: self.is_evidence(value)
+                         or self.evidence.is_given_up(value))
+        if self._patience is None:
+            topics.listen(topic, self.wait)
         if not self._waits():
             return self._false(sample)
         if self.status is not RUNNING:
@@ -109,26 +140,28 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         return RUNNING
 
     def _begin_to_wait(self, limit: float) -> None:
-        sensed = self.own_sense
-        self.begin_wait(self.awaiting or (self.registration_id if sensed is None else sensed.awaiting), limit)
-
-    def _is_end(self, value: Any) -> bool:
-        return self.is_evidence(value) or self.evidence.is_given_up(value)
+        own = self.own_evidence is not None
+        words = self.awaiting or (self.registration_id if own else self.sense.awaiting)
+        self.begin_wait(words, limit)
 
     def _counts(self, sample: Sample) -> bool:
-        age = self.mission.clock.now() - sample.arrived
-        return sample.arrived > self.not_before() and (
-            not self.topic.is_continuous or age <= self.mission.settings.topic_max_age)
+        return sample.arrived > self.not_before() and self._is_young(sample)
 
-    def _true(self, sample: Sample) -> Result:
+    def _is_young(self, sample: Sample) -> bool:
+        age = self.mission.clock.now() - sample.arrived
+        return not self.topic.is_continuous or age <= self.mission.settings.topic_max_age
+
+    def _true(self, sample: Sample, is_newest: bool) -> Result:
         self._stop_timers()
         self.mission.topics.listen(self.topic, 0.0)
         if self.topic.is_continuous:
-            self.mission.topics.wake_when(self.uid, self.topic, lambda value: not self.is_evidence(value))
+            if is_newest:
+                self.mission.topics.wake_when(self.uid, self.topic,
+                                              lambda value: not self.is_evidence(value))
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
         self._told = ("", 0.0)
-        self.told = self._told_of(self.own_sense.given if self.own_sense is not None else "")
+        self._note("given")
         self.use(sample)
         return self.succeeded()
 
@@ -137,14 +170,16 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         failure = Failure(Cause.CONDITION_FALSE, self.otherwise, self.resource)
         if sample is not None and not self._counts(sample):
             when = "came before" if sample.arrived <= self.not_before() else "is too old"
-            failure = failure._replace(message="{}; the newest message {}".format(self.otherwise, when))
-        self.told = self._told_of(self.own_sense.absent if self.own_sense is not None else "")
+            failure = replace(failure, message=f"{self.otherwise}; the newest message {when}")
+        self._note("absent")
         if sample is not None and self._counts(sample):
             self.unused(sample)
         return self._fail(failure, self.not_before())
 
-    def _told_of(self, mark: str) -> Optional[Told]:
-        return Told("visit", "", mark, self.mission.clock.now()) if mark else None
+    def _note(self, what: str) -> None:
+        """Tell the story that the sign of the sense is ``given`` or ``absent``."""
+        mark = "" if self.own_evidence is not None else getattr(self.sense, what)
+        self.told = Told("visit", "", mark, self.mission.clock.now()) if mark else None
 
     def _fail(self, failure: Failure, since: float) -> Result:
         telling = failure.message, max(since, self.mission.visit_began)
@@ -169,22 +204,17 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         return self.wait > 0.0 and not self._is_asked_again
 
     def _waits(self) -> bool:
-        if self._is_over or not self._may_wait():
+        if not self._may_wait():
             return False
         if self._patience is None and self.wait < math.inf:
-            self._patience = self.mission.clock.call_after(self.wait, self._give_up)
-        return True
-
-    def _give_up(self) -> None:
-        self._is_over = True
-        self.wake()
+            self._patience = Patience(self, self.topic, self.wait)
+        return self._patience is None or not self._patience.is_over()
 
     def _stop_timers(self) -> None:
         for timer in (self._expiry, self._patience):
             if timer is not None:
                 timer.cancel()
         self._expiry = self._patience = None
-        self._is_over = False
 
     def halt(self) -> None:
         """Stop waiting."""

@@ -1,11 +1,12 @@
-"""The data of a mission: each entry that leaves share on the root blackboard, and the types of records in them."""
+"""The data of a mission: each entry that leaves share on the root blackboard, and the types of
+records in them."""
 import math
-from typing import Any, Callable, Dict, NamedTuple, Union
+from typing import Any, Callable, NamedTuple, Tuple
 
-from behavior_controller.bt.language.values import TEXT, PortType, ValueFault, shown, whole_real
-from behavior_controller.bt.registry import Direction, Port
-from behavior_controller.interface.records import Exhibit, Location, Point, Words
-from behavior_controller.mission_spec import whole_mission
+from behavior_controller.bt import Direction, Port, PortType, ValueFault
+from behavior_controller.bt.script.values import TEXT, shown, whole_real
+from behavior_controller.robot.requests import Exhibit, Location, Point, Words
+from behavior_controller.config.node_facts import whole_mission
 
 
 def _reader(record: Any, form: str) -> Callable[[str], object]:
@@ -13,7 +14,8 @@ def _reader(record: Any, form: str) -> Callable[[str], object]:
         numbers = [whole_real(part.strip()) for part in text.split(";")]
         if len(numbers) != len(record._fields) or not all(
                 number is not None and math.isfinite(number) for number in numbers):
-            raise ValueFault("Can't convert string [{}] to {}; write {}".format(shown(text), record.__name__, form))
+            raise ValueFault(
+                f"Can't convert string [{shown(text)}] to {record.__name__}; write {form}")
         return record(*numbers)
     return read
 
@@ -35,7 +37,8 @@ class Datum(NamedTuple):
                     is_optional=is_optional)
 
     def read(self, port: str = "", is_optional: bool = False) -> Port:
-        """Return a port that reads it, with the entry's name or ``port``; for ``is_optional`` see Port."""
+        """Return a port that reads it, with the entry's name or ``port``; for ``is_optional`` see
+        Port."""
         return self._port(Direction.IN, port, is_optional)
 
     def written(self, port: str = "") -> Port:
@@ -47,20 +50,41 @@ class Datum(NamedTuple):
         return self._port(Direction.INOUT, port, is_optional)
 
 
-class Places:
-    """The names of the places that the robot knows; the leaves of a mission share it."""
+class NamedLocation(Location):
+    """A location that carries the name of the place that was chosen; it equals the location."""
 
-    def __init__(self) -> None:
-        self._names: Dict[Union[Location, Point], str] = {}
+    name = ""
 
-    def learn(self, name: str, place: Exhibit) -> None:
-        """Store the names of a place's location and of its gesture target."""
-        self._names[place.location] = self._names[place.gesture] = name
+    def __repr__(self) -> str:
+        """Return the text of the location."""
+        return repr(Location(*self))
 
-    def named(self, words: Words, preposition: str, target: Union[Location, Point]) -> Words:
-        """Return ``words`` with the name of ``target``, if it has one, instead of its coordinates."""
-        name = self._names.get(target)
-        return words if name is None else words._replace(what="{} {}".format(preposition, name))
+
+class NamedPoint(Point):
+    """A gesture target that carries the name of the place that was chosen; it equals the point."""
+
+    name = ""
+
+    def __repr__(self) -> str:
+        """Return the text of the point."""
+        return repr(Point(*self))
+
+
+def named(place: Exhibit, name: str) -> Tuple[NamedLocation, NamedPoint]:
+    """Return location and gesture target of a place that is chosen under that name."""
+    location, target = NamedLocation(*place.location), NamedPoint(*place.gesture)
+    location.name = target.name = name
+    return location, target
+
+
+def with_name(words: Words, preposition: str, target: object) -> Words:
+    """Return ``words`` with the name that ``target`` carries, if any, in place of its coordinates.
+    """
+    name = getattr(target, "name", "")
+    if not name:
+        return words
+    is_home = preposition == "to" and name == "its home"
+    return words._replace(what="home" if is_home else f"{preposition} {name}")
 
 
 VISITOR_RESPONSE = Datum("visitorResponse", TEXT, "the visitor's answer, yes or no")
@@ -70,10 +94,13 @@ CURRENT_EXHIBIT = Datum("currentExhibit", TEXT, "name of the selected exhibit")
 LEFT_OUT = Datum("leftOutExhibits", "vec_int", "numbers of the exhibits that a recovery left out")
 DESCRIPTION_1 = Datum("description1", TEXT, "the exhibit's first description")
 DESCRIPTION_2 = Datum("description2", TEXT, "the exhibit's second description")
-TARGET_LOCATION = Datum("targetLocation", _LOCATION, "where to drive: x;y;theta, in metres and degrees")
-GESTURE_TARGET = Datum("gestureTarget", _POINT, "where to point or look: x;y;z, in metres; 0;0;0 is nothing")
-QUESTION_ASKED_AT = Datum("questionAskedAt", "double", "when the question had been asked, in s: answers come later")
-ATTENTION_SET_AT = Datum("attentionSetAt", "double", "when the mode of attention was set, in s: gazes come later")
+TARGET_LOCATION = Datum("targetLocation", _LOCATION,
+                        "where to drive: x;y;theta, in metres and degrees")
+GESTURE_TARGET = Datum("gestureTarget", _POINT,
+                       "where to point or look: x;y;z, in metres; 0;0;0 is nothing")
+QUESTION_ASKED_AT = Datum("questionAskedAt", "double",
+                          "when the question had been asked, in s: answers come later")
+ATTENTION_SET_AT = Datum("attentionSetAt", "double",
+                         "when the mode of attention was set, in s: gazes come later")
 
-ALL = (VISITOR_RESPONSE, EXHIBITS, NEXT_EXHIBIT, CURRENT_EXHIBIT, LEFT_OUT, DESCRIPTION_1, DESCRIPTION_2,
-       TARGET_LOCATION, GESTURE_TARGET, QUESTION_ASKED_AT, ATTENTION_SET_AT)
+ALL = tuple(datum for datum in tuple(globals().values()) if isinstance(datum, Datum))

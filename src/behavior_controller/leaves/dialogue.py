@@ -1,34 +1,41 @@
-"""Leaves for the visitor's answer, by voice (/speechEvent/text) or tablet (/tabletEvent/prompt_and_get_response)."""
+"""Leaves for the visitor's answer, by voice (/speechEvent/text) or tablet
+(/tabletEvent/prompt_and_get_response)."""
 from typing import Any, Optional
 
-from behavior_controller.events import Told
-from behavior_controller.gateway import Cause, Failure, Sample
-from behavior_controller.interface import Sense
-from behavior_controller.interface.records import Answer, Prompt, Request
-from behavior_controller.leaves.base import InstantCondition, ServiceLeaf, leaf_spec
+from behavior_controller.execution.events import Told
+from behavior_controller.robot.gateway import Cause, Failure, Sample
+from behavior_controller.robot.declarations import Sense
+from behavior_controller.robot.requests import Answer, Prompt, Request
+from behavior_controller.leaves.base import NOT_ASKED, InstantCondition, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.data import QUESTION_ASKED_AT, VISITOR_RESPONSE
-from behavior_controller.phrases import YES
+from behavior_controller.config.phrases import YES
 
 
 def heard(utterance: str, answer: Optional[str]) -> Told:
     """Return the sentence about an utterance and its answer."""
-    return Told("heard", "heard “{}”: {}".format(utterance, answer or "neither yes nor no"), answer or "")
+    if answer is None and utterance.strip().lower().startswith("error"):
+        return Told("heard", "no answer recognised", "unrecognised")  # by the recogniser
+    return Told("heard", f"heard “{utterance}”: {answer or 'neither yes nor no'}", answer or "")
 
 
 class IsYesNoUttered(TopicCondition):
-    """``<IsYesNoUttered/>``: SUCCESS for a yes or a no that was said after the question.
+    """``<IsYesNoUttered/>``: SUCCESS for a yes or a no after the question; the first one counts.
 
     It advances the question's time, so that one utterance answers only one question.
     """
 
     sense = Sense.UTTERANCE
     PORTS = (VISITOR_RESPONSE.written(), QUESTION_ASKED_AT.changed(is_optional=True))
-    otherwise = "neither yes nor no was heard"
+    otherwise = "no yes or no heard"
 
     def is_evidence(self, value: Any) -> bool:
         """Return whether the utterance is an answer."""
-        return self.mission.phrases.spoken_answer(value) is not None
+        return self.mission.phrases.is_answer(value)
+
+    def judged(self, sample: Optional[Sample]) -> None:
+        """Have answers count from now on, whether something was asked or not."""
+        self.mission.ignore_answers("")
 
     def not_before(self) -> float:
         """Return when the question had been asked."""
@@ -39,6 +46,7 @@ class IsYesNoUttered(TopicCondition):
         answer = self.mission.phrases.spoken_answer(sample.value)
         self.set_output("visitorResponse", answer)
         self.set_output("questionAskedAt", sample.arrived)
+        self.mission.ignore_answers(NOT_ASKED)
         self.told = heard(sample.value, answer)
 
     def unused(self, sample: Sample) -> None:
@@ -47,7 +55,8 @@ class IsYesNoUttered(TopicCondition):
 
 
 class IsVisitorResponseYes(InstantCondition):
-    """``<IsVisitorResponseYes/>``: SUCCESS if the visitor's answer is yes; without an answer FAILURE."""
+    """``<IsVisitorResponseYes/>``: SUCCESS if the visitor's answer is yes; without an answer
+    FAILURE."""
 
     PORTS = (VISITOR_RESPONSE.read(),)
     otherwise = "the visitor did not say yes"
@@ -68,7 +77,8 @@ class PressYesNoDialogue(ServiceLeaf):
         return Prompt(self.mission.phrases.tablet_options)
 
     def accept(self, answer: Answer) -> Optional[Failure]:
-        """Store the pressed answer; if the robot does not report it, ``tabletSuccessIs`` decides the meaning of a press."""
+        """Store the pressed answer; if the robot does not report it, ``tabletSuccessIs`` decides
+        the meaning of a press."""
         if not self.mission.interface.tells_pressed:
             if self.mission.settings.tablet_success_is == YES:
                 self.set_output("visitorResponse", YES)
@@ -77,7 +87,7 @@ class PressYesNoDialogue(ServiceLeaf):
         if pressed is not None:
             self.set_output("visitorResponse", pressed)
             label = self.mission.phrases.tablet_options[pressed != YES]
-            self.told = Told("pressed", "the visitor pressed “{}”".format(label), pressed)
+            self.told = Told("pressed", f"the visitor pressed “{label}”", pressed)
             return None
         if answer.response.strip() in ("", "0"):
             return Failure(Cause.MISSING_DATA, "the visitor pressed nothing", self.resource)

@@ -1,9 +1,9 @@
 """Leaves that gesture (/gestureExecution/perform_gesture)."""
 from typing import Optional
 
-from behavior_controller.interface.records import PerformGesture, Point, Request, Words
+from behavior_controller.robot.requests import PerformGesture, Point, Request, Words
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
-from behavior_controller.leaves.data import GESTURE_TARGET, Places
+from behavior_controller.leaves.data import GESTURE_TARGET, with_name
 
 
 class IconicGesture(ServiceLeaf):
@@ -21,7 +21,7 @@ class IconicGesture(ServiceLeaf):
 
     def words(self, request: Request) -> Words:
         """Name the gesture instead of its number."""
-        return super().words(request)._replace(what="the {} gesture".format(self.setting.partition("_")[0]))
+        return super().words(request)._replace(what=f"the {self.setting.partition('_')[0]} gesture")
 
 
 class PerformDeicticGesture(ServiceLeaf):
@@ -35,17 +35,19 @@ class PerformDeicticGesture(ServiceLeaf):
         if target == Point(0.0, 0.0, 0.0):
             return None
         settings = self.mission.settings
-        return PerformGesture("deictic", settings.deictic_gesture_id, settings.gesture_duration, target)
+        return PerformGesture("deictic", settings.deictic_gesture_id, settings.gesture_duration,
+                              target)
 
     def words(self, request: Request) -> Words:
         """Name what the robot points at, if it has a name."""
-        return self.mission.shared(Places).named(super().words(request), "at", getattr(request, "target"))
+        return with_name(super().words(request), "at", getattr(request, "target"))
 
 
 SPECS = (
     leaf_spec("WelcomeGesture", IconicGesture, "Makes the welcome gesture.",
               arguments={"setting": "welcome_gesture_id"}),
-    leaf_spec("GoodbyeGesture", IconicGesture, "Waves goodbye.", arguments={"setting": "goodbye_gesture_id"},
-              is_farewell=True),
-    leaf_spec("PerformDeicticGesture", PerformDeicticGesture, "Points at the current gesture target."),
+    leaf_spec("GoodbyeGesture", IconicGesture, "Waves goodbye.",
+              arguments={"setting": "goodbye_gesture_id"}, is_farewell=True),
+    leaf_spec("PerformDeicticGesture", PerformDeicticGesture,
+              "Points at the current gesture target."),
 )

@@ -1,18 +1,23 @@
 """Leaves for the knowledge base (/knowledgeBase/query) and the list of exhibits."""
 from typing import Optional, Sequence
 
-from behavior_controller.events import BEGUN, OMITTED, OVER, TourAdvanced
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface.records import Answer, Exhibit, QueryKnowledge, Request
-from behavior_controller.leaves.base import InstantAction, InstantCondition, MissionLeaf, ServiceLeaf, leaf_spec
-from behavior_controller.leaves.data import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET,
-                                             LEFT_OUT, NEXT_EXHIBIT, TARGET_LOCATION, Places)
+from behavior_controller.bt.registry import Port
+from behavior_controller.bt.script.values import TEXT
+from behavior_controller.execution.events import BEGUN, OMITTED, OVER, StopChanged
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import Answer, Exhibit, QueryKnowledge, Request
+from behavior_controller.leaves.base import (
+    InstantAction, InstantCondition, MissionLeaf, ServiceLeaf, leaf_spec)
+from behavior_controller.leaves.data import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2,
+                                             EXHIBITS, GESTURE_TARGET, LEFT_OUT, NEXT_EXHIBIT,
+                                             TARGET_LOCATION, named)
 
 
-def advance(leaf: MissionLeaf, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
-    """Emit the state of the exhibit ``index`` (from 0) of the tour."""
-    leaf.mission.events.emit(TourAdvanced(leaf.uid, leaf.registration_id, leaf.full_path, index + 1, len(exhibits),
-                                          exhibits[index].name, state))
+def advance(leaf: MissionLeaf, exhibits: Sequence[Exhibit], index: int, state: str,
+            noun: str = "") -> None:
+    """Emit the state of the exhibit ``index`` (from 0) of the list."""
+    leaf.mission.events.emit(StopChanged(leaf.uid, leaf.registration_id, leaf.full_path, index + 1,
+                                         len(exhibits), exhibits[index].name, state, noun))
 
 
 class RetrieveListOfExhibits(ServiceLeaf):
@@ -28,8 +33,6 @@ class RetrieveListOfExhibits(ServiceLeaf):
         """Store the list; an empty list is a failure."""
         if not answer.exhibits:
             return Failure(Cause.MISSING_DATA, "the knowledge base has no exhibits", self.resource)
-        for exhibit in answer.exhibits:
-            self.mission.shared(Places).learn(exhibit.name, exhibit)
         self.set_output("exhibits", list(answer.exhibits))
         self.set_output("nextExhibit", 0)
         self.set_output("leftOutExhibits", [])
@@ -37,7 +40,8 @@ class RetrieveListOfExhibits(ServiceLeaf):
 
 
 class IsListWithExhibit(InstantCondition):
-    """``<IsListWithExhibit/>``: SUCCESS if an exhibit has not been selected; without a list FAILURE."""
+    """``<IsListWithExhibit/>``: SUCCESS if an exhibit has not been selected; without a list
+    FAILURE."""
 
     PORTS = (EXHIBITS.read(), NEXT_EXHIBIT.read())
     otherwise = "no exhibit is left"
@@ -50,11 +54,16 @@ class IsListWithExhibit(InstantCondition):
         return following < len(exhibits)
 
 
+STOP = Port("stop", TEXT, default="exhibit",
+            description="what the story calls an item of the list; the plural adds an s")
+
+
 class SelectExhibit(InstantAction):
     """``<SelectExhibit/>``: takes the next exhibit of the list."""
 
-    PORTS = (EXHIBITS.read(), NEXT_EXHIBIT.changed(), CURRENT_EXHIBIT.written(), TARGET_LOCATION.written(),
-             GESTURE_TARGET.written(), DESCRIPTION_1.written(), DESCRIPTION_2.written())
+    PORTS = (EXHIBITS.read(), NEXT_EXHIBIT.changed(), CURRENT_EXHIBIT.written(),
+             TARGET_LOCATION.written(), GESTURE_TARGET.written(), DESCRIPTION_1.written(),
+             DESCRIPTION_2.written(), STOP)
 
     def act(self) -> Optional[Failure]:
         exhibits, index = self.get_input("exhibits"), self.get_input_or("nextExhibit", 0)
@@ -63,11 +72,12 @@ class SelectExhibit(InstantAction):
         exhibit = exhibits[index]
         self.set_output("nextExhibit", index + 1)
         self.set_output("currentExhibit", exhibit.name)
-        self.set_output("targetLocation", exhibit.location)
-        self.set_output("gestureTarget", exhibit.gesture)
+        location, target = named(exhibit, exhibit.name)
+        self.set_output("targetLocation", location)
+        self.set_output("gestureTarget", target)
         self.set_output("description1", exhibit.description1)
         self.set_output("description2", exhibit.description2)
-        advance(self, exhibits, index, BEGUN)
+        advance(self, exhibits, index, BEGUN, self.get_input(STOP.name))
         return None
 
 
@@ -77,15 +87,18 @@ LEAVING_OUT = (EXHIBITS.read(is_optional=True), TARGET_LOCATION.read(is_optional
 
 
 def leave_out_exhibit(leaf: MissionLeaf) -> bool:
-    """Note that the current exhibit is left out; return whether the tour is still a tour without it.
+    """Note that the current exhibit is left out; return whether the tour is still a tour without
+    it.
 
-    It is not if every exhibit has been left out. Then the last one goes back to the list, once: IsListWithExhibit asks
-    for exhibits that have not been visited, and a mission must not treat such a tour as finished.
+    It is not if every exhibit has been left out. Then the last one goes back to the list, once:
+    IsListWithExhibit asks for exhibits that have not been visited, and a mission must not treat
+    such a tour as finished.
 
     Raises PortError.
     """
     exhibits, index = leaf.get_input_or("exhibits", ()), leaf.get_input_or("nextExhibit", 0) - 1
-    if not 0 <= index < len(exhibits) or leaf.get_input_or("targetLocation", None) != exhibits[index].location:
+    if not 0 <= index < len(exhibits) or leaf.get_input_or("targetLocation",
+                                                           None) != exhibits[index].location:
         return True  # no exhibit is under way
     advance(leaf, exhibits, index, OMITTED)
     before = leaf.get_input_or("leftOutExhibits", [])
@@ -115,19 +128,22 @@ class LookUp(ServiceLeaf):
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Store the place."""
         if len(answer.exhibits) != 1:
-            return Failure(Cause.UNUSABLE_ANSWER, "the knowledge base has {} places for {}; exactly 1 is needed".format(
-                len(answer.exhibits), self.place), self.resource)
-        self.mission.shared(Places).learn("its home" if self.place == "home" else "the " + self.place, answer.exhibits[0])
-        self.set_output("targetLocation", answer.exhibits[0].location)
+            return Failure(Cause.UNUSABLE_ANSWER,
+                           f"the knowledge base has {len(answer.exhibits)} places for "
+                           f"{self.place}; exactly 1 is needed", self.resource)
+        name = "its home" if self.place == "home" else "the " + self.place
+        location, target = named(answer.exhibits[0], name)
+        self.set_output("targetLocation", location)
         if self.has_gesture:
-            self.set_output("gestureTarget", answer.exhibits[0].gesture)
+            self.set_output("gestureTarget", target)
         else:
             self.clear_output("gestureTarget")
         return None
 
 
 SPECS = (
-    leaf_spec("RetrieveListOfExhibits", RetrieveListOfExhibits, "Gets the exhibits to show.", is_indispensable=True),
+    leaf_spec("RetrieveListOfExhibits", RetrieveListOfExhibits, "Gets the exhibits to show.",
+              is_indispensable=True),
     leaf_spec("IsListWithExhibit", IsListWithExhibit, "Is an exhibit left to visit?"),
     leaf_spec("SelectExhibit", SelectExhibit, "Takes the next exhibit.", is_indispensable=True,
               leave_out=leave_out_exhibit),

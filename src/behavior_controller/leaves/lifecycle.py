@@ -1,9 +1,9 @@
 """Leaves about the mission itself."""
 from typing import Optional
 
-from behavior_controller.bt.ends import SUCCEEDS
-from behavior_controller.events import Noticed
-from behavior_controller.gateway import Failure
+from behavior_controller.bt.possible_results import SUCCEEDS
+from behavior_controller.execution.events import Noticed
+from behavior_controller.robot.gateway import Failure
 from behavior_controller.leaves.base import InstantAction, InstantCondition, MissionLeaf, leaf_spec
 
 
@@ -14,7 +14,8 @@ def begin_pass(leaf: MissionLeaf) -> None:
 
 
 class StartOfTree(InstantAction):
-    """``<START_OF_TREE/>``: announces a pass, and clears the last visitor's data, as the beginning of a pass does."""
+    """``<START_OF_TREE/>``: announces a pass, and clears the last visitor's data, as the beginning
+    of a pass does."""
 
     def act(self) -> Optional[Failure]:
         """Announce and clear."""
@@ -32,6 +33,7 @@ class IsASREnabled(InstantCondition):
 
 
 SPECS = (
-    leaf_spec("START_OF_TREE", StartOfTree, "Shows that a visitor's pass begins.", outcome=SUCCEEDS),
+    leaf_spec("START_OF_TREE", StartOfTree, "Shows that a visitor's pass begins.",
+              outcome=SUCCEEDS),
     leaf_spec("IsASREnabled", IsASREnabled, "Is speech recognised?"),
 )

@@ -1,7 +1,7 @@
 """Leaves that drive (/robotNavigation/set_goal)."""
-from behavior_controller.interface.records import GoTo, Request, Words
+from behavior_controller.robot.requests import GoTo, Request, Words
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
-from behavior_controller.leaves.data import TARGET_LOCATION, Places
+from behavior_controller.leaves.data import TARGET_LOCATION, with_name
 from behavior_controller.leaves.knowledge import leave_out_exhibit
 
 
@@ -16,8 +16,8 @@ class Navigate(ServiceLeaf):
 
     def words(self, request: Request) -> Words:
         """Name the place, if it has a name."""
-        return self.mission.shared(Places).named(super().words(request), "to", getattr(request, "goal"))
+        return with_name(super().words(request), "to", getattr(request, "goal"))
 
 
-SPECS = (leaf_spec("Navigate", Navigate, "Drives to the current target location.", is_indispensable=True,
-                   leave_out=leave_out_exhibit),)
+SPECS = (leaf_spec("Navigate", Navigate, "Drives to the current target location.",
+                   is_indispensable=True, leave_out=leave_out_exhibit),)

@@ -1,29 +1,31 @@
-"""HandleFallBack: finds the failure that led to it and does what the recovery policy says (D5.4.3 §3.2.4)."""
+"""HandleFallBack: finds the failure that led to it and does what the recovery policy says (D5.4.3
+§3.2.4)."""
 from typing import Any, List, Optional
 
 from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt.engine.leaf import ActionLeaf
-from behavior_controller.bt.engine.node import Result
-from behavior_controller.bt.language.ports import PortError, defaults
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
-from behavior_controller.events import Noticed, Recovered, Recovering, Retried, Told
-from behavior_controller.gateway import Call, Cause, Failure
+from behavior_controller.bt import ActionLeaf, PortError, Result, FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.ports import defaults
+from behavior_controller.execution.events import Noticed, Recovered, Recovering, Retried, Told
+from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.leaves.base import Attempt, Failed, MissionLeaf, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.knowledge import LEAVING_OUT
-from behavior_controller.mission_spec import MissionSpec
-from behavior_controller.recovery import GIVEN_UP, End, Recovery, Retry, Step
+from behavior_controller.config.node_facts import MissionSpec
+from behavior_controller.execution.recovery import End, GIVEN_UP, Recovery, Retry, Step
+from behavior_controller.execution.safe_state import SafeState
 
 RETURN_LIMIT = 15.0
-"""Seconds that a retry waits for the return of a service that is known to be gone, if the tour needs the step."""
+"""Seconds that all retries of a step together wait for the return of a service that is known to be
+gone, if the mission needs the step."""
 
 
 class HandleFallBack(MissionLeaf, ActionLeaf):
-    """``<HandleFallBack/>``: retries the failed step, runs a substitute, goes on without it, or gives up.
+    """``<HandleFallBack/>``: retries the failed step, runs a substitute, goes on without it, or
+    gives up.
 
-    The failure is the newest one of the leaves before this node below their common parent. Only a step that is a sibling
-    can be retried: in a whole SubTree, repeating one leaf would not repeat the rest. SUCCESS only if the step was done
-    after all or may be skipped. A visit may be skipped only if that does not leave out every exhibit of the
-    tour.
+    The failure is the newest one of the leaves before this node below their common parent. Only a
+    step that is a sibling can be retried: in a whole SubTree, repeating one leaf would not repeat
+    the rest. SUCCESS only if the step was done after all or may be skipped. A visit may be skipped
+    only if that does not leave out every exhibit of the tour.
     """
 
     PORTS = LEAVING_OUT
@@ -34,15 +36,18 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         """Find the failure and start to recover from it."""
         self.started_at = self.mission.clock.now()
         steps = self._steps()
-        failed = self.mission.failures.newest(steps[0].uid if steps else self.uid, self.uid, self._last_number)
+        failed = self.mission.failures.newest(steps[0].uid if steps else self.uid, self.uid,
+                                              self._last_number)
         self._last_number = self.mission.failures.newest_number
         if failed is None:
             failure = Failure(Cause.MISSING_DATA, "no mission node failed before")
             self._tell(self, failure, "give up", 0, GIVEN_UP, "")
             return self._finished(GIVEN_UP, None)
+        is_affordable = self._is_affordable()
+        self.mission.failures.is_budget_spent |= not is_affordable
         can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
         self._round = _Round(self, failed, Recovery(
-            self.mission.policy, failed.leaf.spec, failed.failure, can_redo, self._is_affordable(),
+            self.mission.policy, failed.leaf.spec, failed.failure, can_redo, is_affordable,
             lambda: self._leave_out(steps)))
         return self.on_running()
 
@@ -53,12 +58,14 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
                 try:
                     return node.spec.leave_out(self)
                 except PortError as error:
-                    self.mission.events.emit(Noticed("warning", "what is left out cannot be noted: {}".format(error)))
+                    self.mission.events.emit(
+                        Noticed("warning", f"what is left out cannot be noted: {error}"))
                     return True
         return True
 
     def _steps(self) -> List[Any]:
-        """Return the nodes before this one below the nearest ancestor that has any: a consecutive range of uids."""
+        """Return the nodes before this one below the nearest ancestor that has any: a consecutive
+        range of uids."""
         node: Any = self
         while node.parent is not None:
             before = node.parent.children[:node.parent.children.index(node)]
@@ -69,7 +76,8 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
 
     def _is_affordable(self) -> bool:
         now, policy = self.mission.clock.now(), self.mission.policy
-        recent = [began for began in self.mission.recoveries if began > now - policy.seconds] + [now]
+        recent = [began
+                  for began in self.mission.recoveries if began > now - policy.seconds] + [now]
         self.mission.recoveries = recent
         return len(recent) <= policy.most
 
@@ -81,17 +89,23 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             return RUNNING
         self._round = None
         recovery = under_way.recovery
-        self._tell(under_way.failed.leaf, recovery.failure, str(recovery), recovery.attempts, outcome, recovery.reason)
+        self._tell(under_way.failed.leaf, recovery.failure, str(recovery), recovery.attempts,
+                   outcome, recovery.reason)
         self.told = under_way.told()
         return self._finished(outcome, recovery.failure)
 
-    def _tell(self, leaf: MissionLeaf, failure: Failure, policy: str, attempts: int, outcome: str, reason: str) -> None:
-        self.mission.events.emit(Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts,
-                                           outcome != GIVEN_UP, outcome, reason, self.uid))
+    def _tell(self, leaf: MissionLeaf, failure: Failure, policy: str, attempts: int, outcome: str,
+              reason: str) -> None:
+        self.mission.events.emit(
+            Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts, outcome
+                      != GIVEN_UP, outcome, reason, self.uid))
 
     def _finished(self, outcome: str, failure: Optional[Failure]) -> Result:
-        # a failed recovery is not recorded as a failure: an outer HandleFallBack looks for the original one
+        # a failed recovery is not recorded as a failure: an outer HandleFallBack looks for the
+        # original one
         result = FAILURE if outcome == GIVEN_UP else SUCCESS
+        if result is FAILURE and failure is not None:
+            self.mission.failures.give_up(failure)
         self.report(result, failure if result is FAILURE else None)
         return result
 
@@ -115,7 +129,7 @@ class _Round:
         self._attempt: Optional[Attempt] = None
         self._pause: Optional[Timer] = None
         self._patience: Optional[Timer] = None  # ends the wait for a service that is gone
-        self._safe_state: List[Call] = []  # the requests under way
+        self._safe_state: Optional[SafeState] = None
         self._step = self._begun(recovery.next_step())
 
     def _begun(self, step: Step) -> Step:
@@ -128,13 +142,14 @@ class _Round:
         elif step.outcome == GIVEN_UP and self.failed.number != self._mission.failures.given_up:
             # else an inner HandleFallBack has left the robot in the safe state
             self._mission.failures.given_up = self.failed.number
-            self._safe_state = [self._mission.gateway.start(request) for request in self._mission.interface.safe_state]
+            self._safe_state = self._mission.ask_for_safe_state()
         return step
 
     def _tell(self, attempt: int, substitute: str = "") -> None:
         leaf = self.failed.leaf
-        self._mission.events.emit(Recovering(self._leaf.uid, leaf.registration_id, leaf.full_path,
-                                             self.recovery.failure, attempt, self.recovery.retries, substitute))
+        self._mission.events.emit(
+            Recovering(self._leaf.uid, leaf.registration_id, leaf.full_path, self.recovery.failure,
+                       attempt, self.recovery.retries, substitute))
 
     def told(self) -> Optional[Told]:
         """Return the sentence about the attempt that succeeded."""
@@ -146,7 +161,8 @@ class _Round:
         leaf.uid = self._leaf.uid
         leaf.registration_id, leaf.full_path = spec.id, self._leaf.full_path
         leaf.spec, leaf.attributes = spec, defaults(spec.ports)
-        leaf.blackboard, leaf.services, leaf.mission = self._leaf.blackboard, self._leaf.services, self._mission
+        leaf.blackboard, leaf.services = self._leaf.blackboard, self._leaf.services
+        leaf.mission = self._mission
         return leaf
 
     def go_on(self) -> Optional[str]:
@@ -160,20 +176,29 @@ class _Round:
                 return None
             self._attempt = None
             self._step = self._begun(self._judged(ended.failure))
-        if any(call.result is None for call in self._safe_state):
-            return None
+        if self._safe_state is not None:
+            if not self._safe_state.is_over:
+                return None
+            self._mission.events.emit(self._safe_state.report())
+            self._safe_state = None
         self._cancel_timers()
         return self._step.outcome
 
     def _waits(self) -> bool:
-        """Return whether to delay the attempt: for the pause, or for the return of a service that the tour needs."""
+        """Return whether to delay the attempt: for the pause, or for the return of a service that
+        the tour needs."""
         if self._attempt is not None or not isinstance(self._step, Retry):
             return False
         if self._pause is not None and self._pause.callback is not None:
             return True
-        if not self.recovery.is_indispensable or not self._mission.health.is_gone(self.recovery.failure.resource):
+        if not self.recovery.is_indispensable or not self._mission.health.is_gone(
+                self.recovery.failure.resource):
             return False
         if self._patience is None:
+            resource = self.recovery.failure.resource
+            node = self._mission.health.gone_node(resource)
+            self._leaf.begin_wait("waiting for {} to return".format(
+                "/" + node if node else resource), RETURN_LIMIT)
             self._patience = self._mission.clock.call_after(RETURN_LIMIT, self._leaf.wake)
         return self._patience.callback is not None
 
@@ -192,15 +217,16 @@ class _Round:
     def drop(self) -> None:
         """Drop the requests under way."""
         self._cancel_timers()
-        for call in self._safe_state:
-            call.drop()
+        if self._safe_state is not None:
+            self._safe_state.drop()
         if self._attempt is not None:
             self._attempt.drop()
 
 
 SPECS = (
-    leaf_spec("HandleFallBack", HandleFallBack, "Recovers from the failure before it, as the recovery policy says.",
+    leaf_spec("HandleFallBack", HandleFallBack,
+              "Recovers from the failure before it, as the recovery policy says.",
               is_recovery=True),
-    leaf_spec("HandleFallback", HandleFallBack, "Another spelling of HandleFallBack.", is_recovery=True,
-              warning="HandleFallback is an old spelling; write HandleFallBack"),
+    leaf_spec("HandleFallback", HandleFallBack, "Another spelling of HandleFallBack.",
+              is_recovery=True, warning="HandleFallback is an old spelling; write HandleFallBack"),
 )

@@ -1,34 +1,33 @@
-"""The nodes of release 1.0's missions that D5.4.3 lacks: their argument is the name of the instance.
+"""The nodes of release 1.0's missions that D5.4.3 lacks: their argument is the name of the
+instance.
 
 Most are a leaf of D5.4.3 with the argument as its constant.
 """
 from typing import Any, Optional, Union
 
-from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt.engine.leaf import ActionLeaf
-from behavior_controller.bt.engine.node import Result
-from behavior_controller.bt.language.ports import PortError
-from behavior_controller.bt.status import IDLE, RUNNING
-from behavior_controller.gateway import Cause, Failure
-from behavior_controller.interface import Sense, Topic
-from behavior_controller.interface.records import Request, Say, SetPose, SetRecognition, SetRecognitionLanguage
-from behavior_controller.knowledge_files import UTILITY_PHRASES
+from behavior_controller.bt import ActionLeaf, PortError, Result, IDLE, RUNNING
+from behavior_controller.robot.gateway import Cause, Failure, since
+from behavior_controller.robot.declarations import Sense, Topic
+from behavior_controller.robot.requests import (
+    Request, Say, SetPose, SetRecognition, SetRecognitionLanguage)
+from behavior_controller.config.knowledge_files import UTILITY_PHRASES
 from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAttentionMode
-from behavior_controller.leaves.base import InstantCondition, MissionLeaf, OptionalServiceLeaf, leaf_spec
-from behavior_controller.leaves.conditions import TopicCondition
-from behavior_controller.leaves.data import ATTENTION_SET_AT, EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
+from behavior_controller.leaves.base import (NOT_ASKED, InstantCondition, MissionLeaf,
+                                             OptionalServiceLeaf, leaf_spec)
+from behavior_controller.leaves.conditions import Patience, TopicCondition
+from behavior_controller.leaves.data import EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
 from behavior_controller.leaves.dialogue import heard
 from behavior_controller.leaves.gesture import IconicGesture
 from behavior_controller.leaves.knowledge import LookUp
 from behavior_controller.leaves.lifecycle import begin_pass
 from behavior_controller.leaves.speech import Question
-from behavior_controller.phrases import SPEECHES, is_error
+from behavior_controller.config.phrases import SPEECHES, is_error
 
 ANSWER_WAIT = 10.0
 """Seconds that GetVisitorResponse listens."""
 
 
-class StartOfTree(OptionalServiceLeaf):
+class StartOfTreeInLanguage(OptionalServiceLeaf):
     """``<StartOfTree/>``: announces a pass, and sets the language of speech recognition."""
 
     asks = SetRecognitionLanguage
@@ -40,11 +39,13 @@ class StartOfTree(OptionalServiceLeaf):
 
     def wanted(self) -> Optional[Request]:
         """Set the language, if speech is recognised."""
-        return SetRecognitionLanguage(self.mission.language) if self.mission.settings.asr_enabled else None
+        return SetRecognitionLanguage(
+            self.mission.language) if self.mission.settings.asr_enabled else None
 
 
 class SetSpeechEvent(OptionalServiceLeaf):
-    """``<SetSpeechEvent name="true"/>``: switches speech recognition on or off (/speechEvent/set_enabled)."""
+    """``<SetSpeechEvent name="true"/>``: switches speech recognition on or off
+    (/speechEvent/set_enabled)."""
 
     asks = SetRecognition
 
@@ -66,7 +67,8 @@ class SetRobotPose(OptionalServiceLeaf):
         """Send the first location of the tour."""
         exhibits = self.get_input_or("exhibits", ())
         if not exhibits:
-            return Failure(Cause.MISSING_DATA, "there is no tour yet, whose first location it would be", self.resource)
+            return Failure(Cause.MISSING_DATA,
+                           "there is no tour yet, whose first location it would be", self.resource)
         return SetPose(exhibits[0].location)
 
 
@@ -84,22 +86,19 @@ class SayText(Question):
     def request(self) -> Union[Request, Failure]:
         """Say the phrase; a culture file may have none of that number."""
         knowledge = self.mission.knowledge
-        text = self.mission.phrases.utility(self.number) if knowledge is None else knowledge.phrases.get(self.number)
+        text = self.mission.phrases.utility(
+            self.number) if knowledge is None else knowledge.phrases.get(self.number)
         if text is None:
-            return Failure(Cause.MISSING_DATA, "there is no utility phrase {}".format(self.number), self.resource)
+            return Failure(Cause.MISSING_DATA, f"there is no utility phrase {self.number}",
+                           self.resource)
         return Say(text, self.mission.language)
 
 
 class IsVisitorPresent(TopicCondition):
-    """``<IsVisitorPresent/>``: SUCCESS if the visitor is seen; if attention reports that, since its mode was set."""
+    """``<IsVisitorPresent/>``: SUCCESS if the visitor is seen, by the newest message."""
 
     sense = Sense.PRESENCE
-    PORTS = (ATTENTION_SET_AT.read(is_optional=True),)
     otherwise = "no visitor is seen"
-
-    def not_before(self) -> float:
-        """Return when the mode was set."""
-        return self.get_input_or("attentionSetAt", float("-inf"))
 
 
 class HasVisitorResponded(InstantCondition):
@@ -116,19 +115,21 @@ class HasVisitorResponded(InstantCondition):
 class GetVisitorResponse(MissionLeaf, ActionLeaf):
     """``<GetVisitorResponse/>``: listens for a yes or a no from now on, and stores it.
 
-    SUCCESS with an empty answer if none was understood in ``ANSWER_WAIT``; FAILURE at an error of the recognition.
+    SUCCESS with an empty answer if none was understood in ``ANSWER_WAIT``; FAILURE at an error of
+    the recognition.
     """
 
     listens = Sense.UTTERANCE
     sense = Sense.UTTERANCE
     PORTS = (VISITOR_RESPONSE.written(),)
     topic: Topic
-    _patience: Optional[Timer] = None
+    _patience: Optional[Patience] = None
 
     def setup(self, **kwargs: Any) -> None:
         """Get the topic of utterances."""
         super().setup(**kwargs)
         if "mission" in kwargs:
+            self.mission.has_questions = True
             self.topic = self.mission.interface.evidence(self.sense).topic
             self.resource = self.topic.name
 
@@ -136,30 +137,32 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
         """Clear an older answer and listen."""
         self.started_at = self.mission.clock.now()
         self.begin_wait(self.sense.awaiting, ANSWER_WAIT)
-        self._patience = self.mission.clock.call_after(ANSWER_WAIT, self.wake)
+        self._patience = Patience(self, self.topic, ANSWER_WAIT)
         self.mission.topics.listen(self.topic, ANSWER_WAIT)
+        self.mission.ignore_answers("")
         return self.on_running()
 
     def on_running(self) -> Result:
-        """Judge the newest utterance."""
-        sample = self.mission.topics.newest(self.topic)
-        utterance = sample.value if sample is not None and sample.arrived > self.started_at else ""
+        """Judge the utterances: the first that ends the listening counts."""
+        utterances = [sample.value for sample in
+                      since(self.mission.topics.recent(self.topic), self.started_at)]
+        utterance = next(filter(self._ends, utterances), utterances[-1] if utterances else "")
         answer = self.mission.phrases.spoken_answer(utterance)
         if is_error(utterance):
-            return self._end("", Failure(Cause.UNUSABLE_ANSWER, "the recognition says {!r}".format(utterance),
-                                         self.resource))
+            text = f"the recognition says {utterance!r}"
+            return self._end("", Failure(Cause.UNUSABLE_ANSWER, text, self.resource))
         if utterance:
             self.told = heard(utterance, answer)
         if answer is not None:
             return self._end(answer)
-        if self._patience is not None and self._patience.callback is None:
+        if self._patience is not None and self._patience.is_over():
             return self._end("")
         self.mission.topics.wake_when(self.uid, self.topic, self._ends)
         return RUNNING
 
     def _ends(self, utterance: str) -> bool:
         """Return whether an utterance ends the listening. Called on the receiving thread too."""
-        return is_error(utterance) or self.mission.phrases.spoken_answer(utterance) is not None
+        return is_error(utterance) or self.mission.phrases.is_answer(utterance)
 
     def _end(self, answer: str, failure: Optional[Failure] = None) -> Result:
         self._stop()
@@ -167,7 +170,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
             self.set_output("visitorResponse", answer)
         except PortError as error:
             failure = self.missing(error)
-        return self.succeeded() if failure is None else self.failed(failure)
+        return self.ended(failure)
 
     def on_halted(self) -> None:
         """Stop listening."""
@@ -176,32 +179,39 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
 
     def _stop(self) -> None:
         self.mission.topics.listen(self.topic, 0.0)
+        self.mission.ignore_answers(NOT_ASKED)
         if self._patience is not None:
             self._patience.cancel()
             self._patience = None
 
 
+_FAREWELLS = tuple(str(speech.utility) for speech in SPEECHES
+                   if speech.is_farewell and speech.utility)
+
 SPECS = (
-    leaf_spec("StartOfTree", StartOfTree, "Shows that a visitor's pass begins, and sets the language of recognition."),
+    leaf_spec("StartOfTree", StartOfTreeInLanguage,
+              "Shows that a visitor's pass begins, and sets the language of recognition."),
     leaf_spec("SayText", SayText, "Says a utility phrase, by its number.",
               choices={str(number): {"number": number} for number in UTILITY_PHRASES},
-              farewells=tuple(str(speech.utility) for speech in SPEECHES if speech.is_farewell and speech.utility)),
+              farewells=_FAREWELLS),
     leaf_spec("SetOvertAttentionMode", OvertAttentionMode, "Sets the mode of attention.",
-              (GESTURE_TARGET.read("target", is_optional=True),), choices={state: {"state": state} for _, state, _, _ in MODES}),
+              (GESTURE_TARGET.read("target", is_optional=True),),
+              choices={state: {"state": state} for _, state, _, _ in MODES}),
     leaf_spec("SetAnimateBehavior", AnimateBehavior, "Starts or stops lifelike movement.",
               choices={state: {"state": state} for state in ("enabled", "disabled")}),
     leaf_spec("SetSpeechEvent", SetSpeechEvent, "Switches speech recognition on or off.",
               choices={"true": {"is_enabled": True}, "false": {"is_enabled": False},
                        "enabled": {"is_enabled": True}, "disabled": {"is_enabled": False}}),
     leaf_spec("PerformIconicGesture", IconicGesture, "Makes the welcome gesture or waves goodbye.",
-              choices={"welcome": {"setting": "welcome_gesture_id"}, "goodbye": {"setting": "goodbye_gesture_id"}},
-              farewells=("goodbye",)),
-    leaf_spec("SetRobotPose", SetRobotPose, "Tells the localization that the robot is at the first location of the tour."),
+              choices={"welcome": {"setting": "welcome_gesture_id"},
+                       "goodbye": {"setting": "goodbye_gesture_id"}}, farewells=("goodbye",)),
+    leaf_spec("SetRobotPose", SetRobotPose,
+              "Tells the localization that the robot is at the first location of the tour."),
     leaf_spec("ResetRobotPose", SetRobotPose, "Another name of SetRobotPose."),
-    leaf_spec("RetrieveInitialLocation", LookUp, "Makes the first location the target.", is_indispensable=True,
-              arguments={"place": "home", "has_gesture": False}),
+    leaf_spec("RetrieveInitialLocation", LookUp, "Makes the first location the target.",
+              is_indispensable=True, arguments={"place": "home", "has_gesture": False}),
     leaf_spec("GetVisitorResponse", GetVisitorResponse,
-              "Listens for a yes or a no for up to {:g} s; an empty answer if there is none.".format(ANSWER_WAIT)),
+              f"Listens for a yes or a no for up to {ANSWER_WAIT:g} s; an empty answer if there is "
+              "none."),
     leaf_spec("HasVisitorResponded", HasVisitorResponded, "Did the visitor answer?"),
-    leaf_spec("IsVisitorPresent", IsVisitorPresent, "Is the visitor there?"),
-)
+    leaf_spec("IsVisitorPresent", IsVisitorPresent, "Is the visitor there?"))

@@ -1,23 +1,21 @@
-"""How the tree around a condition waits for it: whether it is ticked again, and for how long at most."""
+"""How the tree around a condition waits for it: whether it is ticked again, and for how long at
+most."""
 import itertools
 import math
 from typing import Any, List, Optional, Tuple
 
-from behavior_controller.bt.ends import FAILS, OF_A_LEAF, SUCCEEDS, by, of_any_child
-from behavior_controller.bt.engine.builtins import Sleep
+from behavior_controller.bt.possible_results import FAILS, SUCCEEDS, by
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.decorators import Delay, KeepRunningUntilFailure, Timeout
-from behavior_controller.bt.engine.node import Node
-from behavior_controller.bt.registry import Kind
+from behavior_controller.bt.engine.decorators import KeepRunningUntilFailure, Timeout
+from behavior_controller.bt import Kind, Node
 
 MOST_BESIDE = 100
 """The most nodes of a round, without the condition: no round drawn by hand has so many."""
 
-_PAUSES = {Sleep: "msec", Delay: "delay_msec"}
-
 
 def is_asked_again(node: Any) -> bool:
-    """Return whether a control asks this node again while a later one runs, which it would halt if it were RUNNING."""
+    """Return whether a control asks this node again while a later one runs, which it would halt if
+    it were RUNNING."""
     while node.parent is not None:
         parent, is_last = node.parent, node is node.parent.children[-1]
         if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and not is_last:
@@ -29,54 +27,64 @@ def is_asked_again(node: Any) -> bool:
 
 
 def wait_for(condition: Any) -> Optional[float]:
-    """Return for how many seconds the mission asks ``condition`` again and again while that is false.
+    """Return for how many seconds the mission asks ``condition`` again and again while that is
+    false.
 
-    inf: without a limit, or the file does not say it as numbers; None: the mission does not wait for it. A
-    ReactiveFallback waits as long as the nodes after the condition take, a loop for the pauses of all its rounds. A loop
-    in whose rounds the robot does something else is not a wait.
+    inf: without a limit, or the file does not say it as numbers; None: the mission does not wait
+    for it. A ReactiveFallback waits as long as the nodes after the condition take, a loop for the
+    pauses of all its rounds. A loop in whose rounds the robot does something else is not a wait.
     """
     node, end = condition, FAILS
     round_takes, wait, does_more = 0.0, None, False
-    while isinstance(node.parent, Node) and not does_more:  # the mission may be a part of a tree of py_trees
+    # the mission may be a part of a tree of py_trees
+    while isinstance(node.parent, Node) and not does_more:
         parent, place = node.parent, node.parent.children.index(node)
-        later = parent.children[place + 1:] if not parent.spec.next_after or end & parent.spec.next_after else []
+        later = parent.children[
+            place + 1:] if not parent.spec.next_after or end & parent.spec.next_after else []
         takes, does_more = _in_turn(parent.children[:place] + later)
         round_takes += takes + _pause(parent)
         if isinstance(parent, ReactiveFallback) and _in_turn(later)[0]:
             wait = round_takes
-        if end & _repeats_on(parent) and (round_takes or isinstance(parent, KeepRunningUntilFailure)):
+        if end & _repeats_on(parent) and (round_takes or
+                                          isinstance(parent, KeepRunningUntilFailure)):
             wait = round_takes = _number(parent, parent.spec.rounds) * (round_takes or 1.0)
         if isinstance(parent, Timeout):
             round_takes = min(round_takes, _number(parent, "msec") / 1000.0)
             wait = None if wait is None else round_takes
         if not does_more:
-            end = _end(parent, [end] + [_end_of(each) for each in later])
+            ends = [end] + [_end_of(each) for each in later]
+            end = by(parent.spec.outcome, parent.attributes, ends)
         node = parent
     return wait
 
 
 def _in_turn(siblings: List[Any]) -> Tuple[float, bool]:
-    """Return how long nodes take that are ticked in turn, and whether the robot does more than to ask and to pause.
+    """Return how long nodes take that are ticked in turn, and whether the robot does more than to
+    ask and to pause.
 
-    inf: the file does not say it. Too many to look at, with each condition of a large mission, count as doing more.
+    inf: the file does not say it. Too many to look at, with each condition of a large mission,
+    count as doing more.
     """
-    nodes = list(itertools.islice((each for node in siblings for each in node.iterate()), MOST_BESIDE + 1))
+    nodes = list(
+        itertools.islice((each for node in siblings for each in node.iterate()), MOST_BESIDE + 1))
     if len(nodes) > MOST_BESIDE:
         return math.inf, True
     return sum(map(_seconds, nodes)), any(map(_does_more, nodes))
 
 
 def _seconds(node: Any) -> float:
-    takes_time = _repeats_on(node) or not node.spec.is_instant and node.spec.kind in (Kind.ACTION, Kind.DECORATOR)
+    takes_time = _repeats_on(node) or not node.spec.is_instant and node.spec.kind in (
+        Kind.ACTION, Kind.DECORATOR)
     return math.inf if takes_time and not _pause(node) else _pause(node)
 
 
 def _pause(node: Any) -> float:
-    return _number(node, _PAUSES[type(node)]) / 1000.0 if type(node) in _PAUSES else 0.0
+    return _number(node, node.spec.pause) / 1000.0 if node.spec.pause else 0.0
 
 
 def _number(node: Any, port: str) -> float:
-    """Return the number of a port, inf if it is 0 or -1, or if the file does not say it as a number."""
+    """Return the number of a port, inf if it is 0 or -1, or if the file does not say it as a
+    number."""
     text = node.attributes.get(port, "")
     return int(text) if text.isdecimal() and int(text) else math.inf
 
@@ -87,15 +95,8 @@ def _repeats_on(node: Any) -> int:
 
 def _does_more(node: Any) -> bool:
     """Return whether a node has the robot do something, rather than ask or pause."""
-    return node.spec.kind is Kind.ACTION and not node.spec.is_instant and type(node) not in _PAUSES
-
-
-def _end(node: Any, children: List[int]) -> int:
-    outcome = node.spec.outcome
-    if outcome is None:
-        return of_any_child(node.attributes, children) if children else OF_A_LEAF
-    return by(outcome, node.attributes, children)
+    return node.spec.kind is Kind.ACTION and not node.spec.is_instant and not node.spec.pause
 
 
 def _end_of(node: Any) -> int:
-    return _end(node, [_end_of(child) for child in node.children])
+    return by(node.spec.outcome, node.attributes, list(map(_end_of, node.children)))

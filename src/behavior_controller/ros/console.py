@@ -1,30 +1,34 @@
 """The operator's lines: the story of the run on the terminal and on /rosout, and never a traceback.
 
-Normal mode: start-up lines, the story's sentences, and a heartbeat. Verbose mode: also a line for each leaf that finishes
-and for each attempt that failed. Each line is handed to the threads of its sinks (terminal, log file, /rosout).
+Normal mode: start-up lines, the story's sentences, and a heartbeat. Verbose mode: also a line for
+each leaf that finishes and for each attempt that failed. Each line is handed to the threads of its
+sinks (terminal, log file, /rosout).
 """
 import errno
 import logging
 import os
-import sys
 import tempfile
 import time
 import traceback
-from typing import Any, Tuple, Union
+from typing import Any, Dict, Tuple, Union
 
 from rosgraph.roslogging import RosStreamHandler
 
 from behavior_controller.bt.engine.clock import Clock
-from behavior_controller.events import Event, LeafFinished, Retried
-from behavior_controller.sinks import LEFT_OUT, Detached, Sink, drain, take_over_streams
-from behavior_controller.story import Story
+from behavior_controller.command import no_resources
+from behavior_controller.execution.events import Event, LeafFinished, Retried, RunFinished
+from behavior_controller.execution.state import State
+from behavior_controller.monitoring.moment import robot_line
+from behavior_controller.monitoring.sinks import Detached, Sink, drain, take_over_streams
+from behavior_controller.monitoring.story import Story
+from behavior_controller.robot.gateway import Cause
 from behavior_controller.text import clean
 
 FORMAT = "ROSCONSOLE_FORMAT"
 """The environment variable with rospy's format of a line."""
 
 FOR_PEOPLE = "[${severity}] [${walltime:%H:%M:%S}]: ${message}"
-"""Its default on a terminal: the time of day; rospy's own default has seconds since 1970."""
+"""Its default here: the time of day; rospy's own default has seconds since 1970."""
 
 REST = 0.05
 """Seconds between two rounds of formatting lines, so that nothing the robot does waits for them."""
@@ -50,21 +54,25 @@ SHORTAGE_SPAN = 1.0
 
 
 class Console:
-    """Writes events as lines. A sink of ``Events``. No thread that reports something waits for the writing."""
+    """Writes events as lines. A sink of ``Events``. No thread that reports something waits for the
+    writing."""
 
     def __init__(self) -> None:
         """Redirect the standard streams. Raises RuntimeError if no thread can be started."""
         self.is_verbose = False  # until the configuration is known
-        if sys.stdout.isatty():
-            os.environ.setdefault(FORMAT, FOR_PEOPLE)
-        self._lines = Sink("console", self._write, lambda count: ("warning", LEFT_OUT % (count, "the console")),
+        os.environ.setdefault(FORMAT, FOR_PEOPLE)
+        self._lines = Sink("the console", self._write, lambda text: ("warning", text),
                            MOST_WAITING, REST)
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
+        self._robot = robot_line(State())  # as it was written last
+        self._unmet: Dict[int, Event] = {}  # the conditions that were false last, by node
         self._logger = logging.getLogger(ROSOUT)
         self._shortage_told = -SHORTAGE_SPAN
-        logging.getLogger("rosout").addFilter(_make_safe)  # of rospy's own lines; ours go by ``tell``
-        logging.raiseExceptions = False  # no traceback on the terminal for a log that cannot be written
+        # of rospy's own lines; ours go by ``tell``
+        logging.getLogger("rosout").addFilter(_make_safe)
+        # no traceback on the terminal for a log that cannot be written
+        logging.raiseExceptions = False
         self.attach()
 
     def attach(self) -> None:
@@ -89,11 +97,14 @@ class Console:
         return detached
 
     def keep_details(self, text: str) -> str:
-        """Have ``text`` written only to the log file, or to a separate file if there is none; return the path."""
+        """Have ``text`` written only to the log file, or to a separate file if there is none;
+        return the path."""
         root = logging.getLogger()
-        paths = [handler.path for handler in root.handlers if isinstance(handler, Detached) and handler.path]
+        paths = [handler.path for handler in root.handlers
+                 if isinstance(handler, Detached) and handler.path]
         if not paths:
-            paths.append(os.path.join(tempfile.gettempdir(), "behaviorController_{}.log".format(os.getpid())))
+            paths.append(os.path.join(
+                tempfile.gettempdir(), f"behaviorController_{os.getpid()}.log"))
             root.addHandler(self._detach(logging.FileHandler(paths[0], delay=True)))
         logging.getLogger(FILE_ONLY).error(text)
         return paths[0]
@@ -107,11 +118,17 @@ class Console:
         self._lines.put((time.time(), event, self.is_verbose))
 
     def tell(self, severity: str, text: str) -> None:
-        """Write ``text`` as one clean line at ``info``, ``warning`` or ``error``; from any thread."""
+        """Write ``text`` as one clean line at ``info``, ``warning`` or ``error``; from any thread.
+        """
         self._lines.put((severity, text))
 
+    def warn(self, text: str) -> None:
+        """Write ``text`` as a warning."""
+        self.tell("warning", text)
+
     def _write(self, told: Union[Tuple[str, str], Tuple[float, Event, bool]]) -> None:
-        """Write a line, or those of an event; rospy's logging takes longer than all that the tick thread does with one."""
+        """Write a line, or those of an event; rospy's logging takes longer than all that the tick
+        thread does with one."""
         if isinstance(told[0], str):
             self._log(told[0], clean(told[1]))
         else:
@@ -120,24 +137,47 @@ class Console:
     def _log_event(self, at: float, event: Event, is_verbose: bool) -> None:
         for sentence in self._story.take(at, event):
             self._log(sentence.severity, sentence.text)
-        if is_verbose and isinstance(event, LeafFinished):
-            parts = [event.status, event.resource, "{:.3f} s".format(event.seconds), reason(event.failure),
-                     event.told.text if event.told is not None else ""]
-            self._log("info", clean("{} ({}): {}".format(event.node, event.path, ", ".join(filter(None, parts)))))
-        elif is_verbose and isinstance(event, Retried):
-            self._log("info", clean("{} ({}): retry {} failed, {}, {}".format(
-                event.node, event.path, event.attempt, event.failure.resource, reason(event.failure))))
+        self._log_robot(event)
+        if not is_verbose:
+            return
+        if isinstance(event, LeafFinished) and not self._is_repeated(event):
+            parts = [event.status, event.resource, f"{event.seconds:.3f} s",
+                     reason(event.failure), event.told.text if event.told is not None else ""]
+            text = ", ".join(filter(None, parts))
+            self._log("info", clean(f"{event.node} ({event.path}): {text}"))
+        elif isinstance(event, Retried):
+            text = (f"retry {event.attempt} failed, {event.failure.resource}, "
+                    f"{reason(event.failure)}")
+            self._log("info", clean(f"{event.node} ({event.path}): {text}"))
+
+    def _log_robot(self, event: Event) -> None:
+        """Write the robot's line when a person has to do something else than before, and at the
+        end.
+        """
+        robot = robot_line(self._story.state)
+        if robot.instruction != self._robot.instruction or isinstance(event, RunFinished):
+            self._robot = robot
+            self._log("warning" if robot.instruction else "info", "robot: " + robot.text)
+
+    def _is_repeated(self, event: LeafFinished) -> bool:
+        """Whether a condition is false as it was when it was asked before."""
+        failure, before = event.failure, self._unmet.get(event.uid)
+        if failure is None or failure.cause is not Cause.CONDITION_FALSE:
+            self._unmet.pop(event.uid, None)
+            return False
+        self._unmet[event.uid] = event
+        return isinstance(before, LeafFinished) and before.failure == failure
 
     def _log(self, severity: str, text: str) -> None:
         getattr(self._logger, severity)("behaviorController: %s", text)
 
     def tell_shortage(self, error: BaseException) -> None:
-        """Report in one line that memory, threads or files are used up, at most once in ``SHORTAGE_SPAN`` seconds."""
+        """Report in one line that memory, threads or files are used up, at most once in
+        ``SHORTAGE_SPAN`` seconds."""
         now = time.monotonic()
         if now - self._shortage_told >= SHORTAGE_SPAN:
             self._shortage_told = now
-            self.tell("error", "the machine gives no more memory, threads or files: {}".format(
-                str(error) or type(error).__name__))
+            self.tell("error", no_resources(error))
 
     def start_heartbeat(self, clock: Clock) -> None:
         """Show every ten seconds that the tick thread still runs its timers."""
@@ -149,7 +189,8 @@ class Console:
 
 
 def _make_safe(record: logging.LogRecord) -> bool:
-    """Turn a message of rospy's into one clean line; a traceback goes only to the log file. A filter of its logger."""
+    """Turn a message of rospy's into one clean line; a traceback goes only to the log file. A
+    filter of its logger."""
     head, found, _ = record.getMessage().partition("\nTraceback (most recent call last)")
     if found:
         logging.getLogger(FILE_ONLY).error("%s", record.getMessage())
@@ -159,21 +200,23 @@ def _make_safe(record: logging.LogRecord) -> bool:
 
 def reason(failure: Any) -> str:
     """Return cause and message of a ``Failure`` on one line; empty for None."""
-    return "{}: {}".format(failure.cause.text, " ".join(failure.message.split())) if failure is not None else ""
+    return "" if failure is None else f"{failure.cause.text}: {' '.join(failure.message.split())}"
 
 
 def report_internal_error(console: Console, error: BaseException) -> None:
-    """Report in one line an internal error and the place of its traceback, or that a resource is used up."""
+    """Report in one line an internal error and the place of its traceback, or that a resource is
+    used up."""
     if is_shortage(error):
         console.tell_shortage(error)
         return
     text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
     place = console.keep_details("internal error\n" + text)
-    console.tell("error", "internal error ({}: {}); please report it with the details in {}".format(
-        type(error).__name__, error, place))
+    console.tell("error", f"internal error ({type(error).__name__}: {error}); please report it "
+                          f"with the details in {place}")
 
 
 def is_shortage(error: BaseException) -> bool:
     """Whether the cause of ``error`` is a shortage of the machine, or a limit set on it."""
-    return (isinstance(error, MemoryError) or isinstance(error, OSError) and error.errno in SHORTAGES
-            or isinstance(error, RuntimeError) and "start new thread" in str(error))
+    return (isinstance(error, MemoryError) or
+            isinstance(error, OSError) and error.errno in SHORTAGES or
+            isinstance(error, RuntimeError) and "start new thread" in str(error))

@@ -1,82 +1,108 @@
 """The main program: checks everything, then runs the mission until it is over or stopped.
 
-Nothing moves before the configuration, the mission and the robot's nodes have been checked. Every fault is reported in
-lines for an operator, and the exit code says which kind it was.
+Nothing moves before the configuration, the mission and the robot's nodes have been checked. Every
+fault is reported in lines for an operator, and the exit code says which kind it was.
 """
 import collections
+import contextlib
+import logging
 import os
+import socket
 import sys
 import threading
-import time
-from typing import Any, Callable, Deque, List, Optional, Union
+from typing import Any, Callable, Deque, Dict, List, NoReturn, Optional, Tuple, Union
 
 import rosgraph
 import rosgraph.network
 import rospkg
 import rospy
-from rospy.impl.paramserver import get_param_server_cache
 
-from behavior_controller import exits
-from behavior_controller.apart import Late, Stopped, run_apart, run_together
+from behavior_controller import exit_codes, extensions
+from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, NodesMissing
-from behavior_controller.events import Events
-from behavior_controller.gateway import Gateway, Topics
-from behavior_controller.health import Health
-from behavior_controller.keys import help_lines
+from behavior_controller.execution.events import Events, Noticed
+from behavior_controller.foreign_code import described
+from behavior_controller.robot.gateway import Topics
+from behavior_controller.execution.health import Health
+from behavior_controller.config.config_file import help_lines
 from behavior_controller.leaves import registry
-from behavior_controller.mission import Mission
-from behavior_controller.ros.connection import Trouble, ask_master
-from behavior_controller.ros.console import Console, report_internal_error
-from behavior_controller.ros.monitor import Monitor
-from behavior_controller.ros.plan import read_plan, tell_faults
-from behavior_controller.ros.probe import StartUpCheck
-from behavior_controller.ros.services import RosGateway
+from behavior_controller.missions.load import Mission
+from behavior_controller.ros import log_writers, ros_interface
+from behavior_controller.ros_arguments import version
+from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, report_internal_error
+from behavior_controller.ros.master import NAME_IS_TAKEN
+from behavior_controller.ros.watchdog import Monitor
+from behavior_controller.ros.node_name import adopt, join
+from behavior_controller.ros.configuration import read_plan, tell_faults
+from behavior_controller.ros.startup_check import StartUpCheck
+from behavior_controller.ros.service_client import RosGateway
 from behavior_controller.ros.signals import Signals, block_signals
-from behavior_controller.ros.topics import RosTopics
-from behavior_controller.runner import Runner, Running, not_calm
-from behavior_controller.settings import KEYS, split_arguments
-from behavior_controller.watch.board import Board
-from behavior_controller.watch.groot2 import Groot2Publisher
-from behavior_controller.watch.page import Page
-from behavior_controller.watch.record import Record, new_folder
+from behavior_controller.ros.subscriber import RosTopics
+from behavior_controller.missions.runner import Runner, Running
+from behavior_controller.execution.safe_state import LIMIT, SafeState
+from behavior_controller.config.settings import (KEYS, OPERATOR, Settings, split_arguments, unread)
+from behavior_controller.missions.blocked_tick import Standstill
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.groot2.publisher import Groot2Publisher
+from behavior_controller.monitoring.web_page import Page
+from behavior_controller.monitoring.record.recorder import Record, new_folder
 
 NAME = "behaviorController"
-
-NO_TOPICS_IN_ROSOUT = "/rosout_disable_topics_generation"
 
 NO_RECORD = "none"
 """The value of ``recordDirectory`` that turns recording off."""
 
-USAGE = """usage: rosrun cssr_system behaviorController [_key:=value ...] [name:=other_name ...]
+USAGE = """usage: rosrun cssr_system behaviorController [_key:=value ...] [/name:=/other_name ...]
 
-Runs the robot mission that config/behaviorControllerConfiguration.ini names, visitor after visitor, until it is stopped
-(Ctrl-C). A key of that file given as _key:=value overrides the file. ROS names are remapped with name:=other_name.
-A SIGHUP (kill -HUP) has it read configuration and mission again, for the next visitor.
+Runs the robot mission that config/behaviorControllerConfiguration.ini names, visitor after
+visitor, until it is stopped (Ctrl-C). A key of that file given as _key:=value overrides the file.
+ROS names are remapped with /name:=/other_name. A SIGHUP (kill -HUP) has it read configuration and
+mission again, for the next visitor.
 
-exit codes: 0 the last pass was a SUCCESS, or another node was started under the same name; 3 it was a FAILURE;
+exit codes: 0 the last pass was a SUCCESS, or another node was started under the same name;
             1 nodes of the robot are missing; 2 the configuration or the mission is wrong;
+            3 the last pass was a FAILURE;
             4 the node could not go on: no memory, threads or files left, or an internal error"""
 
 START_LIMIT = 15.0
 """Seconds that each step of the start may take that uses the master or a disk."""
 
+LOG_LIMIT = 5.0
+"""Seconds to open the log file, without which the node runs too."""
+
 LAST_LINES = 0.2
-"""Seconds to write the remaining lines. Twice this, the safe state and ``CLOSING`` fit into STOP_LIMIT."""
+"""Seconds to write the remaining lines, before the closing and after it."""
 
-CLOSING = 0.4
-"""Seconds at the end to unregister from the master and to close the monitoring."""
+BLOCKED = 0.2
+"""Seconds for which the tick thread must stay where it is before a stop goes on without it."""
 
-CLOSING_UNHURRIED = 2.0
-"""The same if no stop was requested."""
+SAFE_STATE_BESIDE = 0.6
+"""Seconds for the safe state then. With ``REACTION`` and ``BLOCKED`` before it and the end after
+it, they fit into STOP_LIMIT."""
+
+CLOSING = 2.0
+"""Seconds at the end to unregister from the master and to close the monitoring; after a stop, what
+is left of its time."""
+
+RESERVE = 0.1
+"""Seconds after a stop by which the process ends before STOP_LIMIT."""
+
+WAITING, PAUSED = "waiting for the operator's start", "paused by the operator"
+"""What an operator may hold the run for."""
+
+FILES = "configuration and mission (their files, or the parameters of the ROS master)"
+
+ADDRESSES = "groot2Address, monitorAddress or recordDirectory"
+
+LEAVES = "the set-up of the mission's leaves"
+
+_LOG_FILE = logging.getLogger(FILE_ONLY)
 
 PARTING = "the node ends"
 REQUESTED = "external shutdown request"
 """The beginning of rospy's reason when another node or the master asked this node to end."""
-
-NAME_IS_TAKEN = "same name"
-"""A part of the master's reason when it ends a node because another registers under its name."""
 
 
 def main(argv: List[str]) -> int:
@@ -97,51 +123,41 @@ def main(argv: List[str]) -> int:
     return code
 
 
-def leave(code: int) -> None:
+def run() -> NoReturn:
+    """Run the node, and end the process with its exit code."""
+    leave(main(sys.argv))
+
+
+def leave(code: int) -> NoReturn:
     """End the process now: threads that still wait for a hung peer must not hold it."""
     os._exit(code)
 
 
 def _explain(arguments: List[str]) -> int:
-    """Print the usage; the exit code says whether it was requested."""
-    is_asked = arguments[0] in ("-h", "--help")
-    if is_asked:
+    """Print the usage or the version; the exit code says whether it was requested."""
+    is_asked = arguments[0] in ("-h", "--help", "--version")
+    if arguments[0] == "--version":
+        print(NAME, version())
+    elif is_asked:
         print("\n".join([USAGE, "", "keys, their defaults and meanings:"] + help_lines(KEYS)))
     else:
-        print("behaviorController: unknown argument {!r}\n{}".format(arguments[0], USAGE), file=sys.stderr)
-    return exits.SUCCESS if is_asked else exits.WRONG_INPUT
+        print(f"behaviorController: unknown argument {arguments[0]!r}\n{USAGE}", file=sys.stderr)
+    return exit_codes.SUCCESS if is_asked else exit_codes.WRONG_INPUT
 
 
-# ----------------------------------------------------------------------------------------------------------------- ROS
-
-
-def _join_ros(argv: List[str]) -> None:
-    """Become a ROS node, or say in one line why that is not possible; rospy alone would wait for a master without end."""
-    try:
-        is_silent = ask_master("getParam", NO_TOPICS_IN_ROSOUT)
-    except Trouble:
-        raise NodesMissing("no ROS master at {}: start roscore or the robot, or set ROS_MASTER_URI".format(
-            rosgraph.get_master_uri()))
-    # rospy would ask the master at each line for /rosout. A master that hangs would hold the lines back, and that
-    # question registers the node: asked by a node whose name was taken, it would shut down the one that took it.
-    get_param_server_cache().set(NO_TOPICS_IN_ROSOUT, bool(is_silent))
-    try:
-        rospy.init_node(NAME, argv=split_arguments(argv)[0], disable_signals=True)
-    except (rospy.ROSException, ValueError) as error:
-        if rospy.is_shutdown():
-            raise Stopped("rospy has ended meanwhile")  # and the reason was told
-        raise ConfigurationError([Fault("command line", 0, 0, str(error))])
+# ---------------------------------------------------------------------------------------------- ROS
 
 
 def _part_from_ros() -> None:
-    """Unregister from the master. Unlike rospy's own shutdown, this does not wait for rospy's threads."""
+    """Unregister from the master. Unlike rospy's own shutdown, this does not wait for rospy's
+    threads."""
     is_forgotten = threading.Event()
     rospy.core.add_shutdown_hook(lambda reason: is_forgotten.set())
     threading.Thread(target=rospy.signal_shutdown, args=(PARTING,), daemon=True).start()
     is_forgotten.wait()
 
 
-# ------------------------------------------------------------------------------------------------------------ the node
+# ----------------------------------------------------------------------------------------- the node
 
 
 class _Node:
@@ -158,67 +174,127 @@ class _Node:
     def run(self) -> int:
         """Run the node, and return the exit code. Raises nothing."""
         console = self._console
-        threading.excepthook = lambda failed: report_internal_error(console, failed.exc_value or failed.exc_type())
-        self._signals.wake(self._wake.emit)
+        threading.excepthook = lambda failed: _report_thread(
+            console, failed.exc_value or failed.exc_type())
+        self._signals.wake = self._wake.emit
+        self._signals.ignored = self._stop_beside
         try:
             return self._carry_out()
         except Stopped:
             console.tell("info", "stopped before the mission began")
-            return exits.UNAVAILABLE if self._stop_code is None else self._stop_code
+            return exit_codes.UNAVAILABLE if self._stop_code is None else self._stop_code
         except FaultsFound as found:
             tell_faults(found, console.tell, "nothing was started")
-            return exits.WRONG_INPUT
+            return exit_codes.WRONG_INPUT
         except NodesMissing as missing:
             for line in str(missing).split("\n"):
                 console.tell("error", line)
-            return exits.UNAVAILABLE
-        except Exception as error:  # the last resort: an operator never sees a traceback
+            return exit_codes.UNAVAILABLE
+        except BaseException as error:  # the last resort: an operator never sees a traceback
             report_internal_error(console, error)
-            return exits.BROKEN
+            return exit_codes.BROKEN
+
+    def _stop_beside(self) -> None:
+        """End the node without the tick thread if a leaf blocks it."""
+        if self._run is not None and self._run.calm_beside():
+            self.close()
+            self._signals.is_over = True
+            self._console.drain(LAST_LINES)
+            leave(exit_codes.BROKEN)
 
     def _carry_out(self) -> int:
-        """Do the steps of the start, each of which raises its faults; run the mission and return the exit code."""
-        console, wake, clock = self._console, self._wake, Clock()
-        master = "the ROS master at {}".format(rosgraph.get_master_uri())
-        files = "configuration and mission (their files, or the parameters of the ROS master)"
-        silent_master = NodesMissing("{} no longer answers: start it again".format(master))
-        rospy.core.add_preshutdown_hook(self._ros_ends)
-        self._apart(lambda: _join_ros(self._argv), master, silent_master)
-        console.attach()
-        plan = self._apart(lambda: read_plan(clock, wake, console.tell), files, _no_answer(files))
-        console.is_verbose = plan.settings.verbose_mode
-        topics = self._apart(
-            lambda: RosTopics(plan.settings.interface, wake.emit, lambda text: console.tell("warning", text)), master,
-            silent_master)
-        check = StartUpCheck(plan, console.tell)
-        if not check.run(wake, self._is_stopped):
-            raise Stopped("stopped")
-        self._run = _Run(plan, topics, console, self._signals)
-        addresses = "groot2Address, monitorAddress or recordDirectory"
-        self._apart(self._run.open_watchers, addresses, _no_answer(addresses))
-        return self._run.carry_out(lambda: self._stop_code)
+        """Do the steps of the start, each of which raises its faults; run the mission and return
+        the exit code.
 
-    def _apart(self, step: Callable[[], Any], what: str, late: Exception) -> Any:
-        """Do a step of the start that may hang on ``what``; raises ``late`` if it does, and ``Stopped``."""
+        Until all is known to be good, the node is not registered: a start that fails must not end a
+        running node.
+        """
+        console, wake = self._console, self._wake
+        words = split_arguments(self._argv)[0]
+        faults = unread(words[1:])
+        if faults:
+            raise ConfigurationError(faults)
+        master = f"the ROS master at {rosgraph.get_master_uri()}"
+        silent_master = NodesMissing(f"{master} no longer answers: start it again")
+        rospy.core.add_preshutdown_hook(self._ros_ends)
+        self._apart(lambda: adopt(NAME, words), master, silent_master)
+        self._open_log()
+        plan, folder = self._prepare()
+        if not StartUpCheck(plan, console.tell).run(wake, self._is_stopped):
+            raise Stopped("stopped")
+        topics = RosTopics(plan.settings.interface, wake.emit, console.warn)
+        self._run = run = _Run(plan, topics, console, self._signals)
+        run.prepare_record(folder)
+        runner = run.runner(lambda: self._stop_code)
+        self._apart(runner.prepare, LEAVES)
+        former = self._apart(lambda: join(NAME, words), master, silent_master)
+        console.attach()
+        if former:
+            console.tell("warning", f"the former node of the name {rospy.get_name()} (at {former}) "
+                                    "does not end: end its process, or two nodes control the robot")
+        self._apart(topics.subscribe, master, silent_master)
+        self._apart(run.open_watchers, ADDRESSES)
+        return run.carry_out(runner)
+
+    def _prepare(self) -> Tuple[Mission, str]:
+        """Return the mission, and the folder of its record; its addresses can be resolved."""
+        clock = Clock()
+        plan = self._apart(lambda: read_plan(clock, self._wake, self._console.tell), FILES)
+        if plan.settings.ros_interface:
+            ros_interface.types()
+        for doubt in extensions.doubts():
+            self._console.tell("warning", str(doubt))
+        self._console.is_verbose = plan.settings.verbose_mode
+        return plan, self._apart(lambda: _open_places(plan.settings), ADDRESSES)
+
+    def _open_log(self) -> None:
+        """Write to rospy's log file from now on, or report why not."""
+        path = log_writers.path()
+        reason = ""
         try:
-            return run_apart(step, self._wake, self._is_stopped, START_LIMIT, lambda: self._console.tell(
-                "info", "waiting up to {:g} s for {}".format(START_LIMIT, what)))
-        except Late:
-            raise late
+            run_apart(lambda: log_writers.open_log(path), self._wake, self._is_stopped, LOG_LIMIT)
+        except Late as late:
+            reason = str(late)
+        except OSError as error:
+            reason = error.strerror or str(error)
+        except Exception as error:  # rospkg parses every package.xml, and one may be half-written
+            reason = f"ROS cannot set up its logging: {described(error)}"
+        log_writers.leave_as_it_is()
+        self._console.attach()
+        if reason:
+            self._console.tell(
+                "warning", f"no log file is written to {path}: {reason}; the node goes on")
+
+    def _apart(self, step: Callable[[], Any], what: str, late: Optional[Exception] = None) -> Any:
+        """Do a step of the start that may hang on ``what``, or on another package's code, and
+        return its result.
+
+        Raises an error that names that code, or else ``late`` or ``what``, if it hangs, and
+        ``Stopped``.
+        """
+        try:
+            return run_apart(
+                step, self._wake, self._is_stopped, START_LIMIT, lambda: self._console.tell(
+                    "info", f"waiting up to {START_LIMIT:g} s for {what}"))
+        except Late as error:
+            raise extensions.late(START_LIMIT, error.frame) or late or ConfigurationError(
+                [Fault(what, 0, 0, f"no answer within {START_LIMIT:g} s")])
 
     def _is_stopped(self) -> bool:
         return self._signals.stop_requested
 
     def _ros_ends(self, reason: str) -> None:
-        """Stop after ``rosnode kill``, a new node of the same name, or an error in rospy. On one of rospy's threads."""
+        """Stop after ``rosnode kill``, a new node of the same name, or an error in rospy. On one of
+        rospy's threads."""
         if reason == PARTING:
             return
         if NAME_IS_TAKEN in reason:
-            self._stop_code = exits.SUCCESS  # a supervisor must not restart this node: it would end the other
-            self._console.tell("warning", "another node was started under the name {}: that one stays, this one ends"
-                               .format(rospy.get_name()))
+            # a supervisor must not restart this node: it would end the other
+            self._stop_code = exit_codes.SUCCESS
+            self._console.tell("warning", "another node was started under the name "
+                                          f"{rospy.get_name()}: that one stays, this one ends")
         elif not reason.startswith(REQUESTED):
-            self._stop_code = exits.BROKEN
+            self._stop_code = exit_codes.BROKEN
             report_internal_error(self._console, RuntimeError(reason))
         self._signals.request_stop()
 
@@ -226,17 +302,34 @@ class _Node:
         """End recording and monitoring, within a time limit."""
         self._console.drain(LAST_LINES)
         closers = self._run.closers() if self._run is not None else []
-        try:
-            run_together(closers + [_part_from_ros], CLOSING if self._is_stopped() else CLOSING_UNHURRIED)
-        except RuntimeError:
-            pass  # no threads left: the process ends anyway
+        limit = min(CLOSING, self._signals.time_left - LAST_LINES - RESERVE)
+        with contextlib.suppress(RuntimeError):  # no threads left: the process ends anyway
+            run_together(closers + [_part_from_ros], limit)
 
 
-def _no_answer(what: str) -> ConfigurationError:
-    return ConfigurationError([Fault(what, 0, 0, "no answer within {:g} s".format(START_LIMIT))])
+def _report_thread(console: Console, error: BaseException) -> None:
+    """Report what has ended a thread, which may be one of another package."""
+    if isinstance(error, SystemExit):
+        return  # Python's way to end a thread
+    package = extensions.raising(error)
+    if package is None or is_shortage(error):
+        report_internal_error(console, error)
+    else:
+        console.tell(
+            "error", f"package {package}: a thread of its code has failed: {described(error)}")
+        _LOG_FILE.info("a thread of the package %s", package, exc_info=error)
 
 
-# ------------------------------------------------------------------------------------------------------------- the run
+def _open_places(chosen: Settings) -> str:
+    """Return the folder of the record, and ask for the addresses that the node will serve: a name
+    server may hang."""
+    for address in (chosen.groot2_address, chosen.monitor_address):
+        with contextlib.suppress(OSError, UnicodeError):  # who opens it reports it
+            socket.getaddrinfo(address, None)
+    return chosen.record_directory or new_folder(rospkg.get_log_dir())
+
+
+# ------------------------------------------------------------------------------------------ the run
 
 
 class _Run:
@@ -244,7 +337,8 @@ class _Run:
 
     def __init__(self, plan: Mission, topics: RosTopics, console: Console, signals: Signals):
         self._plan = plan
-        self._following: Deque[Mission] = collections.deque(maxlen=1)  # filled by the thread that reads
+        # filled by the thread that reads
+        self._following: Deque[Mission] = collections.deque(maxlen=1)
         self._reading: Optional[threading.Thread] = None
         self._clock, self._wake = plan.tree.clock, plan.tree.wake
         self._topics: Topics = topics
@@ -253,79 +347,141 @@ class _Run:
         self._events = Events()
         self._events.subscribe(console)
         self._health = Health(self._wake.emit)
-        self._robot = RosGateway(
-            plan.settings.interface, plan.settings.deadline, self._clock, self._wake.emit, self._health)
-        self._gateway: Gateway = self._robot  # or what records it
-        self._watchers: List[Union[Groot2Publisher, Page, Record]] = []
+        self._robot = RosGateway(plan.settings.interface, plan.settings.deadline, self._clock,
+                                 self._wake.emit, self._health)
+        self._watchers: List[Union[Groot2Publisher, Page, Record, ros_interface.RosInterface]] = []
         self._record: Optional[Record] = None
         self._page = ""  # where it is to be found, if it is served
-        self._monitor = Monitor(plan.settings.interface, topics, self._health, lambda: self._plan.settings.asr_enabled)
+        self._runner: Optional[Runner] = None  # while it runs
+        self._standstill: Optional[Standstill] = None
+        # what the operator holds the run for; empty: nothing
+        self._held = WAITING if plan.settings.start_by == OPERATOR else ""
+        self._monitor = Monitor(plan.settings.interface, topics, self._health,
+                                lambda: self._plan.settings.asr_enabled)
 
-    def carry_out(self, stop_code: Callable[[], Optional[int]]) -> int:
-        """Run the mission and return the exit code."""
+    def runner(self, stop_code: Callable[[], Optional[int]]) -> Runner:
+        """Return what runs the mission, with the record if that is open."""
+        return Runner(self._running(self._plan), lambda: self._signals.stop_requested,
+                      self._successor, stop_code, lambda: self._held)
+
+    def carry_out(self, runner: Runner) -> int:
+        """Run the mission, whose leaves are set up, and return the exit code."""
         console = self._console
-        runner = Runner(self._running(), lambda: self._signals.stop_requested, self._successor, stop_code)
+        self._standstill = Standstill(runner, console.tell)
         console.start_heartbeat(self._clock)
         try:
             self._monitor.start()
+            self._standstill.start()
             self._signals.reload = self._reload
+            self._runner = runner
             return runner.run()
-        except Exception as error:  # an internal error must not leave the robot in an arbitrary state
+        # an internal error must not leave the robot in an arbitrary state
+        except BaseException as error:
+            self._runner = None
             report_internal_error(console, error)
-            self._calm()
-            return exits.BROKEN
+            self._robot.close()
+            self.leave_safe()
+            return exit_codes.BROKEN
         finally:
+            self._runner = None
             if self._page:
-                console.tell("info", "page of this run, closed now: {}".format(self._page))
+                console.tell("info", f"page of this run, closed now: {self._page}")
             if self._record is not None and self._record.is_kept:
-                console.tell("info", "record of this run: {}".format(self._record.path))
+                console.tell("info", f"record of this run: {self._record.path}")
 
     def closers(self) -> List[Callable[[], None]]:
-        """Return the functions that end the monitoring of the robot and of the mission; each may take long."""
+        """Return the functions that end the monitoring of the robot and of the mission; each may
+        take long."""
         return [self._monitor.close] + [watcher.close for watcher in self._watchers]
 
+    def prepare_record(self, folder: str) -> None:
+        """Record in ``folder``, if there is to be a record. To be called before ``runner``."""
+        if folder != NO_RECORD:
+            record = self._record = Record(folder, self._clock, self._console.warn)
+            self._events.subscribe(record)
+            self._watchers.append(record)
+            self._topics = record.topics(self._topics)
+
     def open_watchers(self) -> None:
-        """Open monitoring and record, once for the whole run."""
-        chosen, tell = self._plan.settings, self._console.tell
-
-        def warn(text: str) -> None:
-            tell("warning", text)
-
+        """Open the monitoring, once for the whole run, and report where page and record are."""
+        chosen, tell, warn = self._plan.settings, self._console.tell, self._console.warn
+        if self._record is not None:
+            self._record.open()
         if chosen.groot2_port:
-            self._watchers.append(Groot2Publisher(
-                chosen.groot2_address, chosen.groot2_port, registry().all(), warn))
+            self._watchers.append(Groot2Publisher(chosen.groot2_address, chosen.groot2_port,
+                                                  registry().all(), warn, held=self._events.emit))
         if chosen.monitor_port:
-            board = Board(self._events, self._health, registry(), chosen.interface)
-            page = Page(chosen.monitor_address, chosen.monitor_port, board, warn)
+            page = Page(chosen.monitor_address, chosen.monitor_port, self._board(), warn)
             self._watchers.append(page)
             if page.is_served:
                 self._page = _url(chosen.monitor_address, chosen.monitor_port)
-                tell("info", "page: {}".format(self._page))
-        if chosen.record_directory != NO_RECORD:
-            folder = chosen.record_directory or new_folder(rospkg.get_log_dir())
-            record = self._record = Record(folder, self._clock, warn, chosen.interface)
-            tell("info", "record: {}".format(record.path))
-            self._events.subscribe(record)
-            self._watchers.append(record)
-            self._gateway, self._topics = record.gateway(self._gateway), record.topics(self._topics)
+                tell("info", f"page: {self._page}")
+        if self._record is not None and self._record.is_kept:
+            tell("info", f"record: {self._record.path}")
+        if chosen.ros_interface:
+            self._watchers.append(ros_interface.RosInterface(
+                self._board(), lambda: self._plan.offers, self._commands()))
 
-    def _running(self) -> Running:
-        """Return the plan in the runner's form, and pass it to the monitoring."""
-        plan = self._plan
+    def _board(self) -> Board:
+        return Board(self._events, self._health, registry(), self._plan.settings.interface)
+
+    def _commands(self) -> Dict[str, ros_interface.Command]:
+        """Return what the operator's services do, each on a thread of rospy."""
+        def hold(words: str, answer: str) -> Tuple[bool, str]:
+            self._held = words
+            self._wake.emit()
+            return True, answer
+
+        def stop() -> Tuple[bool, str]:
+            self._signals.request_stop()
+            return True, "the robot is asked for the safe state, and the node ends"
+
+        def reload() -> Tuple[bool, str]:
+            if self._is_reading:
+                return False, "the files are still being read since the call before"
+            self._clock.post(self._reload)
+            self._wake.emit()
+            return True, ("the files are read; a mission without mistakes follows when the pass is "
+                          "over, and the log names every mistake")
+
+        return {
+            "start": lambda: hold("", "the mission goes on" if self._held else "the mission runs"),
+            "pause": lambda: hold(self._held or PAUSED,
+                                  "nothing new is begun once the robot has done what it does now"),
+            "stop": stop, "reload": reload}
+
+    @property
+    def _is_reading(self) -> bool:
+        return self._reading is not None and self._reading.is_alive()
+
+    def _running(self, plan: Mission) -> Running:
+        """Return a plan in the runner's form."""
+        context = plan.context(self._robot, self._topics, self._events, self._health)
+        return Running(plan.tree, context, plan.file, plan.settings.mission_runs,
+                       lambda: self._begin(plan))
+
+    def _begin(self, plan: Mission) -> None:
+        """Pass the plan that the runner runs from now on to the monitoring."""
+        self._plan = plan
+        self._robot.deadline = plan.settings.deadline
+        self._console.is_verbose = plan.settings.verbose_mode
         for watcher in self._watchers:
             watcher.show(plan.tree)
         robot = plan.settings.interface
         self._monitor.include(plan.offers)
-        # a stop requests the safe state even if the master hangs: the addresses of its services must be known before
-        self._monitor.include(robot.used({type(request) for request in robot.safe_state}, ()), may_lack=True)
-        context = plan.context(self._gateway, self._topics, self._events, self._health)
-        return Running(plan.tree, context, plan.file, plan.settings.mission_runs)
+        self._robot.prepare(plan.offers)
+        # a stop requests the safe state even if the master hangs: the addresses of its services
+        # must be known before
+        self._monitor.include(robot.used({type(request) for request in robot.safe_state}, ()),
+                              may_lack=True)
 
     def _reload(self) -> None:
-        """Reload the files on a separate thread: a disk or the master may hang. On the signals' thread."""
-        if self._reading is not None and self._reading.is_alive():
-            self._console.tell("warning", "SIGHUP ignored: the files are still being read since the one before; "
-                               "if that does not end, a disk or the master hangs")
+        """Reload the files on a separate thread: a disk or the master may hang. On the signals'
+        thread."""
+        if self._is_reading:
+            self._console.tell(
+                "warning", "SIGHUP ignored: the files are still being read since the one before; "
+                "if that does not end, a disk or the master hangs")
             return
         self._reading = threading.Thread(target=self._read_again, name="reload", daemon=True)
         try:
@@ -339,42 +495,60 @@ class _Run:
             following = read_plan(self._clock, self._wake, self._console.tell)
             chosen, now = following.settings.robot_interface, self._plan.settings.robot_interface
             if chosen != now:
-                self._console.tell("error", "refused, the running mission stays: robotInterface {} cannot follow {} "
-                                   "while the node runs; start the node again".format(chosen, now))
+                self._console.tell("error", "refused, the running mission stays: robotInterface "
+                                            f"{chosen} cannot follow {now} while the node runs; "
+                                            "start the node again")
                 return
             self._following.append(following)
-            self._console.tell("info", "reloaded: this mission follows when the visitor's pass is over")
+            self._wake.emit()  # if the node waits for the end of a persistent cause
+            self._console.tell("info",
+                               "reloaded: this mission follows when the visitor's pass is over")
         except FaultsFound as found:
             tell_faults(found, self._console.tell, "refused, the running mission stays")
         except NodesMissing as missing:
-            self._console.tell("error", "refused, the running mission stays: {}".format(missing))
-        except Exception as error:  # an internal error in reading a file must not end the running mission
+            self._console.tell("error", f"refused, the running mission stays: {missing}")
+        # an internal error in reading a file must not end the running mission
+        except BaseException as error:
             report_internal_error(self._console, error)
 
     def _successor(self) -> Optional[Running]:
         """Return the plan that was reloaded since the last pass, or None."""
-        if not self._following:
-            return None
-        following = self._following.pop()
-        self._plan = following
-        self._robot.deadline = following.settings.deadline
-        self._console.is_verbose = following.settings.verbose_mode
-        return self._running()
+        return self._running(self._following.pop()) if self._following else None
 
-    def _calm(self) -> None:
-        """Drop every call and request the safe state, for a second at most."""
-        self._robot.close()
-        calls = [self._robot.start(request) for request in self._plan.settings.interface.safe_state]
-        ends = time.monotonic() + 1.0
-        while any(call.result is None for call in calls) and time.monotonic() < ends:
-            self._wake.wait(max(0.0, ends - time.monotonic()))
-            self._wake.test_and_clear()
-            self._clock.run_posted()
-        for line in not_calm(calls, self._plan.settings.interface, self._plan.offers):
-            self._console.tell("warning", line)
+    def leave_safe(self, seconds: float = LIMIT) -> None:
+        """Ask the robot for the safe state, for ``seconds`` at most, and report what was reached.
+
+        Nothing of the tick thread is used, which may have failed or be stuck: any thread may call
+        it.
+        """
+        clock, wake, robot = Clock(), WakeUp(), self._plan.settings.interface
+        gateway = RosGateway(robot, self._plan.settings.deadline, clock, wake.emit)
+
+        def wait(seconds: float) -> None:
+            wake.wait(seconds)
+            wake.test_and_clear()
+            clock.run_posted()
+
+        self._events.emit(
+            SafeState(gateway, robot, self._plan.offers, clock.now).wait(wait, seconds))
+
+    def calm_beside(self) -> bool:
+        """Request the safe state if the tick thread does not react to a stop, and report; return
+        whether it does not.
+
+        It is stuck in the code of a leaf then. On another thread.
+        """
+        runner, watch = self._runner, self._standstill
+        if runner is None or watch is None or not watch.is_blocked(BLOCKED) or runner.is_stopping:
+            return False
+        self._events.emit(Noticed("error", f"stopping without the tree: {watch.blocking()}"))
+        self._robot.cut()  # no goal stays under way
+        self.leave_safe(SAFE_STATE_BESIDE)
+        return True
 
 
 def _url(address: str, port: int) -> str:
-    """Return the address of the page, with the host's name if it is served at all of its addresses."""
+    """Return the address of the page, with the host's name if it is served at all of its addresses.
+    """
     host = rosgraph.network.get_host_name() if address in ("0.0.0.0", "::") else address
-    return "http://{}:{}/".format("[{}]".format(host) if ":" in host else host, port)
+    return "http://{}:{}/".format(f"[{host}]" if ":" in host else host, port)

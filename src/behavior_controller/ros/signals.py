@@ -1,20 +1,27 @@
 """Handles the signals: requests to stop the node, or to read its files again.
 
-The signals are blocked, and a separate thread waits for them. A Python signal handler is not enough: it runs on the main
-thread, and if the signal comes just before that thread sleeps, not until it wakes. Nothing on this thread may hang: it
-reads no file, and lines are only queued at the console.
+The signals are blocked, and a separate thread waits for them. A Python signal handler is not
+enough: it runs on the main thread, and if the signal comes just before that thread sleeps, not
+until it wakes. Nothing on this thread may hang: it reads no file, and lines are only queued at the
+console.
 """
+import contextlib
+import math
 import os
 import signal
 import threading
 import time
-from typing import Callable, List
+from typing import Callable
 
-from behavior_controller import exits
+from behavior_controller import exit_codes
 from behavior_controller.ros.console import Console
 
 STOP_LIMIT = 1.8
 """Seconds after the first signal at which the process ends in any case (the limit is 2 s)."""
+
+REACTION = 0.3
+"""Seconds after the first signal after which ``ignored`` is called, while the process has not
+ended."""
 
 NOT_STOPPED = "did not stop in time: ending now; make sure that the robot has stopped too"
 
@@ -27,16 +34,21 @@ def block_signals() -> None:
 
 
 class Signals:
-    """SIGINT, SIGTERM and SIGQUIT request a stop; SIGHUP to read the files again, unless the terminal is gone."""
+    """SIGINT, SIGTERM and SIGQUIT request a stop; SIGHUP to read the files again, unless the
+    terminal is gone."""
 
     def __init__(self, console: Console):
         self.stop_requested = False
         self.is_over = False
-        self.reload: Callable[[], None] = lambda: console.tell("warning", "SIGHUP ignored: the mission has not begun")
+        self.reload: Callable[[], None] = lambda: console.tell(
+            "warning", "SIGHUP ignored: the mission has not begun")
         """Called at each SIGHUP that is not a hang-up. Must not wait for anything."""
+        self.ignored: Callable[[], None] = lambda: None
+        """Called on a thread of its own, ``REACTION`` seconds after the first request to stop."""
+        self.wake: Callable[[], None] = lambda: None
+        """Called at the first request to stop."""
+        self._ends_at = math.inf  # when the process ends in any case
         self._console = console
-        self._wakes: List[Callable[[], None]] = []
-        self._lock = threading.Lock()
         self._has_terminal = _terminal_answers()
         self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
 
@@ -47,13 +59,10 @@ class Signals:
             signal.signal(number, signal.SIG_DFL)
         threading.Thread(target=self._take, name="signals", daemon=True).start()
 
-    def wake(self, callback: Callable[[], None]) -> None:
-        """Have ``callback`` called, on another thread, at the first request to stop; at once if that has come already."""
-        with self._lock:
-            self._wakes.append(callback)
-            is_late = self.stop_requested
-        if is_late:
-            callback()
+    @property
+    def time_left(self) -> float:
+        """Seconds until the process ends in any case; infinite while no stop is requested."""
+        return self._ends_at - time.monotonic()
 
     @staticmethod
     def request_stop() -> None:
@@ -67,21 +76,24 @@ class Signals:
         self._stop()
 
     def _is_hang_up(self) -> bool:
-        """Whether the terminal in which the node was started is gone, and ``nohup`` was not used."""
+        """Whether the terminal in which the node was started is gone, and ``nohup`` was not used.
+        """
         return self._has_terminal and not self._outlives_terminal and not _terminal_answers()
 
     def _stop(self) -> None:
-        """Pass the request on, and end the process if it has not ended ``STOP_LIMIT`` seconds later."""
-        with self._lock:
-            self.stop_requested = True
-            wakes = list(self._wakes)
-        for wake in wakes:
-            wake()
-        time.sleep(STOP_LIMIT)
+        """Pass the request on, and end the process if it has not ended ``STOP_LIMIT`` seconds
+        later."""
+        self._ends_at = time.monotonic() + STOP_LIMIT
+        self.stop_requested = True
+        self.wake()
+        time.sleep(REACTION)
+        with contextlib.suppress(RuntimeError):  # no threads left: the limit holds
+            threading.Thread(target=self.ignored, name="stop", daemon=True).start()
+        time.sleep(max(0.0, self.time_left))
         if not self.is_over:
             self._console.tell("error", NOT_STOPPED)
             self._console.drain(0.1)
-            os._exit(exits.BROKEN)
+            os._exit(exit_codes.BROKEN)
 
 
 def _terminal_answers() -> bool:

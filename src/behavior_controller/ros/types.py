@@ -1,52 +1,103 @@
-"""The ROS types of what is declared. A type that is not built, or lacks a declared field, is told when this is imported."""
-from typing import Any, Callable, Dict, Union
+"""The ROS types of what is declared. A type that is not built, or lacks a declared field, is told
+when this is imported."""
+import io
+import struct
+from typing import Any, Callable, Dict, Sequence, Tuple
 
+import genpy
 import roslib.message
+import rospy
 
-from behavior_controller.interface import Action, Service, Topic
-from behavior_controller.interface.robots import INTERFACES
+from behavior_controller import extensions
+from behavior_controller.foreign_code import is_ctrl_c
+from behavior_controller.robot.declarations import Action, Offer, Publication, Service, Topic
+from behavior_controller.robot.gateway import Cause
+from behavior_controller.robot.interfaces import DECLARED_BY, INTERFACES
+from behavior_controller.ros.tcpros import Trouble
 
-
-Offer = Union[Service, Topic, Action]
+_KINDS: Dict[type, Tuple[Callable[[str], Any], str, str]] = {
+    Service: (roslib.message.get_service_class, "", "srv"),
+    Action: (roslib.message.get_message_class, "Action", "action"),
+    Publication: (roslib.message.get_message_class, "", "msg"),
+    Topic: (roslib.message.get_message_class, "", "msg"),
+}
+"""How the class of each kind of declaration is named, and in which folder its file is."""
 
 
 def found(offer: Offer) -> Any:
-    """Return the class of a srv, msg or action type. Raises ImportError, which says what is missing where."""
-    is_service = isinstance(offer, Service)
-    find = roslib.message.get_service_class if is_service else roslib.message.get_message_class
-    ending = "Action" if isinstance(offer, Action) else ""
+    """Return the class of a srv, msg or action type. Raises ImportError, or BrokenExtension for a
+    declaration of another package, which says what is missing where."""
+    find, ending, folder = _KINDS[type(offer)]
     try:
         kind = find(offer.type + ending)
     except (ValueError, ImportError):
         kind = None
     if kind is None:
         package, _, name = offer.type.partition("/")
-        folder = "srv" if is_service else "action" if ending else "msg"
-        raise ImportError("the type {} of {} is not built: the package {} needs {}/{}.{}; build its workspace when that "
-                          "is there".format(offer.type, offer.name, package, folder, name, folder))
-    if isinstance(offer, Service) and offer.success.field not in kind._response_class.__slots__:
-        raise ImportError("the response of {} has no field {}, which is to tell the outcome of {}; it has: {}".format(
-            offer.type, offer.success.field, offer.name, ", ".join(kind._response_class.__slots__) or "none"))
-    if isinstance(offer, Service):
-        _read_empty(offer, offer.answer, kind._response_class())
-    elif isinstance(offer, Topic):
-        _read_empty(offer, offer.read, kind())
+        raise _broken(offer, f"the type {offer.type} of {offer.name} is not built: the package "
+                             f"{package} needs {folder}/{name}.{folder}; build its workspace when "
+                             "that is there")
+    message = _answer_of(offer, kind)
+    success = offer.success if isinstance(offer, Service) else None
+    if success is not None and success.field not in message.__slots__:
+        names = ", ".join(message.__slots__) or "none"
+        raise _broken(offer, f"the response of {offer.type} has no field {success.field}, which is "
+                             f"to tell the outcome of {offer.name}; it has: {names}")
+    _read_empty(offer, offer.read if isinstance(offer, Topic) else offer.answer, message)
+    if isinstance(offer, Action):
+        _read_empty(offer, offer.feedback, kind().action_feedback.feedback)
     return kind
 
 
+def _answer_of(offer: Offer, kind: Any) -> Any:
+    """Return an empty message of those that the robot sends."""
+    if isinstance(offer, Action):
+        return kind().action_result.result
+    return (kind._response_class if type(offer) is Service else kind)()
+
+
+def _broken(offer: Offer, text: str) -> Exception:
+    extension = DECLARED_BY.get(offer)
+    return ImportError(text) if extension is None else extension.broken(
+        text, *extensions.quoted(offer.name))
+
+
 def _read_empty(offer: Offer, read: Callable[[Any], object], message: Any) -> None:
-    """Raise ImportError if the declaration reads a field that the type does not have."""
+    """Raise an error as ``found`` does if the declaration reads a field that the type does not
+    have."""
     try:
         read(message)
     except AttributeError as error:
         if repr(type(message).__name__) in str(error):
-            raise ImportError("the declaration of {} reads a field that {} does not have: {}".format(
-                offer.name, offer.type, error))
-    except Exception:
-        pass  # an empty message may have no meaning
+            raise _broken(offer, f"the declaration of {offer.name} reads a field that {offer.type} "
+                                 f"does not have: {error}")
+    # an empty message may have no meaning, and other packages may raise anything
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
 
 
-TYPES: Dict[Offer, Any] = {
-    offer: found(offer) for interface in INTERFACES.values()
-    for offer in interface.offers + tuple(topic.action for topic in interface.topics if topic.action is not None)}
+def filled(message: Any, values: Sequence[object], what: object) -> Any:
+    """Return ``message`` with these values of its fields; nested ones are dicts or lists, and a
+    stamp may be ``now``. Raises ``Trouble``, which says that ``what`` does not fit."""
+    try:
+        if len(values) != len(message.__slots__):
+            names = ", ".join(message.__slots__) or "none"
+            raise ValueError(f"{len(values)} values for the fields: {names}")
+        genpy.message.fill_message_args(message, [dict(zip(message.__slots__, values))],
+                                        {"now": rospy.get_rostime()})
+        message.serialize(io.BytesIO())
+    except (ValueError, TypeError, struct.error, genpy.MessageException) as error:
+        raise Trouble(Cause.TYPE_MISMATCH, f"{what} cannot be sent as {message._type}: {error}")
+    return message
+
+
+def _offers() -> Dict[Offer, None]:
+    robots = INTERFACES.values()
+    actions = [topic.action for robot in robots for topic in robot.topics]
+    return dict.fromkeys([offer for robot in robots for offer in robot.offers] +
+                         [action for action in actions if action is not None])
+
+
+TYPES: Dict[Offer, Any] = {offer: found(offer) for offer in _offers()}
 """Declaration -> its class."""

@@ -1,8 +1,10 @@
-"""Simulated robot for testing the mission interpreter: nodes with a visitor in front of them, and a verdict.
+"""Simulated robot for testing the mission interpreter: nodes with a visitor in front of them, and a
+verdict.
 
-Reading order: ``configuration``; ``journal``, where the simulated nodes write the requests they received; ``arrivals``,
-``faults`` and ``visitor``, the three models; ``robot``, what each node answers and publishes; ``stage``, which runs all of
-them in virtual time; ``facts``, ``matching``, ``verdict`` and ``report``, the evaluation of a test; ``scenes``, ``findings``,
-``survey`` and ``rehearse``, many plays of one mission and their evaluation. None of them imports ROS. ``parameters``,
-``nodes``, ``controller``, ``reporter`` and ``launcher`` do: the executables in ``nodes/`` and the launch file start them.
+Reading order: ``robot.options``, what a test can be told; ``robot.visitor``, ``robot.faults`` and
+``robot.arrivals``, the three models; ``robot.behaviour``, what each service answers and each topic
+publishes; ``robot.simulated_node``, one node of them, which ``robot.ros_nodes`` carries to the wire
+and ``robot.virtual_robot`` to virtual time; ``robot.journal``, where the nodes write the requests
+they received; ``run``, the processes of a test; ``judge``, its evaluation; ``rehearsal``, many
+plays of one mission in virtual time and their evaluation.
 """

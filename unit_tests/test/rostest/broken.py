@@ -17,7 +17,7 @@ act = SelectExhibit.act
 SelectExhibit.act = lambda self: act(self) or act(self) and None
 """
 GIVES_UP_A_RETRY_TOO_EARLY = """
-from behavior_controller.recovery import Recovery
+from behavior_controller.execution.recovery import Recovery
 next_step = Recovery.next_step
 def one_less(self):
     self._rule = self._rule._replace(retries=max(0, self._rule.retries - 1))
@@ -25,7 +25,7 @@ def one_less(self):
 Recovery.next_step = one_less
 """
 RETRIES_ONCE_TOO_OFTEN = """
-from behavior_controller.recovery import Recovery
+from behavior_controller.execution.recovery import Recovery
 next_step = Recovery.next_step
 def one_more(self):
     self._rule = self._rule._replace(retries=self._rule.retries + 1)
@@ -33,9 +33,34 @@ def one_more(self):
 Recovery.next_step = one_more
 """
 SKIPS_WHAT_MAY_NOT_BE_SKIPPED = """
-from behavior_controller.recovery import GIVEN_UP, SKIPPED, End, Recovery
+from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED, End, Recovery
 next_step = Recovery.next_step
 Recovery.next_step = lambda self: End(SKIPPED) if (step := next_step(self)) == End(GIVEN_UP) else step
+"""
+
+RAISES_IN_EACH_SPEECH = """
+from behavior_controller.leaves.speech import FixedSpeech
+def request(self):
+    raise RuntimeError("broken on purpose")
+FixedSpeech.request = request
+"""
+ENDS_A_PASS_AFTER_FIVE_CALLS = """
+from py_trees.common import Status
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.leaves.base import Attempt
+init, tick_once = Attempt.__init__, Tree.tick_once
+calls = []
+def counted(self, leaf):
+    calls.append(leaf)
+    init(self, leaf)
+def cut_short(self):
+    result = tick_once(self)
+    if len(calls) < 5:
+        return result
+    calls.clear()
+    self.halt()
+    return Status.FAILURE
+Attempt.__init__, Tree.tick_once = counted, cut_short
 """
 
 ALL = {name: code for name, code in list(globals().items()) if name.isupper()}

@@ -1,14 +1,15 @@
 """The requests of the lab tour to the robot, in order: derived by hand from data/lab_tour.xml.
 
-A request is (simulated node, what is asked). A frozenset holds what a Parallel asks at once, in any order.
+A request is (simulated node, what is asked). A frozenset holds what a Parallel asks at once, in any
+order.
 """
-import os
 
-from behavior_controller import phrases
+from behavior_controller.config import phrases
 
-from unit_tests import configuration, exhibits
+from unit_tests.robot import building
+from unit_tests.robot.world import building_file
 
-KNOWLEDGE = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
+KNOWLEDGE = building.load(building_file())
 SPEECH = phrases.load("English").speech
 
 
@@ -48,7 +49,8 @@ def drive(place):
 AWAIT_MUTUAL_GAZE = [attend("seeking"), attend("social")]
 
 WELCOME = [frozenset((animate("enabled"), attend("scanning"))),  # DetectVisitor
-           animate("disabled"), iconic(1), animate("enabled"), say("WelcomeSpeech")]  # EngageVisitor
+           # EngageVisitor
+           animate("disabled"), iconic(1), animate("enabled"), say("WelcomeSpeech")]
 WELCOME += AWAIT_MUTUAL_GAZE
 QUESTION = [say("QueryTourSpeech")]
 TABLET = [say("PressYesNoSpeech"), ("tabletEvent", "Yes|No")]
@@ -57,12 +59,19 @@ FAREWELL = [say("MaybeAnotherTimeSpeech")]
 
 def visit(exhibit):
     """Return the requests of the subtree VisitExhibit."""
-    return ([say("FollowMeSpeech")] + drive(exhibit) + AWAIT_MUTUAL_GAZE
-            + [describe(exhibit.description1), point(exhibit), attend("social"), describe(exhibit.description2)])
+    return ([say("FollowMeSpeech")] + drive(exhibit) + AWAIT_MUTUAL_GAZE + [
+        describe(exhibit.description1),
+        point(exhibit),
+        attend("social"),
+        describe(exhibit.description2)
+    ])
 
 
 VISITS = [request for exhibit in KNOWLEDGE.exhibits for request in visit(exhibit)]
-END = ([say("EndTourSpeech"), ask("entrance")] + drive(KNOWLEDGE.entrance) + AWAIT_MUTUAL_GAZE
-       + [say("HereIsTheDoorSpeech"), point(KNOWLEDGE.entrance), frozenset((iconic(3), say("SayGoodByeSpeech")))])
+END = ([say("EndTourSpeech"), ask("entrance")] + drive(KNOWLEDGE.entrance) + AWAIT_MUTUAL_GAZE + [
+    say("HereIsTheDoorSpeech"),
+    point(KNOWLEDGE.entrance),
+    frozenset((iconic(3), say("SayGoodByeSpeech")))
+])
 HOME = [ask("home")] + drive(KNOWLEDGE.home)
 TOUR = [ask("exhibits")] + VISITS + END + HOME

@@ -39,11 +39,13 @@ class TestArrivals(unittest.TestCase):
     def test_the_number_of_messages_is_that_of_the_rate(self):
         expected = RATE / 60 * SECONDS
         for topic, times in self.arrivals.items():
-            self.assertLess(abs(len(times) - expected), 5 * math.sqrt(expected), topic)  # 5 standard deviations
+            # 5 standard deviations
+            self.assertLess(abs(len(times) - expected), 5 * math.sqrt(expected), topic)
 
     def test_gaps_vary_as_exponential_ones_do(self):
         for topic, times in self.arrivals.items():
-            self.assertAlmostEqual(in_most_seconds(variation, times), 1.0, delta=0.25, msg=topic)  # even gaps have 0
+            # even gaps have 0
+            self.assertAlmostEqual(in_most_seconds(variation, times), 1.0, delta=0.25, msg=topic)
 
     def test_topics_do_not_keep_step(self):
         first, second, _ = self.arrivals.values()
@@ -55,8 +57,10 @@ class TestArrivals(unittest.TestCase):
 
 
 def in_most_seconds(measure, times):
-    """Return the median over the seconds: a machine that stands still for a moment spoils one of them, not the sum."""
-    seconds = [[time for time in times if second <= time < second + 1] for second in range(int(SECONDS))]
+    """Return the median over the seconds: a machine that stands still for a moment spoils one of
+    them, not the sum."""
+    seconds = [[time for time in times if second <= time < second + 1]
+               for second in range(int(SECONDS))]
     return statistics.median(measure(each) for each in seconds if len(each) > 2)
 
 

@@ -9,9 +9,9 @@ import rospy
 import rostest
 from cssr_system.srv import knowledgeBaseService, textService
 
-from behavior_controller.settings import split_arguments
-from unit_tests.arguments import DRAWN
-from unit_tests.faults import Faults
+from behavior_controller.config.settings import split_arguments
+from unit_tests.robot.options import DRAWN
+from unit_tests.robot.faults import Faults
 
 CALLS = 30
 LIMIT = 20.0  # seconds for a node to start
@@ -35,7 +35,8 @@ class TestDrawnSeed(unittest.TestCase):
         return [faults.next() is not None for _ in range(CALLS)]
 
     def test_calls_fail_as_the_drawn_seed_says(self):
-        self.assertEqual(self.refusals("/textToSpeech/say_text", textService, "Hello"), self.predicted("textToSpeech"))
+        self.assertEqual(self.refusals("/textToSpeech/say_text", textService, "Hello"),
+                         self.predicted("textToSpeech"))
         self.assertEqual(self.refusals("/knowledgeBase/query", knowledgeBaseService, "home"),
                          self.predicted("knowledgeBase"))
 

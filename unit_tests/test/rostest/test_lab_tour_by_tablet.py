@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Does a visitor who presses Yes get the tour without speech recognition, where 2 means mutual gaze?"""
+"""Does a visitor who presses Yes get the tour without speech recognition, where 2 means mutual
+gaze?"""
 import sys
 
 import rospy
@@ -20,7 +21,8 @@ class TestLabTourByTablet(MissionRun):
 
     def test_the_gaze_status_is_that_of_the_robot(self):
         statuses = [line.content for line in self.published("overtAttention")]
-        self.assertEqual({status["value"] for status in statuses if status["state"] == "seeking"}, {1, 2})
+        self.assertEqual({status["value"] for status in statuses if status["state"] == "seeking"},
+                         {1, 2})
 
 
 if __name__ == "__main__":

@@ -13,8 +13,11 @@ import rosgraph
 import rospy
 import rostest
 
-LIMIT = 100.0  # seconds for one launch
-QUICK = ("scenario:=declines", "failureRate:=0", "arrivalRate:=3000")
+LIMIT = 180.0  # seconds for one launch
+STARTS = " starts, "  # in the sentence about a mission that has started
+PATIENT = "startupTimeout:=90"  # ten processes start at once, perhaps on a busy machine
+QUICK = ("scenario:=declines", "failureRate:=0", "arrivalRate:=3000",
+         "callTimes:=none", PATIENT)
 
 
 class TestLivingMaster(unittest.TestCase):
@@ -23,18 +26,29 @@ class TestLivingMaster(unittest.TestCase):
     def setUp(self):
         self.home = tempfile.TemporaryDirectory()
         self.addCleanup(self.home.cleanup)
-        self.environment = dict(os.environ, ROS_HOME=self.home.name, ROS_TEST_RESULTS_DIR=self.home.name)
+        self.environment = dict(os.environ, ROS_HOME=self.home.name,
+                                ROS_TEST_RESULTS_DIR=self.home.name)
         self.environment.pop("ROS_LOG_DIR", None)
         self.report = os.path.join(self.home.name, "report.dat")
         self.master = rosgraph.Master("/test")
         self.before = set(self.master.getParamNames())
+        self.addCleanup(self.forget_dead_nodes)
+
+    def forget_dead_nodes(self):
+        """Have the master forget the nodes that were killed.
+
+        At the next node of such a name it would ask the dead one to end, at an address that another
+        may have by then.
+        """
+        subprocess.run(["rosnode", "cleanup"], input="y\n", universal_newlines=True,
+                       stdout=subprocess.DEVNULL, timeout=LIMIT, check=True)
 
     def start(self, *command):
         """Start a command, and return it with the file of its output."""
         output = open(os.path.join(self.home.name, "output.log"), "w+")
         self.addCleanup(output.close)
-        process = subprocess.Popen(command, env=self.environment, stdout=output, stderr=subprocess.STDOUT,
-                                   stdin=subprocess.DEVNULL)
+        process = subprocess.Popen(command, env=self.environment, stdout=output,
+                                   stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
         self.addCleanup(process.kill)
         return process, output
 
@@ -46,8 +60,8 @@ class TestLivingMaster(unittest.TestCase):
         return code, output.read()
 
     def launch(self, *arguments):
-        return self.start("roslaunch", "unit_tests", "behaviorControllerTest.launch", "outputFile:=" + self.report,
-                          *arguments)
+        return self.start("roslaunch", "unit_tests", "behaviorControllerTest.launch",
+                          "outputFile:=" + self.report, *arguments)
 
     def run_launch(self, *arguments):
         """Return what a launch printed, and the title of its report."""
@@ -58,19 +72,27 @@ class TestLivingMaster(unittest.TestCase):
             return output.read(), file.readline()
 
     def left_behind(self):
-        """Return the parameters on the master that were not there before, except roslaunch's own."""
-        return {name for name in set(self.master.getParamNames()) - self.before
-                if not name.startswith(("/roslaunch/uris/", "/rosdistro", "/rosversion", "/run_id"))}
+        """Return the parameters on the master that were not there before, except roslaunch's own.
+        """
+        return {
+            name for name in set(self.master.getParamNames()) - self.before
+            if not name.startswith(("/roslaunch/uris/", "/rosdistro", "/rosversion", "/run_id"))
+        }
 
     def assert_runs_as_configured(self):
-        """Expect a plain rosrun, which finds no robot here, to have read the configuration file alone."""
+        """Expect a plain rosrun, which finds no robot here, to have read the configuration file
+        alone."""
         code, printed = self.run_to_end("rosrun", "cssr_system", "behaviorController")
         self.assertEqual(code, 1, printed)
-        self.assertIn("data/lab_tour.xml: 216 nodes; language English; speech recognition on; verbose mode off", printed)
+        self.assertIn(
+            "data/lab_tour.xml: 222 nodes; language English; speech recognition on; verbose mode "
+            "off",
+            printed)
         self.assertNotIn("override", printed)
 
     def test_arguments_count_for_their_own_launch_alone(self):
-        printed, title = self.run_launch("asrEnabled:=false", "mutualGazeValue:=2", "seed:=5", "verbose:=true", *QUICK)
+        printed, title = self.run_launch("asrEnabled:=false", "mutualGazeValue:=2", "seed:=5",
+                                         "verbose:=true", *QUICK)
         self.assertIn("\nPASSED: ", printed)
         self.assertRegex(title, "randomSeed 5; asrEnabled false; mutualGazeValue 2$")
         self.assertNotIn("REQUIRED", printed)
@@ -82,19 +104,21 @@ class TestLivingMaster(unittest.TestCase):
         self.assert_runs_as_configured()
 
     def test_what_stands_on_the_master_does_not_count_in_a_test(self):
-        for name, value in (("/behaviorController/asrEnabled", False), ("/unit_tests/visitorBehaviour", "silent"),
+        for name, value in (("/behaviorController/asrEnabled",
+                             False), ("/unit_tests/visitorBehaviour", "silent"),
                             ("/unit_tests/folder", "/nowhere"), ("/textToSpeech/failureRate", 1)):
             self.master.setParam(name, value)
         self.addCleanup(self.master.deleteParam, "/unit_tests")
         self.addCleanup(self.master.deleteParam, "/textToSpeech")
         printed, title = self.run_launch(*QUICK)
         self.assertIn("\nPASSED: ", printed)
-        self.assertRegex(title, "visitorBehaviour declines; failureRate 0; arrivalRate 3000; randomSeed [0-9]+$")
+        self.assertRegex(
+            title, "visitorBehaviour declines; failureRate 0; arrivalRate 3000; randomSeed [0-9]+$")
 
     def test_a_launch_that_is_killed_leaves_nothing_that_counts(self):
         process, output = self.launch("asrEnabled:=false", "language:=Kinyarwanda", *QUICK)
         self.addCleanup(self.kill_nodes, output)
-        self.wait_for(output, " starts, ")
+        self.wait_for_start(process, output)
         process.kill()
         process.wait()
         self.kill_nodes(output)
@@ -102,24 +126,27 @@ class TestLivingMaster(unittest.TestCase):
         self.assert_runs_as_configured()
 
     def test_a_test_that_is_stopped_takes_its_nodes_along_and_says_so_last(self):
-        process, output = self.start("rosrun", "unit_tests", "runTest", "outputFile:=" + self.report,
-                                     "scenario:=silent", *QUICK[1:])
+        process, output = self.start("rosrun", "unit_tests", "runTest",
+                                     "outputFile:=" + self.report, "scenario:=silent", *QUICK[1:])
         self.addCleanup(self.kill_nodes, output)
-        self.wait_for(output, " starts, ")
+        self.wait_for_start(process, output)
         process.send_signal(signal.SIGINT)
         self.assertEqual(process.wait(LIMIT), 1)
         with open(output.name) as file:
             printed = file.read()
-        self.assertEqual(printed.splitlines()[-1], "FAILED: the test was stopped before the mission had ended")
+        self.assertEqual(printed.splitlines()[-2],
+                         "FAILED: the test was stopped before the mission had ended")
         for pid in self.started(output):
             self.assertRaises(ProcessLookupError, os.kill, pid, 0)
 
-    def wait_for(self, output, text):
+    def wait_for_start(self, process, output):
+        """Wait until a launch has printed that the mission has started."""
         ends = time.monotonic() + LIMIT
         with open(output.name) as file:
             printed = file.read()
-            while text not in printed:
-                self.assertLess(time.monotonic(), ends, "{!r} was not printed".format(text))
+            while STARTS not in printed:
+                self.assertTrue(process.poll() is None and time.monotonic() < ends,
+                                "no mission:\n" + printed)
                 time.sleep(0.1)
                 printed += file.read()
 
@@ -137,11 +164,11 @@ class TestLivingMaster(unittest.TestCase):
                 pass
 
     def test_an_unknown_argument_of_roslaunch_is_told_and_nothing_is_tested(self):
-        code, printed = self.run_to_end("roslaunch", "unit_tests", "behaviorControllerTest.launch", "failurRate:=0.9",
-                                        "outputFile:=" + self.report)
-        self.assertIn("\nargument failurRate:=0.9: unknown (did you mean failureRate?)\nnothing was tested\n", printed)
+        code, printed = self.run_to_end("roslaunch", "unit_tests", "behaviorControllerTest.launch",
+                                        "failurRate:=0.9", "outputFile:=" + self.report)
+        self.assertRegex(printed, r"\nargument failurRate:=0.9: .* failureRate\?")
         self.assertNotIn("PASSED", printed)
-        self.assertNotIn("mission lab_tour starts", printed)
+        self.assertNotIn(STARTS, printed)
         self.assertFalse(os.path.exists(self.report))
         self.assertNotIn("Traceback", printed)
 

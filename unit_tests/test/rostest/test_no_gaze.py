@@ -21,7 +21,7 @@ class TestNoGaze(MissionRun):
         self.assert_requests(WELCOME[:-1])  # without the social attention that a gaze brings
 
     def test_the_robot_seeks_for_as_long_as_the_mission_says(self):
-        ended = next(event["time"] for event in self.events if event["event"] == "PassFinished")
+        ended = self.model.visits[0].ended
         sought = next(line.time for line in self.requests if line.content.get("state") == "seeking")
         self.assertGreater(ended - sought, 14.99)
         self.assertLess(ended - sought, 17.0)

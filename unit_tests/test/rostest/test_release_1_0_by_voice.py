@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Is a mission with the nodes of release 1.0 carried out on a robot of that release, in the right order?
+"""Is a mission with the nodes of release 1.0 carried out on a robot of that release, in the right
+order?
 
 The requests are derived by hand from data/release_1_0_tour.xml.
 """
@@ -9,18 +10,17 @@ import rosnode
 import rospy
 import rostest
 
-from behavior_controller import knowledge_files
-from behavior_controller.interface.robots import INTERFACES
-
-from unit_tests import exhibits
+from behavior_controller.config import knowledge_files
 
 from expected import animate, attend, describe, drive, iconic, point
 from mission_run import MissionRun
 
 FILES = knowledge_files.load()
 START = FILES.tour[0]
-NODES = {"/animateBehavior", "/overtAttention", "/gestureExecution", "/textToSpeech", "/robotNavigation",
-         "/robotLocalization", "/tabletEvent", "/speechEvent"}
+NODES = {
+    "/animateBehavior", "/overtAttention", "/gestureExecution", "/textToSpeech", "/robotNavigation",
+    "/robotLocalization", "/tabletEvent", "/speechEvent"
+}
 
 
 def say(number):
@@ -33,8 +33,15 @@ def recognition(state):
 
 SET_POSE = ("robotLocalization", tuple(START.location))
 PREPARE = [recognition("English"), SET_POSE, recognition("false")]
-WELCOME = [animate("enabled"), attend("scanning"), animate("disabled"), iconic(1), say(4), attend("seeking"),
-           attend("social")]
+WELCOME = [
+    animate("enabled"),
+    attend("scanning"),
+    animate("disabled"),
+    iconic(1),
+    say(4),
+    attend("seeking"),
+    attend("social")
+]
 QUESTION = [say(5), recognition("true"), recognition("false")]
 
 
@@ -51,7 +58,7 @@ END = [attend("social"), say(6), iconic(3), say(7)] + drive(START) + [SET_POSE]
 class TestRelease10ByVoice(MissionRun):
     """One visitor who engages; utterances come by topic."""
 
-    interface, knowledge = INTERFACES["release-1.0"], exhibits.of_files(FILES)
+    chosen = {"robotInterface": "release-1.0", "scenarioSpecification": "release_1_0_tour"}
 
     def test_the_mission_succeeds(self):
         self.assert_ended_with_success()
@@ -64,11 +71,15 @@ class TestRelease10ByVoice(MissionRun):
         self.assertEqual(set(spoken), {"English"})
 
     def test_attention_tells_of_the_visitor_in_each_mode(self):
-        told = {(line.content["state"], line.content["value"]) for line in self.published("overtAttention")}
+        told = {(line.content["state"], line.content["value"])
+                for line in self.published("overtAttention")}
         self.assertLessEqual({("scanning", 2), ("social", 2), ("seeking", 2)}, told)
 
     def test_nothing_is_heard_while_recognition_is_off(self):
-        switched = [line for line in self.requests if line.node == "speechEvent" and "status" in line.content]
+        switched = [
+            line for line in self.requests
+            if line.node == "speechEvent" and "status" in line.content
+        ]
         on, off = (next(line.time for line in switched[1:] if line.content["status"] == status)
                    for status in ("true", "false"))
         heard = [line for line in self.published("speechEvent") if line.time > switched[0].time]

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Does every kind of visitor get the right visit from a robot of release 1.0, with and without faults?
+"""Does every kind of visitor get the right visit from a robot of release 1.0, with and without
+faults?
 
 The whole tests run two at a time: most of them wait for a visitor who does not come or answer.
 """
@@ -10,16 +11,20 @@ from concurrent.futures import ThreadPoolExecutor
 import rospy
 import rostest
 
+from behavior_controller.execution.events import LeafFinished
+from unit_tests.judge.facts import of
 from whole_test import run_test
 
-RELEASE = ("robotInterface:=release-1.0", "scenarioSpecification:=release_1_0_tour", "failureRate:=0")
+RELEASE = ("robotInterface:=release-1.0", "scenarioSpecification:=release_1_0_tour",
+           "failureRate:=0", "speechPace:=50")
 ACTION = "recogniseBy:=action"
 RUNS = {  # name -> arguments in addition to RELEASE, and the end of the pass
     "silent": ((ACTION, "visitorBehaviour:=silent"), "SUCCESS"),
     "leaves": (("visitorBehaviour:=leaves",), "FAILURE"),
     "presses yes": (("asrEnabled:=false", "tabletSuccessIs:=yes"), "SUCCESS"),
     "faults": ((ACTION, "speechEventDeadline:=1", "absentServices:=/speechEvent/set_language",
-                "plannedFaults:=robotLocalization:1:exception,speechEvent:1:unanswered,overtAttention:2:wrong,"
+                "plannedFaults:=robotLocalization:1:exception,speechEvent:1:unanswered,"
+                "overtAttention:2:wrong,"
                 "gestureExecution:2:refused,robotNavigation:2:crash"), "SUCCESS"),
 }
 
@@ -30,18 +35,25 @@ class TestRelease10Scenarios(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         with ThreadPoolExecutor(2) as pool:
-            under_way = {name: pool.submit(run_test, *RELEASE, *given) for name, (given, _) in RUNS.items()}
+            under_way = {
+                name: pool.submit(run_test, *RELEASE, *given) for name, (given, _) in RUNS.items()
+            }
             cls.results = {name: run.result() for name, run in under_way.items()}
 
     def nodes(self, name):
         """Return the mission nodes that ran."""
-        return {event["node"] for event in self.results[name].record if event["event"] == "LeafFinished"}
+        return {event.node for event in self.ended(name)}
+
+    def ended(self, name):
+        """Return how mission nodes ended."""
+        return [event for _, event in of(self.results[name].run.lines, LeafFinished)]
 
     def test_each_passes_and_ends_as_the_visitor_brings_about(self):
         for name, (_, outcome) in RUNS.items():
             result = self.results[name]
-            self.assertEqual(result.code, 0, "{}\n{}".format(name, "\n".join(result.report) or result.printed))
-            self.assertEqual([event["outcome"] for event in result.record if event["event"] == "PassFinished"],
+            self.assertEqual(result.code, 0,
+                             "{}\n{}".format(name, "\n".join(result.report) or result.printed))
+            self.assertEqual([visit.outcome for visit in result.run.visits],
                              [outcome], name)
 
     def test_a_tour_is_given_to_those_who_want_one(self):
@@ -49,27 +61,30 @@ class TestRelease10Scenarios(unittest.TestCase):
         self.assertEqual(toured, {"leaves", "presses yes", "faults"})
 
     def test_a_visitor_who_is_silent_is_asked_again_after_ten_seconds(self):
-        listened = [event for event in self.results["silent"].record
-                    if event["event"] == "LeafFinished" and event["node"] == "GetVisitorResponse"]
-        self.assertEqual([event["status"] for event in listened], ["SUCCESS", "SUCCESS"])
+        listened = [event for event in self.ended("silent") if event.node == "GetVisitorResponse"]
+        self.assertEqual([event.status for event in listened], ["SUCCESS", "SUCCESS"])
         for event in listened:
-            self.assertTrue(9.99 < event["seconds"] < 12.0, event)
+            self.assertTrue(9.99 < event.seconds < 12.0, event)
 
     def test_a_visitor_who_has_left_is_not_told_goodbye(self):
-        self.assertNotIn("goodbye", {event["path"].rpartition("/")[2] for event in self.results["leaves"].record
-                                     if event["event"] == "LeafFinished"})
+        self.assertNotIn("goodbye",
+                         {event.path.rpartition("/")[2] for event in self.ended("leaves")})
 
     def test_each_fault_is_recovered_as_the_policy_says(self):
-        recovered = [(event["node"], event["failure"]["cause"], event["outcome"])
-                     for event in self.results["faults"].record if event["event"] == "Recovered"]
-        self.assertEqual(recovered, [
-            ("SetRobotPose", "exception", "done"), ("SetSpeechEvent", "no-answer", "done"),
-            ("SetOvertAttentionMode", "unusable-answer", "done"), ("Navigate", "connection-lost", "done"),
-            ("PerformDeicticGesture", "refused", "done")])
+        recovered = [(each.node, each.failures[0].failure.cause.value, each.outcome)
+                     for each in self.results["faults"].run.recoveries]
+        self.assertEqual(recovered, [("SetRobotPose", "exception", "done"),
+                                     ("SetSpeechEvent", "no-answer", "done"),
+                                     ("SetOvertAttentionMode", "unusable-answer", "done"),
+                                     ("Navigate", "connection-lost", "done"),
+                                     ("PerformDeicticGesture", "refused", "done")])
 
     def test_the_start_says_once_what_the_robot_lacks(self):
-        lines = [line for line in self.results["faults"].printed.splitlines() if "/speechEvent/set_language" in line
-                 and "behaviorController:" in line and "parameters" not in line]
+        lines = [
+            line for line in self.results["faults"].printed.splitlines()
+            if "/speechEvent/set_language" in line and "behaviorController:" in line and
+            "parameters" not in line
+        ]
         self.assertEqual(len(lines), 1, lines)
 
 

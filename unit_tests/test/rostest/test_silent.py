@@ -21,7 +21,8 @@ class TestSilent(MissionRun):
         self.assert_requests(WELCOME + QUESTION + 3 * [say("SayYesNoSpeech")] + FAREWELL)
 
     def test_each_prompt_comes_after_the_ten_seconds_of_the_mission(self):
-        times = [line.time for line in self.requests if line.node == "textToSpeech"][1:]  # without the welcome
+        # without the welcome
+        times = [line.time for line in self.requests if line.node == "textToSpeech"][1:]
         for before, after in zip(times[:3], times[1:4]):
             self.assertGreater(after - before, 9.99)
             self.assertLess(after - before, 12.0)

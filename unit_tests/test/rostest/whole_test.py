@@ -1,25 +1,46 @@
 """Runs the whole test as a user does, each time with its own master."""
 import glob
-import json
 import os
 import socket
 import subprocess
 import tempfile
+import unittest
 from typing import List, NamedTuple
 from xml.etree import ElementTree
 
+from behavior_controller.execution.run import Run
+from behavior_controller.monitoring.record.replay import read_record
+from unit_tests.judge.verdict import QUESTIONS
+
 LIMIT = 120.0  # seconds for one test
 PASSED, FAILED, NOT_RUN = 0, 1, 2
+CLEAN = ("scenarioSpecification:=lab_tour", "failureRate:=0")
 
 
 class Result(NamedTuple):
-    """The results for a user: exit code, output, the lines of the report, the JUnit file, and the record."""
+    """The results for a user: exit code, output, the lines of the report, the JUnit file, and the
+    run on record."""
 
     code: int
     printed: str
     report: List[str]  # empty: it was not written
     junit: ElementTree.Element
-    record: List[dict]
+    run: Run
+
+
+class WholeTest(unittest.TestCase):
+    """A test case whose cases run the whole test."""
+
+    def assert_passed(self, result, outcome):
+        """Expect one pass of that outcome, no objection, and every leaf that this visitor should
+        bring about."""
+        self.assertEqual(result.code, 0, "\n".join(result.report))
+        self.assertEqual([visit.outcome for visit in result.run.visits], [outcome])
+        self.assertEqual((result.junit.get("tests"), result.junit.get("failures")),
+                         (str(len(QUESTIONS)), "0"))
+        wanted = next(line.split() for line in result.report
+                      if "that this visitor should bring about" in line)
+        self.assertEqual(wanted[0], wanted[2], "of the leaves that should be reached")
 
 
 def free_port():
@@ -32,17 +53,18 @@ def run_test(*arguments, **environment):
     """Run ``runTest`` with a high rate of messages and these arguments."""
     with tempfile.TemporaryDirectory() as folder:
         report = os.path.join(folder, "report.dat")
-        environment = dict(os.environ, ROS_MASTER_URI="http://localhost:{}".format(free_port()), ROS_HOME=folder,
-                           ROS_TEST_RESULTS_DIR=folder, **environment)
+        environment = dict(os.environ, ROS_MASTER_URI="http://localhost:{}".format(free_port()),
+                           ROS_HOME=folder, ROS_TEST_RESULTS_DIR=folder, **environment)
         for name in ("ROS_LOG_DIR", "ROS_NAMESPACE"):
             environment.pop(name, None)
-        done = subprocess.run(("rosrun", "unit_tests", "runTest", "outputFile:=" + report, "arrivalRate:=3000") + arguments,
-                              env=environment, timeout=LIMIT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                              universal_newlines=True)
-        return Result(done.returncode, done.stdout, _lines(report),
-                      _junit(os.path.join(folder, "unit_tests", "behaviorControllerTest.xml")),
-                      [json.loads(line) for line in _lines(os.path.join(
-                          folder, "log", "behaviorControllerTest_*", "mission.jsonl"))])
+        done = subprocess.run(
+            ("rosrun", "unit_tests", "runTest", "outputFile:=" + report, "arrivalRate:=3000",
+             "callTimes:=none") + arguments, env=environment, timeout=LIMIT, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, universal_newlines=True)
+        return Result(
+            done.returncode, done.stdout, _lines(report),
+            _junit(os.path.join(folder, "unit_tests", "behaviorControllerTest.xml")),
+            _run(os.path.join(folder, "log", "behaviorControllerTest_*", "mission.jsonl")))
 
 
 def _lines(pattern):
@@ -53,5 +75,10 @@ def _lines(pattern):
         return file.read().splitlines()
 
 
+def _run(pattern):
+    return Run(line for path in glob.glob(pattern)[:1] for line in read_record(path))
+
+
 def _junit(path):
-    return ElementTree.parse(path).getroot() if os.path.exists(path) else ElementTree.Element("none")
+    return ElementTree.parse(path).getroot() if os.path.exists(path) else ElementTree.Element(
+        "none")

@@ -1,14 +1,15 @@
 """Tests of the arguments of a test: each key of both configurations, and unknown words."""
 import functools
-import subprocess
 
 import pytest
 
-from behavior_controller import folders, keys, settings
+from behavior_controller import folders
+from behavior_controller.config import config_file, settings
 from behavior_controller.errors import ConfigurationError
 
-from unit_tests import arguments, configuration
-from unit_tests.controller import command_line
+from unit_tests.robot import options
+from unit_tests.robot.options import Arguments
+from unit_tests.run.controller import command_line
 
 
 def faults(call, given):
@@ -17,11 +18,16 @@ def faults(call, given):
     return [str(fault) for fault in raised.value.faults]
 
 
+def check(given):
+    options.read(Arguments([], given))
+
+
 def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeypatch):
     monkeypatch.setenv("COLUMNS", "1000")
-    usage = arguments.usage({"arrivalRate": "a remark"}).splitlines()
+    usage = options.usage({"arrivalRate": "a remark"}).splitlines()
     # the test's own meaning counts where both have the key
-    for key in {each.name: each for each in settings.KEYS + configuration.KEYS + arguments.OWN}.values():
+    for key in {each.name: each
+                for each in settings.KEYS + options.KEYS + options.OWN}.values():
         place, = [number for number, line in enumerate(usage) if line.split()[:1] == [key.name]]
         told = usage[place + 1].strip()
         assert told.startswith("{} ({}; ".format(key.plain_meaning, key.allowed))
@@ -31,44 +37,52 @@ def test_every_key_has_its_meaning_its_range_and_its_default_in_the_help(monkeyp
 
 def test_the_help_tells_what_is_required_and_what_is_simulated_by_default(monkeypatch):
     monkeypatch.setenv("COLUMNS", "1000")
-    usage = arguments.usage({})
+    usage = options.usage({})
     assert "messages per minute on each topic, on average; 1 or more, inf allowed (" in usage
     assert "; required)" in usage and "default required" not in usage
-    assert "  use_real_faceDetection     false\n      the real faceDetection is running; it is not simulated (" \
-           "true or false; default false)\n" in usage
+    assert ("  use_real_faceDetection     false\n      the real faceDetection is running; it is "
+            "not "
+            "simulated (" \
+           "true or false; default false)\n" in usage)
 
 
 def test_the_help_fits_the_terminal(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    assert max(map(len, arguments.usage({}).splitlines())) <= 80
+    assert max(map(len, options.usage({}).splitlines())) <= 80
 
 
 def test_what_is_not_for_users_is_refused():
-    for name in arguments.INTERNAL:
-        assert "unknown" in faults(arguments.read, [name + ":=x"])[0]
-        assert arguments.read([name + ":=x"], arguments.INTERNAL) == {name: "x"}
+    for name in options.INTERNAL:
+        assert "unknown" in faults(options.parse, [name + ":=x"])[0]
+        assert options.parse([name + ":=x"], options.INTERNAL) == {name: "x"}
 
 
-LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", "silent", "crash", "action",
-         "textToSpeech:1:crash", "/speechEvent/set_enabled")
+LEGAL = ("Kinyarwanda", "false", "true", "2", "1", "release-1.0", "yes", "all", "silent", "crash",
+         "action", "textToSpeech:1:crash", "/speechEvent/set_enabled", "real",
+         "operator")
 """Words: each key accepts at least one of them that is not its default."""
 
 
-@pytest.mark.parametrize("key", {each.name: each for each in settings.KEYS + configuration.KEYS + arguments.OWN}.values(),
-                         ids=lambda key: key.name)
+@pytest.mark.parametrize("key", {
+    each.name: each for each in settings.KEYS + options.KEYS + options.OWN
+}.values(), ids=lambda key: key.name)
 def test_every_key_can_be_given_and_arrives(key):
-    text, value = next(found for found in map(functools.partial(read_by, key), LEGAL) if found is not None)
-    robot = {"robotInterface": "release-1.0"} if key.name in ("recogniseBy", "absentServices", "tabletSuccessIs") else {}
-    given = dict(robot, **arguments.read(["{}:={}".format(key.name, text)]))
-    arguments.check(given)
-    if key.name in arguments.TEST:
-        assert keys.values_of(arguments.load_test(given))[key.name] == value
-    elif key.name in arguments.CONTROLLER:
-        assert arguments.load_controller(given).values[key.name] == value
-    if key.name in arguments.CONTROLLER:  # as the controller's own process reads it
-        words = command_line(["behaviorController"] + ["_{}:={}".format(*pair) for pair in given.items()],
-                             arguments.load_test(given), "/folder")
-        arrived = settings.load(folders.config(settings.FILE_NAME), {}, settings.split_arguments(words)[1])
+    text, value = next(found for found in map(functools.partial(read_by, key), LEGAL)
+                       if found is not None)
+    robot = {"robotInterface": "release-1.0"} if key.name in ("recogniseBy", "absentServices",
+                                                              "tabletSuccessIs") else {}
+    given = dict(robot, **options.parse(["{}:={}".format(key.name, text)]))
+    check(given)
+    if key.name in options.TEST:
+        assert config_file.values_of(options.load_test(given))[key.name] == value
+    elif key.name in options.CONTROLLER:
+        assert options.load_controller(given).values[key.name] == value
+    if key.name in options.CONTROLLER:  # as the controller's own process reads it
+        words = command_line(["behaviorController"] +
+                             ["_{}:={}".format(*pair) for pair in given.items()],
+                             options.load_test(given), "/folder")
+        arrived = settings.load(folders.config(settings.FILE_NAME), {},
+                                settings.split_arguments(words)[1])
         assert arrived.values[key.name] == ("/folder" if key.name == "recordDirectory" else value)
 
 
@@ -82,63 +96,49 @@ def read_by(key, text):
 
 
 def test_short_names_are_those_of_keys():
-    assert arguments.read(["mission:=museum", "scenario:=silent", "seed:=3", "verbose:=true"]) == {
-        "scenarioSpecification": "museum", "visitorBehaviour": "silent", "randomSeed": "3", "verboseMode": "true"}
+    assert options.parse(["mission:=museum", "scenario:=silent", "seed:=3", "verbose:=true"]) == {
+        "scenarioSpecification": "museum", "visitorBehaviour": "silent", "randomSeed": "3",
+        "verboseMode": "true"
+    }
 
 
 def test_every_word_that_is_not_understood_is_named():
-    assert faults(arguments.read, ["failurRate:=0.9", "mision:=museum", "_failureRate:=1", "failureRate=1", "randomSeed:=",
-                                   "colour:=red", "seed:=1"]) == [
+    assert faults(options.parse, [
+        "failurRate:=0.9", "mision:=museum", "_failureRate:=1", "failureRate=1", "randomSeed:=",
+        "colour:=red", "seed:=1"
+    ]) == [
         "argument failurRate:=0.9: unknown (did you mean failureRate?)",
         "argument mision:=museum: unknown (did you mean mission?)",
         "argument _failureRate:=1: unknown (did you mean failureRate?)",
         "argument failureRate=1: this is not of the form name:=value (--help lists the names)",
         "argument randomSeed:=: it has no value (leave it out, and the configuration decides)",
         "argument colour:=red: unknown (rosrun unit_tests runTest --help lists all)",
-        "argument seed:=1: randomSeed is given twice (leave out all but one)"]
+        "argument seed:=1: randomSeed is given twice (leave out all but one)"
+    ]
 
 
 def test_every_value_that_is_not_allowed_is_named():
-    assert faults(arguments.check, {"failureRate": "2", "monitorPort": "99999", "verboseMode": "yes",
-                                    "use_real_speechEvent": "x", "recordDirectory": "none", "language": "Klingon"}) == [
-        "argument failureRate: failureRate cannot be \"2\" (allowed: a number from 0 to 1)",
-        "argument verboseMode: verboseMode cannot be \"yes\" (allowed: true or false)",
-        "argument monitorPort: monitorPort cannot be \"99999\" (allowed: a port from 1 to 65535, or 0)",
-        "language: there are no phrases in Klingon (there are: English, Kinyarwanda; another language is a file "
-        "data/phrases_Klingon.ini)",
-        "argument use_real_speechEvent: use_real_speechEvent cannot be \"x\" (allowed: true or false)",
-        "argument recordDirectory: a test needs its record (leave it out, or name a folder for a copy)"]
+    told = faults(
+        check, {
+            "failureRate": "2", "monitorPort": "99999", "verboseMode": "yes",
+            "use_real_speechEvent": "x", "recordDirectory": "none", "language": "Klingon"
+        })
+    assert [fault.partition(":")[0] for fault in told] == [
+        "argument failureRate", "argument verboseMode", "argument monitorPort", "language",
+        "argument use_real_speechEvent", "argument recordDirectory"
+    ]
+    assert all(value in fault
+               for value, fault in zip(('"2"', '"yes"', '"99999"', "Klingon", '"x"'), told))
 
 
 def test_what_only_another_robot_has_is_named():
     given = {"recogniseBy": "action", "absentServices": "/speechEvent/set_enabled"}
-    assert faults(arguments.check, given) == [
-        "recogniseBy: the robot D5.4.3 recognises speech by no action (leave it out, or choose another robotInterface)",
-        "absentServices: the robot D5.4.3 does not have /speechEvent/set_enabled anyway "
-        "(leave it out, or choose another robotInterface)"]
-    arguments.check(dict(given, robotInterface="release-1.0"))
-
-
-@pytest.mark.parametrize("command, given", (
-    (["python3", "/usr/bin/roslaunch", "unit_tests", "behaviorControllerTest.launch", "mision:=x", "__log:=y"],
-     ["mision:=x"]),
-    (["roslaunch", "-p", "11312", "/tmp/behaviorControllerTest.launch", "_seed:=1"], ["_seed:=1"]),
-    (["roslaunch", "their_robot", "everything.launch", "mision:=x"], []),  # which may include ours
-    ([], []),
-))
-def test_what_roslaunch_was_given_for_our_file(command, given):
-    assert arguments.given_to_roslaunch(command) == given
-
-
-def test_the_command_of_the_parent_is_read_word_by_word(monkeypatch):
-    command = ["cat", "-", "-"]
-    parent = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
-    parent.stdin.write(b"x")
-    assert parent.stdout.read(1) == b"x", "it runs"
-    monkeypatch.setattr(arguments.os, "getppid", lambda: parent.pid)
-    assert arguments.parent_command() == command
-    parent.communicate()
-    assert arguments.parent_command() == []
+    assert faults(check, given) == ["recogniseBy: the robot D5.4.3 recognises speech by no action "
+                                    "(leave it out, or choose another robotInterface)",
+                                    "absentServices: the robot D5.4.3 does not have "
+                                    "/speechEvent/set_enabled anyway (leave it out, or choose "
+                                    "another robotInterface)"]
+    check(dict(given, robotInterface="release-1.0"))
 
 
 @pytest.mark.parametrize("command, expected", (
@@ -146,20 +146,16 @@ def test_the_command_of_the_parent_is_read_word_by_word(monkeypatch):
     (["roslaunch", "unit_tests", "behaviorControllerTest.launch", "seed:=1"], False),
     (["roslaunch", "their_robot", "everything.launch", "folder:=/x"], False)))
 def test_who_shows_the_report(command, expected):
-    assert arguments.is_by_run_test(command) is expected
-
-
-@pytest.mark.parametrize("command, expected", (
-    (["/usr/bin/python3", "/usr/bin/roslaunch", "unit_tests", "x.launch"], True), (["roslaunch", "x.launch"], True),
-    (["bash"], False), (["vi", "notes", "roslaunch"], False), ([], False)))
-def test_only_roslaunch_is_asked_to_end(command, expected):
-    assert arguments.is_roslaunch(command) is expected
+    assert options.is_by_run_test(command) is expected
 
 
 def test_the_controller_gets_its_own_keys_and_what_the_test_needs():
-    test = configuration.load({"missionRuns": "2", "verboseMode": "true"})
-    assert command_line(["behaviorController", "_language:=X", "_failureRate:=0", "_folder:=/f", "_missionRuns:=2",
-                         "_recordDirectory:=/copy", "__name:=b"], test, "/f") == [
+    test = options.load_test({"missionRuns": "2", "verboseMode": "true"})
+    assert command_line([
+        "behaviorController", "_language:=X", "_failureRate:=0", "_folder:=/f", "_missionRuns:=2",
+        "_recordDirectory:=/copy", "__name:=b"
+    ], test, "/f") == [
         "behaviorController", "__name:=b", "_startupTimeout:=30", "_language:=X", "_missionRuns:=2",
-        "_recordDirectory:=/f", "_verboseMode:=true"]
+        "_recordDirectory:=/f", "_verboseMode:=true"
+    ]
     assert "_startupTimeout:=5" in command_line(["c", "_startupTimeout:=5"], test, "/f")

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from unit_tests.arrivals import Arrivals
+from unit_tests.robot.arrivals import Arrivals
 
 GAPS = 10_000
 RATES = (1, 60, 1000)
@@ -16,9 +16,12 @@ def gaps(rate, seed="7/faceDetection/arrivals", number=GAPS):
 
 
 def kolmogorov_smirnov(sample, cumulative):
-    """Return the p-value of a sample under a distribution (Kolmogorov's series; good for large samples)."""
+    """Return the p-value of a sample under a distribution (Kolmogorov's series; good for large
+    samples)."""
     ordered, size = sorted(sample), len(sample)
-    distance = max(max((i + 1) / size - cumulative(x), cumulative(x) - i / size) for i, x in enumerate(ordered))
+    distance = max(
+        max((i + 1) / size - cumulative(x),
+            cumulative(x) - i / size) for i, x in enumerate(ordered))
     scaled = distance * math.sqrt(size)
     if scaled < 0.2:
         return 1.0
@@ -28,12 +31,14 @@ def kolmogorov_smirnov(sample, cumulative):
 @pytest.mark.parametrize("rate", RATES)
 def test_the_mean_gap_is_sixty_seconds_by_the_rate(rate):
     number = 10 * GAPS
-    assert sum(gaps(rate, number=number)) / number == pytest.approx(60 / rate, rel=0.01)  # three standard errors
+    # three standard errors
+    assert sum(gaps(rate, number=number)) / number == pytest.approx(60 / rate, rel=0.01)
 
 
 @pytest.mark.parametrize("rate", RATES)
 def test_the_gaps_are_exponential(rate):
-    assert kolmogorov_smirnov(gaps(rate), lambda seconds: 1 - math.exp(-seconds * rate / 60)) > 0.001
+    assert kolmogorov_smirnov(gaps(rate),
+                              lambda seconds: 1 - math.exp(-seconds * rate / 60)) > 0.001
 
 
 def test_the_comparison_sees_what_is_not_exponential():
@@ -44,12 +49,14 @@ def test_the_comparison_sees_what_is_not_exponential():
 def test_the_number_of_arrivals_in_a_minute_varies_as_much_as_its_mean():
     minutes = 2000
     counts = [0] * minutes
-    for due in itertools.takewhile(lambda due: due < 60 * minutes, Arrivals(60, "counts").times(0.0)):
+    for due in itertools.takewhile(lambda due: due < 60 * minutes,
+                                   Arrivals(60, "counts").times(0.0)):
         counts[int(due // 60)] += 1
     mean = sum(counts) / minutes
     variance = sum((count - mean) ** 2 for count in counts) / (minutes - 1)
     assert mean == pytest.approx(60, rel=0.03)
-    assert variance / mean == pytest.approx(1, abs=0.15)  # more than four standard errors, sqrt(2 / minutes)
+    # more than four standard errors, sqrt(2 / minutes)
+    assert variance / mean == pytest.approx(1, abs=0.15)
 
 
 def test_gaps_do_not_depend_on_each_other():

@@ -4,26 +4,33 @@ import math
 import pytest
 
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.keys import REQUIRED, values_of
+from behavior_controller.config.config_file import REQUIRED, values_of
 
-from unit_tests import configuration
-from unit_tests.faults import PlannedFault
+from unit_tests import folders
+from unit_tests.robot import options
+from unit_tests.robot.faults import PlannedFault
 
 
 def test_the_file_that_comes_with_the_package_shows_the_defaults():
-    found = configuration.load({})
-    defaults = {key.name: key.default for key in configuration.KEYS}
+    found = options.load_test({})
+    defaults = {key.name: key.default for key in options.KEYS}
     assert found.failure_rate == 0.1  # document, table 5
     assert found.arrival_rate == 60
     assert (found.visitor_behaviour, found.mission_runs, found.random_seed) == ("engages", 1, None)
-    assert {name: value for name, value in values_of(found).items() if defaults[name] not in (REQUIRED, value)} == {}
+    assert {
+        name: value for name, value in values_of(found).items()
+        if defaults[name] not in (REQUIRED, value)
+    } == {}
 
 
 @pytest.mark.parametrize("given, field, value", (
-    ({"failureRate": "0"}, "failure_rate", 0), ({"failureRate": "1"}, "failure_rate", 1),
-    ({"arrivalRate": "inf"}, "arrival_rate", math.inf), ({"arrivalRate": "1"}, "arrival_rate", 1),
+    ({"failureRate": "0"}, "failure_rate", 0),
+    ({"failureRate": "1"}, "failure_rate", 1),
+    ({"arrivalRate": "inf"}, "arrival_rate", math.inf),
+    ({"arrivalRate": "1"}, "arrival_rate", 1),
     ({"verboseMode": "True"}, "verbose_mode", True),
-    ({"randomSeed": "7"}, "random_seed", 7), ({"randomSeed": ""}, "random_seed", None),
+    ({"randomSeed": "7"}, "random_seed", 7),
+    ({"randomSeed": ""}, "random_seed", None),
     ({"visitorBehaviour": "leaves"}, "visitor_behaviour", "leaves"),
     ({"visitorBehaviour": "complete"}, "visitor_behaviour", "engages"),
     ({"visitorBehaviour": "partial01"}, "visitor_behaviour", "noGaze"),
@@ -32,13 +39,14 @@ def test_the_file_that_comes_with_the_package_shows_the_defaults():
     ({"visitorBehaviour": "partial04"}, "visitor_behaviour", "leaves"),
     ({"faultKinds": "refused, exception"}, "fault_kinds", ("refused", "exception")),
     ({"plannedFaults": "robotNavigation:3,textToSpeech:1:unanswered"}, "planned_faults",
-     (PlannedFault("robotNavigation", 3, "refused"), PlannedFault("textToSpeech", 1, "unanswered"))),
+     (PlannedFault("robotNavigation", 3, "refused"), PlannedFault("textToSpeech", 1,
+                                                                  "unanswered"))),
     ({"recogniseBy": "action"}, "recognise_by", "action"),
     ({"absentServices": "/speechEvent/set_enabled, /robotLocalization/set_pose"}, "absent_services",
      ("/speechEvent/set_enabled", "/robotLocalization/set_pose")),
 ))
 def test_arguments_override_the_file(given, field, value):
-    assert getattr(configuration.load(given), field) == value
+    assert getattr(options.load_test(given), field) == value
 
 
 @pytest.mark.parametrize("given, message", (
@@ -47,7 +55,8 @@ def test_arguments_override_the_file(given, field, value):
     ({"failureRate": "nan"}, "a number from 0 to 1"),
     ({"arrivalRate": "0.5"}, "1 or more, or inf"),
     ({"verboseMode": "yes"}, "true or false"),
-    ({"visitorBehaviour": "shouts"}, "one of engages, silent, unclear, declines, leaves, noGaze, random, complete, "
+    ({"visitorBehaviour": "shouts"
+      }, "one of engages, silent, unclear, declines, leaves, noGaze, random, complete, "
      "partial01"),
     ({"missionRuns": "0"}, r"a whole number from 1 to 1000000\)"),
     ({"testTimeout": "0.5"}, r"seconds from 1 to 1000000\)"),
@@ -56,26 +65,37 @@ def test_arguments_override_the_file(given, field, value):
     ({"faultKinds": "slow"}, "some of refused, exception, unanswered"),
     ({"plannedFaults": "faceDetection:1"}, "node:call"),
     ({"recogniseBy": "service"}, "one of topic, action"),
-    ({"absentServices": "/textToSpeech/say_text"}, "some of /robotLocalization/set_pose, /speechEvent/set_enabled"),
+    ({"absentServices": "/textToSpeech/say_text"
+      }, "some of /robotLocalization/set_pose, /speechEvent/set_enabled"),
     ({"failureRat": "1"}, "failureRate"),
 ))
 def test_what_is_not_allowed_is_said_with_what_is(given, message):
     with pytest.raises(ConfigurationError, match=message):
-        configuration.load(given)
+        options.load_test(given)
 
 
 def test_without_the_file_a_message_comes_at_once_and_nothing_is_printed():
-    made = configuration.defaults(missionRuns=2)
+    made = options.defaults(missionRuns=2)
     assert (made.mission_runs, made.arrival_rate, made.verbose_mode) == (2, math.inf, False)
 
 
 def test_an_installed_package_has_its_files_in_its_share_folder(tmp_path, monkeypatch):
-    module = tmp_path / "lib" / "python3" / "dist-packages" / "unit_tests" / "configuration.py"
-    monkeypatch.setattr(configuration, "__file__", str(module))
-    assert configuration.share() == str(tmp_path / "share" / "unit_tests")
+    module = tmp_path / "lib" / "python3" / "dist-packages" / "unit_tests" / "folders.py"
+    monkeypatch.setattr(folders, "__file__", str(module))
+    for name in ("config", "data"):
+        (tmp_path / "share" / "unit_tests" / name).mkdir(parents=True)
+    assert folders.share() == str(tmp_path / "share" / "unit_tests")
 
 
 def test_all_faults_come_at_once():
     with pytest.raises(ConfigurationError) as caught:
-        configuration.load({"failureRate": "2", "arrivalRate": "0", "randomSeed": "x"})
+        options.load_test({"failureRate": "2", "arrivalRate": "0", "randomSeed": "x"})
     assert len(caught.value.faults) == 3
+
+
+@pytest.mark.parametrize("given, expected", [
+    ({}, True), ({"missionRuns": 3}, True), ({"missionRuns": 4}, False),
+    ({"missionRuns": 4, "testTimeout": 1200.0}, True), ({"callTimes": "none"}, False),
+    ({"callTimes": "real", "missionRuns": 100}, True)])
+def test_calls_take_time_where_the_test_has_it(given, expected):
+    assert options.defaults(**given).takes_time is expected

@@ -6,28 +6,34 @@ import pytest
 
 from behavior_controller import folders
 from behavior_controller.bt.registry import Kind, Port
-from behavior_controller.interface.records import Request
-from behavior_controller.mission_spec import MissionSpec
+from behavior_controller.robot.requests import Request
+from behavior_controller.config.node_facts import MissionSpec
 
 
 @pytest.fixture(scope="module")
 def derive():
-    spec = importlib.util.spec_from_file_location("derive", os.path.join(folders.share(), "tools", "derive.py"))
+    spec = importlib.util.spec_from_file_location(
+        "derive", os.path.join(folders.share(), "tools", "derive.py"))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
 def test_each_derived_file_is_up_to_date(derive):
-    outdated = sorted(derive.outdated())
+    # compared by test_rules.py
+    outdated = sorted(set(derive.outdated()) - {os.path.join("docs", "faults.md")})
     assert not outdated, "make derived writes {}".format(", ".join(outdated))
 
 
 def test_a_value_that_a_configuration_gives_stays_and_what_is_new_is_added(derive):
     now = "topicMaxAge  3   # seconds\nlanguage\nforgotten 1\n"
-    lines = {line.split()[0]: line.split("#")[0].split()[1:] for line in derive.key_lines(derive.settings.KEYS)(now).split("\n")}
+    lines = {
+        line.split()[0]: line.split("#")[0].split()[1:]
+        for line in derive.key_lines(derive.settings.KEYS)(now).split("\n")
+    }
     assert (lines["topicMaxAge"], lines["language"], lines["missionRuns"]) == (["3"], [], ["0"])
-    assert set(lines) == {key.name for key in derive.settings.KEYS} - {"scenarioSpecification", "verboseMode", "asrEnabled"}
+    assert set(lines) == {key.name for key in derive.settings.KEYS
+                          } - {"scenarioSpecification", "verboseMode", "asrEnabled"}
 
 
 def test_a_part_that_is_not_marked_is_named(derive):
@@ -39,14 +45,19 @@ def test_a_part_that_is_not_marked_is_named(derive):
 
 
 def test_a_port_is_shown_with_its_default(derive, monkeypatch):
-    ports = tuple(Port(name, default=default) for name, default in (
-        ("entry", "{@entry}"), ("other", "{@entry}"), ("local", "{there}"), ("literal", "45"), ("needed", None)))
-    monkeypatch.setattr(derive.leaves, "beyond_builtins", lambda: [MissionSpec("Bow", Kind.ACTION, None, ports, "Bows.")])
-    assert derive.nodes().splitlines()[2:] == [
-        "| Bow | Bows. | – | reads `entry`, `other` (`{@entry}`), `local` (`{there}`), `literal` (`45`), `needed` |"]
+    ports = tuple(
+        Port(name, default=default)
+        for name, default in (("entry", "{@entry}"), ("other", "{@entry}"), ("local", "{there}"),
+                              ("literal", "45"), ("needed", None)))
+    monkeypatch.setattr(derive.leaves, "specs",
+                        lambda: [MissionSpec("Bow", Kind.ACTION, None, ports, "Bows.")])
+    assert derive.nodes().splitlines()[2:] == ["| Bow | Bows. | – | reads `entry`, `other` "
+                                               "(`{@entry}`), `local` (`{there}`), `literal` "
+                                               "(`45`), `needed` |"]
 
 
 def test_a_request_that_no_robot_has_a_service_for_is_named(derive, monkeypatch):
-    monkeypatch.setattr(derive.leaves, "beyond_builtins", lambda: [MissionSpec("Ask", Kind.ACTION, None, calls=(Request,))])
+    monkeypatch.setattr(derive.leaves, "specs",
+                        lambda: [MissionSpec("Ask", Kind.ACTION, None, calls=(Request, ))])
     with pytest.raises(LookupError, match="no service is declared for the request Request"):
         derive.nodes()

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from unit_tests.faults import EXCEPTION, REFUSED, UNANSWERED, Faults, PlannedFault, parse_planned_fault
+from unit_tests.robot.faults import (
+    EXCEPTION, Faults, PlannedFault, REFUSED, UNANSWERED, parse_planned_fault)
 
 CALLS = 10_000
 NODES = ("textToSpeech", "robotNavigation")
@@ -15,7 +16,8 @@ def decisions(faults, number=CALLS):
 
 
 def binomial_interval(rate, level):
-    """Return the bounds of the number of faults between which ``level`` of all series of CALLS calls lie."""
+    """Return the bounds of the number of faults between which ``level`` of all series of CALLS
+    calls lie."""
     def share_of(count):
         ways = math.lgamma(CALLS + 1) - math.lgamma(count + 1) - math.lgamma(CALLS - count + 1)
         return math.exp(ways + count * math.log(rate) + (CALLS - count) * math.log(1 - rate))
@@ -28,7 +30,8 @@ def binomial_interval(rate, level):
 
 def test_the_interval_is_that_of_the_tables():
     # of the normal distribution, which the binomial is near: 3.2905 standard deviations hold 99.9 %
-    assert binomial_interval(0.5, 0.999) == pytest.approx((5000 - 3.2905 * 50, 5000 + 3.2905 * 50), abs=1)
+    assert binomial_interval(0.5, 0.999) == pytest.approx((5000 - 3.2905 * 50, 5000 + 3.2905 * 50),
+                                                          abs=1)
 
 
 @pytest.mark.parametrize("rate", (0.01, 0.1, 0.5, 0.9))
@@ -74,8 +77,11 @@ def test_planned_faults_are_read(text, expected):
     assert parse_planned_fault(text, NODES) == expected
 
 
-@pytest.mark.parametrize("text", ("textToSpeech", "textToSpeech:", "textToSpeech:0", "textToSpeech:-1",
-                                  "textToSpeech:x", "speech:1", "textToSpeech:1:slow", ":1", ""))
+@pytest.mark.parametrize("text",
+                         ("textToSpeech", "textToSpeech:", "textToSpeech:0", "textToSpeech:-1",
+                          "textToSpeech:x", "speech:1", "textToSpeech:1:slow", ":1", ""))
 def test_what_is_no_planned_fault_is_refused_with_what_is_allowed(text):
-    with pytest.raises(ValueError, match="node:call.*textToSpeech, robotNavigation.*refused, exception, unanswered"):
+    with pytest.raises(
+            ValueError,
+            match="node:call.*textToSpeech, robotNavigation.*refused, exception, unanswered"):
         parse_planned_fault(text, NODES)

@@ -1,11 +1,12 @@
 """Tests of the journal that the simulated nodes share."""
 import threading
 
-from unit_tests.journal import Journal, Line, Told
+from unit_tests.robot.journal import Journal, JournalEntry, RepeatFilter
 
 
 def line(number, node="textToSpeech"):
-    return Line(float(number), node, "/" + node, number, {"message": "say {}\nä".format(number)}, None, None)
+    return JournalEntry(float(number), node, "/" + node, number,
+                        {"message": "say {}\nä".format(number)}, None, None)
 
 
 def test_what_one_process_writes_another_reads_once_and_in_order(tmp_path):
@@ -20,8 +21,7 @@ def test_what_one_process_writes_another_reads_once_and_in_order(tmp_path):
 
 def test_what_was_there_before_can_be_skipped(tmp_path):
     Journal(str(tmp_path)).write(line(1))
-    reader = Journal(str(tmp_path))
-    reader.skip()
+    reader = Journal(str(tmp_path), skips=True)
     reader_of_all = Journal(str(tmp_path))
     reader.write(line(2))
     assert reader.news() == [line(2)]
@@ -29,14 +29,13 @@ def test_what_was_there_before_can_be_skipped(tmp_path):
 
 
 def test_nothing_is_skipped_where_nothing_is(tmp_path):
-    journal = Journal(str(tmp_path))
-    journal.skip()
+    journal = Journal(str(tmp_path), skips=True)
     journal.write(line(1))
     assert journal.news() == [line(1)]
 
 
 def test_a_message_gets_a_line_if_it_has_changed_or_a_tenth_of_a_second_has_passed():
-    told = Told()
+    told = RepeatFilter()
     assert [told.is_due({"data": text}, at) for text, at in (
         ("a", 0.0), ("a", 0.05), ("a", 0.1), ("b", 0.11), ("a", 0.12), ("a", 0.2))] == [
         True, False, True, True, True, False]

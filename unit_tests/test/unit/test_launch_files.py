@@ -1,21 +1,25 @@
-"""Tests of the launch files as roslaunch reads them: every key is declared and reaches its processes."""
+"""Tests of the launch files as roslaunch reads them: every key is declared and reaches its
+processes."""
 import os
 import shlex
 
 import pytest
-from roslaunch import substitution_args
+from roslaunch import arg_dump, substitution_args
 from roslaunch.config import ROSLaunchConfig
 from roslaunch.xmlloader import XmlLoader
 
-from behavior_controller import folders, settings
-from behavior_controller.settings import split_arguments
+from behavior_controller import folders
+from behavior_controller.config import settings
+from behavior_controller.errors import ConfigurationError
+from behavior_controller.config.settings import split_arguments
 
-from unit_tests import arguments, configuration
-from unit_tests.robot import NODES
+from unit_tests import folders as test_folders
+from unit_tests.robot import options
+from unit_tests.robot.behaviour import NODES
 
 CONTROLLER = {key.name for key in settings.KEYS}
-TEST = {key.name for key in configuration.KEYS}
-LAUNCH = os.path.join(configuration.share(), "launch")
+TEST = {key.name for key in options.KEYS}
+LAUNCH = os.path.join(test_folders.share(), "launch")
 WHOLE_TEST = os.path.join(LAUNCH, "behaviorControllerTest.launch")
 ROBOT = os.path.join(LAUNCH, "simulatedRobot.launch")
 CONTROLLER_ALONE = os.path.join(folders.share(), "launch", "behaviorController.launch")
@@ -24,7 +28,8 @@ CONTROLLER_ALONE = os.path.join(folders.share(), "launch", "behaviorController.l
 @pytest.fixture(autouse=True)
 def packages(monkeypatch):
     """Let roslaunch find the packages also outside of a workspace."""
-    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join((folders.share(), configuration.share())))
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(
+        (folders.share(), test_folders.share())))
     monkeypatch.setattr(substitution_args, "_rospack", None)
 
 
@@ -36,14 +41,17 @@ def load(path, *given):
 
 def given_to(path, *given):
     """Return the arguments of each node."""
-    return {node.name: split_arguments(shlex.split(node.args))[1] for node in load(path, *given).nodes}
+    return {
+        node.name: split_arguments(shlex.split(node.args))[1] for node in load(path, *given).nodes
+    }
 
 
 @pytest.mark.parametrize("path, names, nodes", (
-    (WHOLE_TEST, CONTROLLER | TEST | {"outputFile"}, ("behaviorController", "behaviorControllerTest") + NODES),
-    (ROBOT, TEST - {"missionRuns", "testTimeout"} | {"robotInterface", "tabletSuccessIs", "language",
-                                                              "mutualGazeValue"}, NODES),
-    (CONTROLLER_ALONE, CONTROLLER, ("behaviorController",)),
+    (WHOLE_TEST, CONTROLLER | TEST | {"outputFile"},
+     ("behaviorController", "behaviorControllerTest") + NODES),
+    (ROBOT, TEST - {"missionRuns", "testTimeout"}
+     | {"robotInterface", "tabletSuccessIs", "language", "mutualGazeValue"}, NODES),
+    (CONTROLLER_ALONE, CONTROLLER, ("behaviorController", )),
 ))
 def test_each_key_reaches_each_process(path, names, nodes):
     values = {name: "the {}".format(name) for name in names}
@@ -61,7 +69,18 @@ def test_what_is_not_given_is_left_to_the_configuration(path):
 
 @pytest.mark.parametrize("path", (WHOLE_TEST, ROBOT, CONTROLLER_ALONE))
 def test_nothing_is_put_on_the_master(path):
-    assert {name for name in load(path, "asrEnabled:=false", "failureRate:=0.5").params if "/ros" not in name} == set()
+    assert {
+        name for name in load(path, "asrEnabled:=false", "failureRate:=0.5").params
+        if "/ros" not in name
+    } == set()
+
+
+@pytest.mark.parametrize("path", (WHOLE_TEST, ROBOT, CONTROLLER_ALONE))
+def test_each_argument_is_documented_and_none_is_required(path):
+    shown = arg_dump.get_args([path])
+    assert len(shown) > 20
+    bare = {name for name, (meaning, default) in shown.items() if not meaning or not default}
+    assert bare == set()
 
 
 def test_zero_and_false_are_values():
@@ -70,11 +89,26 @@ def test_zero_and_false_are_values():
 
 
 def test_short_names_stand_for_their_keys():
-    report = given_to(WHOLE_TEST, *("{}:=x".format(short) for short in arguments.SHORT))["behaviorControllerTest"]
-    assert {key: report[key] for key in arguments.SHORT.values()} == dict.fromkeys(arguments.SHORT.values(), "x")
+    report = given_to(WHOLE_TEST, *("{}:=x".format(short)
+                                    for short in options.SHORT))["behaviorControllerTest"]
+    assert {key: report[key]
+            for key in options.SHORT.values()} == dict.fromkeys(options.SHORT.values(), "x")
 
 
 def test_a_real_node_is_not_started_and_the_report_knows():
     found = given_to(WHOLE_TEST, *("use_real_{}:=true".format(node) for node in NODES))
     assert set(found) == {"behaviorController", "behaviorControllerTest"}
     assert {found["behaviorControllerTest"]["use_real_" + node] for node in NODES} == {"True"}
+
+
+@pytest.mark.parametrize("word, meant", (("failurRate:=0.9", "failureRate"), ("missionRuns:=1", ""),
+                                         ("use_real_tabletEvents:=true", "use_real_tabletEvent")))
+def test_an_argument_that_the_simulated_robot_does_not_declare(given, monkeypatch, word, meant):
+    given("drawn:=5")
+    monkeypatch.setattr(options.ros_arguments, "parent_command", lambda: [
+        "roslaunch", "unit_tests", "simulatedRobot.launch", "failureRate:=0.1", word
+    ])
+    with pytest.raises(ConfigurationError) as refusal:
+        options.check_words(options.of_process())
+    fault, = refusal.value.faults
+    assert fault.file == "argument " + word and meant in fault.hint

@@ -1,15 +1,19 @@
-"""The mission without ROS: what it should reach for each kind of visitor, derived by hand from lab_tour.xml."""
-import os
+"""The mission without ROS: what it should reach for each kind of visitor, derived by hand from
+lab_tour.xml."""
 
 import pytest
 
-from behavior_controller import folders, knowledge_files, phrases
+from behavior_controller import folders
+from behavior_controller.bt.loader.document import read, with_includes
+from behavior_controller.config import knowledge_files, phrases, settings
 
-from unit_tests import configuration, exhibits
-from unit_tests.rehearsal import rehearse
-from unit_tests.visitor import Manners
+from unit_tests.robot import building
+from unit_tests.robot.world import World, building_file
+from unit_tests.rehearsal.faultless_play import rehearse
+from unit_tests.rehearsal.play import Stage
+from unit_tests.robot.visitor import Manners, Visitor
 
-KNOWLEDGE = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
+KNOWLEDGE = building.load(building_file())
 LANGUAGE = phrases.load("English")
 TOUR = {"RetrieveListOfExhibits", "SelectExhibit", "Navigate", "FollowMeSpeech"}
 GOODBYE = {"EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", "GoodbyeGesture"}
@@ -18,9 +22,16 @@ GOODBYE = {"EndTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech", "GoodbyeG
 def play(behaviour, asr=True, mission=folders.mission("lab_tour")):
     yes, no = LANGUAGE.tablet_options
     home = KNOWLEDGE.home.location
-    manners = Manners(behaviour, [LANGUAGE.speech(node) for node in ("QueryTourSpeech", "SayYesNoSpeech")], yes, no,
-                      (home.x, home.y))
-    return rehearse(mission, {"asrEnabled": asr}, manners, KNOWLEDGE)
+    manners = Manners(behaviour,
+                      [LANGUAGE.speech(node) for node in ("QueryTourSpeech", "SayYesNoSpeech")],
+                      yes, no, (home.x, home.y))
+    return on_stage(mission, {"asrEnabled": asr}, manners, KNOWLEDGE)
+
+
+def on_stage(mission, chosen, manners, knowledge):
+    given = settings.defaults(**chosen)
+    stage = Stage(given, with_includes(read(mission)), World(Visitor(manners), knowledge, given))
+    return rehearse(stage, manners.behaviour)
 
 
 def nodes(rehearsal):
@@ -28,9 +39,10 @@ def nodes(rehearsal):
 
 
 @pytest.mark.parametrize("asr", (True, False))
-@pytest.mark.parametrize("behaviour, outcome, tour, goodbye", [
-    ("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False), ("silent", "SUCCESS", False, False),
-    ("unclear", "SUCCESS", False, False), ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
+@pytest.mark.parametrize("behaviour, outcome, tour, goodbye",
+                         [("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False),
+                          ("silent", "SUCCESS", False, False), ("unclear", "SUCCESS", False, False),
+                          ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
 def test_how_the_lab_tour_goes_with_each_visitor(behaviour, outcome, tour, goodbye, asr):
     rehearsal = play(behaviour, asr)
     assert rehearsal.outcome == outcome
@@ -45,13 +57,16 @@ TELLS, TELLS_YES = {"asrEnabled": True}, {"asrEnabled": False, "tabletSuccessIs"
 
 
 @pytest.mark.parametrize("chosen", (TELLS, TELLS_YES))
-@pytest.mark.parametrize("behaviour, outcome, tour, goodbye", [
-    ("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False), ("silent", "SUCCESS", False, False),
-    ("unclear", "SUCCESS", False, False), ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
-def test_how_the_tour_of_release_1_0_goes_with_each_visitor(behaviour, outcome, tour, goodbye, chosen):
+@pytest.mark.parametrize("behaviour, outcome, tour, goodbye",
+                         [("engages", "SUCCESS", True, True), ("declines", "SUCCESS", False, False),
+                          ("silent", "SUCCESS", False, False), ("unclear", "SUCCESS", False, False),
+                          ("noGaze", "FAILURE", False, False), ("leaves", "FAILURE", True, False)])
+def test_how_the_tour_of_release_1_0_goes_with_each_visitor(behaviour, outcome, tour, goodbye,
+                                                            chosen):
     rehearsal = play_release(behaviour, **chosen)
     assert rehearsal.outcome == outcome
-    assert ({"SelectExhibit", "Navigate", "DescribeExhibitSpeech"} & nodes(rehearsal) != set()) is tour
+    assert ({"SelectExhibit", "Navigate", "DescribeExhibitSpeech"} & nodes(rehearsal)
+            != set()) is tour
     assert ("goodbye" in nodes(rehearsal)) is goodbye
 
 
@@ -63,23 +78,23 @@ def test_no_press_on_a_tablet_that_does_not_tell_brings_a_tour():
 
 def play_release(behaviour, **chosen):
     manners = Manners(behaviour, [QUESTION, PRESS], *LANGUAGE.tablet_options, None)
-    return rehearse(folders.mission("release_1_0_tour"), dict(chosen, robotInterface="release-1.0"), manners,
-                    exhibits.of_files(FILES))
+    return on_stage(folders.mission("release_1_0_tour"), dict(chosen, robotInterface="release-1.0"),
+                    manners, building.of_files(FILES))
 
 
 def test_the_branches_are_those_of_the_nodes_with_several_children(tmp_path):
     path = tmp_path / "m.xml"
-    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback><Sequence><WelcomeSpeech name="a"/>'
-                    '<Inverter><FollowMeSpeech name="b"/></Inverter></Sequence><EndTourSpeech name="c"/><Sleep msec="1"/>'
-                    '</Fallback></BehaviorTree></root>')
+    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M"><Fallback><Sequence>'
+                    '<WelcomeSpeech name="a"/><Inverter><FollowMeSpeech name="b"/></Inverter>'
+                    '</Sequence><EndTourSpeech name="c"/><Sleep msec="1"/></Fallback>'
+                    '</BehaviorTree></root>')
     rehearsal = play("engages", mission=str(path))
     assert rehearsal.outcome == "SUCCESS" and rehearsal.reached == {"a", "b", "c"}
     assert sorted(map(sorted, rehearsal.branches)) == [["a"], ["a", "b"], ["b"], ["c"]]
 
 
-def test_a_mission_that_never_ends_or_cannot_be_read_is_not_rehearsed(tmp_path):
+def test_a_mission_that_never_ends_is_not_rehearsed(tmp_path):
     path = tmp_path / "m.xml"
-    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><AlwaysFailure/><Sleep msec="99999999"/>'
-                    '</ReactiveFallback></BehaviorTree></root>')
+    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><AlwaysFailure/>'
+                    '<Sleep msec="99999999"/></ReactiveFallback></BehaviorTree></root>')
     assert play("engages", mission=str(path)) is None
-    assert play("engages", mission=str(tmp_path / "none.xml")) is None

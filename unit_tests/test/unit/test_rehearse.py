@@ -16,16 +16,19 @@ from xml.etree import ElementTree
 
 import pytest
 
-from behavior_controller import exits, folders
-from behavior_controller.health import Health
-from behavior_controller.interface.records import SetAttention
-from behavior_controller.story import Sentence
+from behavior_controller import exit_codes
+from behavior_controller.execution.health import Health
+from behavior_controller.robot.requests import SetAttention
+from behavior_controller.monitoring.story import Sentence
 
-from unit_tests import findings, rehearse, rehearse_page, scenes
-from unit_tests.faults import KINDS, PlannedFault
-from unit_tests.scenes import Outcome, Scene, Theatre
-from unit_tests.survey import Found, Row, Share, Survey
-from unit_tests.visitor import BEHAVIOURS
+from test_flawed_missions import FLAWED
+from unit_tests.rehearsal import cli, findings, html_report, plays
+from unit_tests.rehearsal.findings import RobotCall, Finding
+from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
+from unit_tests.rehearsal.search import Search
+from unit_tests.rehearsal.summary import Found, VisitorRow, Share, Survey, shortened
+from unit_tests.robot.faults import KINDS, PlannedFault
+from unit_tests.robot.visitor import BEHAVIOURS
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ENGAGES, SILENT = ["--visitors", "engages"], ["--visitors", "silent"]
@@ -37,7 +40,7 @@ PLANTED = [
     ("waits_for_ever", "waits-for-ever", CALM),
     ("exception", "exception", CALM),
     ("missing_data", "missing-data", CALM),
-    ("budget_spent", "budget-spent", CALM),
+    ("budget_spent", "missing-data", CALM),
     ("left_on", "left-on", CALM),
     ("not_home", "not-home", CALM),
     ("abandoned_drive", "abandoned-drive", CALM),
@@ -55,7 +58,7 @@ def planted(name):
 
 def run(capsys, *words):
     """Return the exit code and what was printed."""
-    code = rehearse.main(list(words) + ["--jobs", "1"])
+    code = cli.main(list(words) + ["--jobs", "1"])
     printed = capsys.readouterr()
     assert printed.err == ""
     return code, printed.out
@@ -64,7 +67,7 @@ def run(capsys, *words):
 def found(capsys, *words):
     code, text = run(capsys, "--json", *words)
     told = json.loads(text)["found"]
-    assert code == (exits.FOUND if told else 0)
+    assert code == (exit_codes.FOUND if told else 0)
     return told
 
 
@@ -74,121 +77,222 @@ def test_each_planted_mistake_is_found_by_its_name(capsys, name, kind, words):
     assert {each["kind"] for each in told} == {kind}
     for each in told:
         assert (each["scene"] is None) is (kind in ("never-off", "unreached"))
-        assert each["story"] or each["scene"] is None or kind in ("busy-loop", "endless", "waits-for-ever")
+        assert each["story"] or each["scene"] is None or kind in ("busy-loop", "endless",
+                                                                  "waits-for-ever")
+
+
+def test_a_consequence_is_told_below_its_mistake(capsys):
+    told, = found(capsys, planted("budget_spent"), *CALM)
+    assert told["kind"] == "missing-data"
+    assert [each["kind"] for each in told["consequences"]] == ["budget-spent"]
 
 
 @pytest.mark.parametrize("name, line, column, words", [
     ("busy_loop", 13, 9, CALM + ENGAGES), ("waits_for_ever", 31, 9, CALM)])
-def test_a_mission_that_does_not_end_is_found_at_the_node_that_runs(capsys, name, line, column, words):
+def test_a_mission_that_does_not_end_is_found_at_the_node_that_runs(capsys, name, line, column,
+                                                                    words):
     assert {each["place"].split(".xml:")[1] for each in found(capsys, planted(name), *words)} == {
         "{}:{}".format(line, column)}
 
 
-def test_each_mistake_is_planted():
-    assert {kind for _, kind, _ in PLANTED} == set(findings.BY_NAME) - {"senseless-request"}
-    assert {name for name, _, _ in PLANTED} | {"good"} == {name[:-4] for name in os.listdir(os.path.join(HERE, "planted"))}
+def test_each_kind_of_mistake_is_planted():
+    found_in_tests = {kind for _, kind, _ in PLANTED} | {kind for _, _, kinds, _ in FLAWED
+                                                         for kind in kinds}
+    assert found_in_tests == set(findings.BY_NAME) - {"senseless-request", "budget-spent"}
+    assert {name for name, _, _ in PLANTED} | {"good"} == {
+        name[:-4] for name in os.listdir(os.path.join(HERE, "planted"))
+    }
 
 
 def test_nothing_is_found_in_the_mission_without_a_mistake(capsys):
-    assert found(capsys, planted("good"), "--kinds", "unanswered", "--visitors", "engages,leaves") == []
+    assert found(capsys, planted("good"), "--kinds", "unanswered", "--visitors",
+                 "engages,leaves") == []
 
 
 def test_nothing_is_found_in_the_lab_tour_with_drawn_faults(capsys):
     assert found(capsys, "lab_tour", "--runs", "20", "--failureRate", "0.1") == []
 
 
-def test_nothing_is_found_in_the_lab_tour_with_single_faults_and_each_node_is_reached():
-    theatre = Theatre({}, folders.mission("lab_tour"), rehearse.LIMIT)
-    survey = Survey(theatre)
-    calm = scenes.calm(BEHAVIOURS, (True, False))
-    for scene in calm + list(scenes.single(theatre, calm, ("crash",))):
-        survey.take(theatre.look(scene))
-    assert survey.found(is_complete=True) == []
+@pytest.mark.long
+@pytest.mark.parametrize("words", [["lab_tour"], ["reception"],
+                                   ["release_1_0_tour", "robotInterface:=release-1.0"],
+                                   ["release_1_0_reception", "robotInterface:=release-1.0"]])
+def test_nothing_is_found_in_the_delivered_missions_with_each_single_fault(words):
+    assert cli.rehearse(cli.plan(cli.read(words)), jobs=2).found == []
 
 
 def test_the_tour_of_release_1_0_is_rehearsed_too(capsys):
-    code, text = run(capsys, "release_1_0_tour", "robotInterface:=release-1.0", "--faults", "none", *ENGAGES)
-    assert "robot release-1.0: 2 plays" in text
+    code, text = run(capsys, "release_1_0_tour", "robotInterface:=release-1.0", "--faults", "none",
+                     *ENGAGES)
+    assert "robot release-1.0: 2 simulated runs" in text
 
 
 def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_it_again(capsys):
     path = planted("goodbye_to_nobody")
     code, text = run(capsys, path, *CALM)
-    assert code == exits.FOUND == 4
+    assert code == exit_codes.FOUND == 4
     line = [number for number, line in enumerate(open(path), 1) if "SayGoodByeSpeech" in line][0]
     assert "goodbye-to-nobody: The robot says goodbye although the visitor has left." in text
-    assert re.search(r"SayGoodByeSpeech::\d+ \({}:{}:\d+\): the visitor had left \d+ s before".format(path, line), text)
+    assert re.search(
+        r"SayGoodByeSpeech::\d+ \({}:{}:\d+\): the visitor had left \d+ s before".format(
+            path, line), text)
     again = re.search("again: rosrun unit_tests rehearseMission (.*)", text).group(1).split()
     code, text = run(capsys, *again)
-    assert code == exits.FOUND and ": 1 play in" in text and "goodbye-to-nobody" in text
+    assert code == exit_codes.FOUND and ": 1 simulated run in" in text
+    assert "goodbye-to-nobody" in text
+
+
+def outcome(scene, ended, seconds, exhibits=0, *found, calls=(), reached=()):
+    return Outcome(scene, ended, seconds, exhibits, found, frozenset(reached), frozenset(), (),
+                   tuple(calls))
 
 
 def test_the_shortest_play_of_a_finding_has_the_fewest_faults():
     survey = Survey(Theatre({}, planted("good"), 900.0))
-    finding = ("not-home", "", "x")
+    finding = Finding("not-home", 1, "x")
     faulty = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "refused"),))
     for scene, seconds in ((faulty, 5.0), (Scene("leaves"), 90.0), (Scene("engages"), 80.0)):
-        survey.take(Outcome(scene, "SUCCESS", seconds, 0, (finding,), frozenset(), frozenset()))
-    told, = survey.found(False)
+        survey.take(outcome(scene, "SUCCESS", seconds, 0, finding))
+    told, = survey.found()
     assert (told.scene, told.plays, told.seconds) == (Scene("engages"), 3, 80.0)
 
 
-def test_single_faults_are_each_call_in_each_way_and_each_silent_topic():
-    theatre = Theatre({}, planted("unrecovered"), 900.0)
-    made = list(scenes.single(theatre, [Scene("engages")], KINDS))
-    calls = [("overtAttention", 1), ("textToSpeech", 1), ("overtAttention", 2), ("animateBehavior", 1)]
-    assert [scene.planned for scene in made[:-3]] == [
-        (PlannedFault(node, call, kind),) for node, call in calls for kind in KINDS]
-    assert {scene.silent for scene in made[-3:]} == {("/faceDetection/data",), ("/overtAttention/mode",), ("/speechEvent/text",)}
+TALK = [RobotCall("overtAttention", 1, 3, "a", True), RobotCall("textToSpeech", 1, 4, "b", True),
+        RobotCall("textToSpeech", 2, 4, "c", True)]
+"""The calls of a pass: a leaf's, and two of another leaf."""
+
+
+def test_single_faults_are_each_call_in_each_way_each_service_for_good_and_each_silent_topic():
+    calm = Scene("engages")
+    made = list(plays.single([outcome(calm, "SUCCESS", 9.0, calls=TALK)], KINDS, ["/x"]))
+    assert [scene.planned[0] for scene in made if scene.planned] == [
+        PlannedFault(node, number, kind) for node, number, *_ in TALK for kind in KINDS]
+    assert [scene.lasting for scene in made if scene.lasting] == [
+        (PlannedFault("overtAttention", 1, "refused"),),
+        (PlannedFault("textToSpeech", 1, "refused"),)]
+    assert [scene.silent for scene in made if scene.silent] == [("/x",)]
+    assert len(made) == 3 * 5 + 2 + 1
 
 
 def test_what_the_tablet_does_not_change_is_not_played_again():
-    theatre = Theatre({}, planted("unrecovered"), 900.0)
-    by_tablet = [scene for scene in scenes.single(theatre, [Scene("engages"), Scene("engages", False)], KINDS)
-                 if not scene.by_voice]
-    assert len(by_tablet) == 3 and all(scene.silent for scene in by_tablet)
+    both = [outcome(Scene("engages"), "SUCCESS", 9.0, calls=TALK[:2]),
+            outcome(Scene("engages", False), "SUCCESS", 9.0, calls=TALK)]
+    made = list(plays.single(both, ["crash"], []))
+    assert [scene.planned for scene in made if not scene.by_voice and scene.planned] == [
+        (PlannedFault("textToSpeech", 2, "crash"),)]
 
 
-def test_pairs_are_each_two_calls_and_each_call_with_its_repetition():
-    theatre = Theatre({}, planted("unrecovered"), 900.0)
-    made = list(scenes.pairs(theatre, [Scene("engages")], ("refused",)))
-    assert len(set(made)) == len(made) == 6 + 4 - 1  # of four calls, two of which follow each other on one node
+def test_pairs_are_each_later_call_that_meets_what_no_call_has_met():
+    calm = Scene("engages")
+    met = [call._replace(situation=bytes([number])) for number, call in enumerate(TALK)]
+    again = met[1]._replace(number=3, situation=b"again")
+    singles = [
+        # the second call is done again, then all goes on as without the fault; with crash it is
+        # not, and what comes after it differs
+        outcome(calm.with_fault(PlannedFault(*met[1][:2], kind)), "SUCCESS", 9.0, calls=calls)
+        for kind, calls in (("refused", [*met[:2], again, met[2]]),
+                            ("wrong", [*met[:2], again, met[2]]),
+                            ("crash", [*met[:2], met[2]._replace(situation=b"away")]))]
+    made = [scene.planned for scene in plays.pairs(
+        [outcome(calm, "SUCCESS", 9.0, calls=met)] + singles, KINDS)]
+    first = {kind: PlannedFault("textToSpeech", 1, kind) for kind in KINDS}
+    assert made == [(first["refused"], PlannedFault("textToSpeech", 3, kind)) for kind in KINDS] + [
+        (first["crash"], PlannedFault("textToSpeech", 2, kind)) for kind in KINDS]
+
+
+ONE_AFTER_THE_OTHER = """<Sequence>
+    <Script code="lost := 0"/>
+    <Fallback><WelcomeSpeech/><Script code="{}"/></Fallback>
+    <Fallback><ScanningOvertAttentionMode/><Script code="lost += 1"/></Fallback>
+    <EndTourSpeech/>
+</Sequence>"""
+
+
+@pytest.mark.parametrize("script, number", [("lost += 1", 2), ("lost := 0", 1)])
+def test_what_the_first_fault_leaves_behind_is_played_with_a_second_one(tmp_path, script, number):
+    theatre = Theatre({}, mission(tmp_path, ONE_AFTER_THE_OTHER.format(script)), 900.0)
+    calm = theatre.evaluate(Scene("engages"))
+    assert [call.node for call in calm.calls] == ["textToSpeech", "overtAttention", "textToSpeech"]
+    one = theatre.evaluate(Scene("engages").with_fault(PlannedFault("textToSpeech", 1, "refused")))
+    made = [scene.planned[1][:2] for scene in plays.pairs([calm, one], ["refused"])]
+    assert len(made) == 2 * (number - 1)
+
+
+def test_faults_are_planned_towards_a_node_until_it_is_reached(tmp_path):
+    path = mission(tmp_path, """<Sequence><ScanningOvertAttentionMode/><Fallback>
+        <RetryUntilSuccessful num_attempts="5"><WelcomeSpeech/></RetryUntilSuccessful>
+        <PressYesNoSpeech/><AlwaysSuccess name="last"/></Fallback></Sequence>""")
+    theatre = Theatre({}, path, 900.0)
+    nodes = theatre.stage(True).mission.tree.nodes
+    outcomes = [theatre.evaluate(Scene("engages"))]
+    reached = set(outcomes[0].reached)
+    search = Search(nodes, reached, outcomes, "refused")
+    assert [node.registration_id for node in search.targets()] == ["PressYesNoSpeech"]
+    for scenes in search.rounds():
+        for scene in scenes:
+            outcomes.append(theatre.evaluate(scene))
+            reached |= outcomes[-1].reached
+    assert search.targets() == [] and not search.is_cut
+    assert search.plays < 100
 
 
 def test_random_scenes_have_the_visitors_in_turn_and_a_seed_for_each_run():
     both = [Scene("engages"), Scene("silent", False)]
-    first = [Scene("engages", rate=0.5, seed=7, kinds=("crash",)), Scene("silent", False, rate=0.5, seed=8, kinds=("crash",)),
-             Scene("engages", rate=0.5, seed=9, kinds=("crash",))]
-    assert scenes.random(both, 3, (0.5, 0.0), 7, ["crash"]) == first + [each._replace(rate=0.0) for each in first]
+    first = [
+        Scene("engages", rate=0.5, seed=7, kinds=("crash", )),
+        Scene("silent", False, rate=0.5, seed=8, kinds=("crash", )),
+        Scene("engages", rate=0.5, seed=9, kinds=("crash", ))
+    ]
+    assert plays.random(both, 3, (0.5, 0.0), 7,
+                         ["crash"]) == first + [each._replace(rate=0.0) for each in first]
 
 
 def test_a_scene_counts_its_faults_and_knows_how_it_goes_without(tmp_path):
-    theatre = Theatre({}, mission(tmp_path, "<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/></Sequence>"), 900.0)
-    seen = [theatre.play(scene) for scene in (Scene("engages"), Scene("engages", True, TWO[:1], ("/x", "/y")))]
-    assert [(look.outcome, look.faults, look.calm) for look in seen] == [("SUCCESS", 0, ""), ("FAILURE", 3, "SUCCESS")]
-    assert theatre.look(Scene("engages")).switched == {SetAttention("scanning")}
+    theatre = Theatre({},
+                      mission(tmp_path,
+                              "<Sequence><ScanningOvertAttentionMode/><WelcomeSpeech/></Sequence>"),
+                      900.0)
+    calm, faulty = (theatre.play(scene) for scene in (
+        Scene("engages"), Scene("engages", True, TWO[:1], ("/x", "/y"))))
+    assert (calm.outcome, calm.faults, calm.calm) == ("SUCCESS", 0, None)
+    assert (faulty.outcome, faulty.faults, faulty.calm.outcome) == ("FAILURE", 3, "SUCCESS")
+    assert theatre.evaluate(Scene("engages")).switched == ((SetAttention("scanning"), 2),)
+
+
+def test_a_service_that_fails_for_good_fails_at_each_later_call(tmp_path):
+    body = '<RetryUntilSuccessful num_attempts="-1"><WelcomeSpeech/></RetryUntilSuccessful>'
+    scene = Scene("engages", lasting=(PlannedFault("textToSpeech", 1, "exception"),))
+    play = Theatre({}, mission(tmp_path, body), 9000.0).play(scene)
+    assert play.is_cut_off and len(play.exchanges) > 1000 and play.faults >= 1000
 
 
 @pytest.mark.parametrize("oldest, gap", [(1.0, 0.5), (60.0, 1.0)])
 def test_messages_are_never_late(tmp_path, oldest, gap):
     theatre = Theatre({"topicMaxAge": oldest}, mission(tmp_path, '<Sleep msec="5000"/>'), 900.0)
-    times = [line.time for line in theatre.play(Scene("engages")).played.journal if line.node == "faceDetection"]
-    assert [later - sooner for sooner, later in zip(times, times[1:])] == pytest.approx([gap] * int(5 / gap - 1))
+    times = [
+        line.time for line in theatre.play(Scene("engages")).played.journal
+        if line.node == "faceDetection"
+    ]
+    assert [later - sooner
+            for sooner, later in zip(times, times[1:])] == pytest.approx([gap] * int(5 / gap - 1))
 
 
 def test_a_pass_without_an_end_says_why(tmp_path, monkeypatch):
     for body, silent, ended in (
-            ("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec='9999999'/></ReactiveFallback>", ("/faceDetection/data",),
-             scenes.NO_VISITOR), ("<Sleep msec='9999999'/>", (), "")):
-        assert Theatre({}, mission(tmp_path, body), 10.0).look(Scene("engages", silent=silent)).outcome == ended
+        ("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec='9999999'/></ReactiveFallback>",
+         ("/faceDetection/data", ), plays.NO_VISITOR), ("<Sleep msec='9999999'/>", (), "")):
+        assert Theatre({}, mission(tmp_path, body),
+                       10.0).evaluate(Scene("engages", silent=silent)).outcome == ended
     monkeypatch.setattr(Health, "publish", lambda self, events: 1 / 0)
-    assert Theatre({}, mission(tmp_path, SPEECH), 10.0).look(Scene("engages")).outcome == scenes.BROKEN
+    assert Theatre({}, mission(tmp_path, SPEECH),
+                   10.0).evaluate(Scene("engages")).outcome == plays.BROKEN
 
 
 @pytest.mark.parametrize("number, jobs", [(61, 1), (60, 8)])
 def test_a_few_plays_start_no_process(number, jobs):
-    theatre = SimpleNamespace(look=str)  # which another process could not make
-    assert list(scenes.play_all(theatre, (), range(number), jobs)) == [str(each) for each in range(number)]
+    theatre = SimpleNamespace(evaluate=str)  # which another process could not make
+    with plays.players(theatre, (), jobs) as play_all:
+        assert list(play_all(range(number))) == [str(each) for each in range(number)]
 
 
 def test_the_share_of_successes_has_wilsons_interval():
@@ -204,11 +308,12 @@ def test_the_page_stands_alone_and_has_the_plot(capsys, tmp_path):
     run(capsys, planted("good"), "--runs", "3", "--failureRate", "0,0.5", "--html", path)
     page = open(path, encoding="utf-8").read()
     assert page.count("<circle") == 2 and "<polyline" in page
-    assert "http" not in page and "<script" not in page and "src=" not in page
+    assert not any(part in page for part in ("http:", "https:", "<script", "src="))
 
 
 def test_a_share_of_the_plot_stands_where_the_axes_say():
-    plot = ElementTree.fromstring(rehearse_page.plot([Share(0.4, 10, 8, 1.0), Share(1.0, 10, 0, 1.0)]))
+    plot = ElementTree.fromstring(html_report.plot([Share(0.4, 10, 8, 1.0),
+                                                    Share(1.0, 10, 0, 1.0)]))
     left, top, wide, high = map(float, plot.get("viewBox").split())
     assert (plot.get("width"), plot.get("height")) == ("{:g}".format(wide), "{:g}".format(high))
     labels = {label.text: label for label in plot.findall("text")}
@@ -216,9 +321,13 @@ def test_a_share_of_the_plot_stands_where_the_axes_say():
         "{} %".format(tenth * 10), "{:g}".format(tenth / 10))] + ["failure rate"]
     assert all(0 < float(label.get("x")) - left < wide and 0 < float(label.get("y")) - top < high
                for label in labels.values())
-    lines = [re.fullmatch(r"M([\d.]+) ([\d.]+)([HV])([\d.]+)", line.get("d")).groups() for line in plot.findall("path")]
+    lines = [
+        re.fullmatch(r"M([\d.]+) ([\d.]+)([HV])([\d.]+)", line.get("d")).groups()
+        for line in plot.findall("path")
+    ]
     (begin, bottom, _, end), (_, height, _, _) = lines[0], lines[5]  # of 0 % and 100 %
-    assert [line[1] for line in lines[:6]] == [labels["{} %".format(share)].get("y") for share in (0, 20, 40, 60, 80, 100)]
+    assert [line[1] for line in lines[:6]
+            ] == [labels["{} %".format(share)].get("y") for share in (0, 20, 40, 60, 80, 100)]
     assert (begin, end) == (labels["0"].get("x"), labels["1"].get("x"))
 
     def at(share):
@@ -227,7 +336,8 @@ def test_a_share_of_the_plot_stands_where_the_axes_say():
     point, last = plot.findall("circle")
     assert (point.get("cx"), last.get("cx")) == (labels["0.4"].get("x"), labels["1"].get("x"))
     assert (point.get("cy"), last.get("cy")) == (lines[4][1], bottom)
-    assert point.find("title").text == "0.4; 10; 8; 80.0 %; 49.0 to 94.3 %; 1 s"  # by Wilson's formula as above
+    # by Wilson's formula as above
+    assert point.find("title").text == "0.4; 10; 8; 80.0 %; 49.0 to 94.3 %; 1 s"
     assert lines[6][0] == point.get("cx") and lines[6][2] == "V"
     assert [float(lines[6][1]), float(lines[6][3])] == [at(0.490), at(0.943)]
     assert plot.find("polyline").get("points") == "{},{} {},{}".format(
@@ -235,86 +345,132 @@ def test_a_share_of_the_plot_stands_where_the_axes_say():
 
 
 def test_the_page_tells_the_visitors_the_shares_and_the_findings():
-    rows = [Row("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2))), Row("leaves", False, "", 59.6, 0, ()),
-            Row("silent", False, "FAILURE", 59.4, 0, ())]
+    rows = [
+        VisitorRow("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2))),
+        VisitorRow("leaves", False, "", 59.6, 0, ()),
+        VisitorRow("silent", False, "FAILURE", 59.4, 0, ())
+    ]
     shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
     left_on, not_home = (findings.BY_NAME[name] for name in ("left-on", "not-home"))
-    told = [Found(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
-                  (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""),), "lab_tour --planned 'a b'"),
-            Found(not_home, "", "", "far away", 0, None, 0.0, (), "")]
-    parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "", rehearse_page.to_html("a < b", rows, shares, told))
+    told = [
+        Found(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
+              (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""), ), "lab_tour --planned 'a b'",
+              (Found(not_home, "Go::3", "m.xml:5:6", "to <c>"),)),
+        Found(not_home, "M::1", "m.xml:1:2", "far away")
+    ]
+    parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "",
+                   html_report.to_html("a < b", rows, shares, told))
     parts = re.sub("<[^>]*>", "\n", parts).split("\n")
     assert [html.unescape(part) for part in parts if part] == [
-        "a < b", "a < b", "Visitors", "visitor", "answers by", "outcome", "after", "exhibits", "with faults",
-        "engages", "voice", "SUCCESS", "2 min 0 s", "5", "7 SUCCESS, 2 without an end",
-        "leaves", "tablet", "no end", "1 min 0 s", "0", "-", "silent", "tablet", "FAILURE", "59 s", "0", "-",
-        "Share of successes", "failure rate", "runs", "successes", "share", "95 % interval", "pass takes",
-        "0.5", "10", "8", "80.0 %", "49.0 to 94.3 %", "2 min 5 s", "1", "10", "0", "0.0 %", "0.0 to 27.8 %", "-",
-        "Findings", "left-on: Say::2", left_on.means, "<b> is on (", "m.xml:3:4", ")", "the shortest of 3 plays",
-        "1.2 s", "said “&”", "Again: ", "lab_tour --planned 'a b'",
-        "not-home: the mission", not_home.means, "far away"]
+        "a < b", "To the report", "a < b", "Visitors", " ", "Successes", " ", "Findings", " ",
+        "Visitors", "visitor", "answers by", "outcome", "after", "stops", "with faults",
+        "engages", "voice", "SUCCESS", "2 min 0 s", "5", "7 SUCCESS, 2 without an end", "leaves",
+        "tablet", "no end", "1 min 0 s", "0", "-", "silent", "tablet", "FAILURE", "59 s", "0", "-",
+        "Successes", "failure rate", "runs", "successes", "share", "95 % interval", "pass takes",
+        "0.5", "10", "8", "80.0 %", "49.0 to 94.3 %", "2 min 5 s", "1", "10", "0", "0.0 %",
+        "0.0 to 27.8 %", "-", "Findings", "left-on: Say::2", left_on.means, "<b> is on (",
+        "m.xml:3:4", ")", "As a consequence, not-home at Go::3 (", "m.xml:5:6", "): to <c>",
+        "the shortest of 3 simulated runs", "1.2 s", "said “&”", "Again: ",
+        "lab_tour --planned 'a b'", "not-home: M::1", not_home.means, "far away (", "m.xml:1:2", ")"
+    ]
 
 
 def test_a_page_without_visitors_shares_and_findings_has_no_tables():
-    page = rehearse_page.to_html("a", [], [], [])
+    page = html_report.to_html("a", [], [], [])
     assert "Nothing was found." in page and "<table" not in page and "<svg" not in page
 
 
-@pytest.mark.parametrize("words, told", [
-    (["lab_tour", "--falts", "none"], "did you mean --faults?"),
-    (["lab_tour", "--falts=none"], "unrecognized arguments: --falts=none (did you mean --faults?)"),
-    (["lab_tour", "--fault", "none"], "did you mean --faults?"),  # an abbreviation may mean another option tomorrow
-    (["lab_tour", "--xyz"], "unrecognized arguments: --xyz\n"),
-    (["lab_tour", "--runs"], "argument --runs: expected one argument\n"),
-    (["lab_tour", "--faults", "singel"], "argument --faults: there is no singel (did you mean single?)"),
-    (["lab_tour", "--faults", ""], "there is no empty word (allowed: none, single, pairs)"),
-    (["lab_tour", "--visitors", "engages,leafs"], "did you mean leaves?"),
-    (["lab_tour", "--kinds", "crsh"], "did you mean crash?"),
-    (["lab_tour", "--runs", "0"], "argument --runs: it cannot be 0 (allowed: 1 to 1e+06)"),
-    (["lab_tour", "--runs", "1.5"], "argument --runs: it cannot be 1.5 (allowed: 1 to 1e+06)"),
-    (["lab_tour", "--failureRate", "0.5, 2", "--runs", "1"], "it cannot be 2 (allowed: 0 to 1)"),
-    (["lab_tour", "--failureRate=-0.1", "--runs", "1"], "it cannot be -0.1 (allowed: 0 to 1)"),
-    (["lab_tour", "--seed", "0", "--runs", "1"], "it cannot be 0 (allowed: 1 to 1e+09)"),
-    (["lab_tour", "--limit", "0.5"], "it cannot be 0.5 (allowed: 1 to 1e+06)"),
-    (["lab_tour", "--jobs", "0"], "it cannot be 0 (allowed: 1 to 1024)"),
-    (["lab_tour", "--jobs", "1025"], "it cannot be 1025 (allowed: 1 to 1024)"),
-    (["lab_tour", "--failureRate", "0.5"], "--failureRate is for --runs"),
-    (["lab_tour", "--seed", "1"], "--seed is for --runs"),
-    (["lab_tour", "--runs", "2", "--faults", "none"], "--faults and --runs exclude each other"),
-    (["lab_tour", "--planned", "x:1", "--silent", "/x", "--runs", "2"], "--planned and --runs exclude each other"),
-    (["lab_tour", "--planned", "x:1", "--silent", "/x", "--faults", "none"], "--faults and --silent exclude each other"),
-    (["lab_tour", "--kinds", "crash", "--faults", "none"], "--kinds is for --faults and --runs"),
-    (["lab_tour", "--kinds", "crash", "--planned", "x:1"], "--kinds is for --faults and --runs"),
-    (["lab_tour", "--kinds", "crash", "--silent", "/x"], "--kinds is for --faults and --runs"),
-    (["lab_tour", "--planned", "textToSpeech"], "textToSpeech is not of the form node:call:kind"),
-    (["lab_tour", "--planned", ":1"], ":1 is not of the form node:call:kind"),
-    (["lab_tour", "--planned", "textToSpeech:0"], "textToSpeech:0 is not of the form node:call:kind"),
-    (["lab_tour", "--planned", "textToSpeech:-1"], "textToSpeech:-1 is not of the form node:call:kind"),
-    (["lab_tour", "--planned", "textToSpeech:1:crsh"], "there is no crsh (did you mean crash?)"),
-])
+@pytest.mark.parametrize(
+    "words, told",
+    [
+        ([], "the following arguments are required: MISSION\n"),
+        (["lab_tour", "--falts", "none"], "did you mean --faults?"),
+        (["lab_tour", "--falts=none"
+          ], "unrecognized arguments: --falts=none (did you mean --faults?)"),
+        # an abbreviation may mean another option tomorrow
+        (["lab_tour", "--fault", "none"], "did you mean --faults?"),
+        (["lab_tour", "--xyz"], "unrecognized arguments: --xyz\n"),
+        (["lab_tour", "--runs"], "argument --runs: expected one argument\n"),
+        (["lab_tour", "--faults", "singel"
+          ], "argument --faults: there is no singel (did you mean single?)"),
+        (["lab_tour", "--faults", ""], "there is no empty word (allowed: none, single, pairs)"),
+        (["lab_tour", "--visitors", "engages,leafs"], "did you mean leaves?"),
+        (["lab_tour", "--kinds", "crsh"], "did you mean crash?"),
+        (["lab_tour", "--runs", "0"], "argument --runs: it cannot be 0 (allowed: 1 to 1e+06)"),
+        (["lab_tour", "--runs", "1.5"], "argument --runs: it cannot be 1.5 (allowed: 1 to 1e+06)"),
+        (["lab_tour", "--failureRate", "0.5, 2", "--runs", "1"
+          ], "it cannot be 2 (allowed: 0 to 1)"),
+        (["lab_tour", "--failureRate=-0.1", "--runs", "1"], "it cannot be -0.1 (allowed: 0 to 1)"),
+        (["lab_tour", "--seed", "0", "--runs", "1"], "it cannot be 0 (allowed: 1 to 1e+09)"),
+        (["lab_tour", "--limit", "0.5"], "it cannot be 0.5 (allowed: 1 to 1e+06)"),
+        (["lab_tour", "--jobs", "0"], "it cannot be 0 (allowed: 1 to 1024)"),
+        (["lab_tour", "--jobs", "1025"], "it cannot be 1025 (allowed: 1 to 1024)"),
+        (["lab_tour", "--failureRate", "0.5"], "--failureRate is for --runs"),
+        (["lab_tour", "--seed", "1"], "--seed is for --runs"),
+        (["lab_tour", "--runs", "2", "--faults", "none"], "--faults and --runs exclude each other"),
+        (["lab_tour", "--planned", "x:1", "--silent", "/x", "--runs", "2"
+          ], "--planned and --runs exclude each other"),
+        (["lab_tour", "--planned", "x:1", "--silent", "/x", "--faults", "none"
+          ], "--faults and --silent exclude each other"),
+        (["lab_tour", "--kinds", "crash", "--faults", "none"
+          ], "--kinds is for --faults and --runs"),
+        (["lab_tour", "--kinds", "crash", "--planned", "x:1"
+          ], "--kinds is for --faults and --runs"),
+        (["lab_tour", "--kinds", "crash", "--silent", "/x"], "--kinds is for --faults and --runs"),
+        (["lab_tour", "--planned", "textToSpeech"
+          ], "textToSpeech is not of the form node:call:kind"),
+        (["lab_tour", "--planned", ":1"], ":1 is not of the form node:call:kind"),
+        (["lab_tour", "--planned", "textToSpeech:0"
+          ], "textToSpeech:0 is not of the form node:call:kind"),
+        (["lab_tour", "--planned", "textToSpeech:-1"
+          ], "textToSpeech:-1 is not of the form node:call:kind"),
+        (["lab_tour", "--planned", "textToSpeech:1:crsh"
+          ], "there is no crsh (did you mean crash?)"),
+    ])
 def test_a_wrong_option_is_told_with_what_was_meant(capsys, words, told):
     with pytest.raises(SystemExit) as end:
-        rehearse.main(words)
-    assert end.value.code == exits.WRONG_INPUT and told in capsys.readouterr().err
+        cli.main(words)
+    assert end.value.code == exit_codes.WRONG_INPUT and told in capsys.readouterr().err
+
+
+def test_a_planned_fault_that_no_call_meets_is_reported(capsys):
+    planned = "knowledgeBase:1:refused,robotNavigation:99:crash"
+    cli.main(["lab_tour", "--visitors", "engages", "--planned", planned, "--jobs", "1"])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if "in vain" in line] == [
+        "planned in vain: robotNavigation:99:crash, since no play makes that call"]
+
+
+def test_without_faults_a_mission_that_never_succeeds_is_found(tmp_path, capsys):
+    path = tmp_path / "m.xml"
+    path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><AlwaysFailure/></BehaviorTree>"
+                    "</root>")
+    assert cli.main([str(path), "--faults", "none", "--jobs", "1"]) == exit_codes.FOUND
+    assert "never-succeeds" in capsys.readouterr().out
+    assert cli.main([str(path), "--faults", "none", "--visitors", "noGaze", "--jobs", "1"]) == 0
 
 
 @pytest.mark.parametrize("words, told", [
-    (["lab_tuor"], "did you mean lab_tour?"),
+    (["lab_tuor"], " lab_tour?"),
     (["no/such/file.xml"], "no/such/file.xml"),
-    (["lab_tour", "asrEnabeld:=true"], "did you mean asrEnabled?"),
-    (["lab_tour", "asrEnabeld:=true"], "argument asrEnabeld:=true: this is not a key of the controller's configuration"),
-    (["lab_tour", "asrEnabled:=perhaps"], "asrEnabled cannot be"),
-    (["lab_tour", "--planned", "textToSpeach:1"], "did you mean textToSpeech?"),
-    (["lab_tour", "lnguage:=English", "asrEnabled"], "argument asrEnabled: this is not a key of the controller's "
+    (["lab_tour", "asrEnabeld:=true"], " asrEnabled?"),
+    (["lab_tour", "asrEnabeld:=true"
+      ], "argument asrEnabeld:=true: this is not a key of the controller's configuration"),
+    (["lab_tour", "asrEnabled:=perhaps"], '"perhaps"'),
+    (["lab_tour", "--planned", "textToSpeach:1"], " textToSpeech?"),
+    (["lab_tour", "lnguage:=English", "asrEnabled"
+      ], "argument asrEnabled: this is not a key of the controller's "
      "configuration (did you mean asrEnabled?)"),
     (["lab_tour", "xyz"], "(the form is key:=value)"),
-    (["lab_tour", "--planned", "x:1"], "argument --planned: the robot D5.4.3 has no node x (there are: "),
+    (["lab_tour", "--planned", "x:1"
+      ], "argument --planned: the robot D5.4.3 has no node x (there are: "),
     (["lab_tour", "--silent", "/faces"], "/faceDetection/data"),
-    (["lab_tour", "--silent", "/x"], "argument --silent: the robot D5.4.3 has no topic /x (there are: "),
+    (["lab_tour", "--silent", "/x"
+      ], "argument --silent: the robot D5.4.3 has no topic /x (there are: "),
 ])
 def test_what_cannot_be_played_is_told(capsys, words, told):
     code, text = run(capsys, *words)
-    assert code == exits.WRONG_INPUT and told in text and "Traceback" not in text
+    assert code == exit_codes.WRONG_INPUT and told in text and "Traceback" not in text
 
 
 UNREACHED = "<Fallback><AlwaysSuccess/><WelcomeSpeech/></Fallback>"
@@ -324,43 +480,57 @@ SPEECH = "<Fallback><WelcomeSpeech/><AlwaysSuccess/></Fallback>"
 def mission(folder, body):
     """Write a mission and return its path, which does not look like one."""
     path = folder / "mission"
-    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(body))
+    path.write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'.format(body))
     return str(path)
 
 
-# six visitors by voice and by tablet, and three topics that may be silent
-@pytest.mark.parametrize("body, words, plays, is_complete", [
-    (UNREACHED, [], 12 + 12 * 3, True),
-    (UNREACHED, ["--faults", "single", "--limit", "3600"], 12 + 12 * 3, True),
-    (UNREACHED, ["--faults", "pairs"], 12 + 12 * 3, True),
-    (UNREACHED, ["--visitors", ",".join(BEHAVIOURS)], 12 + 12 * 3, True),
-    (UNREACHED, ["--limit", "3599"], 12 + 12 * 3, False),
-    (UNREACHED, ["--faults", "none"], 12, False),
-    (UNREACHED, ["asrEnabled:=true"], 6 + 6 * 3, False),
-    (UNREACHED, ["--kinds", "crash"], 12 + 12 * 3, False),
-    (UNREACHED, ["--visitors", "engages, partial03"], 4 + 4 * 3, False),
-    (UNREACHED, ["--silent", "/faceDetection/data"], 12, False),
-    (UNREACHED, ["--planned", "textToSpeech:1", "--silent", "/faceDetection/data"], 12, False),
-    (UNREACHED, ["--runs", "2"], 2 * 8, False),  # of a visitor who engages, at each of eight failure rates
-    (UNREACHED, ["--runs", "3", "--failureRate", "0, 1", "--seed", "5"], 3 * 2, False),
-    (SPEECH, ["--visitors", "engages"], 2 + 5 + 2 * 3, False),  # by tablet the call is the same
-    (SPEECH, ["--visitors", "engages", "--kinds", "crash, refused"], 2 + 2 + 2 * 3, False),
-    (SPEECH, ["--visitors", "engages", "--kinds", "crash", "--faults", "pairs"], 2 + 1 + 2 * 3 + 2, False)])
-def test_what_is_played_and_whether_it_is_all(tmp_path, body, words, plays, is_complete):
-    todo = rehearse.plan(rehearse.read([mission(tmp_path, body), *words]))
-    assert (len(todo.scenes), todo.is_complete) == (plays, is_complete)
-    assert {scene.by_voice for scene in todo.scenes} == ({True} if "asrEnabled:=true" in words else {True, False})
+def first_round(todo, outcomes=(), search=None):
+    return next(todo.rounds(list(outcomes), search))
+
+
+@pytest.mark.parametrize("words, number, is_complete", [
+    # six visitors by voice and by tablet
+    ([], 12, True), (["--faults", "single", "--limit", "3600"], 12, True),
+    (["--faults", "pairs"], 12, True), (["--visitors", ",".join(BEHAVIOURS)], 12, True),
+    (["--limit", "3599"], 12, False), (["--faults", "none"], 12, False),
+    (["asrEnabled:=true"], 6, False), (["--kinds", "crash"], 12, False),
+    (["--visitors", "engages, partial03"], 4, False),
+    (["--silent", "/faceDetection/data"], 12, False),
+    (["--planned", "textToSpeech:1", "--silent", "/faceDetection/data"], 12, False),
+    # of a visitor who engages, at each of eight failure rates
+    (["--runs", "2"], 2 * 8, False),
+    (["--runs", "3", "--failureRate", "0, 1", "--seed", "5"], 3 * 2, False)])
+def test_what_is_played_first_and_whether_it_is_all(tmp_path, words, number, is_complete):
+    todo = cli.plan(cli.read([mission(tmp_path, UNREACHED), *words]))
+    scenes = first_round(todo)
+    assert (len(scenes), todo.is_complete) == (number, is_complete)
+    assert {scene.by_voice
+            for scene in scenes} == ({True} if "asrEnabled:=true" in words else {True, False})
+
+
+@pytest.mark.parametrize("words, number", [
+    # by tablet the call is the same; three topics may be silent
+    (["--visitors", "engages"], 2 + (5 + 1) + 2 * 3),
+    (["--visitors", "engages", "--kinds", "crash, refused"], 2 + (2 + 1) + 2 * 3),
+    # then all faults by tablet too, and no call comes after the only one
+    (["--visitors", "engages", "--kinds", "crash", "--faults", "pairs"], 2 + 2 * (1 + 1) + 2 * 3),
+    (["--visitors", "engages", "--faults", "none"], 2)])
+def test_how_many_plays_there_are(tmp_path, words, number):
+    result = cli.rehearse(cli.plan(cli.read([mission(tmp_path, SPEECH), *words])), jobs=1)
+    assert (result.plays, result.planned) == (number, number)
 
 
 def test_the_only_play_is_told(capsys, tmp_path):
     path = mission(tmp_path, "<Fallback><WelcomeSpeech/><EndTourSpeech/></Fallback>")
     words = [path, "language:=Kinyarwanda", "asrEnabled:=true", "--faults", "none"]
-    assert rehearse.plan(rehearse.read(words)).chosen == [path, "language:=Kinyarwanda"]
+    assert cli.plan(cli.read(words)).chosen == [path, "language:=Kinyarwanda"]
     code, text = run(capsys, *words, "--visitors", "engages")
     lines = text.splitlines()
-    assert re.fullmatch(r"mission, robot D5.4.3: 1 play in \d\.\d s", lines[0])
-    assert [line.split() for line in lines[1:4]] == [
-        [], "visitor answers by outcome after exhibits with faults".split(), "engages voice SUCCESS 4 s 0 -".split()]
+    assert re.fullmatch(r"mission, robot D5.4.3: 1 simulated run in \d\.\d s", lines[0])
+    assert [line.split() for line in lines[1:4]
+            ] == [[], "visitor answers by outcome after stops with faults".split(),
+                  "engages voice SUCCESS 4 s 0 -".split()]
     assert lines[5].startswith("    0.0 s  ") and lines[-2:] == ["", "nothing was found"]
     assert "0.0 s  " not in run(capsys, *words, "--visitors", "engages,silent")[1]
 
@@ -369,17 +539,20 @@ SAID = Sentence(0.5, 1, "said", "info", "the robot says hello", 0, "")
 TWO = (PlannedFault("textToSpeech", 1, "crash"), PlannedFault("textToSpeech", 2, "crash"))
 FOUND = [
     Found(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5", "it is ticked again and again", 12,
-          Scene("engages", True, TWO, ("/faces",)), 4.0, (SAID, SAID._replace(at=61.04, text="it waits")), "again 1"),
-    Found(findings.BY_NAME["busy-loop"], "", "", "and again", 1, Scene("silent", False, rate=0.5, seed=7), 4.0, (SAID,),
-          "again 2"),
-    Found(findings.BY_NAME["not-home"], "", "", "the last drive", 1, Scene("silent"), 4.0, (SAID,), "again 3"),
-    Found(findings.UNREACHED, "Nap", "m.xml:4:5", "with 1 mission leaf below it", 0, None, 0.0, (), "")]
+          Scene("engages", True, TWO, ("/faces", )), 4.0,
+          (SAID, SAID._replace(at=61.04, text="it waits")), "again 1"),
+    Found(findings.BY_NAME["busy-loop"], "M", "m.xml:1:1", "and again", 1,
+          Scene("silent", False, rate=0.5, seed=7), 4.0, (SAID, ), "again 2"),
+    Found(findings.BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1, Scene("silent"), 4.0,
+          (SAID, ), "again 3", (Found(findings.BY_NAME["left-on"], "Nod", "m.xml:6:7", "on"),)),
+    Found(findings.UNREACHED, "Nap", "m.xml:4:5", "not reached by 7 simulated runs")
+]
 TOLD = """
-mission, robot D5.4.3: 7 plays in 1.5 s, stopped before the other 5
+mission, robot D5.4.3: 7 simulated runs in 1.5 s, stopped before the other 5
 
-visitor  answers by  outcome  after      exhibits  with faults
-engages  voice       SUCCESS  1 min 5 s  5         1 without an end, 3 SUCCESS
-silent   tablet      no end   9 s        0         -
+visitor  answers by  outcome  after      stops  with faults
+engages  voice       SUCCESS  1 min 5 s  5      1 without an end, 3 SUCCESS
+silent   tablet      no end   9 s        0      -
 
 failure rate  runs  successes  share   95 % interval  pass takes
 0.5           4     1          25.0 %  4.6 to 69.9 %  59 s
@@ -387,22 +560,23 @@ failure rate  runs  successes  share   95 % interval  pass takes
 busy-loop: The mission never waits: it takes a whole core, and nothing else of the robot gets a turn. Put a Sleep or a
   Delay into the loop.
   Loop (m.xml:3:5): it is ticked again and again
-    in 12 plays, the shortest: visitor engages, by voice, textToSpeech:1:crash, textToSpeech:2:crash, /faces silent
+    in 12 simulated runs, the shortest: visitor engages, by voice, textToSpeech:1:crash, textToSpeech:2:crash, /faces silent
           0.5 s  the robot says hello
          61.0 s  it waits
     again: again 1
-  the mission: and again
-    in 1 play, the shortest: visitor silent, by tablet, failure rate 0.5, seed 7
+  M (m.xml:1:1): and again
+    in 1 simulated run, the shortest: visitor silent, by tablet, failure rate 0.5, seed 7
     again: again 2
 
-not-home: The robot does not drive home after a tour.
-  the mission: the last drive
-    in 1 play, the shortest: visitor silent, by voice, no fault
+not-home: The last drive of a pass does not lead home.
+  M (m.xml:1:1): the last drive
+    as a consequence, left-on at Nod (m.xml:6:7): on
+    in 1 simulated run, the shortest: visitor silent, by voice, no fault
           0.5 s  the robot says hello
     again: again 3
 
-unreached: No visitor and no fault brings the mission to this node.
-  Nap (m.xml:4:5): with 1 mission leaf below it
+unreached: No play brings the mission to this node.
+  Nap (m.xml:4:5): not reached by 7 simulated runs
 
 found: 3 kinds of mistakes at 4 places"""
 
@@ -410,23 +584,31 @@ found: 3 kinds of mistakes at 4 places"""
 @pytest.fixture(name="result")
 def made_result(tmp_path):
     """A result with all that can be in it."""
-    todo = rehearse.plan(rehearse.read([mission(tmp_path, SPEECH), "--faults", "none"]))
-    rows = [Row("engages", True, "SUCCESS", 65.0, 5, (("", 1), ("SUCCESS", 3))), Row("silent", False, "", 9.0, 0, ())]
-    return rehearse.Result(todo, rows, [Share(0.5, 4, 1, 59.0)], FOUND, 7, 1.5, ("one line",))
+    todo = cli.plan(cli.read([mission(tmp_path, SPEECH), "--faults", "none"]))
+    rows = [
+        VisitorRow("engages", True, "SUCCESS", 65.0, 5, (("", 1), ("SUCCESS", 3))),
+        VisitorRow("silent", False, "", 9.0, 0, ())
+    ]
+    return cli.Result(todo, rows, [Share(0.5, 4, 1, 59.0)], FOUND, 7, 12, 1.5, ("one line",))
 
 
 def test_a_result_is_told_as_text(result):
     # Wilson's interval of 1 in 4: (0.25 + 0.4802 ± 1.96 * sqrt(0.046875 + 0.060025)) / 1.9604
-    assert "\n" + rehearse.as_text(result) == TOLD
-    assert rehearse.as_text(result._replace(found=FOUND[2:3])).endswith("\n\nfound: 1 kind of mistake at 1 place")
+    assert "\n" + cli.as_text(result) == TOLD
+    assert cli.as_text(
+        result._replace(found=FOUND[2:3])).endswith("\n\nfound: 1 kind of mistake at 1 place")
     calm = result._replace(rows=[], shares=[], found=[], plays=12)
-    assert rehearse.as_text(calm) == "mission, robot D5.4.3: 12 plays in 1.5 s\n\none line\n\nnothing was found"
-    assert rehearse.as_text(calm._replace(story=())) == "mission, robot D5.4.3: 12 plays in 1.5 s\n\nnothing was found"
+    assert cli.as_text(
+        calm
+    ) == "mission, robot D5.4.3: 12 simulated runs in 1.5 s\n\none line\n\nnothing was found"
+    assert cli.as_text(calm._replace(
+        story=())) == "mission, robot D5.4.3: 12 simulated runs in 1.5 s\n\nnothing was found"
 
 
 def test_a_result_is_data_for_other_programs(result):
-    told = json.loads(json.dumps(rehearse.as_json(result)))
-    assert (os.path.basename(told["mission"]), told["plays"], told["planned_plays"]) == ("mission", 7, 12)
+    told = json.loads(json.dumps(cli.as_json(result)))
+    assert (os.path.basename(told["mission"]), told["plays"], told["planned_plays"]) == ("mission",
+                                                                                         7, 12)
     assert [(row["visitor"], row["with_faults"]) for row in told["visitors"]] == [
         ("engages", {"": 1, "SUCCESS": 3}), ("silent", {})]
     assert [(share["rate"], share["share"]) for share in told["shares"]] == [(0.5, 0.25)]
@@ -437,28 +619,32 @@ def test_a_result_is_data_for_other_programs(result):
     assert (last["kind"], last["scene"], last["story"]) == ("unreached", None, [])
 
 
-def outcome(scene, ended, seconds, exhibits=0, *found):
-    return Outcome(scene, ended, seconds, exhibits, found, frozenset(), frozenset())
-
-
 def test_the_rows_count_the_plays_of_a_visitor(tmp_path):
     survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
     for each in [
-            outcome(Scene("engages"), "SUCCESS", 60.0, 5), outcome(Scene("engages", False), "SUCCESS", 70.0, 4),
-            outcome(Scene("silent"), "", 900.0), outcome(Scene("engages", silent=("/x",)), "", 900.0),
-            outcome(Scene("engages", planned=TWO), "FAILURE", 5.0), outcome(Scene("engages", planned=TWO[:1]), "SUCCESS", 5.0),
-            outcome(Scene("engages", False, TWO), "FAILURE", 5.0), outcome(Scene("silent", True, TWO), "SUCCESS", 5.0)]:
+            outcome(Scene("engages"), "SUCCESS", 60.0, 5),
+            outcome(Scene("engages", False), "SUCCESS", 70.0, 4),
+            outcome(Scene("silent"), "", 900.0),
+            outcome(Scene("engages", silent=("/x", )), "", 900.0),
+            outcome(Scene("engages", planned=TWO), "FAILURE", 5.0),
+            outcome(Scene("engages", planned=TWO[:1]), "SUCCESS", 5.0),
+            outcome(Scene("engages", False, TWO), "FAILURE", 5.0),
+            outcome(Scene("silent", True, TWO), "SUCCESS", 5.0)
+    ]:
         survey.take(each)
     assert survey.plays == 8 and survey.shares() == []
     assert survey.rows() == [
-        Row("engages", True, "SUCCESS", 60.0, 5, (("", 1), ("FAILURE", 1), ("SUCCESS", 1))),
-        Row("engages", False, "SUCCESS", 70.0, 4, (("FAILURE", 1),)), Row("silent", True, "", 900.0, 0, (("SUCCESS", 1),))]
+        VisitorRow("engages", True, "SUCCESS", 60.0, 5, (("", 1), ("FAILURE", 1), ("SUCCESS", 1))),
+        VisitorRow("engages", False, "SUCCESS", 70.0, 4, (("FAILURE", 1), )),
+        VisitorRow("silent", True, "", 900.0, 0, (("SUCCESS", 1), ))
+    ]
 
 
 def test_a_share_is_counted_for_each_failure_rate(tmp_path):
     survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
     drawn = [Scene("engages", rate=rate, seed=seed) for rate in (0.5, 0.0) for seed in (1, 2, 3)]
-    for scene, ended, seconds in zip(drawn, ("SUCCESS", "FAILURE", "", "", "", ""), (10.0, 20.0, 900.0) + 3 * (900.0,)):
+    for scene, ended, seconds in zip(drawn, ("SUCCESS", "FAILURE", "", "", "", ""),
+                                     (10.0, 20.0, 900.0) + 3 * (900.0, )):
         survey.take(outcome(scene, ended, seconds))
     none, half = survey.shares()
     assert half == Share(0.5, 3, 1, 15.0) and none[:3] == (0.0, 3, 0) and math.isnan(none.seconds)
@@ -467,56 +653,97 @@ def test_a_share_is_counted_for_each_failure_rate(tmp_path):
 @pytest.mark.parametrize("scene, words", [
     (Scene("engages"), "--visitors engages --faults none asrEnabled:=true"),
     (Scene("silent", False, TWO, ("/speechEvent/text", "/faceDetection/data")),
-     "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2:crash --silent /speechEvent/text,/faceDetection/data "
-     "asrEnabled:=false"),
+     "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2:crash --silent "
+     "/speechEvent/text,/faceDetection/data asrEnabled:=false"),
+    (Scene("silent", planned=TWO[:1], lasting=TWO[1:]),
+     "--visitors silent --planned textToSpeech:1:crash,textToSpeech:2+:crash asrEnabled:=true"),
     (Scene("engages", rate=0.25, seed=7),
      "--visitors engages --runs 1 --failureRate 0.25 --seed 7 asrEnabled:=true"),
     (Scene("engages", rate=0.25, seed=7, kinds=("crash", "wrong")),
-     "--visitors engages --runs 1 --failureRate 0.25 --seed 7 --kinds crash,wrong asrEnabled:=true")])
+     "--visitors engages --runs 1 --failureRate 0.25 --seed 7 --kinds crash,wrong "
+     "asrEnabled:=true")])
 def test_a_command_plays_its_scene_again(tmp_path, scene, words):
     path = mission(tmp_path, SPEECH)
-    survey = Survey(Theatre({}, path, 900.0), [path, "language:=a b"])
-    assert survey.command(scene) == "rosrun unit_tests rehearseMission {} 'language:=a b' {}".format(path, words)
-    assert rehearse.plan(rehearse.read([path] + words.split())).scenes == [scene]
+    survey = Survey(Theatre({}, path, 900.0), True, [path, "language:=a b"])
+    assert survey.command(
+        scene) == "rosrun unit_tests rehearseMission {} 'language:=a b' {}".format(path, words)
+    assert [each._replace(is_traced=False)
+            for each in first_round(cli.plan(cli.read([path] + words.split())))] == [scene]
 
 
-@pytest.mark.parametrize("words, scene", [
-    (["--planned", "textToSpeech:3"], Scene("engages", planned=(PlannedFault("textToSpeech", 3, "refused"),))),
-    (["--runs", "1", "--failureRate", "0.5"], Scene("engages", rate=0.5, seed=1))])
+@pytest.mark.parametrize(
+    "words, scene", [(["--planned", "textToSpeech:3"
+                       ], Scene("engages", planned=(PlannedFault("textToSpeech", 3, "refused"), ))),
+                     (["--runs", "1", "--failureRate", "0.5"], Scene("engages", rate=0.5, seed=1))])
 def test_a_call_is_refused_and_a_seed_is_1_if_not_told_otherwise(tmp_path, words, scene):
     words = [mission(tmp_path, SPEECH), "--visitors", "engages", "asrEnabled:=true"] + words
-    assert rehearse.plan(rehearse.read(words)).scenes == [scene]
+    assert [each._replace(is_traced=False)
+            for each in first_round(cli.plan(cli.read(words)))] == [scene]
 
 
 def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_path):
-    survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0))
-    later, sooner, other = (("left-on", where, "x") for where in ("/b", "/a", "AlwaysSuccess::2"))
-    survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, 0, later, sooner, ("busy-loop", "", "y")))
-    assert [each.where for each in survey.found(True)] == ["", "/a", "/b", "Fallback::1"]
-    survey.take(outcome(Scene("engages"), "SUCCESS", 3.0, 0, other))
-    told = survey.found(False)
+    theatre = Theatre({}, mission(tmp_path, UNREACHED), 900.0)
+    survey = Survey(theatre)
+    later, sooner, other = (Finding("left-on", uid, "x") for uid in (3, 2, 1))
+    survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, 0, later, sooner,
+                        Finding("left-out", 1, "y"), reached=[1, 2]))
+    survey.take(outcome(Scene("engages"), "SUCCESS", 3.0, 0, other, reached=[1, 2]))
+    told = survey.found()
     assert [(each.kind.name, each.where) for each in told] == [
-        ("busy-loop", ""), ("left-on", "AlwaysSuccess::2"), ("left-on", "/a"), ("left-on", "/b")]
-    assert [each.place.partition(":")[2] for each in told] == ["", "1:55", "", ""]
-    assert told[1].story[0].at == pytest.approx(0.0, abs=0.01) and told[1].command.startswith("rosrun ")
-    whole = survey.found(True)
-    assert [(each.where, each.plays, each.scene, each.seconds, each.story, each.command) for each in whole[4:]] == [
-        ("Fallback::1", 0, None, 0.0, (), "")], "nothing was reached"
+        ("left-out", "Fallback::1"), ("left-on", "Fallback::1"), ("left-on", "AlwaysSuccess::2"),
+        ("left-on", "WelcomeSpeech::3")]
+    assert [each.place.partition(":")[2] for each in told] == ["1:45", "1:45", "1:55", "1:71"]
+    assert told[1].story[0].at == pytest.approx(0.0,
+                                                abs=0.01) and told[1].command.startswith("rosrun ")
+
+
+def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
+    theatre = Theatre({}, mission(tmp_path, UNREACHED), 900.0)
+    survey, outcomes = Survey(theatre), []
+    search = Search(theatre.stage(True).mission.tree.nodes, survey.reached, outcomes, "refused")
+    survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, reached=[1, 2]))
+    assert survey.found() == []
+    told, = survey.found(search)
+    assert (told.where, told.scene, told.command) == ("WelcomeSpeech::3", None, "")
     survey.take(outcome(Scene("leaves"), "", 900.0))
-    assert survey.found(True) == told, "what is behind a pass that does not end is not known"
+    assert survey.found(search) == [], "what is behind a pass that does not end is not known"
 
 
-@pytest.mark.parametrize("shorter, longer", [
-    (Scene("noGaze"), Scene("engages", silent=("/x",))),
-    (Scene("noGaze", planned=TWO, silent=("/x",)), Scene("engages", rate=0.5, seed=1)),
-    (Scene("engages"), Scene("silent")), (Scene("silent"), Scene("silent", False)),
-    (Scene("engages", planned=(PlannedFault("a", 9, "refused"),)), Scene("engages", planned=(PlannedFault("a", 1, "crash"),)))])
+def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
+    survey = Survey(Theatre({}, mission(tmp_path, UNREACHED), 900.0))
+    cause, also, free = (Finding("missing-data", 2, "x"), Finding("not-home", 3, "y"),
+                         Finding("left-on", 1, "z"))
+    survey.take(outcome(Scene("engages"), "FAILURE", 4.0, 0, cause, also, free))
+    survey.take(outcome(Scene("silent"), "FAILURE", 4.0, 0, cause, free))
+    survey.take(outcome(Scene("leaves"), "FAILURE", 4.0, 0, free))
+    told = survey.found()
+    assert [(each.kind.name, [other.kind.name for other in each.consequences])
+            for each in told] == [("missing-data", ["not-home"]), ("left-on", [])]
+
+
+def test_a_long_story_is_cut_in_its_middle():
+    story = [SAID._replace(at=float(number), text=str(number)) for number in range(490)]
+    told = shortened(story)
+    assert [told[place].text for place in (0, 19, 21, -1)] == ["0", "19", "470", "489"]
+    assert "450 sentences" in told[20].text and len(told) == 41
+    assert shortened(story[:40]) == tuple(story[:40])
+
+
+@pytest.mark.parametrize(
+    "shorter, longer",
+    [(Scene("noGaze"), Scene("engages", silent=("/x", ))),
+     (Scene("noGaze", planned=TWO, silent=("/x", )), Scene("engages", rate=0.5, seed=1)),
+     (Scene("engages"), Scene("silent")), (Scene("silent"), Scene("silent", False)),
+     (Scene("engages", planned=(PlannedFault(
+         "a", 9, "refused"), )), Scene("engages", planned=(PlannedFault("a", 1, "crash"), )))])
 @pytest.mark.parametrize("turn", [1, -1])
 def test_of_two_plays_the_shorter_is_told(tmp_path, shorter, longer, turn):
     survey = Survey(Theatre({}, mission(tmp_path, SPEECH), 900.0))
     for scene in (shorter, longer)[::turn]:
-        survey.take(outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0, ("not-home", "", "x")))
-    assert survey.found(False)[0].scene == shorter
+        survey.take(
+            outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0,
+                    Finding("not-home", 1, "x")))
+    assert survey.found()[0].scene == shorter
 
 
 class Terminal(io.StringIO):
@@ -534,47 +761,58 @@ class Terminal(io.StringIO):
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("pressed_at, code, told", [("", 0, "2 plays in"), ("1 of 2 plays", 1, "1 play in")])
-def test_the_bar_grows_with_the_plays_until_ctrl_c(capsys, monkeypatch, tmp_path, pressed_at, code, told):
+@pytest.mark.parametrize("pressed_at, code, told", [("", 0, "2 simulated runs in"),
+                                                    ("left\x1b[K", 1, "1 simulated run in")])
+def test_the_bar_grows_with_the_plays_until_ctrl_c(capsys, monkeypatch, tmp_path, pressed_at, code,
+                                                   told):
     terminal = Terminal()
     terminal.pressed_at = pressed_at
     monkeypatch.setattr(sys, "stderr", terminal)
     returned, text = run(capsys, mission(tmp_path, SPEECH), "--faults", "none", *ENGAGES)
-    half, whole = "\r[{}{}] 1 of 2 plays".format("#" * 15, "." * 15), "\r[{}] 2 of 2 plays".format("#" * 30)
-    assert terminal.shown == (half if pressed_at else half + whole)
+    shown = re.sub(r", \d+ s left", ", N s left", terminal.shown)
+    half = "\r[{}{}] 1 of 2 simulated runs, N s left\x1b[K".format("#" * 15, "." * 15)
+    whole = "\r[{}] 2 of 2 simulated runs, N s left\x1b[K".format("#" * 30)
+    assert shown == (half if pressed_at else half + whole)
     assert terminal.getvalue()[len(terminal.shown):] == "\r\x1b[K"
-    assert returned == code and told in text and ("s, stopped before the other 1\n" in text) is bool(pressed_at)
-    assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL  # the result is printed: Ctrl-C may cut it short
+    assert returned == code and told in text and ("s, stopped before the other 1\n"
+                                                  in text) is bool(pressed_at)
+    # the result is printed: Ctrl-C may cut it short
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
 
 
 def start(*words, complaints):
     """Start the command as a process in its own process group."""
     command = os.path.join(HERE, "..", "..", "nodes", "rehearseMission")
-    return subprocess.Popen([sys.executable, command] + list(words), stdout=subprocess.PIPE, stderr=complaints,
-                            env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)), start_new_session=True)
+    return subprocess.Popen([sys.executable, command] + list(words), stdout=subprocess.PIPE,
+                            stderr=complaints, env=dict(os.environ,
+                                                        PYTHONPATH=os.pathsep.join(sys.path)),
+                            start_new_session=True)
 
 
 def test_several_processes_find_the_same(capsys):
-    words = [planted("goodbye_to_nobody"), "--json", "--kinds", "refused,crash", "--visitors", "leaves"]
+    words = [
+        planted("goodbye_to_nobody"), "--json", "--kinds", "refused,crash", "--visitors", "leaves"
+    ]
     process = start(*words, "--jobs", "2", complaints=subprocess.PIPE)
     text, complaints = process.communicate(timeout=120)
-    assert (process.returncode, complaints) == (exits.FOUND, b"")
+    assert (process.returncode, complaints) == (exit_codes.FOUND, b"")
     here, there = json.loads(run(capsys, *words)[1]), json.loads(text)
-    assert here["found"] == there["found"] and here["plays"] == there["plays"] > scenes.FEW
+    assert here["found"] == there["found"] and here["plays"] == there["plays"] > plays.FEW
 
 
 def test_a_terminal_shows_the_progress_and_ctrl_c_tells_what_was_found_so_far():
     terminal, far_end = pty.openpty()
-    process = start("lab_tour", "--runs", "100000", "--failureRate", "0", "--jobs", "2", complaints=far_end)
+    process = start("lab_tour", "--runs", "100000", "--failureRate", "0", "--jobs", "2",
+                    complaints=far_end)
     os.close(far_end)
     shown = b""
-    while b" of 100000 plays" not in shown:
+    while b" of 100000 simulated runs" not in shown:
         assert select.select([terminal], [], [], 120)[0], shown
         shown += os.read(terminal, 1000)
     os.killpg(process.pid, signal.SIGINT)
     text, _ = process.communicate(timeout=60)
-    assert process.returncode == exits.UNAVAILABLE
-    assert re.search(rb"\d+ plays? in .* stopped before the other \d+", text)
+    assert process.returncode == exit_codes.UNAVAILABLE
+    assert re.search(rb"\d+ simulated runs? in .* stopped before the other \d+", text)
     assert b"Traceback" not in shown + os.read(terminal, 10000) + text
     os.close(terminal)
 
@@ -587,32 +825,55 @@ def rehearse_package(folder, *words):
     pytest.importorskip("rospkg")
     command = os.path.join(HERE, "..", "..", "nodes", "rehearseMission")
     paths = [os.path.join(str(folder), "src")] + sys.path
-    done = subprocess.run([sys.executable, command] + list(words), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          universal_newlines=True, env=dict(os.environ, ROS_PACKAGE_PATH=str(folder), ROS_ROOT="",
-                                                            PYTHONPATH=os.pathsep.join(paths)))
+    done = subprocess.run([sys.executable, command] + list(words), stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, universal_newlines=True,
+                          env=dict(os.environ, ROS_PACKAGE_PATH=str(folder), ROS_ROOT="",
+                                   PYTHONPATH=os.pathsep.join(paths)))
     return done.returncode, done.stdout
 
 
 def test_the_missions_of_another_package_are_rehearsed_by_their_name():
     code, text = rehearse_package(GREETER, "greet", "--faults", "none")
-    assert code == 0 and "greet.xml, robot D5.4.3: 12 plays" in text
-    code, text = rehearse_package(GREETER, "greet", "--planned", "lights:1:refused", "--visitors", "engages")
-    assert code == exits.FOUND and "unrecovered: " in text and "Lights::3" in text
+    assert code == 0 and "greet.xml, robot D5.4.3: 12 simulated runs" in text
+    code, text = rehearse_package(GREETER, "greet", "--planned", "lights:1:refused", "--visitors",
+                                  "engages")
+    assert code == exit_codes.SUCCESS and "greet.xml, robot D5.4.3: 2 simulated runs" in text
+
+
+@pytest.mark.parametrize("kind, cause", [
+    ("refused", "refused, aborted (/move_base)"),
+    ("exception", "refused, aborted (call 1 of move_base fails on purpose) (/move_base)"),
+    ("unanswered", "no answer in time, waited 120 s (/move_base)"),
+    ("crash", "connection lost, the server hung up (/move_base)"),
+])
+def test_an_action_of_another_package_fails_in_a_rehearsal_as_a_service_does(tmp_path, kind, cause):
+    words = ("greet", "--planned", "move_base:1:" + kind, "--visitors", "engages")
+    assert rehearse_package(GREETER, *words)[0] == exit_codes.SUCCESS  # tried again
+    folder = tmp_path / "greeter"
+    shutil.copytree(GREETER, str(folder))
+    mission = folder / "data" / "greet.xml"
+    mission.write_text(mission.read_text().replace("<HandleFallBack/>", ""))
+    code, text = rehearse_package(folder, *words)
+    assert code == exit_codes.FOUND and "DriveTo failed: " + cause in text
 
 
 def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
     folder = tmp_path / "greeter"
     shutil.copytree(GREETER, str(folder))
-    leaves, interface = folder / "src" / "greeter" / "leaves.py", folder / "src" / "greeter" / "interface.py"
+    source = folder / "src" / "greeter"
+    leaves, interface = source / "leaves.py", source / "interface.py"
     leaves.write_text(leaves.read_text().replace("    asks = SetLights\n", """    asks = SetLights
 
     def accept(self, answer):
         raise RuntimeError("the answer was " + answer.response)
 """))
-    interface.write_text("from behavior_controller.interface.records import Answer\n" + interface.read_text().replace(
-        "as they are\")", "as they are\",\n            rehearsed=lambda request: Answer(response=request.colour))"))
+    interface.write_text(
+        "from behavior_controller.robot.requests import Answer\n" + interface.read_text().replace(
+            "as they are\")",
+            "as they are\",\n            rehearsed=lambda request: Answer(response=request.colour))"
+        ))
     code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
-    assert code == exits.FOUND and "exception: " in text and "the answer was blue" in text
+    assert code == exit_codes.FOUND and "exception: " in text and "the answer was blue" in text
 
 
 def test_a_service_that_gives_another_number_of_fields_is_told_by_name(tmp_path):
@@ -621,9 +882,54 @@ def test_a_service_that_gives_another_number_of_fields_is_told_by_name(tmp_path)
     interface = folder / "src" / "greeter" / "interface.py"
     interface.write_text(interface.read_text().replace("(request.colour,)", "()"))
     code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
-    assert code == exits.FOUND
-    assert "the declaration of /lights/set_colour gives 0 values for the fields of greeter/lightsService: colour" in text
+    assert code == exit_codes.FOUND
+    assert ("the declaration of /lights/set_colour gives 0 values for the fields of greeter/"
+            "lightsService: colour" in text)
 
 
 def test_all_visitors_are_played():
-    assert [scene.visitor for scene in scenes.calm(BEHAVIOURS, [True])] == list(BEHAVIOURS)
+    assert [scene.visitor for scene in plays.calm(BEHAVIOURS, [True])] == list(BEHAVIOURS)
+
+
+DOOR = """
+from behavior_controller.robot.declarations import Topic
+
+DOOR = Topic("/door/state", "door", "std_msgs/String", str, lambda message: message.data,
+             "the door is not noticed", is_continuous=True{})
+TOPICS = (DOOR,)
+"""
+
+IS_OPEN = """
+from behavior_controller.leaves.conditions import TopicCondition
+from behavior_controller.robot.declarations import Evidence
+
+from greeter.interface import DOOR
+
+
+class FixtureIsDoorOpen(TopicCondition):
+    own_evidence = Evidence(DOOR, lambda state, gaze_value: state == "open")
+
+
+SPECS += (leaf_spec("FixtureIsDoorOpen", FixtureIsDoorOpen, "Is the door open?"),)
+"""
+
+UNTIL_OPEN = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveFallback><FixtureIsDoorOpen/>
+    <ForceFailure><Sleep msec="9000"/></ForceFailure></ReactiveFallback></BehaviorTree></root>"""
+
+
+@pytest.mark.parametrize("declared, outcome, is_silent", [
+    ("", "FAILURE", True),
+    (", rehearsed=lambda seconds: 'open' if seconds > 5 else None", "SUCCESS", False),
+    (", rehearsed=lambda seconds: 'closed'", "FAILURE", False)])
+def test_a_package_says_what_its_topic_publishes_in_a_rehearsal(tmp_path, declared, outcome,
+                                                                is_silent):
+    folder = tmp_path / "greeter"
+    shutil.copytree(GREETER, str(folder))
+    for name, more in (("interface", DOOR.format(declared)), ("leaves", IS_OPEN)):
+        path = folder / "src" / "greeter" / (name + ".py")
+        path.write_text(path.read_text() + more)
+    (tmp_path / "m.xml").write_text(UNTIL_OPEN)
+    _, text = rehearse_package(folder, str(tmp_path / "m.xml"), "--faults", "none", "--visitors",
+                               "engages")
+    assert "engages  voice       " + outcome in text, text
+    assert ("silent: /door/state" in text) is is_silent

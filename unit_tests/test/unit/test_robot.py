@@ -1,29 +1,31 @@
 """Tests of the answers and messages of the simulated nodes."""
 import json
-import os
 
 import pytest
 
 from behavior_controller.errors import ConfigurationError
-from behavior_controller.interface import Sense, Service, Success, Topic, Unusable, document
-from behavior_controller.interface.document import INTERFACE
-from behavior_controller.interface.records import (Answer, AttentionStatus, Exhibit, Faces, GoTo, Location,
-                                                   PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
-                                                   SetAnimation, SetAttention, SetPose, SetRecognition,
-                                                   SetRecognitionLanguage)
-from behavior_controller.interface.robots import INTERFACES
-from behavior_controller.settings import defaults
+from behavior_controller.robot import d543
+from behavior_controller.robot.declarations import Sense, Service, Success, Topic, Unusable
+from behavior_controller.robot.d543 import INTERFACE
+from behavior_controller.robot.requests import (
+    Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, Prompt,
+    QueryKnowledge, Request, Say, SetAnimation, SetAttention, SetPose, SetRecognition,
+    SetRecognitionLanguage)
+from behavior_controller.robot.interfaces import INTERFACES
+from behavior_controller.config.settings import defaults
 
-from unit_tests import configuration, exhibits
-from unit_tests.exhibits import Knowledge
-from unit_tests.faults import CRASH, REFUSED, WRONG
-from unit_tests.journal import Line
-from unit_tests.robot import NODES, SERVERS, SERVICES, TOPICS, World, nodes, nonsense, possible, services, usual_seconds
-from unit_tests.stage import message, slots
-from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, NO_GAZE, NOTHING_HEARD, SILENT, SMALL_TALK, Manners,
-                                Visitor)
+from unit_tests.robot import building
+from unit_tests.robot.building import Building
+from unit_tests.robot.faults import CRASH, REFUSED, WRONG
+from unit_tests.robot.journal import JournalEntry
+from unit_tests.robot.behaviour import (
+    NODES, SERVERS, SERVICES, TOPICS, nodes, nonsense, possible, services, usual_seconds)
+from unit_tests.robot.virtual_robot import response, slots
+from unit_tests.robot.visitor import (
+    BEHAVIOURS, DECLINES, ENGAGES, Manners, NOTHING_HEARD, NO_GAZE, SILENT, SMALL_TALK, Visitor)
+from unit_tests.robot.world import World, building_file
 
-KNOWLEDGE = exhibits.load(os.path.join(configuration.share(), "data", "exhibits.json"))
+KNOWLEDGE = building.load(building_file())
 GESTURE = {"gesture_type": "iconic", "gesture_id": 1, "gesture_duration": 3000, "bow_nod_angle": 0,
            "location_x": 0.0, "location_y": 0.0, "location_z": 0.0}
 
@@ -32,13 +34,15 @@ class Lamp(Request):
     """A request of another package."""
 
 
-LAMP = Service(Lamp, "/lamp/set", "lamp", "a/B", lambda lamp: (), Success("done", True, False), 5.0, "no light")
+LAMP = Service(Lamp, "/lamp/set", "lamp", "a/B", lambda lamp: (), Success("done", True, False), 5.0,
+               "no light")
 
 
 def world(behaviour=ENGAGES, *states, **settings):
     person = Visitor(Manners(behaviour, ("A tour?",), "Yes", "No", (0.0, 0.0)))
     for state in states:
-        person.notice(Line(0.0, "overtAttention", "/overtAttention/set_mode", 1, {"state": state}))
+        person.notice(
+            JournalEntry(0.0, "overtAttention", "/overtAttention/set_mode", 1, {"state": state}))
     return World(person, KNOWLEDGE, defaults(**settings))
 
 
@@ -50,37 +54,46 @@ def release(behaviour=ENGAGES, *states, **settings):
 def test_each_declared_service_and_topic_is_simulated(interface):
     assert {service.request for service in interface.services} - set(SERVICES) == set()
     assert {topic.name for topic in interface.topics} - set(TOPICS) == set()
-    assert set(nodes(interface)) <= set(NODES) and {service.node for service in interface.services} <= set(SERVERS)
+    assert set(nodes(interface)) <= set(NODES) and {service.node for service in interface.services
+                                                    } <= set(SERVERS)
 
 
-@pytest.mark.parametrize("request_", [kind for kind, simulated in SERVICES.items() if simulated.nonsense is not None])
+@pytest.mark.parametrize(
+    "request_", [kind for kind, simulated in SERVICES.items() if simulated.nonsense is not None])
 def test_an_answer_is_read_on_one_of_the_robots(request_):
-    declared = [service for interface in INTERFACES.values() for service in interface.services if service.request is request_]
-    assert any(is_read(service, SERVICES[request_].nonsense) for service in declared), "its service needs an ``answer``"
+    declared = [
+        service for interface in INTERFACES.values() for service in interface.services
+        if service.request is request_
+    ]
+    assert any(is_read(service, SERVICES[request_].nonsense)
+               for service in declared), "its service needs an ``answer``"
 
 
 def is_read(service, answer):
     try:
-        return service.answer(message(answer)) != Answer()
+        return service.answer(response(service, answer)) != Answer()
     except Unusable:
         return True
 
 
 @pytest.mark.parametrize("interface", INTERFACES.values())
 def test_each_field_of_a_response_has_the_name_of_what_it_brings(interface):
-    strange = [(service.type, field) for service in services(interface) for field in slots(service)[1]
-               if field not in (service.success.field,) + Answer._fields]
+    strange = [(service.type, field) for service in services(interface)
+               for field in slots(service)[1]
+               if field not in (service.success.field, ) + Answer.__struct_fields__]
     assert strange == [], "add a field of that name to records.Answer"
 
 
 def test_what_another_package_declares_is_not_simulated():
-    more = INTERFACE.with_more(
-        (LAMP,), (Topic("/lamp/text", "lamp", "std_msgs/String", str, str, "no light", is_continuous=False),))
+    more = INTERFACE.with_more((LAMP, ), (Topic("/lamp/text", "lamp", "std_msgs/String", str, str,
+                                                "no light", is_continuous=False), ))
     assert len(more.offers) == len(INTERFACE.offers) + 2 and nodes(more) == nodes(INTERFACE)
 
 
 def test_each_kind_of_request_has_a_robot_that_is_asked_so():
-    assert set(SERVICES) - {service.request for interface in INTERFACES.values() for service in interface.services} == set()
+    assert set(SERVICES) - {
+        service.request for interface in INTERFACES.values() for service in interface.services
+    } == set()
 
 
 @pytest.mark.parametrize("kind, request_fields, answer", (
@@ -104,8 +117,11 @@ def test_a_gesture_may_be_as_short_as_it_likes():
     assert SERVICES[PerformGesture].object_to(dict(GESTURE, gesture_duration=1)) is None
 
 
-@pytest.mark.parametrize("request_fields, kind, seconds", (
-    (GESTURE, PerformGesture, 3.0), ({"message": "x" * 28}, Say, 2.0), ({"state": "disabled"}, SetAnimation, 0.2)))
+@pytest.mark.parametrize("request_fields, kind, seconds",
+                         ((GESTURE, PerformGesture, 3.0), ({"message": "x" * 28}, Say, 2.0),
+                          ({"message": "x" * 28, "language": "Kinyarwanda"}, Say, 2.0),
+                          ({"message": "x" * 28, "language": "English"}, Say, 0.0),
+                          ({"state": "disabled"}, SetAnimation, 0.2)))
 def test_a_gesture_takes_its_time_and_a_second_has_fourteen_letters(request_fields, kind, seconds):
     assert usual_seconds(INTERFACE.service(kind), request_fields) == pytest.approx(seconds)
 
@@ -115,13 +131,15 @@ def test_another_packages_service_takes_a_second():
 
 
 @pytest.mark.parametrize("kind, response, fault", (
-    (GoTo, ("navigation_goal_success",), WRONG),  # a number, which may be neither success nor failure
+    # a number, which may be neither success nor failure
+    (GoTo, ("navigation_goal_success",), WRONG),
     (QueryKnowledge, ("success", "exhibits"), WRONG), (QueryKnowledge, ("success",), REFUSED),
     (Prompt, ("success", "response"), WRONG), (Prompt, ("success",), REFUSED),
     (Say, ("success",), REFUSED), (Say, ("success", "more"), REFUSED)))
 def test_an_answer_is_nonsense_only_where_a_field_can_hold_any(kind, response, fault):
     assert possible(WRONG, INTERFACE.service(kind), response) == fault
-    assert [possible(other, INTERFACE.service(kind), response) for other in (None, CRASH)] == [None, CRASH]
+    assert [possible(other, INTERFACE.service(kind), response)
+            for other in (None, CRASH)] == [None, CRASH]
 
 
 def test_what_another_package_answers_is_never_nonsense():
@@ -131,8 +149,10 @@ def test_what_another_package_answers_is_never_nonsense():
 def test_what_tells_an_outcome_may_be_neither_yes_nor_no():
     found = {kind: nonsense(INTERFACE.service(kind).success) for kind in (
         SetAnimation, PerformGesture, QueryKnowledge, SetAttention, GoTo, Prompt, Say)}
-    assert found == {SetAnimation: "perhaps", PerformGesture: 7, QueryKnowledge: None, SetAttention: 7, GoTo: 7,
-                     Prompt: None, Say: None}
+    assert found == {
+        SetAnimation: "perhaps", PerformGesture: 7, QueryKnowledge: None, SetAttention: 7, GoTo: 7,
+        Prompt: None, Say: None
+    }
 
 
 @pytest.mark.parametrize("what, names", (
@@ -174,14 +194,18 @@ def test_who_is_silent_presses_nothing():
 
 
 @pytest.mark.parametrize("meaning, says_yes", (("done", {ENGAGES, DECLINES}), ("yes", {ENGAGES})))
-def test_a_tablet_that_does_not_tell_the_button_says_that_there_was_one_or_that_it_was_yes(meaning, says_yes):
-    pressed = {behaviour for behaviour in (ENGAGES, DECLINES, SILENT) if SERVICES[Prompt].answer(
-        {"message": "'Yes'|'No'"}, release(behaviour, "scanning", tabletSuccessIs=meaning)) is not None}
+def test_a_tablet_that_does_not_tell_the_button_says_that_there_was_one_or_that_it_was_yes(
+        meaning, says_yes):
+    pressed = {
+        behaviour for behaviour in (ENGAGES, DECLINES, SILENT)
+        if SERVICES[Prompt].answer({"message":
+            "'Yes'|'No'"}, release(behaviour, "scanning", tabletSuccessIs=meaning)) is not None
+    }
     assert pressed == says_yes
 
 
 def faces(*given):
-    return TOPICS[document.FACES.name].content(world(*given))
+    return TOPICS[d543.FACES.name].content(world(*given))
 
 
 def test_faces():
@@ -193,72 +217,84 @@ def test_faces():
 
 @pytest.mark.parametrize("state", ("disabled", "social", "scanning", "location"))
 def test_a_gaze_status_is_published_in_seeking_only(state):
-    status = TOPICS[document.ATTENTION.name].content(world(ENGAGES, "scanning", "seeking", state))
+    status = TOPICS[d543.ATTENTION.name].content(world(ENGAGES, "scanning", "seeking", state))
     assert status == AttentionStatus(state, 0)
 
 
 @pytest.mark.parametrize("mutual_gaze_value, values", ((1, [0, 1]), (2, [1, 2])))
 def test_the_gaze_status_keeps_to_the_convention(mutual_gaze_value, values):
     seeking = world(ENGAGES, "scanning", "seeking", mutualGazeValue=mutual_gaze_value)
-    assert [TOPICS[document.ATTENTION.name].content(seeking) for _ in range(2)] == [("seeking", value) for value in values]
+    assert [TOPICS[d543.ATTENTION.name].content(seeking) for _ in range(2)] == [("seeking", value)
+                                                                                for value in values]
 
 
-@pytest.mark.parametrize("states, sense, value", (
-    # robot_releases: discovered at scanning and 2, present at social and 2, mutual gaze at seeking and 2
-    (("scanning",), Sense.VISITOR, ("scanning", 2)), (("scanning", "social"), Sense.PRESENCE, ("social", 2)),
-    (("scanning", "seeking"), Sense.GAZE, ("seeking", 2))))
+@pytest.mark.parametrize(
+    "states, sense, value",
+    (
+        # robot_releases: discovered at scanning and 2, present at social and 2, mutual gaze at
+        # seeking and 2
+        (("scanning", ), Sense.VISITOR, ("scanning", 2)),
+        (("scanning", "social"), Sense.PRESENCE, ("social", 2)),
+        (("scanning", "seeking"), Sense.GAZE, ("seeking", 2))))
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
 def test_the_attention_of_release_1_0_tells_of_the_visitor(states, sense, value, behaviour):
     robot = release(behaviour, *states)
-    status = [TOPICS[document.ATTENTION.name].content(robot) for _ in range(2)][1]
+    status = [TOPICS[d543.ATTENTION.name].content(robot) for _ in range(2)][1]
     is_met = not (behaviour == NO_GAZE and sense is Sense.GAZE)
     assert (status == value) is is_met
-    assert robot.settings.interface.evidence(sense).is_given(status, robot.settings.gaze_value) is is_met
+    assert robot.settings.interface.evidence(sense).is_given(status,
+                                                             robot.settings.gaze_value) is is_met
 
 
 @pytest.mark.parametrize("state", ("scanning", "social"))
 def test_the_attention_of_release_1_0_finds_nobody_where_nobody_is(state):
     robot = release(ENGAGES, "scanning", state)
     robot.visitor.is_here = False
-    assert TOPICS[document.ATTENTION.name].content(robot) == (state, 1)
+    assert TOPICS[d543.ATTENTION.name].content(robot) == (state, 1)
 
 
-@pytest.mark.parametrize("robot, text", (
-    (world(), NOTHING_HEARD), (world(ENGAGES, "scanning"), SMALL_TALK), (world(SILENT, "scanning"), NOTHING_HEARD),
-    (release(), None), (release(ENGAGES, "scanning"), SMALL_TALK), (release(SILENT, "scanning"), None)))
+@pytest.mark.parametrize("robot, text",
+                         ((world(), NOTHING_HEARD), (world(ENGAGES, "scanning"), SMALL_TALK),
+                          (world(SILENT, "scanning"), NOTHING_HEARD), (release(), None),
+                          (release(ENGAGES, "scanning"), SMALL_TALK),
+                          (release(SILENT, "scanning"), None)))
 def test_what_speech_recognition_writes(robot, text):
-    assert TOPICS[document.SPEECH.name].content(robot) == text
+    assert TOPICS[d543.SPEECH.name].content(robot) == text
 
 
 def test_recognition_that_is_switched_off_hears_nothing():
     robot = release(ENGAGES, "scanning")
     for status, text in (("false", None), ("true", SMALL_TALK)):
-        robot.visitor.notice(Line(0.0, "speechEvent", "/speechEvent/set_enabled", 1, {"status": status}))
-        assert TOPICS[document.SPEECH.name].content(robot) == text
+        robot.visitor.notice(
+            JournalEntry(0.0, "speechEvent", "/speechEvent/set_enabled", 1, {"status": status}))
+        assert TOPICS[d543.SPEECH.name].content(robot) == text
 
 
-@pytest.mark.parametrize("text", ("", "[]", "{\"exhibits\": []}", "{\"exhibits\": [{\"name\": \"x\"}]}",
-                                  "{\"exhibits\": [{\"name\": \"x\", \"location\": [1, 2]}]}", "{\"exhibits\": [[]]}",
-                                  "{\"exhibits\": [1]}", "[" * 100_000, "{\"exhibits\": [\"\u202e\"]}"))
+@pytest.mark.parametrize(
+    "text", ("", "[]", "{\"exhibits\": []}", "{\"exhibits\": [{\"name\": \"x\"}]}",
+             "{\"exhibits\": [{\"name\": \"x\", \"location\": [1, 2]}]}", "{\"exhibits\": [[]]}",
+             "{\"exhibits\": [1]}", "[" * 100_000, "{\"exhibits\": [\"\u202e\"]}"))
 def test_a_file_of_places_that_cannot_be_used_is_named(tmp_path, text):
     path = tmp_path / "exhibits.json"
     path.write_text(text)
-    with pytest.raises(ConfigurationError, match="exhibits.json: the exhibits cannot be read"):
-        exhibits.load(str(path))
-    with pytest.raises(ConfigurationError, match="none.json: the exhibits cannot be read"):
-        exhibits.load(str(tmp_path / "none.json"))
+    with pytest.raises(ConfigurationError, match="exhibits.json: the places cannot be read"):
+        building.load(str(path))
+    with pytest.raises(ConfigurationError, match="none.json: the places cannot be read"):
+        building.load(str(tmp_path / "none.json"))
 
 
 def test_a_place_needs_no_descriptions_and_no_gesture(tmp_path):
     place = {"name": "x", "location": [1, 2, 90]}
-    (tmp_path / "exhibits.json").write_text(json.dumps({"exhibits": [], "entrance": place, "home": place}))
+    (tmp_path / "exhibits.json").write_text(
+        json.dumps({"exhibits": [], "entrance": place, "home": place}))
     known = Exhibit("x", "", "", Location(1.0, 2.0, 90.0), Point(0.0, 0.0, 0.0))
-    assert exhibits.load(str(tmp_path / "exhibits.json")) == Knowledge((), known, known)
+    assert building.load(str(tmp_path / "exhibits.json")) == Building((), known, known)
 
 
 def test_a_file_of_places_may_begin_with_a_byte_order_mark_and_must_be_a_file(tmp_path):
-    with open(os.path.join(configuration.share(), "data", "exhibits.json"), "rb") as file:
+    with open(building_file(), "rb") as file:
         (tmp_path / "marked.json").write_bytes(b"\xef\xbb\xbf" + file.read())
-    assert exhibits.load(str(tmp_path / "marked.json")) == KNOWLEDGE
-    with pytest.raises(ConfigurationError, match="/dev/zero: the exhibits cannot be read: it is not a regular file"):
-        exhibits.load("/dev/zero")
+    assert building.load(str(tmp_path / "marked.json")) == KNOWLEDGE
+    with pytest.raises(ConfigurationError,
+                       match="/dev/zero: the places cannot be read: it is not a regular file"):
+        building.load("/dev/zero")

@@ -5,20 +5,26 @@ from itertools import islice
 
 import pytest
 
-from behavior_controller import settings
-from behavior_controller.bt.language.document import parse
-from behavior_controller.events import HealthChanged, LeafFinished, Noticed, PassFinished, Recovered, RunFinished
+from behavior_controller.config import phrases, settings
+from behavior_controller.bt.loader.document import parse
+from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
+                                                  PassFinished, PassStarted, Paused, Recovered,
+                                                  RunFinished, RunStarted, Tick, TreeShown)
+from behavior_controller.robot.requests import Say
 
-from unit_tests import stage
-from unit_tests.arrivals import Arrivals
-from unit_tests.facts import Facts
-from unit_tests.faults import KINDS, Faults, PlannedFault
-from unit_tests.stage import CALM, START, Stage
-from unit_tests.verdict import judge
+from unit_tests.robot import virtual_robot
+from unit_tests.robot.arrivals import Arrivals
+from unit_tests.robot.behaviour import LETTERS_A_SECOND
+from unit_tests.judge.facts import Facts
+from unit_tests.robot.faults import Faults, KINDS, PlannedFault
+from unit_tests.rehearsal.play import CALM, START, Stage
+from unit_tests.judge.verdict import judge
+from unit_tests.robot.options import REAL
 
 LAB_TOUR = Stage(settings.defaults())
 M = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
 SAY = M.format("<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>")
+SPOKEN = len(phrases.load("English").speech("WelcomeSpeech")) / LETTERS_A_SECOND
 
 
 def play(on=LAB_TOUR, silent=(), **changed):
@@ -40,7 +46,9 @@ def changes_of_health(played):
 
 
 def facts(played, behaviour="engages", runs=1, on=LAB_TOUR):
-    return Facts(played.record(), played.journal, played.exit_code, behaviour, runs, on.knowledge, played.cut_off)
+    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, mission_runs=runs)
+    return Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
+                 on.mission, played.cut_off)
 
 
 def test_a_calm_tour_passes_and_its_facts_are_judged():
@@ -58,59 +66,78 @@ def test_all_that_happened_has_a_time_of_its_own():
 
 
 @pytest.mark.parametrize("kind, cause, seconds", [
-    ("refused", "refused", 9.0), ("exception", "exception", 0.0), ("unanswered", "no-answer", 60.0),
-    ("crash", "connection-lost", 0.0), ("wrong", "refused", 9.0)])
+    ("refused", "refused", SPOKEN), ("exception", "exception", 0.0),
+    ("unanswered", "no-answer", 60.0), ("crash", "connection-lost", 0.0),
+    ("wrong", "refused", SPOKEN)])
 def test_each_kind_of_fault_is_met_as_on_the_real_robot(kind, cause, seconds):
-    test = dataclasses.replace(CALM, planned_faults=(PlannedFault("textToSpeech", 1, kind),))
-    played = of_text(SAY).play(test, durations=lambda service, fields: 9.0)
+    played = play(of_text(SAY), planned_faults=(PlannedFault("textToSpeech", 1, kind),),
+                  call_times=REAL)
     failed = of(LeafFinished, played)[0]
-    assert failed.failure.cause.value == cause and failed.seconds == pytest.approx(seconds, abs=0.01)
-    assert [line.fault for line in played.journal if line.call == 1] == ["refused" if kind == "wrong" else kind]
+    assert failed.failure.cause.value == cause and failed.seconds == pytest.approx(
+        seconds, abs=0.01)
+    assert [line.fault for line in played.journal if line.call == 1 and line.time < played.ended
+            ] == ["refused" if kind == "wrong" else kind]
 
 
-@pytest.mark.parametrize("node, leaf, cause", [
-    ("knowledgeBase", "LookUpHome", "unusable-answer"), ("gestureExecution", "WelcomeGesture", "unusable-answer"),
-    ("tabletEvent", "PressYesNoDialogue", "unusable-answer")])
+@pytest.mark.parametrize("node, leaf, cause",
+                         [("knowledgeBase", "LookUpHome", "unusable-answer"),
+                          ("gestureExecution", "WelcomeGesture", "unusable-answer"),
+                          ("tabletEvent", "PressYesNoDialogue", "unusable-answer")])
 def test_an_answer_that_means_nothing_is_found_unusable(node, leaf, cause):
-    played = play(of_text(M.format("<{}/>".format(leaf))), planned_faults=(PlannedFault(node, 1, "wrong"),))
+    played = play(of_text(M.format("<{}/>".format(leaf))),
+                  planned_faults=(PlannedFault(node, 1, "wrong"), ))
     assert [event.failure.cause.value for event in of(LeafFinished, played)] == [cause]
 
 
 def test_a_request_without_sense_is_refused_at_once():
     blank = tuple(exhibit._replace(description1=" ") for exhibit in LAB_TOUR.knowledge.exhibits)
-    on = Stage(settings.defaults(), [parse(M.format(
-        '<Sequence><RetrieveListOfExhibits/><SelectExhibit/><DescribeExhibitSpeech name="1"/></Sequence>'))],
-        LAB_TOUR.world._replace(knowledge=LAB_TOUR.knowledge._replace(exhibits=blank)))
-    played = on.play(CALM, durations=lambda service, fields: 3.0)
+    on = Stage(settings.defaults(),
+               [parse(M.format('<Sequence><RetrieveListOfExhibits/><SelectExhibit/>'
+                               '<DescribeExhibitSpeech name="1"/></Sequence>'))],
+               LAB_TOUR.world._replace(knowledge=LAB_TOUR.knowledge._replace(exhibits=blank)))
+    played = play(on, call_times=REAL)
     speech = of(LeafFinished, played)[-1]
     assert (speech.failure.cause.value, speech.seconds) == ("refused", pytest.approx(0.0, abs=0.01))
-    assert [line.objection for line in played.journal if line.call] == [None, "there is no text"]
+    assert [bool(line.objection) for line in played.journal
+            if line.call and line.time < played.ended] == [False, True]
 
 
 def test_a_call_that_takes_half_its_time_is_slow_until_one_is_in_time_again():
-    played = play(of_text(SAY), planned_faults=(PlannedFault("textToSpeech", 1, "unanswered"),), mission_runs=2)
-    assert changes_of_health(played) == [(30.0, "slow: no answer for 30 s"), (60.0, "answers in time again")]
+    played = play(of_text(SAY), planned_faults=(PlannedFault("textToSpeech", 1, "unanswered"), ),
+                  mission_runs=2)
+    (began, slow), (ended, _) = changes_of_health(played)
+    assert (began, ended) == (30.0, 60.0) and slow.startswith("slow") and " 30 s" in slow
 
 
 def test_a_call_that_was_answered_is_neither_slow_nor_failing():
-    played = play(of_text(M.format('<Sequence>{}<Sleep msec="100000"/></Sequence>'.format("<WelcomeSpeech/>" * 3))))
+    played = play(
+        of_text(
+            M.format('<Sequence>{}<Sleep msec="100000"/></Sequence>'.format("<WelcomeSpeech/>" *
+                                                                            3))))
     assert played.exit_code == 0 and changes_of_health(played) == []
 
 
 def test_a_node_that_has_crashed_is_not_reachable_until_it_is_back():
-    played = play(of_text(M.format('<Sequence>{}<Sleep msec="2000"/><WelcomeSpeech/><Sleep msec="200"/></Sequence>'.format(
-        "<ForceSuccess><WelcomeSpeech/></ForceSuccess>" * 2))), planned_faults=(PlannedFault("textToSpeech", 1, "crash"),))
+    played = play(
+        of_text(
+            M.format(
+                '<Sequence>{}<Sleep msec="2000"/><WelcomeSpeech/><Sleep msec="200"/></Sequence>'.
+                format("<ForceSuccess><WelcomeSpeech/></ForceSuccess>" * 2))),
+        planned_faults=(PlannedFault("textToSpeech", 1, "crash"), ))
     causes = [event.failure and event.failure.cause.value for event in of(LeafFinished, played)]
     assert causes == ["connection-lost", "not-reachable", None]
-    assert changes_of_health(played) == [(0.1, "gone: not reachable: connection refused"), (2.1, "available again")]
+    assert changes_of_health(played) == [(0.1, "gone: not reachable: connection refused"),
+                                         (2.1, "available again")]
 
 
 def test_a_node_that_has_crashed_is_away_until_it_is_back():
     played = play(planned_faults=(PlannedFault("robotNavigation", 1, "crash"),))
-    told = [(event.is_well, event.status) for event in of(HealthChanged, played) if event.node == "robotNavigation"]
+    told = [(event.is_well, event.status) for event in of(HealthChanged, played)
+            if event.node == "robotNavigation"]
     assert [is_well for is_well, _ in told] == [False, True]
     recovered = of(Recovered, played)
-    assert [(event.node, event.outcome, event.attempts) for event in recovered] == [("Navigate", "done", 1)]
+    assert [(event.node, event.outcome, event.attempts)
+            for event in recovered] == [("Navigate", "done", 1)]
     assert played.exit_code == 0
 
 
@@ -118,7 +145,8 @@ def test_the_topic_of_a_node_that_has_crashed_is_silent_meanwhile():
     played = play(planned_faults=(PlannedFault("overtAttention", 2, "crash"),))
     said = [line.time for line in played.journal if line.node == "overtAttention" and not line.call]
     crashed = [line.time for line in played.journal if line.fault == "crash"][0]
-    assert min(at for at in said if at > crashed) == pytest.approx(crashed + stage.AWAY, abs=0.1)
+    assert min(at for at in said if at > crashed) == pytest.approx(crashed + virtual_robot.AWAY,
+                                                                   abs=0.1)
 
 
 def test_the_faults_are_those_that_the_simulated_nodes_draw():
@@ -136,7 +164,8 @@ def test_the_faults_are_those_that_the_simulated_nodes_draw():
 def test_messages_come_at_the_times_that_the_simulated_nodes_draw():
     played = play(visitor_behaviour="silent", arrival_rate=60.0, random_seed=3)
     first = [line.time for line in played.journal if line.node == "faceDetection"][0]
-    assert first == pytest.approx(next(Arrivals(60.0, "3/faceDetection/arrivals").times(START)), abs=1e-3)
+    assert first == pytest.approx(next(Arrivals(60.0, "3/faceDetection/arrivals").times(START)),
+                                  abs=1e-3)
     published = list(islice(Arrivals(60.0, "3/overtAttention/arrivals").times(START), 200))
     for line in played.journal:
         if line.node == "overtAttention" and not line.call:
@@ -147,7 +176,8 @@ def test_a_mission_that_does_not_end_is_cut_off_and_says_where_it_waits():
     played = play(silent={"/faceDetection/data"}, test_timeout=100.0)
     assert played.exit_code is None and played.seconds == pytest.approx(100.0, abs=1.0)
     assert played.cut_off == "the mission did not end within 100 s"
-    assert 1 in played.reached and set(played.waiting) <= played.reached  # though they have not ended
+    # though they have not ended
+    assert 1 in played.reached and set(played.waiting) <= played.reached
     assert [LAB_TOUR.mission.tree.nodes[uid - 1].name for uid in played.waiting] == ["ForEver"]
     assert not judge(facts(played)).passed
 
@@ -158,17 +188,22 @@ def test_a_mission_that_ends_with_its_time_was_in_time():
 
 def test_a_mission_that_changes_something_at_every_tick_is_ticked_four_times_a_second():
     loop = '<KeepRunningUntilFailure><Script code="x := 1"/></KeepRunningUntilFailure>'
-    ticks = [line["at"] for line in play(of_text(M.format(loop)), test_timeout=60.0).record() if line["event"] == "Tick"]
+    ticks = [
+        event.at for _, event in play(of_text(M.format(loop)), test_timeout=60.0).events
+        if isinstance(event, Tick)
+    ]
     assert ticks[-1] - ticks[-21] == pytest.approx(5.0)
 
 
 def test_a_mission_that_busy_loops_is_cut_off():
     played = play(of_text(M.format('<Repeat num_cycles="-1"><AlwaysSuccess/></Repeat>')))
-    assert (played.exit_code, played.cut_off, played.seconds) == (None, "the mission busy-loops", 0.0)
+    assert (played.exit_code, played.cut_off, played.seconds) == (None, "the mission busy-loops",
+                                                                  0.0)
 
 
 def test_a_service_that_the_robot_lacks_is_done_or_not_advertised():
-    release = Stage(settings.defaults(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour"))
+    release = Stage(
+        settings.defaults(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour"))
     played = play(release, absent_services=("/robotLocalization/set_pose",))
     assert played.exit_code == 0
     assert not [line for line in played.journal if line.resource == "/robotLocalization/set_pose"]
@@ -177,51 +212,91 @@ def test_a_service_that_the_robot_lacks_is_done_or_not_advertised():
 @pytest.mark.parametrize("body, absent, cause", [
     ("<SetSpeechEvent name='enabled'/>", "/speechEvent/set_enabled", None),
     ("<PressYesNoDialogue/>", "/tabletEvent/prompt_and_get_response", "not-advertised")])
-def test_a_leaf_without_its_service_succeeds_unless_the_mission_needs_an_answer(body, absent, cause):
+def test_a_leaf_without_its_service_succeeds_unless_the_mission_needs_an_answer(
+        body, absent, cause):
     played = play(of_text(M.format(body), robotInterface="release-1.0"), absent_services=(absent,))
     ended, = of(LeafFinished, played)
-    assert (ended.failure and ended.failure.cause.value, ended.seconds) == (cause, pytest.approx(0.0, abs=0.01))
+    assert (ended.failure and
+            ended.failure.cause.value, ended.seconds) == (cause, pytest.approx(0.0, abs=0.01))
 
 
 def test_a_visitor_is_present_from_the_first_request_to_the_drive_home():
     played = play()
     home = LAB_TOUR.knowledge.home.location
-    requests = [line for line in played.journal if line.call]
-    left, = [line.time for line in requests if line.content.get("goal_x") == home.x and line.content["goal_y"] == home.y]
+    requests = [line for line in played.journal if line.call and line.time < played.ended]
+    left, = [
+        line.time for line in requests
+        if line.content.get("goal_x") == home.x and line.content["goal_y"] == home.y
+    ]
     assert played.presence == [(requests[0].time, True), (left, False)]
     assert [at for at, _ in played.asked] == sorted(at for at, _ in played.asked)
-    assert [type(request) for _, request in played.asked] == [service_of(line).request for line in requests]
+    assert [type(request)
+            for _, request in played.asked] == [service_of(line).request for line in requests]
 
 
 def service_of(line):
-    return next(service for service in LAB_TOUR.settings.interface.services if service.name == line.resource)
+    return next(service for service in LAB_TOUR.settings.interface.services
+                if service.name == line.resource)
 
 
 @pytest.mark.parametrize("recognise_by", ("topic", "action"))
 def test_a_robot_of_release_1_0_hears_by_topic_and_by_action(recognise_by):
-    release = Stage(settings.defaults(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour"))
+    release = Stage(
+        settings.defaults(robotInterface="release-1.0", scenarioSpecification="release_1_0_tour"))
     played = play(release, recognise_by=recognise_by, arrival_rate=120.0)
     assert played.exit_code == 0
-    said = {line.resource for line in played.journal if line.node == "speechEvent" and not line.call}
-    assert said == {"/speechEvent/text" if recognise_by == "topic" else "/speechEvent/recognise_speech_action"}
+    said = {
+        line.resource for line in played.journal if line.node == "speechEvent" and not line.call
+    }
+    assert said == {
+        "/speechEvent/text" if recognise_by == "topic" else "/speechEvent/recognise_speech_action"
+    }
 
 
 def test_an_exception_in_a_leaf_ends_the_pass(monkeypatch):
-    monkeypatch.setattr(stage._Gateway, "start", lambda self, request: 1 / 0)
+    start = virtual_robot.VirtualGateway.start
+    monkeypatch.setattr(
+        virtual_robot.VirtualGateway, "start", lambda self, request: 1 / 0
+        if isinstance(request, Say) else start(self, request))
     played = play(of_text(SAY))
     assert [event.exit_code for event in of(RunFinished, played)] == [played.exit_code] == [3]
-    assert "ZeroDivisionError" in [event.text for event in of(Noticed, played) if event.level == "error"][0]
+    assert "ZeroDivisionError" in [
+        event.text for event in of(Noticed, played) if event.level == "error"
+    ][0]
+
+
+def test_a_run_that_ends_by_itself_asks_for_the_safe_state_which_is_not_the_missions():
+    played = play(of_text(SAY))
+    last = [(line.resource, line.content["state"]) for line in played.journal
+            if line.call and line.time > played.ended]
+    assert sorted(last) == [("/animateBehaviour/set_activation", "disabled"),
+                            ("/overtAttention/set_mode", "disabled")]
+    assert [type(request) for _, request in played.asked] == [Say]
+
+
+def test_a_pass_that_gives_up_with_its_node_gone_waits_for_it():
+    body = '<Sequence><LookUpHome/><Navigate/></Sequence>'
+    on = of_text(M.format(body))
+    played = play(on, planned_faults=(PlannedFault("robotNavigation", 1, "crash"), ),
+                  mission_runs=2)
+    crashed, = [line.time for line in played.journal if line.fault == "crash"]
+    second = [at for at, event in played.events if isinstance(event, PassStarted)][1]
+    assert [event.awaited for event in of(Paused, played)] == ["/robotNavigation"]
+    assert second == pytest.approx(crashed + virtual_robot.AWAY + virtual_robot.NOTICED,
+                                   abs=0.01) and played.exit_code == 0
+    assert judge(facts(played, runs=2, on=on)).passed
 
 
 def test_an_exception_beside_the_leaves_ends_the_mission(monkeypatch):
-    monkeypatch.setattr(stage.Health, "publish", lambda self, events: 1 / 0)
+    monkeypatch.setattr(virtual_robot.Health, "publish", lambda self, events: 1 / 0)
     played = play(of_text(SAY))
     assert (played.exit_code, played.error) == (4, "ZeroDivisionError: division by zero")
 
 
 def test_the_record_is_what_a_record_holds():
-    record = play().record()
-    assert [line["event"] for line in record[:2]] == ["TreeShown", "RunStarted"] and record[-1]["event"] == "RunFinished"
-    assert [1, "R"] in [line["changes"] for line in record if line["event"] == "Tick"][0]
-    failed = [line for line in record if line["event"] == "LeafFinished" and line["failure"]][0]
-    assert failed["failure"]["cause"] == "condition-false" and math.isfinite(failed["time"])
+    run = play().run()
+    assert [type(line.event) for line in run.lines[:2]] == [TreeShown, RunStarted]
+    assert (1, "R") in next(line.event for line in run.lines
+                            if isinstance(line.event, Tick)).changes
+    assert run.failures[0].is_false_condition and math.isfinite(
+        run.failures[0].at) and run.state.finished is not None

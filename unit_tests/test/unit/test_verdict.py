@@ -1,729 +1,581 @@
-"""Tests of the verdict: what passes, and every way in which a test must fail."""
+"""Tests of the verdict: sound tests pass, and what is changed in a record or a journal is objected
+to."""
+import dataclasses
 from xml.etree import ElementTree
 
 import pytest
+from msgspec.structs import replace
 
-from behavior_controller.interface.records import Exhibit, Location, Point
-from behavior_controller.interface.robots import INTERFACES
+from behavior_controller.config import settings
+from behavior_controller.execution.events import (
+    Answered, Asked, EntriesWritten, HealthChanged, LeafFinished, Line, Lost, Message, Noticed,
+    PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
+    SafeStateReported, StepStarted, StopChanged, Tick, TreeShown)
+from behavior_controller.execution.run import Run
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import Answer, GoTo, Say
+from behavior_controller.text import Source
 
-from unit_tests.exhibits import Knowledge
-from unit_tests.facts import Facts
-from unit_tests.journal import Line
-from unit_tests.junit import to_xml
-from unit_tests.rehearsal import Rehearsal
-from unit_tests.report import failure_lines, summary_lines
-from unit_tests.verdict import QUESTIONS, judge
+from unit_tests.judge.junit import to_xml
+from unit_tests.judge.verdict import QUESTIONS, judge
+from unit_tests.rehearsal.play import CALM, TIMED_OUT
 
-SAY, GO, ATTEND = "/textToSpeech/say_text", "/robotNavigation/set_goal", "/overtAttention/set_mode"
-ANIMATE = "/animateBehaviour/set_activation"
+from plays import calls, changed, facts, of_test_with, stage
 
-
-def place(name, x):
-    return Exhibit(name, name + " one", name + " two", Location(x, 0.0, 0.0), Point(x, 1.0, 1.0))
-
-
-EXHIBITS = (place("Arm", 1.0), place("Base", 2.0), place("Desk", 3.0))
-KNOWLEDGE = Knowledge(EXHIBITS, place("Door", 4.0), place("Home", 0.0))
-TOUR_LEAVES = ("RetrieveListOfExhibits", "SelectExhibit", "Navigate", "IsYesNoUttered")
+REFUSED = "textToSpeech:2"
 
 
-class Story:
-    """A test as it happened, told step by step, a second each."""
-
-    def __init__(self, behaviour="engages", leaves=TOUR_LEAVES, runs=1):
-        self.now, self.passes, self.exit_code, self.cut_off = 100.0, 0, None, ""
-        self.behaviour, self.runs = behaviour, runs
-        self.journal, self.calls = [], {}
-        self.events = [self.event("RunStarted", mission="lab_tour.xml", leaves=[["p", leaf] for leaf in leaves])]
-
-    def event(self, kind, **fields):
-        self.now += 1.0
-        return dict(fields, event=kind, time=self.now)
-
-    def record(self, kind, **fields):
-        self.events.append(self.event(kind, **fields))
-
-    def call(self, node, resource, fault=None, objection=None, **content):
-        self.now += 1.0
-        self.calls[node] = self.calls.get(node, 0) + 1
-        self.journal.append(Line(self.now, node, resource, self.calls[node], content, fault, objection))
-
-    def say(self, text, fault=None):
-        self.call("textToSpeech", SAY, fault, message=text)
-
-    def go(self, x, fault=None):
-        self.call("robotNavigation", GO, fault, goal_x=x, goal_y=0.0, goal_theta=0.0)
-
-    def failed(self, node, resource, cause, message="-", path=None, status="FAILURE"):
-        self.record("LeafFinished", uid=1, node=node, path=path or node, status=status, resource=resource, seconds=0.1,
-                    failure={"cause": cause, "message": message, "resource": resource} if status == "FAILURE" else None)
-
-    def retried(self, node, resource, cause="refused", path=None):
-        self.record("Retried", node=node, path=path or node, attempt=1,
-                    failure={"cause": cause, "message": "-", "resource": resource})
-
-    def done(self, node, resource=""):
-        self.record("LeafFinished", uid=1, node=node, path=node, status="SUCCESS", resource=resource, seconds=0.1,
-                    failure=None)
-
-    def recovered(self, node, resource, attempts, success=True, cause="refused", path=None, policy="retry"):
-        self.record("Recovered", node=node, path=path or node, policy=policy, attempts=attempts, success=success,
-                    outcome="done" if success else "given up",
-                    failure={"cause": cause, "message": "-", "resource": resource})
-
-    def handled(self, node, resource, outcome, cause="refused", uid=2, seconds=0.5, path="HandleFallBack"):
-        """End a recovery and the HandleFallBack that made it."""
-        is_done = outcome != "given up"
-        self.recovered(node, resource, 0, is_done, cause)
-        self.events[-1]["outcome"] = outcome
-        self.record("LeafFinished", uid=uid, node="HandleFallBack", path=path, resource="", seconds=seconds,
-                    status="SUCCESS" if is_done else "FAILURE", failure=None if is_done else self.events[-1]["failure"])
-
-    def choose(self):
-        self.record("LeafFinished", uid=3, node="SelectExhibit", path="SelectExhibit", status="SUCCESS", resource="",
-                    seconds=0.0, failure=None)
-
-    def visit(self, exhibit, described=True):
-        self.go(exhibit.location.x)
-        if described:
-            self.say(exhibit.description1)
-            self.say(exhibit.description2)
-
-    def tour(self, described=3):
-        for index, exhibit in enumerate(KNOWLEDGE.exhibits):
-            self.visit(exhibit, index < described)
-
-    def end_pass(self, outcome="SUCCESS"):
-        self.passes += 1
-        self.record("PassFinished", number=self.passes, outcome=outcome, seconds=1.0)
-
-    def end(self, exit_code=0):
-        self.exit_code = exit_code
-        self.record("RunFinished", outcome="all passes are done", exit_code=exit_code)
-
-    def facts(self):
-        return Facts(self.events, self.journal, self.exit_code, self.behaviour, self.runs, KNOWLEDGE, self.cut_off)
-
-    def objections(self):
-        return list(judge(self.facts()).objections)
+def objections(of_test):
+    return judge(of_test).objections
 
 
-def finished(story, outcome="SUCCESS"):
-    story.end_pass(outcome)
-    story.end(0 if outcome == "SUCCESS" else 3)
-    return story
+def assert_objects(of_test, *words):
+    """Expect an objection with all of these words, whatever else is wrong then."""
+    assert any(all(word in text for word in words) for text in objections(of_test)), objections(
+        of_test)
 
 
-# -------------------------------------------------------------------------------------------------------------- passes
+# -------------------------------------------------------------------------------------- what passes
 
 
-def test_a_tour_of_all_exhibits_passes():
-    story = Story()
-    story.tour()
-    story.journal.append(Line(story.now, "speechEvent", "/speechEvent/text", 0, {"data": "What a bright room"}))
-    verdict = judge(finished(story).facts())
+@pytest.mark.parametrize("behaviour, outcome", [
+    ("engages", "SUCCESS"), ("leaves", "FAILURE"), ("declines", "SUCCESS"), ("silent", "SUCCESS"),
+    ("unclear", "SUCCESS"), ("noGaze", "FAILURE")])
+def test_a_sound_tour_passes_with_each_visitor(behaviour, outcome):
+    of_test = facts(visitor_behaviour=behaviour)
+    verdict = judge(of_test)
     assert verdict.passed
-    assert str(verdict) == ("PASSED: 1 pass ended as a visitor who engages should; "
-                            "0 of 9 calls were made to fail, and all of these are on record")
+    assert [visit.outcome for visit in of_test.run.visits] == [outcome]
+    assert ("ended early, as it had to: " in str(verdict)) is (outcome == "FAILURE")
 
 
-@pytest.mark.parametrize("behaviour", ("declines", "silent"))
-def test_no_tour_passes_when_nobody_wants_one(behaviour):
-    story = Story(behaviour)
-    story.say("Maybe another time")
-    assert finished(story).objections() == []
+def test_a_test_that_passes_says_how_many_calls_were_made_to_fail():
+    verdict = judge(facts([REFUSED, "robotNavigation:1:exception"]))
+    assert verdict.passed and ": 1 pass ended" in str(verdict) and " 2 of " in str(verdict)
 
 
-GAZING = TOUR_LEAVES + ("IsMutualGazeDiscovered",)
+def test_a_mission_that_gives_up_ends_as_it_had_to():
+    of_test = facts(["robotNavigation:{}".format(call) for call in (1, 2, 3)])
+    assert [visit.outcome for visit in of_test.run.visits] == ["FAILURE"]
+    assert judge(of_test).passed
 
 
-def test_who_leaves_breaks_the_tour_off():
-    story = Story("leaves", leaves=GAZING)
-    story.tour(described=2)
-    assert finished(story, "FAILURE").objections() == []
+@pytest.mark.parametrize("kind", ["refused", "exception", "unanswered", "crash", "wrong"])
+def test_each_kind_of_fault_has_its_cause(kind):
+    assert objections(facts(["gestureExecution:1:" + kind, "knowledgeBase:1:" + kind])) == ()
 
 
-def test_who_leaves_is_not_told_goodbye():
-    story = Story("leaves", leaves=GAZING)
-    story.tour(described=2)
-    story.done("SayGoodByeSpeech", SAY)
-    assert finished(story, "FAILURE").objections() == [
-        "pass 1: the visitor had left, and the robot went on to SayGoodByeSpeech"]
+def test_no_message_ever_comes_to_a_mission_that_waits_for_its_visitor():
+    on = stage()
+    played = on.play(dataclasses.replace(CALM, test_timeout=1000.0), ["/faceDetection/data"])
+    of_test = facts()._replace(run=played.run(), journal=played.journal, exit_code=None,
+                               cut_off=TIMED_OUT.format(1000))
+    verdict = judge(of_test)
+    assert verdict.passed and "PASSED: no pass ended; " in str(verdict)
+    assert "never came" in str(verdict)
+    short = TIMED_OUT.format(100)
+    played = on.play(dataclasses.replace(CALM, test_timeout=100.0), ["/faceDetection/data"])
+    assert objections(
+        of_test._replace(run=played.run(), journal=played.journal,
+                         cut_off=short)) == (short + "; KeepRunningUntilFailure ForEver goes on", )
 
 
-def test_a_tour_without_its_visitor_is_no_success():
-    story = Story("leaves", leaves=GAZING)
-    story.tour(described=2)
-    assert finished(story).objections()[0].startswith(
-        "pass 1 ended with SUCCESS; a visitor who leaves should bring FAILURE")
+# ------------------------------------------------------------------------------------ start and end
 
 
-def test_every_pass_is_judged_for_itself():
-    story = Story(runs=2)
-    story.tour()
-    story.end_pass()
-    story.visit(KNOWLEDGE.exhibits[0])
-    assert finished(story).objections() == ["pass 2: the robot did not get to exhibit Base",
-                                            "pass 2: the robot did not get to exhibit Desk"]
+def test_a_controller_that_did_not_start():
+    empty = facts()._replace(run=Run(), journal=[], exit_code=2)
+    assert [
+        text for text in objections(empty) if "exit code 2" in text and "before it started" in text
+    ]
+    why = ("missing: /x, offered by nobody", "nothing was started")
+    assert objections(empty._replace(errors=why))[1:] == why
+    late = "the controller did not start its mission within 60 s"
+    assert objections(empty._replace(exit_code=None, cut_off=late)) == (late,)
+    assert objections(facts()._replace(errors=why)) == ()
 
 
-@pytest.mark.parametrize("node", ("robotNavigation", "textToSpeech", "knowledgeBase", "overtAttention"))
-def test_what_a_real_node_was_asked_is_not_judged(node):
-    story = finished(Story())
-    verdict = judge(story.facts()._replace(real=frozenset([node])))
-    assert verdict.passed and "not judged: " + node in str(verdict)
+@pytest.mark.parametrize("exit_code, words", [(3, ("exit code 3", "announced exit code 0")),
+                                              (-11, ("signal 11",))])
+def test_an_exit_code_that_was_not_announced(exit_code, words):
+    assert_objects(facts()._replace(exit_code=exit_code), *words)
 
 
-def test_the_failures_of_a_real_node_are_its_own():
-    story = Story(leaves=("WelcomeSpeech",))
-    story.failed("WelcomeSpeech", SAY, "refused")
-    facts = finished(story).facts()
-    assert judge(facts._replace(real=frozenset(["textToSpeech"]))).passed
-    assert not judge(facts._replace(real=frozenset(["robotNavigation"]))).passed
+def test_a_wrong_exit_code():
+    def announce(line):
+        is_end = isinstance(line.event, RunFinished)
+        yield replace(line, event=replace(line.event, exit_code=3)) if is_end else line
+    assert_objects(changed(facts(), announce)._replace(exit_code=3), "SUCCESS", "exit code 3")
 
 
-def test_a_crash_excuses_what_fails_until_the_node_is_back():
-    story = Story(leaves=("WelcomeSpeech",))
-    story.say("Hello", "crash")
-    story.failed("WelcomeSpeech", SAY, "connection-lost")
-    for node, resource in (("overtAttention", ATTEND), ("animateBehavior", ANIMATE), ("knowledgeBase", "/knowledge")):
-        story.call(node, resource, state="-")
-    story.failed("FollowMeSpeech", SAY, "not-reachable")
-    assert finished(story).objections() == []
-    story = Story(leaves=("WelcomeSpeech",))
-    story.say("Hello", "crash")
-    story.failed("WelcomeSpeech", SAY, "connection-lost")
-    story.say("Follow me")
-    story.failed("FollowMeSpeech", SAY, "not-reachable")
-    assert len(finished(story).objections()) == 1
-
-
-def test_a_leaf_that_should_run_and_did_not_is_named():
-    story = Story(leaves=("WelcomeSpeech", "FollowMeSpeech"))
-    story.done("WelcomeSpeech", SAY)
-    facts = finished(story).facts()._replace(rehearsal=Rehearsal("SUCCESS", frozenset(["WelcomeSpeech", "p/Follow"]), (
-        frozenset(["WelcomeSpeech"]), frozenset(["p/Follow"]))))
-    assert judge(facts).objections == (
-        "the leaf p/Follow was not reached; a visitor who engages should bring the robot there",)
-    assert summary_lines(facts)[-3:] == [
-        "coverage: 0 of 1 leaves of the mission ran", "          1 of 2 that this visitor should bring about",
-        "          1 of 2 branches"]
-
-
-def test_the_verdict_as_junit_names_each_question_and_what_speaks_against_it():
-    story = Story(leaves=("WelcomeSpeech",))
-    story.failed("WelcomeSpeech", SAY, "refused")
-    suite = ElementTree.fromstring(to_xml(judge(finished(story).facts()), 12.5, "a title"))
-    assert (suite.get("tests"), suite.get("failures"), suite.get("time")) == (str(len(QUESTIONS)), "1", "12.500")
-    failed = [case.get("name") for case in suite.iter("testcase") if case.find("failure") is not None]
-    assert failed == ["the failures on record are those that were injected"]
-    assert "WelcomeSpeech failed" in suite.find("testcase/failure").get("message")
-    assert "a title" in suite.find("system-out").text
-
-
-def with_a_leaf_that_did_not_run(story):
-    """Return the facts of a mission whose second leaf should have run."""
-    story.done("WelcomeSpeech", SAY)
-    return finished(story).facts()._replace(
-        rehearsal=Rehearsal("SUCCESS", frozenset(["WelcomeSpeech", "p/Follow"]), ()))
-
-
-@pytest.mark.parametrize("was_done, number", ((True, 1), (False, 0)))
-def test_only_a_recovery_that_gave_up_excuses_a_leaf_that_did_not_run(was_done, number):
-    story = Story(leaves=("WelcomeSpeech", "FollowMeSpeech"))
-    story.say("Hello", "refused")
-    story.failed("WelcomeSpeech", SAY, "refused")
-    story.handled("WelcomeSpeech", SAY, "done" if was_done else "given up")
-    assert len(judge(with_a_leaf_that_did_not_run(story)).objections) == number
-
-
-def test_the_mission_that_counts_is_the_one_after_a_change():
-    story = Story("declines", leaves=("WelcomeSpeech",))
-    story.record("RunStarted", mission="lab_tour.xml", leaves=[["p", leaf] for leaf in TOUR_LEAVES])
-    story.go(1.0)
-    assert finished(story).objections() == ["pass 1: the robot was sent to 1 place without a visitor who wants a tour"]
-
-
-@pytest.mark.parametrize("leaves", [("WelcomeSpeech",), TOUR_LEAVES[1:], TOUR_LEAVES[:1] + TOUR_LEAVES[2:], TOUR_LEAVES[:2]])
-def test_a_mission_without_a_tour_needs_no_exhibits(leaves):
-    assert finished(Story(leaves=leaves)).objections() == []
-
-
-def test_who_follows_to_two_exhibits_sees_all_of_a_building_with_two():
-    story = Story("leaves", leaves=GAZING)
-    story.tour()
-    facts = finished(story).facts()
-    assert judge(facts._replace(knowledge=KNOWLEDGE._replace(exhibits=EXHIBITS[:2]))).passed
-
-
-def test_a_mission_that_does_not_ask_gives_its_tour_to_everybody():
-    story = Story("silent", leaves=TOUR_LEAVES[:3])
-    story.tour()
-    assert finished(story).objections() == []
-
-
-# ----------------------------------------------------------------------------------------------------------- exhibits
-
-
-def test_an_exhibit_that_was_left_out_is_named():
-    story = Story()
-    story.visit(KNOWLEDGE.exhibits[0])
-    story.visit(KNOWLEDGE.exhibits[2])
-    assert finished(story).objections() == ["pass 1: the robot did not get to exhibit Base"]
-
-
-def test_a_drive_that_failed_does_not_count():
-    story = Story()
-    story.tour()
-    story.journal[0] = story.journal[0]._replace(fault="refused")
-    assert "pass 1: the robot did not get to exhibit Arm" in finished(story).objections()
-
-
-@pytest.mark.parametrize("behaviour", ("engages", "leaves"))
-def test_an_exhibit_that_was_not_described_to_a_visitor_is_named(behaviour):
-    story = Story(behaviour)
-    story.visit(KNOWLEDGE.exhibits[0])
-    story.visit(KNOWLEDGE.exhibits[1], described=False)
-    story.visit(KNOWLEDGE.exhibits[2])
-    objections = finished(story).objections()
-    assert [text.split(": ")[1] for text in objections] == ["exhibit Base was not described"]
-
-
-@pytest.mark.parametrize("second_try, number", (("refused", 0), (None, 1)))
-def test_an_exhibit_where_the_robot_was_not_let_seek_the_gaze_needs_no_description(second_try, number):
-    story = Story()
-    story.choose()
-    story.visit(KNOWLEDGE.exhibits[0], described=False)
-    story.call("overtAttention", ATTEND, "refused", state="seeking")
-    story.failed("SeekOvertAttentionMode", ATTEND, "refused")
-    story.call("overtAttention", ATTEND, second_try, state="seeking")
-    if second_try:
-        story.retried("SeekOvertAttentionMode", ATTEND)
-    story.handled("SeekOvertAttentionMode", ATTEND, "skipped" if second_try else "done")
-    if second_try:
-        story.failed("IsMutualGazeDiscovered", "/overtAttention/mode", "condition-false")
-        story.handled("IsMutualGazeDiscovered", "/overtAttention/mode", "skipped", "condition-false")
-    for exhibit in KNOWLEDGE.exhibits[1:]:
-        story.choose()
-        story.visit(exhibit)
-    assert len(finished(story).objections()) == number
-
-
-@pytest.mark.parametrize("behaviour", ("declines", "silent"))
-def test_a_tour_that_nobody_wanted_is_wrong(behaviour):
-    story = Story(behaviour)
-    story.go(1.0)
-    assert finished(story).objections() == ["pass 1: the robot was sent to 1 place without a visitor who wants a tour"]
-
-
-# ------------------------------------------------------------------------------------------------------ start and end
-
-
-def test_a_pass_may_fail_where_a_recovery_gave_up_and_only_there():
-    story = Story()
-    story.tour()
-    for call in range(3):
-        story.go(0.0, "refused")
-        (story.retried if call else story.failed)("Navigate", GO, "refused")
-    story.handled("Navigate", GO, "given up")
-    finished(story, "FAILURE")
-    assert story.objections() == []
-    assert "pass 1 ended with FAILURE, as it had to: Navigate was given up (refused)" in str(judge(story.facts()))
-    story.events = [event for event in story.events if event["event"] not in ("Recovered", "LeafFinished", "Retried")]
-    story.journal = [line._replace(fault=None) for line in story.journal]
-    assert story.objections() == ["pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (without a failure "
-                                  "of a mission node)"]
-
-
-def test_a_pass_that_failed_at_a_condition_names_it():
-    story = without_tour()
-    story.failed("IsMutualGazeDiscovered", "/overtAttention/mode", "condition-false", "no mutual gaze")
-    assert finished(story, "FAILURE").objections() == [
-        "pass 1 ended with FAILURE; a visitor who engages should bring SUCCESS (failed last: IsMutualGazeDiscovered: "
-        "no mutual gaze)"]
-
-
-def test_a_controller_that_never_started():
-    story = Story()
-    story.events, story.cut_off = [], "the controller did not start its mission within 60 s"
-    assert story.objections() == [story.cut_off]
-
-
-@pytest.mark.parametrize("exit_code, how", [
-    (2, "ended with exit code 2"), (0, "ended with exit code 0"), (-1, "was ended by signal 1")])
-def test_a_controller_that_refused_to_start(exit_code, how):
-    story = Story()
-    story.events, story.exit_code = [], exit_code
-    assert story.objections() == ["the controller {} before it started its mission".format(how)]
-
-
-def test_a_controller_that_crashed():
-    story = Story(runs=2)
-    story.tour()
-    story.end_pass()
-    story.exit_code = -11
-    assert story.objections() == ["the controller was ended by signal 11 in the middle of its mission, in pass 2"]
-
-
-def test_a_controller_that_never_ended():
-    story = Story()
-    story.cut_off = "the mission did not end within 900 s (testTimeout)"
-    assert story.objections() == [story.cut_off]
-
-
-def test_a_controller_that_ends_otherwise_than_it_said():
-    story = Story()
-    story.tour()
-    finished(story).exit_code = 1
-    assert story.objections() == ["the controller ended with exit code 1, but announced exit code 0"]
+def test_a_controller_that_died():
+    def cut(line):
+        return [] if isinstance(line.event, (PassFinished, RunFinished)) else [line]
+    assert_objects(changed(facts(), cut)._replace(exit_code=-9), "signal 9", "pass 1")
 
 
 def test_too_few_passes():
-    story = Story(runs=3)
-    story.tour()
-    assert finished(story).objections() == ["the controller made 1 pass instead of 3"]
+    assert_objects(of_test_with(facts(), mission_runs=2), "1 pass instead of 2")
 
 
-def test_a_request_that_a_node_objected_to():
-    story = Story(leaves=())
-    story.call("overtAttention", ATTEND, None, "state is 'sleeping'", state="sleeping")
-    story.failed("SocialOvertAttentionMode", ATTEND, "refused")
-    objections = finished(story).objections()
-    assert objections[0] == "/overtAttention/set_mode received a request that makes no sense: state is 'sleeping'"
-    assert len(objections) == 2  # it was not injected either
+def test_an_exception_of_the_controller_comes_first():
+    def raised(line):
+        yield line
+        if isinstance(line.event, RunFinished):
+            yield Line(line.time, Noticed("error", "ValueError in WelcomeSpeech"))
+    verdict = judge(changed(facts(), raised))
+    assert "ValueError in WelcomeSpeech" in verdict.objections[0]
 
-
-# ------------------------------------------------------------------------------------------------- injected = recorded
-
-
-def without_tour():
-    return Story(leaves=())
-
 
-def test_an_injected_failure_that_is_on_record_passes():
-    for fault, cause in (("refused", "refused"), ("exception", "exception"),
-                         ("unanswered", "no-answer")):
-        story = without_tour()
-        story.say("Hello", fault)
-        story.failed("WelcomeSpeech", SAY, cause)
-        assert finished(story).objections() == []
-
-
-def test_a_failure_that_was_not_injected():
-    story = without_tour()
-    story.say("Hello")
-    story.failed("WelcomeSpeech", SAY, "connection-lost", "the server hung up")
-    assert finished(story).objections() == [
-        "WelcomeSpeech failed and nothing was injected there: connection-lost: the server hung up"]
-
-
-def test_a_failure_of_another_service_than_the_injected_one():
-    story = without_tour()
-    story.say("Hello", "refused")
-    story.failed("Navigate", GO, "refused")
-    assert len(finished(story).objections()) == 2
-
-
-def test_a_failure_of_another_cause_than_the_injected_one():
-    story = without_tour()
-    story.say("Hello", "exception")
-    story.failed("WelcomeSpeech", SAY, "refused")
-    assert len(finished(story).objections()) == 2
-
-
-def test_a_failure_on_record_before_it_was_injected():
-    story = without_tour()
-    story.failed("WelcomeSpeech", SAY, "refused")
-    story.say("Hello", "refused")
-    assert len(finished(story).objections()) == 2
-
-
-def test_one_injected_failure_does_not_explain_two():
-    story = without_tour()
-    story.say("Hello", "refused")
-    story.failed("WelcomeSpeech", SAY, "refused")
-    story.failed("WelcomeSpeech", SAY, "refused", "again")
-    assert finished(story).objections() == ["WelcomeSpeech failed and nothing was injected there: refused: again"]
-
-
-def test_an_injected_failure_that_is_not_on_record():
-    story = without_tour()
-    story.say("Hello")
-    story.say("Hello", "refused")
-    story.done("WelcomeSpeech", SAY)
-    assert finished(story).objections() == [
-        "call 2 of /textToSpeech/say_text was made to fail (refused) and is not on record as a failure"]
-
-
-def test_failed_attempts_of_the_recovery_belong_to_it():
-    story = without_tour()
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    story.go(1.0, "refused")
-    story.retried("Navigate", GO)
-    story.go(1.0)
-    story.recovered("Navigate", GO, 2)
-    assert finished(story).objections() == []
-
-
-def test_a_failed_attempt_that_was_not_injected():
-    story = without_tour()
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    story.go(1.0)
-    story.retried("Navigate", GO)
-    story.recovered("Navigate", GO, 2)
-    assert finished(story).objections() == ["Navigate failed and nothing was injected there: refused: -"]
-
-
-def test_more_failed_calls_than_the_recovery_made_attempts():
-    story = without_tour()
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    story.go(1.0, "refused")
-    story.retried("Navigate", GO)
-    story.go(1.0, "refused")
-    story.recovered("Navigate", GO, 1)
-    assert len(finished(story).objections()) == 1
-
-
-def test_a_recovery_does_not_cover_what_came_before_its_leaf_failed():
-    story = without_tour()
-    story.go(1.0, "refused")
-    story.done("Navigate", GO)
-    story.go(2.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    story.go(2.0)
-    story.recovered("Navigate", GO, 1)
-    assert finished(story).objections() == [
-        "call 1 of /robotNavigation/set_goal was made to fail (refused) and is not on record as a failure"]
-
-
-def test_the_failure_of_a_handlefallback_is_the_one_before():
-    story = without_tour()
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    story.recovered("Navigate", GO, 0, success=False)
-    story.failed("HandleFallBack", GO, "refused")
-    assert finished(story).objections() == []
-
-
-def test_the_safe_state_may_fail_when_a_recovery_gives_up():
-    story = without_tour()
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    story.call("overtAttention", ATTEND, "refused", state="disabled")
-    story.call("animateBehavior", ANIMATE, "refused", state="disabled")
-    story.recovered("Navigate", GO, 0, success=False)
-    assert finished(story).objections() == []
-
-
-def test_of_each_request_for_the_safe_state_one_may_fail_and_no_other_request():
-    story = without_tour()
-    story.call("overtAttention", ATTEND, "refused", state="seeking")
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    story.say("Hello", "refused")
-    for _ in range(2):
-        story.call("overtAttention", ATTEND, "refused", state="disabled")
-    story.recovered("Navigate", GO, 0, success=False)
-    assert [text.split(" was")[0] for text in finished(story).objections()] == [
-        "call 1 of " + ATTEND, "call 1 of " + SAY, "call 3 of " + ATTEND]
-
-
-def test_without_giving_up_there_is_no_safe_state():
-    story = without_tour()
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    story.call("overtAttention", ATTEND, "refused", state="disabled")
-    story.recovered("Navigate", GO, 0)
-    assert len(finished(story).objections()) == 1
-
-
-def test_the_answer_of_a_halted_leaf_is_lost():
-    story = without_tour()
-    story.say("Hello", "unanswered")
-    story.failed("WelcomeSpeech", SAY, "", status="IDLE")
-    assert finished(story).objections() == []
-
-
-def test_of_a_halted_leaf_one_answer_is_lost():
-    story = without_tour()
-    story.say("Hello", "unanswered")
-    story.say("Hello", "unanswered")
-    story.failed("WelcomeSpeech", SAY, "", status="IDLE")
-    assert [text[:7] for text in finished(story).objections()] == ["call 2 "]
-
-
-def test_the_answers_that_a_halted_recovery_waited_for_are_lost():
-    story = without_tour()
-    story.say("Hello", "refused")  # of another leaf, which says nothing of it
-    story.go(1.0, "refused")
-    story.failed("Navigate", GO, "refused")
-    for _ in range(2):
-        story.go(1.0, "unanswered")
-        story.call("overtAttention", ATTEND, "unanswered", state="disabled")
-    story.record("LeafFinished", uid=2, node="HandleFallBack", path="-", status="IDLE", resource="", seconds=5.5, failure=None)
-    assert [text.split(" was")[0] for text in finished(story).objections()] == [
-        "call 1 of " + SAY, "call 3 of " + GO, "call 2 of " + ATTEND]
-
-
-@pytest.mark.parametrize("seconds, left", [(0.5, [1, 2]), (2.5, [1, 3]), (3.5, [2, 3])])
-def test_a_failure_comes_from_the_first_fault_while_its_leaf_ran_or_from_the_newest_before(seconds, left):
-    story = without_tour()
-    for _ in range(3):
-        story.say("Hello", "refused")
-    story.failed("WelcomeSpeech", SAY, "refused")
-    story.events[-1]["seconds"] = seconds
-    assert [text.split(" was")[0] for text in finished(story).objections()] == [
-        "call {} of {}".format(call, SAY) for call in left]
-
-
-def test_conditions_that_are_false_need_no_injection():
-    story = without_tour()
-    story.failed("IsMutualGazeDiscovered", "/overtAttention/mode", "condition-false")
-    assert finished(story).objections() == []
-
-
-def test_only_a_silent_visitor_presses_nothing():
-    for behaviour, number in (("silent", 0), ("engages", 1)):
-        story = Story(behaviour, leaves=())
-        story.failed("PressYesNoDialogue", "/tabletEvent/prompt_and_get_response", "missing-data", "pressed nothing")
-        assert len(finished(story).objections()) == number
-
-
-PROMPT, SPEECH = "/tabletEvent/prompt_and_get_response", "/speechEvent/text"
-
-
-@pytest.mark.parametrize("node, resource, behaviour, real, is_wrong", [
-    ("PressYesNoDialogue", PROMPT, "silent", (), True), ("PressYesNoDialogue", PROMPT, "declines", (), False),
-    ("PressYesNoDialogue", PROMPT, "silent", ("tabletEvent",), False), ("WelcomeSpeech", SAY, "silent", (), False)])
-def test_what_a_silent_visitor_pressed_is_wrong(node, resource, behaviour, real, is_wrong):
-    story = Story(behaviour, leaves=())
-    story.done(node, resource)
-    assert list(judge(finished(story).facts()._replace(real=frozenset(real))).objections) == is_wrong * [
-        "PressYesNoDialogue ended with SUCCESS, and the visitor pressed nothing"]
-
-
-# ---------------------------------------------------------------------------------------------- a robot of release 1.0
-
-
-def of_release(story, **more):
-    return story.facts()._replace(interface=INTERFACES["release-1.0"], **more)
-
-
-@pytest.mark.parametrize("behaviour, fault, number", (
-    ("silent", None, 0), ("declines", None, 0), ("engages", None, 1), ("declines", "refused", 0),
-    ("declines", "exception", 2)))
-def test_a_refusal_of_a_tablet_that_does_not_tell_is_the_visitors_no(behaviour, fault, number):
-    story = Story(behaviour, leaves=())
-    story.call("tabletEvent", PROMPT, fault, message="'Yes'|'No'")
-    story.failed("PressYesNoDialogue", PROMPT, "refused")
-    assert len(judge(of_release(finished(story))).objections) == number
-
-
-def test_each_refusal_of_a_tablet_that_does_not_tell_is_judged_by_its_own_call():
-    story = Story("declines", leaves=())
-    for fault in ("refused", None):
-        story.call("tabletEvent", PROMPT, fault, message="'Yes'|'No'")
-        story.failed("PressYesNoDialogue", PROMPT, "refused")
-    assert judge(of_release(finished(story))).passed
-
-
-def test_a_refusal_of_a_tablet_that_tells_is_none():
-    story = Story("declines", leaves=())
-    story.call("tabletEvent", PROMPT, message="Yes|No")
-    story.failed("PressYesNoDialogue", PROMPT, "refused")
-    assert len(finished(story).objections()) == 1
-
-
-@pytest.mark.parametrize("behaviour, number", (("unclear", 0), ("engages", 1)))
-def test_only_of_an_unclear_visitor_the_recognition_tells_an_error(behaviour, number):
-    story = Story(behaviour, leaves=())
-    story.failed("GetVisitorResponse", SPEECH, "unusable-answer")
-    assert len(judge(of_release(finished(story))).objections) == number
-
-
-def test_with_a_node_all_of_its_services_crash():
-    story = Story(leaves=())
-    story.call("speechEvent", "/speechEvent/set_language", "crash", language="English")
-    story.failed("SetSpeechEvent", "/speechEvent/set_language", "connection-lost")
-    story.failed("SetSpeechEvent", "/speechEvent/set_enabled", "not-reachable")
-    assert judge(of_release(finished(story))).passed
-
-
-def test_a_service_that_the_robot_does_not_offer_fails_by_itself():
-    story = Story("engages", leaves=())
-    story.say("Hello")
-    story.failed("PressYesNoDialogue", PROMPT, "not-advertised")
-    facts = of_release(finished(story))
-    assert len(judge(facts).objections) == 1
-    assert judge(facts._replace(absent=frozenset({PROMPT}))).passed
-
-
-@pytest.mark.parametrize("settings, is_expected", (
-    ({"asrEnabled": False, "tabletSuccessIs": "done"}, False), ({"asrEnabled": False, "tabletSuccessIs": "yes"}, True),
-    ({"asrEnabled": True, "tabletSuccessIs": "done"}, True)))
-def test_no_tour_is_expected_where_no_yes_can_reach_the_robot(settings, is_expected):
-    story = Story()
-    story.events[0]["settings"] = settings
-    story.say("Maybe another time")
-    verdict = judge(of_release(finished(story)))
-    assert verdict.passed is not is_expected
-    assert ("no yes can reach the robot" in str(verdict)) is not is_expected
-
-
-@pytest.mark.parametrize("behaviour, objections", (("declines", 0), ("engages", 1)))
-def test_without_a_tour_the_mission_says_how_a_pass_ends(behaviour, objections):
-    facts = finished(Story(behaviour), "FAILURE").facts()
-    facts = facts._replace(rehearsal=Rehearsal("FAILURE", frozenset(), ()))
-    assert len(judge(facts).objections) == objections
-    assert len(judge(facts._replace(rehearsal=None)).objections) == 1
-
-
-def test_presence_tells_of_a_visitor_who_left_too():
-    story = Story("leaves", leaves=TOUR_LEAVES + ("IsVisitorPresent",))
-    story.tour(described=2)
-    assert judge(of_release(finished(story, "FAILURE"))).passed
-
-
-@pytest.mark.parametrize("number, is_farewell", (("7", True), ("3", False)))
-def test_a_text_may_be_a_goodbye(number, is_farewell):
-    story = Story("leaves", leaves=GAZING)
-    story.tour(described=2)
-    story.record("LeafFinished", uid=1, node="SayText", path="Tree::1/" + number, status="SUCCESS", resource=SAY,
-                 seconds=0.1, failure=None)
-    assert bool(judge(of_release(finished(story, "FAILURE"))).objections) is is_farewell
-
-
-def test_a_tour_may_end_where_it_began():
-    story = Story()
-    story.tour()
-    story.go(EXHIBITS[0].location.x)
-    assert finished(story).objections() == []
-
-
-def test_an_exhibit_without_a_text_needs_no_description():
-    story = Story()
-    places = tuple(place._replace(description2="") for place in EXHIBITS)
-    for place in places:
-        story.go(place.location.x)
-        story.say(place.description1)
-    facts = finished(story).facts()
-    assert judge(facts._replace(knowledge=KNOWLEDGE._replace(exhibits=places))).passed
-    assert not judge(facts).passed
-
-
-# -------------------------------------------------------------------------------------------------- what is unforeseen
-
-
-def test_what_the_verdict_does_not_know_changes_nothing():
-    story = Story()
-    story.events.append(dict(story.event("HealthChanged", name=SAY, node="textToSpeech", is_well=False, status="gone",
-                                         consequence="nothing is said"), kind="service"))
-    story.record("Tick", at=1.0, first=True, changes=[])
-    story.tour()
-    story.record("NotYetInvented")
-    facts = finished(story).facts()
-    assert judge(facts).passed
-    assert failure_lines(facts) == []
+def test_a_record_that_lacks_lines_cannot_be_judged():
+    def lost(line):
+        yield line
+        if isinstance(line.event, PassFinished):
+            yield Line(line.time, Lost(3))
+    assert_objects(changed(facts(), lost), "lacks 3 lines")
+
+
+def test_a_mission_that_cannot_be_built_again_is_not_passed():
+    def broken(line):
+        event = line.event
+        if hasattr(event, "sources"):
+            documents = (Source("mission.xml", "<root"),)
+            event = replace(event, sources=replace(event.sources, documents=documents))
+        yield replace(line, event=event)
+    assert not judge(changed(facts(), broken)).passed
+
+
+# --------------------------------------------------------------------- what the journal has to show
+
+
+REQUESTS = calls(facts())
+
+
+@pytest.mark.parametrize("line", [REQUESTS[at] for at in range(0, len(REQUESTS), 7)],
+                         ids=lambda line: "{}:{}".format(line.node, line.call))
+def test_each_request_has_its_witness(line):
+    of_test = facts()
+    others = [other for other in of_test.journal if other != line]
+    assert_objects(of_test._replace(journal=others), "never got the request")
+    twice = sorted(list(of_test.journal) + [line._replace(time=line.time + 0.001)])
+    assert_objects(of_test._replace(journal=twice), line.resource)
+    for field, value in line.content.items():
+        wrong = dict(line.content,
+                     **{field: value + value if isinstance(value, str) else value + 1})
+        lines = [other if other != line else line._replace(content=wrong)
+                 for other in of_test.journal]
+        assert_objects(of_test._replace(journal=lines), line.resource, " instead of ")
+
+
+def test_a_fault_that_the_record_does_not_have():
+    of_test = facts()
+    lines = [line._replace(fault="refused") if line.call == 1 and line.node == "textToSpeech" else
+             line for line in of_test.journal]
+    assert_objects(of_test._replace(journal=lines), "WelcomeSpeech", "made to fail (refused)",
+                   "an answer")
+
+
+def test_a_failure_without_a_fault():
+    of_test = facts([REFUSED])
+    lines = [line._replace(fault=None) for line in of_test.journal]
+    assert_objects(of_test._replace(journal=lines), "QueryTourSpeech", "carried out", "refused")
+
+
+def test_a_failure_of_another_cause_than_its_fault():
+    of_test = facts([REFUSED])
+    lines = [line._replace(fault=line.fault and "exception") for line in of_test.journal]
+    assert_objects(of_test._replace(journal=lines), "QueryTourSpeech", "(exception)", "refused")
+
+
+def test_a_request_that_makes_no_sense():
+    of_test = facts()
+    lines = [line._replace(objection="nonsense") if line == REQUESTS[0] else line
+             for line in of_test.journal]
+    assert_objects(of_test._replace(journal=lines), "makes no sense", "nonsense")
+
+
+def test_a_node_that_is_away_has_crashed():
+    of_test = facts(["animateBehavior:1:crash"])
+    assert judge(of_test).passed
+    lines = [line for line in of_test.journal if line.fault is None]
+    assert not judge(of_test._replace(journal=lines)).passed
+
+
+def test_a_message_that_nobody_published():
+    of_test = facts()
+    lines = [line for line in of_test.journal if line.call or line.node != "speechEvent"]
+    assert_objects(of_test._replace(journal=lines), "/speechEvent/text", "nobody published")
+
+
+def test_a_sign_that_was_not_seen():
+    of_test = facts(visitor_behaviour="noGaze")
+    seeking = next(line.time for line in calls(of_test) if line.content.get("state") == "seeking")
+    lines = [
+        line._replace(content={"state": "seeking", "value": 1})
+        if line.node == "overtAttention" and not line.call and line.time > seeking + 2 else line
+        for line in of_test.journal
+    ]
+    assert_objects(of_test._replace(journal=lines), "IsMutualGazeDiscovered did not see")
+
+
+def test_the_knowledge_is_that_which_was_served():
+    of_test = facts()
+    fewer = of_test.world.knowledge._replace(exhibits=of_test.world.knowledge.exhibits[1:])
+    assert_objects(of_test._replace(world=of_test.world._replace(knowledge=fewer)),
+                   "RetrieveListOfExhibits")
+
+
+def test_what_a_real_node_was_asked_has_the_record_as_its_only_witness():
+    of_test = facts()
+    lines = [line for line in of_test.journal if line.node != "textToSpeech"]
+    verdict = judge(of_test._replace(journal=lines, real=frozenset({"textToSpeech"})))
+    assert verdict.passed and "only witness: textToSpeech" in str(verdict)
+
+
+# ------------------------------------------------------------------- what the record has to show
+
+
+def first(kind, change, which=lambda event: True):
+    """Return a change of the first event of a kind that ``which`` holds for; None leaves it out."""
+    done = []
+
+    def apply(line):
+        if done or not isinstance(line.event, kind) or not which(line.event):
+            return [line]
+        done.append(line)
+        event = change(line.event)
+        return [] if event is None else [replace(line, event=event)]
+    return apply
+
+
+def is_request(kind):
+    return lambda event: isinstance(event.request, kind)
+
+
+def test_another_request_than_the_mission_has():
+    of_test = changed(facts(), first(
+        Asked, lambda event: replace(event, request=Say("Hello")), is_request(Say)))
+    assert_objects(of_test, "after EnableAnimateBehavior, WelcomeSpeech was due: saying “Hello, ",
+                   "what was asked: saying “Hello”")
+
+
+def test_a_request_that_was_not_made():
+    of_test = changed(facts(), first(Asked, lambda event: None, is_request(GoTo)))
+    assert_objects(of_test, "Navigate was due: driving to ")
+
+
+def test_a_request_too_many():
+    def twice(line):
+        yield line
+        if isinstance(line.event, Asked) and isinstance(line.event.request, GoTo):
+            yield replace(line, event=replace(line.event, call=line.event.call + 1000))
+    assert_objects(changed(facts(), twice), "while Navigate goes on, nothing more was due")
+
+
+@pytest.mark.parametrize("letters", [("S", "F"), ("F", "S")])
+def test_another_result_of_a_leaf(letters):
+    of_test = facts([REFUSED])
+    nodes = [node.type for node in of_test.run.state.nodes]
+    uid = nodes.index("QueryTourSpeech" if letters[0] == "F" else "WelcomeSpeech") + 1
+    of_test = changed(of_test, first(
+        Tick, lambda tick: replace(tick, changes=[
+            (number, letters[1] if number == uid else letter) for number, letter in tick.changes]),
+        lambda tick: (uid, letters[0]) in tick.changes))
+    assert_objects(of_test, nodes[uid - 1] + " had to be ")
+
+
+def test_an_entry_that_was_not_written():
+    of_test = changed(facts(), first(
+        EntriesWritten, lambda event: replace(event, entries=[
+            entry for entry in event.entries if entry[0] != "currentExhibit"]),
+        lambda event: "currentExhibit" in dict(event.entries)))
+    assert_objects(of_test, "SelectExhibit had to leave currentExhibit")
+
+
+@pytest.mark.parametrize("kind, words", [(LeafFinished, ("on record is nothing",)),
+                                         (Recovering, ("retry 1 of 1",)),
+                                         (Recovered, ("done after 1 retries",))])
+def test_what_is_not_reported(kind, words):
+    def is_meant(event):
+        return not isinstance(event, LeafFinished) or event.node == "QueryTourSpeech"
+    assert_objects(changed(facts([REFUSED]), first(kind, lambda event: None, is_meant)), *words)
+
+
+def again(event):
+    """Return a change by which the first such event is on record twice."""
+    return lambda line: [line, line] if line.event == event else [line]
+
+
+@pytest.mark.parametrize("kind, change, words", [
+    (LeafFinished, lambda event: replace(event, status="FAILURE"), "although it did not fail"),
+    (PassStarted, lambda event: None, "no pass had begun"),
+    (PassStarted, lambda event: replace(event, number=2), "pass 1 had to begin"),
+    (PassFinished, lambda event: replace(event, seconds=event.seconds + 5), "the pass took"),
+    (SafeStateReported, lambda event: None, "at the end what was reached of the safe state"),
+    (Retried, lambda event: None, "QueryTourSpeech (refused): failed too")])
+def test_what_the_record_says_otherwise(kind, change, words):
+    of_test = facts([REFUSED, "textToSpeech:3"])
+    assert judge(of_test).passed
+    assert_objects(changed(of_test, first(kind, change)), words)
+
+
+@pytest.mark.parametrize("kind, words",
+                         [(LeafFinished, "ended with SUCCESS; on record is SUCCESS, SUCCESS"),
+                          (Answered, "has an answer on record that nothing waits for"),
+                          (EntriesWritten, "are on record twice"),
+                          (Recovered, "on record is: QueryTourSpeech"),
+                          (PassStarted, "pass 1 had to end"),
+                          (RunFinished, "the safe state is due, once")])
+def test_what_is_on_record_twice(kind, words):
+    of_test = facts([REFUSED])
+    event = next(line.event for line in of_test.run.lines if isinstance(line.event, kind))
+    assert_objects(changed(of_test, again(event)), words)
+
+
+def test_a_safe_state_that_is_asked_for_twice():
+    def twice(line):
+        event = line.event
+        yield line
+        if isinstance(event, (Asked, Answered)) and event.call == last:
+            yield replace(line, event=replace(event, call=event.call + 1))
+    of_test = facts()
+    last = max(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked))
+    assert_objects(changed(of_test, twice), "the safe state is due, once")
+
+
+def test_a_deadline_is_kept():
+    of_test = facts(["gestureExecution:1:unanswered"])
+    assert judge(of_test).passed
+    call = next(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked)
+                and line.event.service == "/gestureExecution/perform_gesture")
+    early = changed(of_test, lambda line: [
+        Line(line.time - 5, line.event) if isinstance(line.event, Answered)
+        and line.event.call == call else line])
+    assert_objects(early, "waited for 10.0 s", "deadline is 15 s")
+
+
+def test_another_cause_than_that_of_the_answer():
+    other = Failure(Cause.NO_ANSWER, "-", "/textToSpeech/say_text")
+    of_test = changed(facts([REFUSED]), first(
+        LeafFinished, lambda event: replace(event, failure=other),
+        lambda event: event.node == "QueryTourSpeech"))
+    assert_objects(of_test, "QueryTourSpeech ended with refused; on record is no-answer")
+
+
+def test_an_answer_that_came_otherwise():
+    of_test = changed(facts(), first(Answered, lambda event: replace(event, result=Answer())
+                                     , lambda event: bool(getattr(event.result, "exhibits", ()))))
+    assert_objects(of_test, "RetrieveListOfExhibits")
+
+
+def later(seconds, kind, which=lambda event: True):
+    """Return a change by which all from the first such event on happens so many seconds later."""
+    begun = []
+
+    def apply(line):
+        if begun or isinstance(line.event, kind) and which(line.event):
+            begun.append(line)
+            event = line.event
+            if isinstance(event, Tick):
+                event = replace(event, at=event.at + seconds)
+            if isinstance(event, Message):
+                event = replace(event, arrived=event.arrived + seconds)
+            line = Line(line.time + seconds, event)
+        yield line
+    return apply
+
+
+@pytest.mark.parametrize("seconds, is_late", [(0.05, False), (0.3, True)])
+def test_a_retry_that_comes_late(seconds, is_late):
+    of_test = facts([REFUSED])
+    again = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)
+             and getattr(line.event.request, "text", "").startswith("Would you like")][1]
+    late = changed(of_test, later(seconds, Asked, lambda event: event == again))
+    retried = [text for text in objections(late) if "was tried again" in text]
+    assert bool(retried) is is_late and all("QueryTourSpeech" in text for text in retried)
+
+
+def test_a_pass_that_ends_otherwise_than_its_tree():
+    of_test = changed(facts(), first(PassFinished, lambda event: replace(event, outcome="FAILURE")))
+    assert_objects(of_test, "pass 1 ended with FAILURE; its tree ends with SUCCESS")
+
+
+@pytest.mark.parametrize("state", ["SetAttention", "SetAnimation"])
+def test_the_safe_state_at_the_end(state):
+    of_test = facts()
+    last = max(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked))
+    of_test = changed(of_test, first(
+        Asked, lambda event: None,
+        lambda event: event.call > last - 2 and type(event.request).__name__ == state))
+    assert_objects(of_test, "the safe state is due, once")
+
+
+def test_the_safe_state_is_reported_as_it_was_reached():
+    def failed(event):
+        part = replace(event.parts[0], failure=Failure(Cause.REFUSED, "-", event.parts[0].service))
+        return replace(event, parts=(part,) + event.parts[1:])
+
+    assert_objects(changed(facts(), first(SafeStateReported, failed)),
+                   "attention was reported as failed")
+
+
+def test_a_pass_that_begins_without_the_pause_after_a_spent_budget():
+    of_test = facts(failure_rate=0.5, mission_runs=5)
+    pause = next(line for line in of_test.run.lines if isinstance(line.event, Paused))
+    assert judge(of_test).passed
+
+    def at_once(line):
+        is_meant = isinstance(line.event, PassStarted) and line.time > pause.time
+        event = replace(line.event, at=line.event.at -
+                        pause.event.limit) if is_meant else line.event
+        return [replace(line, event=event)]
+    assert_objects(changed(of_test, at_once), "s too early")
+
+
+@pytest.mark.parametrize("kind, change, words", [
+    (RunStarted, lambda event: replace(event, settings=dict(event.settings, language="French")),
+     "has language French; it was given English"),
+    (RunStarted, lambda event: replace(event, sources=replace(
+        event.sources, policy=event.sources.policy._replace(text="budget 9 9"))),
+     "another recovery policy"),
+    (TreeShown, lambda event: replace(event, nodes=event.nodes[1:]), "the tree on record"),
+    (StepStarted, lambda event: None, "EnableAnimateBehavior begins; on record is"),
+    (StopChanged, lambda event: replace(event, name="?"), "SelectExhibit is at stop 1 of 5"),
+    (LeafFinished, lambda event: replace(event, node="Navigate"), "is not Navigate START_OF"),
+    (PassFinished, lambda event: replace(event, number=2), "pass 2 ended"),
+    (SafeStateReported, lambda event: replace(event, parts=event.parts[1:]), "is not reported"),
+    (Recovered, lambda event: replace(event, success=False), "on record its success is False"),
+    (RunFinished, lambda event: replace(event, outcome="stopped"), "at the end it was stopped")])
+def test_what_is_on_record_of_another_thing(kind, change, words):
+    assert_objects(changed(facts([REFUSED]), first(kind, change)), words)
+
+
+def at(event, seconds):
+    """Return a change by which an event is on record so many seconds later."""
+    return lambda line: [Line(line.time + seconds, line.event) if line.event is event else line]
+
+
+@pytest.mark.parametrize("kind, number, seconds, words", [
+    (PassStarted, 0, 5.0, "the first pass was due 5.0 s before"),
+    (Tick, 0, 5.0, "the first step of pass 1 was due"),
+    (PassFinished, 0, 5.0, "the end of the pass was due"),
+    (RunFinished, 0, 5.0, "the end of the run was due"),
+    (Asked, 20, -0.5, "0.5 s too early"), (Answered, 3, 2.0, "was waited for 2.0 s")])
+def test_what_comes_early_or_late(kind, number, seconds, words):
+    of_test = facts()
+    event = [line.event for line in of_test.run.lines if isinstance(line.event, kind)][number]
+    assert_objects(changed(of_test, at(event, seconds)), words)
+
+
+def test_a_timer_that_never_ends_is_no_wait_for_the_visitor():
+    of_test = facts(visitor_behaviour="silent")
+    lines = of_test.run.lines
+    gaps = [later.time - line.time for line, later in zip(lines, lines[1:])]
+    lines = lines[:gaps.index(max(gaps)) + 1]
+    journal = [line for line in of_test.journal if line.time < lines[-1].time + 1.0]
+    journal += [line._replace(time=line.time + 900) for line in journal if not line.call][-3:]
+    assert_objects(of_test._replace(run=Run(lines), journal=journal, exit_code=None,
+                                    cut_off=TIMED_OUT.format(2000)), "Sleep", " was due ")
+
+
+def test_a_service_that_was_there_is_not_taken_for_gone():
+    def taken(line):
+        yield line
+        if isinstance(line.event, PassStarted):
+            yield Line(line.time, HealthChanged("service", "/robotNavigation/set_goal",
+                                                "robotNavigation", False, "gone", "", "gone"))
+    assert_objects(changed(facts(), taken), "/robotNavigation/set_goal was taken for gone")
+
+
+def test_a_loss_that_nobody_noticed():
+    of_test = facts(["gestureExecution:1:crash"])
+    assert_objects(changed(of_test, lambda line: [] if isinstance(
+        line.event, HealthChanged) else [line]), "WelcomeGesture: ", "that was not noticed")
+
+
+def test_a_press_that_is_taken_for_another():
+    def other(event):
+        return replace(event, result=Answer(response="No"))
+    of_test = changed(facts(mission=(("asrEnabled", False),)), first(
+        Answered, other, lambda event: getattr(event.result, "response", "") == "Yes"))
+    assert_objects(of_test, "for PressYesNoDialogue was carried out")
+
+
+def test_a_sign_that_was_over_is_none():
+    of_test = facts()
+    seen = next(line.time for line in of_test.run.lines if isinstance(line.event, Message))
+    message = next(line for line in of_test.journal if line.node == "faceDetection")
+    nobody = message._replace(content={"face_label_id": [], "mutualGaze": []})
+    lines = [line for line in of_test.journal if line.node != "faceDetection"]
+    lines += [message._replace(time=seen - 1.9), nobody._replace(time=seen - 1.5)]
+    older = changed(of_test, first(
+        Message, lambda event: replace(event, arrived=event.arrived - 1.9)))
+    assert_objects(older._replace(journal=sorted(lines, key=lambda line: line.time)),
+                   "IsVisitorDiscovered held, 1.5 s after ")
+
+
+def test_a_safe_state_that_was_never_sent():
+    of_test = facts()
+    last = max(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked))
+
+    def unsent(line):
+        event = line.event
+        if isinstance(event, Answered) and event.call == last:
+            return []
+        if isinstance(event, SafeStateReported):
+            failed = Failure(Cause.NO_ANSWER, "-", event.parts[1].service)
+            parts = (event.parts[0], replace(event.parts[1], failure=failed))
+            return [Line(line.time + 1.0, replace(event, parts=parts, seconds=1.0))]
+        return [Line(line.time + 1.0, event)] if isinstance(event, RunFinished) else [line]
+    journal = [line for line in of_test.journal if line != calls(of_test)[-1]]
+    assert_objects(changed(of_test, unsent)._replace(journal=journal), "never got the request")
+
+
+def test_a_request_that_is_not_on_record_is_placed():
+    of_test = facts()
+    line = calls(of_test, "textToSpeech")[0]
+    more = line._replace(time=line.time + 0.002, content={"message": "Psst"})
+    assert_objects(of_test._replace(journal=sorted(list(of_test.journal) + [more])),
+                   "after WelcomeSpeech", "Psst", "no such request is on record")
+
+
+# --------------------------------------------------------------------------- a robot of release 1.0
+
+
+RELEASE = {"robotInterface": "release-1.0", "scenarioSpecification": "release_1_0_tour"}
+
+
+@pytest.mark.parametrize("chosen", [
+    {"asrEnabled": True}, {"asrEnabled": False, "tabletSuccessIs": "yes"},
+    {"asrEnabled": False, "tabletSuccessIs": "done"}])
+@pytest.mark.parametrize("behaviour", ["engages", "declines", "silent"])
+def test_a_tour_of_release_1_0_passes(chosen, behaviour):
+    assert objections(facts(mission=tuple(dict(RELEASE, **chosen).items()),
+                            visitor_behaviour=behaviour)) == ()
+
+
+def test_a_service_that_the_robot_does_not_offer():
+    prompt = "/tabletEvent/prompt_and_get_response"
+    mission = tuple(dict(RELEASE, asrEnabled=False).items())
+    of_test = facts(mission=mission, absent_services=(prompt,))
+    assert judge(of_test).passed
+    assert not judge(of_test_with(of_test, absent_services=())).passed
+
+
+# ----------------------------------------------------------------------------------------- the rest
+
+
+def test_junit_has_a_case_for_each_question():
+    passed = ElementTree.fromstring(to_xml(judge(facts()), 1.0, "title"))
+    assert (passed.get("tests"), passed.get("failures")) == (str(len(QUESTIONS)), "0")
+    failed = ElementTree.fromstring(
+        to_xml(judge(of_test_with(facts(), mission_runs=2)), 1.0, "title"))
+    assert failed.get("failures") == "1"
+    assert [case.get("name") for case in failed.iter("testcase")] == [
+        question for question, _ in QUESTIONS]
+
+
+def test_the_condition_that_waits_by_itself():
+    mission = (("conditionWait", 5.0),)
+    assert settings.defaults(**dict(mission)).condition_wait == 5.0
+    assert objections(facts(mission=mission)) == ()

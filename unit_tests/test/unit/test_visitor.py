@@ -1,12 +1,13 @@
 """Tests of the visitor: what sensors see and hear, after the robot's requests."""
 import pytest
 
-from behavior_controller import phrases
+from behavior_controller.config import phrases
+from behavior_controller.robot.requests import Exhibit, Location, Point
 
-from unit_tests.journal import Line
-from unit_tests.visitor import (BEHAVIOURS, DECLINES, ENGAGES, GAZE_FAILED, GAZE_VALUES, LEAVES, MUTUAL_GAZE, NO_GAZE,
-                                NOTHING_HEARD, SILENT, SMALL_TALK, STILL_SEEKING, UNCLEAR, UNCLEAR_ANSWER, Manners,
-                                Visitor)
+from unit_tests.robot.journal import JournalEntry
+from unit_tests.robot.visitor import (
+    BEHAVIOURS, DECLINES, ENGAGES, GAZE_FAILED, GAZE_VALUES, LEAVES, MUTUAL_GAZE, Manners,
+    NOTHING_HEARD, NO_GAZE, SILENT, SMALL_TALK, STILL_SEEKING, UNCLEAR, UNCLEAR_ANSWER, Visitor)
 
 HOME = (0.0, 0.0)
 
@@ -16,7 +17,7 @@ def visitor(behaviour=ENGAGES):
 
 
 def line(node, fault=None, **content):
-    return Line(0.0, node, "/" + node, 1, content, fault)
+    return JournalEntry(0.0, node, "/" + node, 1, content, fault)
 
 
 def attention(state, fault=None):
@@ -38,13 +39,14 @@ def after(behaviour, *lines):
     return person
 
 
-# ---------------------------------------------------------------------------------------------------- coming and going
+# --------------------------------------------------------------------------------- coming and going
 
 
 @pytest.mark.parametrize("behaviour", BEHAVIOURS)
 def test_nobody_is_there_before_the_robot_wakes_up(behaviour):
     person = visitor(behaviour)
-    assert (person.is_here, person.utterance(), person.press(["Oui", "Non"]), person.gaze()) == (False, "", "", GAZE_FAILED)
+    assert (person.is_here, person.utterance(), person.press(["Oui", "Non"]),
+            person.gaze()) == (False, "", "", GAZE_FAILED)
     assert after(behaviour, attention("scanning")).is_here
 
 
@@ -55,12 +57,15 @@ def test_a_visitor_comes_to_a_robot_that_does_not_scan_too():
 
 @pytest.mark.parametrize("state, is_here", (("enabled", True), ("disabled", False)))
 def test_the_next_visitor_comes_to_a_robot_that_stirs(state, is_here):
-    person = after(ENGAGES, attention("scanning"), drive(*HOME), line("animateBehavior", state=state))
+    person = after(ENGAGES, attention("scanning"), drive(*HOME), line("animateBehavior",
+                                                                      state=state))
     assert person.is_here is is_here
 
 
 def test_messages_on_topics_wake_nobody():
-    assert not after(ENGAGES, Line(0.0, "faceDetection", "/faceDetection/data", 0, {"face_label_id": []})).is_here
+    assert not after(ENGAGES,
+                     JournalEntry(0.0, "faceDetection", "/faceDetection/data", 0,
+                          {"face_label_id": []})).is_here
 
 
 def test_a_visitor_comes_even_if_the_scanning_failed():
@@ -75,7 +80,7 @@ def test_the_visitor_is_gone_when_the_robot_drives_home_and_the_next_one_comes()
 
 
 def told(at):
-    return Line(at, "faceDetection", "/faceDetection/data", 0, {})
+    return JournalEntry(at, "faceDetection", "/faceDetection/data", 0, {})
 
 
 @pytest.mark.parametrize("seconds, is_here", ((299.0, False), (301.0, True)))
@@ -95,14 +100,15 @@ def test_who_leaves_follows_to_two_exhibits():
 
 
 def test_a_drive_that_fails_leads_nowhere():
-    assert after(LEAVES, attention("scanning"), drive(1, 1), drive(2, 2), drive(3, 3, "refused")).is_here
+    assert after(LEAVES, attention("scanning"), drive(1, 1), drive(2, 2), drive(3, 3,
+                                                                                "refused")).is_here
 
 
 def test_the_others_stay_to_the_end():
     assert after(ENGAGES, attention("scanning"), *(drive(x, 1) for x in range(1, 9))).is_here
 
 
-# ----------------------------------------------------------------------------------------------------------------- gaze
+# --------------------------------------------------------------------------------------------- gaze
 
 
 def test_the_second_look_of_a_seeking_robot_is_returned():
@@ -121,7 +127,8 @@ def test_a_visitor_who_never_looks_back_is_seen_and_sought_without_result():
 
 
 def test_nobody_returns_the_gaze_of_a_robot_that_was_left():
-    person = after(LEAVES, attention("scanning"), drive(1, 1), drive(2, 2), drive(3, 3), attention("seeking"))
+    person = after(LEAVES, attention("scanning"), drive(1, 1), drive(2, 2), drive(3, 3),
+                   attention("seeking"))
     assert person.gaze() == GAZE_FAILED
 
 
@@ -137,7 +144,7 @@ def test_gaze_values_are_those_of_the_two_conventions():
     assert GAZE_VALUES[2] == {STILL_SEEKING: 1, MUTUAL_GAZE: 2, GAZE_FAILED: 3}
 
 
-# ------------------------------------------------------------------------------------------------------------- answers
+# ------------------------------------------------------------------------------------------ answers
 
 
 @pytest.mark.parametrize("behaviour, spoken, pressed", (
@@ -169,23 +176,26 @@ def test_without_an_open_question_there_is_small_talk(lines):
     assert after(ENGAGES, *lines).utterance() == SMALL_TALK
 
 
-@pytest.mark.parametrize("call", (
-    attention("social"), line("animateBehavior", state="disabled"), line("animateBehavior", state="enabled"),
-    line("speechEvent", status="true"), line("tabletEvent", message="Yes|No")))
+@pytest.mark.parametrize(
+    "call", (attention("social"), line("animateBehavior", state="disabled"),
+             line("animateBehavior", state="enabled"), line(
+                 "speechEvent", status="true"), line("tabletEvent", message="Yes|No")))
 def test_a_robot_that_prepares_to_listen_does_not_go_on(call):
     assert after(DECLINES, say("A tour?"), call).utterance() == "No"
 
 
 def test_a_question_may_be_put_again():
     assert after(DECLINES, say("A tour?"), say("Yes or no?")).utterance() == "No"
-    assert after(DECLINES, say("A tour?"), say("Yes or no?", "refused")).utterance() == "No", "the first one stands"
+    assert after(DECLINES, say("A tour?"),
+                 say("Yes or no?", "refused")).utterance() == "No", "the first one stands"
 
 
 def test_the_robot_listens_until_it_switches_its_speech_recognition_off():
     person = visitor()
     heard = [person.is_listened_to]
-    for fault, content in ((None, {"language": "English"}), ("refused", {"status": "false"}), (None, {"status": "false"}),
-                           ("refused", {"status": "true"}), (None, {"status": "true"})):
+    for fault, content in ((None, {"language": "English"}), ("refused", {"status": "false"}),
+                           (None, {"status": "false"
+                                   }), ("refused", {"status": "true"}), (None, {"status": "true"})):
         person.notice(line("speechEvent", fault, **content))
         heard.append(person.is_listened_to)
     assert heard == [True, True, True, False, False, True]
@@ -199,3 +209,45 @@ def test_a_language_understands_its_visitors_as_they_are_meant(language):
     assert known.spoken_answer(no) == known.pressed_answer(no) == "no"
     assert known.spoken_answer(SMALL_TALK) is known.spoken_answer(NOTHING_HEARD) is None
     assert known.spoken_answer(UNCLEAR_ANSWER) is None
+
+
+# ----------------------------------------------------------------------------------- what is wanted
+
+PLACES = tuple(Exhibit(name, name + "?", "", Location(number, 1.0, 0.0), Point(0.0, 0.0, 0.0))
+               for number, name in enumerate(("office", "hall", "library", "canteen")))
+
+
+def at_reception(behaviour, *lines):
+    questions = ["A way?", *(place.description1 for place in PLACES)]
+    person = Visitor(Manners(behaviour, questions, "Yes", "No", HOME, PLACES))
+    for each in lines:
+        person.notice(each)
+    return person
+
+
+@pytest.mark.parametrize("behaviour, answers", [
+    (ENGAGES, ["Yes", "No", "No", "Yes", "No"]), (LEAVES, ["Yes", "No", "No", "Yes", "No"]),
+    (DECLINES, ["No"] * 5)])
+def test_a_visitor_looks_for_the_third_of_the_places_that_the_robot_names(behaviour, answers):
+    person = at_reception(behaviour)
+    found = []
+    for question in ["A way?", *(place.description1 for place in PLACES)]:
+        person.notice(say(question))
+        assert person.press(["Yes", "No"]) == person.utterance()
+        found.append(person.utterance())
+    assert found == answers
+
+
+def test_a_place_that_was_not_heard_is_not_answered_to_and_the_next_visitor_knows_of_none():
+    person = at_reception(ENGAGES, say("A way?"), say("office?", fault="refused"), say("A way?"))
+    assert person.utterance() == "Yes"
+    person.notice(say("office?"))
+    for each in (drive(*HOME), attention("scanning"), say("A way?")):
+        person.notice(each)
+    assert person.utterance() == "Yes"
+
+
+@pytest.mark.parametrize("named, is_here", [("office?", True), ("library?", False)])
+def test_a_visitor_who_leaves_does_so_on_the_way_to_the_place_that_was_wanted(named, is_here):
+    assert at_reception(LEAVES, say(named), drive(5.0, 5.0)).is_here is is_here
+    assert at_reception(ENGAGES, say(named), drive(5.0, 5.0)).is_here

@@ -1,12 +1,14 @@
-"""Tests of what an arrival rate means for a mission, against Poisson's formula worked out by hand."""
+"""Tests of what an arrival rate means for a mission, against Poisson's formula worked out by hand.
+"""
 import math
 
 import pytest
 
-from behavior_controller import mission as missions
+from behavior_controller.missions import load as missions
 
-from unit_tests import parameters, waits
-from unit_tests.waits import Wait
+from unit_tests.rehearsal import arrival_waits
+from unit_tests.robot import options
+from unit_tests.rehearsal.arrival_waits import Wait
 
 GAZE = Wait("IsMutualGazeDiscovered", "/overtAttention/mode", 2, 15.0)
 SPEECH = Wait("IsYesNoUttered", "/speechEvent/text", 1, 10.0)
@@ -18,7 +20,7 @@ def of(mission, tmp_path, monkeypatch):
     (tmp_path / "small.xml").write_text(
         '<root BTCPP_format="4"><BehaviorTree ID="Small">{}</BehaviorTree></root>'.format(mission))
     monkeypatch.setattr(missions, "find", lambda name: str(tmp_path / "{}.xml".format(name)))
-    return waits.of_mission(parameters.read_world(parameters.read_configuration()))
+    return arrival_waits.of_mission(options.read(options.of_process()).world)
 
 
 def test_the_chance_of_two_messages():
@@ -42,11 +44,12 @@ def test_the_chance_of_three_messages():
 
 
 def test_where_one_message_a_minute_is_enough_no_lower_rate_is_told():
-    assert waits.lowest_rate([SPEECH._replace(seconds=180.0)]) == 1  # m = 3, see below
+    assert arrival_waits.lowest_rate([SPEECH._replace(seconds=180.0)]) == 1  # m = 3, see below
 
 
 def test_a_condition_after_another_is_weighted_with_the_failures_of_that_one():
-    # 60 a minute: 2 are expected in 2 s, so that e^-2 = 13.5 % are missed; but FACE is asked only if the gaze is missed
+    # 60 a minute: 2 are expected in 2 s, so that e^-2 = 13.5 % are missed; but FACE is asked only
+    # if the gaze is missed
     assert 1 - FACE.chance(60) == pytest.approx(0.1353, abs=1e-4)
     assert FACE.missed(60) == pytest.approx(0.1353 * 16 * math.exp(-15), rel=1e-3)
     assert FACE._replace(after=()).missed(60) == pytest.approx(0.1353, abs=1e-4)
@@ -54,13 +57,17 @@ def test_a_condition_after_another_is_weighted_with_the_failures_of_that_one():
 
 def test_each_condition_has_one_line_and_the_rate_that_is_enough_is_told():
     worse = SPEECH._replace(seconds=5.0)
-    assert waits.warnings([GAZE, SPEECH, worse, SPEECH], 1) == [
-        "arrivalRate 1: IsMutualGazeDiscovered needs 2 messages within 15 s, which happens in about 3 % of waits",
-        "arrivalRate 1: IsYesNoUttered needs 1 message within 5 s, which happens in about 8 % of waits",  # 1 - e^(-1/12)
+    assert arrival_waits.warnings([GAZE, SPEECH, worse, SPEECH], 1) == [
+        "arrivalRate 1: IsMutualGazeDiscovered needs 2 messages within 15 s, which happens in "
+        "about 3 % of waits",
+        # 1 - e^(-1/12)
+        "arrivalRate 1: IsYesNoUttered needs 1 message within 5 s, which happens in about 8 % of "
+        "waits",
         # 1 - e^-m >= 0.95 from m = ln 20 = 2.9957 on, in 5 s: 35.9 a minute
-        "from arrivalRate 36 on, all that this mission waits for comes in time in 95 % of waits"]
-    assert waits.warnings([GAZE, SPEECH, worse], 36) == []
-    assert waits.warnings([GAZE], math.inf) == [] and waits.warnings([], 1) == []
+        "from arrivalRate 36 on, all that this mission waits for comes in time in 95 % of waits"
+    ]
+    assert arrival_waits.warnings([GAZE, SPEECH, worse], 36) == []
+    assert arrival_waits.warnings([GAZE], math.inf) == [] and arrival_waits.warnings([], 1) == []
 
 
 def test_a_chance_that_is_next_to_none_is_no_zero():
@@ -68,42 +75,65 @@ def test_a_chance_that_is_next_to_none_is_no_zero():
 
 
 def test_the_lowest_rate_of_the_lab_tour(given):
-    found = waits.of_mission(parameters.read_world(parameters.read_configuration()))
-    assert set(found) == {GAZE, SPEECH, FACE}  # the tour's Sleeps, and topicMaxAge for what is asked at once
+    found = arrival_waits.of_mission(options.read(options.of_process()).world)
+    # the tour's Sleeps, and topicMaxAge for what is asked at once
+    prompted = SPEECH._replace(after=(SPEECH,))
+    assert set(found) == {GAZE, SPEECH, prompted, FACE}
     # 1 - e^-m (1 + m) >= 0.95 from m = 4.744 on, in 15 s: 18.98 a minute
-    assert waits.lowest_rate(found) == 19
+    assert arrival_waits.lowest_rate(found) == 19
 
 
 def test_what_a_visitor_never_gives_is_no_matter_of_the_rate(given):
     given("visitorBehaviour:=noGaze")
-    nodes = {wait.node for wait in waits.of_mission(parameters.read_world(parameters.read_configuration()))}
+    nodes = {
+        wait.node
+        for wait in arrival_waits.of_mission(options.read(options.of_process()).world)
+    }
     assert nodes == {"IsYesNoUttered", "IsVisitorDiscovered"}
     given("visitorBehaviour:=silent")
-    nodes = {wait.node for wait in waits.of_mission(parameters.read_world(parameters.read_configuration()))}
+    nodes = {
+        wait.node
+        for wait in arrival_waits.of_mission(options.read(options.of_process()).world)
+    }
     assert nodes == {"IsMutualGazeDiscovered", "IsVisitorDiscovered"}
 
 
-@pytest.mark.parametrize("mission, seconds", (
-    ("<ReactiveFallback>{}<Sleep msec='4000'/></ReactiveFallback>", 4.0),
-    ("<ReactiveFallback>{}<Sequence><Sleep msec='4000'/><Sleep msec='3000'/></Sequence></ReactiveFallback>", 7.0),
-    ("<ReactiveFallback>{}<ForceFailure><Sleep msec='500'/></ForceFailure></ReactiveFallback>", 2.0),  # topicMaxAge
-    ("<Timeout msec='3000'><ReactiveFallback>{}<Sleep msec='4000'/></ReactiveFallback></Timeout>", 3.0),
-    ("<Sequence>{}</Sequence>", 2.0),
-    ("<RetryUntilSuccessful num_attempts='6'><Delay delay_msec='1500'>{}</Delay></RetryUntilSuccessful>", 9.0),
-))
+@pytest.mark.parametrize(
+    "mission, seconds",
+    (
+        ("<ReactiveFallback>{}<Sleep msec='4000'/></ReactiveFallback>", 4.0),
+        ("<ReactiveFallback>{}<Sequence><Sleep msec='4000'/><Sleep msec='3000'/></Sequence></"
+         "ReactiveFallback>",
+         7.0),
+        # topicMaxAge
+        ("<ReactiveFallback>{}<ForceFailure><Sleep msec='500'/></ForceFailure></ReactiveFallback>",
+         2.0),
+        ("<Timeout msec='3000'><ReactiveFallback>{}<Sleep msec='4000'/></ReactiveFallback></"
+         "Timeout>",
+         3.0),
+        ("<Sequence>{}</Sequence>", 2.0),
+        ("<RetryUntilSuccessful num_attempts='6'><Delay delay_msec='1500'>{}</Delay></"
+         "RetryUntilSuccessful>",
+         9.0),
+    ))
 def test_how_long_a_mission_waits(given, tmp_path, monkeypatch, mission, seconds):
     given("scenarioSpecification:=small")
     wait, = of(mission.format("<IsVisitorDiscovered/>"), tmp_path, monkeypatch)
     assert (wait.seconds, wait.messages) == (seconds, 1)
 
 
-@pytest.mark.parametrize("mission", (
-    "<ReactiveFallback><IsVisitorDiscovered/><KeepRunningUntilFailure><Sleep msec='500'/></KeepRunningUntilFailure>"
-    "</ReactiveFallback>",
-    "<Sequence><Script code='ms := 500'/><ReactiveFallback><IsVisitorDiscovered/><Sleep msec='{ms}'/></ReactiveFallback>"
-    "</Sequence>",
-    "<Sequence><IsYesNoUttered/></Sequence>",  # words before the question are old, and nothing waits for words after it
-))
+@pytest.mark.parametrize(
+    "mission",
+    (
+        "<ReactiveFallback><IsVisitorDiscovered/><KeepRunningUntilFailure><Sleep msec='500'/></"
+        "KeepRunningUntilFailure>"
+        "</ReactiveFallback>",
+        "<Sequence><Script code='ms := 500'/><ReactiveFallback><IsVisitorDiscovered/><Sleep "
+        "msec='{ms}'/></ReactiveFallback>"
+        "</Sequence>",
+        # words before the question are old, and nothing waits for words after it
+        "<Sequence><IsYesNoUttered/></Sequence>",
+    ))
 def test_a_wait_without_a_known_bound_is_left_out(given, tmp_path, monkeypatch, mission):
     given("scenarioSpecification:=small")
     assert of(mission, tmp_path, monkeypatch) == []
@@ -118,4 +148,4 @@ def test_condition_wait_is_a_bound(given, tmp_path, monkeypatch, seconds):
 
 def test_a_mission_that_cannot_be_loaded_has_none(given):
     given("scenarioSpecification:=no_such_mission")
-    assert waits.of_mission(parameters.read_world(parameters.read_configuration())) == []
+    assert arrival_waits.of_mission(options.read(options.of_process()).world) == []

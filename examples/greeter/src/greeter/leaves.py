@@ -1,14 +1,17 @@
-"""The node types of this package: a leaf on a service of cssr_system, one on our own service, and a decorator."""
+"""The node types of this package: a leaf on a service of cssr_system, leaves on our own service,
+action and display, a condition on our own topic, and a decorator."""
 import time
 
 from behavior_controller.bt.engine.decorators import Decorator
 from behavior_controller.bt.engine.node import Result
 from behavior_controller.bt.registry import Kind, NodeSpec, Port
 from behavior_controller.bt.status import RUNNING, SUCCESS
-from behavior_controller.interface.records import Request, Say
+from behavior_controller.robot.requests import Request, Say
 from behavior_controller.leaves.base import ServiceLeaf, leaf_spec
+from behavior_controller.leaves.conditions import TopicCondition
+from behavior_controller.robot.declarations import Evidence
 
-from greeter.interface import SetLights
+from greeter.interface import DOORBELL, MoveTo, SetLights, ShowText
 
 
 class SayTime(ServiceLeaf):
@@ -32,8 +35,44 @@ class Lights(ServiceLeaf):
         return SetLights(self.get_input("colour"))
 
 
+class DriveTo(ServiceLeaf):
+    """``<DriveTo x="1.5" y="0.5" theta_deg="90"/>``: drives there; halted, it cancels its goal."""
+
+    asks = MoveTo
+    PORTS = (Port("x", "double", description="metres in the map frame"),
+             Port("y", "double", description="metres in the map frame"),
+             Port("theta_deg", "double", default="0", description="degrees"))
+
+    def request(self) -> Request:
+        """Drive to the place of the ports."""
+        return MoveTo(self.get_input("x"), self.get_input("y"), self.get_input("theta_deg"))
+
+
+class Display(ServiceLeaf):
+    """``<Display text="Hello"/>``: publishes a text to the display."""
+
+    asks = ShowText
+    PORTS = (Port("text", description="what is shown"),)
+
+    def request(self) -> Request:
+        """Show the text."""
+        return ShowText(self.get_input("text"))
+
+
+class DoorbellRang(TopicCondition):
+    """``<DoorbellRang/>``: has somebody rung since this visit began?"""
+
+    own_evidence = Evidence(DOORBELL, lambda is_pressed, gaze_value: is_pressed)
+    awaiting = "waiting for the doorbell"
+
+    def not_before(self) -> float:
+        """Leave the rings for earlier visitors out."""
+        return self.mission.visit_began
+
+
 class EveryOther(Decorator):
-    """``<EveryOther>``: the child is done every other time, beginning with the first; else SUCCESS without it."""
+    """``<EveryOther>``: the child is done every other time, beginning with the first; else SUCCESS
+    without it."""
 
     def __init__(self, name: str):
         super().__init__(name)
@@ -50,5 +89,9 @@ class EveryOther(Decorator):
 SPECS = (
     leaf_spec("SayTime", SayTime, "Says what time it is."),
     leaf_spec("Lights", Lights, "Sets the colour of the robot's lights."),
-    NodeSpec("EveryOther", Kind.DECORATOR, EveryOther, description="Does the child every other time."),
+    leaf_spec("DriveTo", DriveTo, "Drives to a place."),
+    leaf_spec("Display", Display, "Shows a text."),
+    leaf_spec("DoorbellRang", DoorbellRang, "Has the doorbell rung?"),
+    NodeSpec("EveryOther", Kind.DECORATOR, EveryOther,
+             description="Does the child every other time."),
 )

@@ -1,17 +1,17 @@
-"""The built-in leaves of BehaviorTree.CPP v4, and the list of every built-in node type with its ports."""
+"""The built-in leaves of BehaviorTree.CPP v4, and the list of every built-in node type with its
+ports."""
 from functools import partial
 from typing import Any, Dict, List, Optional, Tuple
 
-from behavior_controller.bt import ends
+from behavior_controller.bt import possible_results as possible
 from behavior_controller.bt.engine import controls, decorators
-from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf, SyncActionLeaf
-from behavior_controller.bt.engine.node import ConfigureError, NodeError, Result
-from behavior_controller.bt.language import ports
-from behavior_controller.bt.language.script import Script, compile_script, to_bool
-from behavior_controller.bt.language.values import TEXT, ValueFault
+from behavior_controller.bt.engine.leaf import ConditionLeaf, SyncActionLeaf, TimedAction
+from behavior_controller.bt.engine.node import NodeError, Result
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.script.parser import to_bool
+from behavior_controller.bt.script.values import BT_ANY, TEXT, ValueFault, convert
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
-from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.status import FAILURE, SUCCESS
 
 Factory = Any  # a class of nodes
 
@@ -32,42 +32,23 @@ class AlwaysFailure(SyncActionLeaf):
         return FAILURE
 
 
-class _Code:
-    """The script of port ``code``: read when the tree is made, and again when the text changes."""
-
-    script: Script
-
-    def configure(self: Any) -> None:
-        """Parse the script; a reference must be readable already."""
-        try:
-            text = self.get_input("code")
-        except ports.PortError as error:
-            raise ConfigureError("Missing port [code] in {}: {}".format(self.registration_id, error), "code") from error
-        self.script = compile_script(text, allow_empty=True)
-
-    def run(self: Any) -> Any:
-        """Run the script."""
-        text = self.get_input("code")
-        if text != self.script.text:
-            self.script = compile_script(text, allow_empty=True)
-        return self.script.run(self.blackboard, self.services.enums)
-
-
-class RunScript(_Code, SyncActionLeaf):
+class RunScript(decorators.Scripted, SyncActionLeaf):
     """Run a script; always SUCCESS. An empty one does nothing."""
 
     def update(self) -> Result:
         """Run it."""
         if self.get_input("code"):
+            self.parse()
             self.run()
         return SUCCESS
 
 
-class ScriptCondition(_Code, ConditionLeaf):
-    """SUCCESS if the value of a script is true."""
+class ScriptCondition(decorators.Scripted, ConditionLeaf):
+    """SUCCESS if a script is true."""
 
     def update(self) -> Result:
         """Run it and judge its value."""
+        self.parse()
         return SUCCESS if to_bool(self.run()) else FAILURE
 
 
@@ -76,95 +57,65 @@ class SetBlackboard(SyncActionLeaf):
 
     def update(self) -> Result:
         """Write it."""
-        key = self._key()
+        key, board = self._key(), self.blackboard
         if "value" not in self.attributes:
             raise NodeError("unordered_map::at: port [value] is missing")
-        source = ports.reference(self.attributes["value"], "value")
-        if source is None:
-            return self._write_text(key, self.attributes["value"])
-        return self._copy(key, source)
+        value, origin, target = self.attributes["value"], TEXT, board.find(key)
+        source = ports.reference(value, "value")
+        if source is not None:
+            entry = board.find(source)
+            if entry is None:
+                raise NodeError(f"there is no entry [{source}] to copy")
+            if target is None:
+                target = board.create(key, entry.type)
+            if entry.value is None:
+                return FAILURE
+            value, origin = entry.value, entry.origin
+        if target is not None and target.type != TEXT and isinstance(value, str):
+            value, origin = self._converted(value, target), target.type
+        board.set_any(key, value, origin)
+        return SUCCESS
 
     def _key(self) -> str:
         try:
-            return self.get_input("output_key")
-        except ports.PortError as error:
-            raise NodeError("missing port [output_key]: {}".format(error)) from error
-
-    def _write_text(self, key: str, text: str) -> Result:
-        entry = self.blackboard.find(key)
-        if entry is None or entry.type == TEXT:
-            self.blackboard.set_any(key, text, TEXT)
-        else:
-            # an entry of generic type has no conversion and becomes empty, as in the library
-            self.blackboard.set_any(key, self._converted(text, entry), entry.type)
-        return SUCCESS
-
-    def _copy(self, key: str, source: str) -> Result:
-        entry = self.blackboard.find(source)
-        if entry is None:
-            raise NodeError("there is no entry [{}] to copy".format(source))
-        target = self.blackboard.find(key)
-        if target is None:
-            target = self.blackboard.create(key, entry.type)
-        if entry.value is None:
-            return FAILURE
-        value, origin = entry.value, entry.origin
-        if isinstance(value, str) and target.type != TEXT:
-            value, origin = self._converted(value, target), target.type
-        self.blackboard.set_any(key, value, origin)
-        return SUCCESS
+            # a number is the name that its text is
+            return str(convert(self.get_input("output_key"), TEXT, {}))
+        except ValueFault as error:
+            raise NodeError(f"missing port [output_key]: {error}") from error
 
     @staticmethod
     def _converted(text: str, entry: Any) -> Any:
+        # an entry that a script has made becomes empty, as in the library; since this write makes
+        # it a BT::Any, which no text can be, the next one raises
+        if entry.type == BT_ANY:
+            raise NodeError(f"Can't convert string [{text}] to type [BT::Any]")
         try:
             return entry.from_text(text)
         except ValueFault as fault:
-            raise NodeError("Can't convert string [{}] to type [{}]: {}".format(text, entry.type, fault)) from fault
+            raise NodeError(
+                f"Can't convert string [{text}] to type [{entry.type}]: {fault}") from fault
 
 
 class UnsetBlackboard(SyncActionLeaf):
-    """Remove an entry from the blackboard of this tree instance; SUCCESS even if it does not exist."""
+    """Remove an entry from the blackboard of this tree instance; SUCCESS even if it does not exist.
+    """
 
     def update(self) -> Result:
         """Remove it."""
         try:
             key = self.get_input("key")
         except ports.PortError as error:
-            raise NodeError("missing input port [key]: {}".format(error)) from error
+            raise NodeError(f"missing input port [key]: {error}") from error
         self.blackboard.unset(key)
         return SUCCESS
 
 
-class Sleep(ActionLeaf):
+class Sleep(TimedAction):
     """RUNNING for ``msec``, then SUCCESS."""
-
-    timer: Optional[Timer] = None
-    over = False
 
     def on_start(self) -> Result:
         """Start the timer."""
-        try:
-            msec = self.get_input("msec")
-        except ports.PortError as error:
-            raise NodeError("Missing parameter [msec] in SleepNode: {}".format(error)) from error
-        if msec == 0:
-            return SUCCESS
-        self.over = False
-        self.timer = self.clock.call_after(msec / 1000.0, self._due)
-        return RUNNING
-
-    def _due(self) -> None:
-        self.over = True
-        self.wake()
-
-    def on_running(self) -> Result:
-        """Wait for the timer."""
-        return SUCCESS if self.over else RUNNING
-
-    def on_halted(self) -> None:
-        """Cancel the timer."""
-        if self.timer is not None:
-            self.timer.cancel()
+        return self.begin(self.required("msec"))
 
 
 class WasEntryUpdated(SyncActionLeaf):
@@ -196,107 +147,111 @@ def _count(name: str, default: str, description: str, if_zero: str) -> Port:
     return Port(name, "int", Direction.IN, default, description, Role.CHILDREN, if_zero=if_zero)
 
 
-def _loop(factory: Factory, item_type: str, literal: str = "") -> NodeSpec:
-    return _decorator(factory, (
-        Port("queue", "any", Direction.INOUT, None, "the items: an entry, or texts with ; between them",
-             literal=literal),
-        _in("if_empty", "NodeStatus", "SUCCESS", "the result when nothing is left"),
-        Port("value", item_type, Direction.OUT, None, "the item of this round")), ends.for_each_item, is_instant=False)
+_KINDS = ((controls.Control, Kind.CONTROL), (decorators.Decorator, Kind.DECORATOR),
+          (ConditionLeaf, Kind.CONDITION), (SyncActionLeaf, Kind.ACTION),
+          (TimedAction, Kind.ACTION))
+
+
+def _spec(factory: Factory, ports_: Tuple[Port, ...] = (),
+          outcome: Optional[possible.Outcome] = None, node_id: str = "", is_instant: bool = True,
+          **facts: Any) -> NodeSpec:
+    """Return the node type of a class, with the first line of what it does."""
+    kind = next(kind for base, kind in _KINDS if issubclass(factory, base))
+    description = factory.__doc__.split("\n")[0]
+    return NodeSpec(node_id or factory.__name__, kind, factory, ports_, description,
+                    outcome=outcome, is_instant=is_instant, **facts)
+
+
+def _loop(node_id: str, item_type: str, over: str, literal: str = "") -> NodeSpec:
+    items = "the items: an entry, or texts with ; between them"
+    queue = Port("queue", "any", Direction.INOUT, None, items, literal=literal)
+    value = Port("value", item_type, Direction.OUT, None, "the item of this round")
+    if_empty = _in("if_empty", "NodeStatus", "SUCCESS", "the result when nothing is left")
+    return NodeSpec(node_id, Kind.DECORATOR, partial(decorators.Loop, item_type=item_type),
+                    (queue, if_empty, value), f"Loop over {over}.", outcome=possible.for_each_item)
 
 
 def _switch(cases: int) -> NodeSpec:
-    names = ["case_{}".format(number + 1) for number in range(cases)]
-    return NodeSpec("Switch{}".format(cases), Kind.CONTROL, partial(controls.Switch, cases=cases),
-                    (_in("variable", TEXT, None, "compared with each case", Role.CHOICE),)
-                    + tuple(_in(name, TEXT, None, "value that chooses this child", Role.CASE) for name in names),
-                    outcome=ends.of_any_child, is_instant=True, child_counts=(cases + 1,),
-                    children="one for each case and the default")
+    variable = _in("variable", TEXT, None, "compared with each case", Role.CHOICE)
+    ports_ = [_in(f"case_{number}", TEXT, None, "value that chooses this child", Role.CASE)
+              for number in range(1, cases + 1)]
+    return NodeSpec(f"Switch{cases}", Kind.CONTROL, partial(controls.Switch, cases=cases),
+                    (variable, *ports_), outcome=possible.of_any_child, is_instant=True,
+                    child_counts=(cases + 1,), children="one for each case and the default")
 
 
-def _described(factory: Factory) -> str:
-    return (factory.__doc__ or "").split("\n")[0]
-
-
-def _control(factory: Factory, outcome: ends.Outcome, ports_: Tuple[Port, ...] = (), **facts: Any) -> NodeSpec:
-    return NodeSpec(factory.__name__, Kind.CONTROL, factory, ports_, _described(factory), outcome=outcome,
-                    is_instant=True, **facts)
-
-
-def _sequence(factory: Factory, **facts: Any) -> NodeSpec:
-    return _control(factory, ends.in_sequence, next_after=ends.SUCCEEDS, **facts)
-
-
-def _fallback(factory: Factory) -> NodeSpec:
-    return _control(factory, ends.in_fallback, next_after=ends.FAILS)
-
-
-def _decorator(factory: Factory, ports_: Tuple[Port, ...], outcome: ends.Outcome, is_instant: bool = True,
-               **facts: Any) -> NodeSpec:
-    return NodeSpec(factory.__name__, Kind.DECORATOR, factory, ports_, _described(factory), outcome=outcome,
-                    is_instant=is_instant, **facts)
-
-
-def _action(node_id: str, factory: Factory, ports_: Tuple[Port, ...] = (), outcome: Optional[int] = None,
-            is_instant: bool = True) -> NodeSpec:
-    return NodeSpec(node_id, Kind.ACTION, factory, ports_, _described(factory), outcome=outcome, is_instant=is_instant)
-
-
+_IF_SUCCEEDED: Dict[str, Any] = {"outcome": possible.in_sequence, "next_after": possible.SUCCEEDS}
+_IF_FAILED: Dict[str, Any] = {"outcome": possible.in_fallback, "next_after": possible.FAILS}
+_BRANCHES: Dict[str, Any] = {"outcome": possible.chosen, "child_counts": (2, 3),
+                             "children": "condition, then, else"}
 _DECIDED = "is decided before any child has done its work"
-_BRANCHES: Dict[str, Any] = {"child_counts": (2, 3), "children": "condition, then, else"}
 _ENTRY = (_in("entry", "Any", None, "the entry to watch", Role.WATCHED),)
 _SPECS = (
-    _sequence(controls.Sequence), _sequence(controls.AsyncSequence), _sequence(controls.SequenceWithMemory),
-    _sequence(controls.ReactiveSequence, refuses_explicit=True, at_most_one=controls.AsyncSequence.__name__),
-    _fallback(controls.Fallback), _fallback(controls.AsyncFallback), _fallback(controls.ReactiveFallback),
-    _control(controls.IfThenElse, ends.chosen, **_BRANCHES), _control(controls.WhileDoElse, ends.chosen, **_BRANCHES),
-    _control(controls.Parallel, ends.in_parallel, (
-        _count("success_count", "-1", "children that must succeed; -1 is all", _DECIDED),
-        _count("failure_count", "1", "children that must fail to fail; -1 is all", _DECIDED))),
-    _control(controls.ParallelAll, ends.ANY, (
-        _count("max_failures", "1", "FAILURE if at least as many children fail",
-               "waits for all children, and is then always FAILURE"),)),
-    _control(controls.TryCatch, ends.in_sequence_before_the_last,
-             (_in("catch_on_halt", "bool", "false", "tick the last child on a halt too"),), fewest_children=2,
-             children="the last is the one that catches", next_after=ends.SUCCEEDS, last_is_apart=True),
-) + tuple(map(_switch, range(2, 7))) + (
-    _decorator(decorators.Inverter, (), ends.swapped),
-    _decorator(decorators.ForceSuccess, (), ends.forced(ends.SUCCEEDS)),
-    _decorator(decorators.ForceFailure, (), ends.forced(ends.FAILS)),
-    _decorator(decorators.KeepRunningUntilFailure, (), ends.until_failure, is_instant=False),
-    _decorator(decorators.Repeat, (_in("num_cycles", "int", None, "rounds; -1: no limit"),), ends.repeated,
-               rounds="num_cycles", repeats_on=ends.SUCCEEDS),
-    _decorator(decorators.RetryUntilSuccessful, (_in("num_attempts", "int", None, "attempts; -1: no limit"),),
-               ends.retried, rounds="num_attempts", repeats_on=ends.FAILS),
-    _decorator(decorators.RunOnce, (
-        _in("then_skip", "bool", "true", "later ticks are SKIPPED, else they repeat the result"),),
-        ends.of_any_child_or(ends.SKIPS)),
-    _decorator(decorators.Precondition, (
-        _in("if", TEXT, None, "script that must be true", Role.SCRIPT),
-        _in("else", "NodeStatus", "FAILURE", "the result if it is not")), ends.with_precondition),
-    _decorator(decorators.Delay, (_in("delay_msec", "uint", None, "wait that long, in ms"),), ends.of_any_child,
-               is_instant=False),
-    _decorator(decorators.Timeout, (_in("msec", "uint", None, "the longest time of the child, in ms; 0: no limit"),),
-               ends.of_any_child_or(ends.FAILS)),
-    _loop(decorators.LoopInt, "int", "vec_int"), _loop(decorators.LoopBool, "bool"),
-    _loop(decorators.LoopDouble, "double", "vec_double"), _loop(decorators.LoopString, TEXT),
-    _decorator(decorators.SkipUnlessUpdated, _ENTRY, ends.of_any_child_or(ends.SKIPS)),
-    _decorator(decorators.WaitValueUpdate, _ENTRY, ends.of_any_child, is_instant=False),
-    _action("AlwaysSuccess", AlwaysSuccess, outcome=ends.SUCCEEDS),
-    _action("AlwaysFailure", AlwaysFailure, outcome=ends.FAILS),
-    _action("Script", RunScript, (_in("code", TEXT, None, "the script", Role.SCRIPT),), ends.SUCCEEDS),
-    _action("SetBlackboard", SetBlackboard, (
-        _in("value", "any", None, "a text, or {entry} to copy"),
-        Port("output_key", "any", Direction.INOUT, None, "name of the entry to write", Role.WRITES))),
-    _action("UnsetBlackboard", UnsetBlackboard, (
-        _in("key", TEXT, None, "name of the entry to remove", Role.NAMES),), ends.SUCCEEDS),
-    _action("Sleep", Sleep, (_in("msec", "uint", None, "how long, in ms"),), ends.SUCCEEDS, is_instant=False),
-    _action("WasEntryUpdated", WasEntryUpdated, _ENTRY),
-    NodeSpec("ScriptCondition", Kind.CONDITION, ScriptCondition,
-             (_in("code", "any", None, "script that must be true", Role.SCRIPT),), "SUCCESS if a script is true.",
-             is_instant=True),
+    _spec(controls.Sequence, **_IF_SUCCEEDED),
+    _spec(controls.AsyncSequence, **_IF_SUCCEEDED),
+    _spec(controls.SequenceWithMemory, **_IF_SUCCEEDED),
+    _spec(controls.ReactiveSequence, refuses_explicit=True,
+          at_most_one=controls.AsyncSequence.__name__, **_IF_SUCCEEDED),
+    _spec(controls.Fallback, **_IF_FAILED),
+    _spec(controls.AsyncFallback, **_IF_FAILED),
+    _spec(controls.ReactiveFallback, **_IF_FAILED),
+    _spec(controls.IfThenElse, **_BRANCHES),
+    _spec(controls.WhileDoElse, **_BRANCHES),
+    _spec(controls.Parallel,
+          (_count("success_count", "-1", "children that must succeed; -1 is all", _DECIDED),
+           _count("failure_count", "1", "children that must fail to fail; -1 is all", _DECIDED)),
+          possible.in_parallel),
+    _spec(controls.ParallelAll,
+          (_count("max_failures", "1", "FAILURE if at least as many children fail",
+                  "waits for all children, and is then always FAILURE"),), possible.ANY),
+    _spec(controls.TryCatch,
+          (_in("catch_on_halt", "bool", "false", "tick the last child on a halt too"),),
+          possible.in_sequence_before_the_last, next_after=possible.SUCCEEDS, last_is_apart=True,
+          fewest_children=2, children="the last is the one that catches"),
+    *map(_switch, range(2, 7)),
+    _spec(decorators.Inverter, (), possible.swapped),
+    _spec(decorators.ForceSuccess, (), possible.forced(possible.SUCCEEDS)),
+    _spec(decorators.ForceFailure, (), possible.forced(possible.FAILS)),
+    _spec(decorators.KeepRunningUntilFailure, (), possible.until_failure, is_instant=False),
+    _spec(decorators.Repeat, (_in("num_cycles", "int", None, "rounds; -1: no limit"),),
+          possible.repeated, rounds="num_cycles", repeats_on=possible.SUCCEEDS),
+    _spec(decorators.RetryUntilSuccessful,
+          (_in("num_attempts", "int", None, "attempts; -1: no limit"),),
+          possible.retried, rounds="num_attempts", repeats_on=possible.FAILS),
+    _spec(decorators.RunOnce, (_in("then_skip", "bool", "true",
+                                   "later ticks are SKIPPED, else they repeat the result"),),
+          possible.of_any_child_or(possible.SKIPS)),
+    _spec(decorators.Precondition,
+          (_in("if", TEXT, None, "script that must be true", Role.SCRIPT),
+           _in("else", "NodeStatus", "FAILURE", "the result if it is not")),
+          possible.with_precondition),
+    _spec(decorators.Delay, (_in("delay_msec", "uint", None, "wait that long, in ms"),),
+          possible.of_any_child, is_instant=False, pause="delay_msec"),
+    _spec(decorators.Timeout,
+          (_in("msec", "uint", None, "the longest time of the child, in ms; 0: no limit"),),
+          possible.of_any_child_or(possible.FAILS)),
+    _loop("LoopInt", "int", "integers", "vec_int"),
+    _loop("LoopBool", "bool", "booleans"),
+    _loop("LoopDouble", "double", "reals", "vec_double"),
+    _loop("LoopString", TEXT, "texts"),
+    _spec(decorators.SkipUnlessUpdated, _ENTRY, possible.of_any_child_or(possible.SKIPS)),
+    _spec(decorators.WaitValueUpdate, _ENTRY, possible.of_any_child, is_instant=False),
+    _spec(AlwaysSuccess, outcome=possible.SUCCEEDS),
+    _spec(AlwaysFailure, outcome=possible.FAILS),
+    _spec(RunScript, (_in("code", TEXT, None, "the script", Role.SCRIPT),), possible.SUCCEEDS,
+          "Script"),
+    _spec(SetBlackboard, (_in("value", "any", None, "a text, or {entry} to copy"),
+                          Port("output_key", "any", Direction.INOUT, None,
+                               "name of the entry to write", Role.WRITES))),
+    _spec(UnsetBlackboard, (_in("key", TEXT, None, "name of the entry to remove", Role.NAMES),),
+          possible.SUCCEEDS),
+    _spec(Sleep, (_in("msec", "uint", None, "how long, in ms"),), possible.SUCCEEDS,
+          is_instant=False, pause="msec"),
+    _spec(WasEntryUpdated, _ENTRY),
+    _spec(ScriptCondition, (_in("code", "any", None, "script that must be true", Role.SCRIPT),)),
     NodeSpec("SubTree", Kind.SUBTREE, decorators.SubTree,
              (_in("_autoremap", "bool", "false", "entries of equal name are the parent's"),),
-             "Another tree of the file in this place."),
+             "Another tree of the file in this place.", outcome=possible.of_any_child),
 )
 
 

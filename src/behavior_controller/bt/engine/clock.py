@@ -1,25 +1,28 @@
-"""One clock for everything that waits: the time, and the callbacks that the tick thread runs when they are due.
+"""One clock for everything that waits: the time, and the callbacks that the tick thread runs when
+they are due.
 
-Timers run between ticks and only on the tick thread, so their callbacks need no lock and are exact under a
-``ManualClock``. The runner and ``Tree.sleep`` wait until ``next_due()`` at the longest. Other threads ``post``
-callbacks and wake the tree: these run before the next traversal.
+Timers run between ticks and only on the tick thread, so their callbacks need no lock and are exact
+under a ``ManualClock``. The runner and ``Tree.sleep`` wait until ``next_due()`` at the longest.
+Other threads ``post`` callbacks and wake the tree: these run before the next traversal.
 """
 import collections
 import heapq
 import itertools
 import time
-from typing import Callable, Deque, List, Optional, Tuple
+from typing import Any, Callable, Deque, List, Optional, Tuple
 
-from behavior_controller.bt.ownership import tick_thread_only
+from behavior_controller.bt.engine.failure import failure_of, owner_of
+from behavior_controller.bt.engine.thread_check import tick_thread_only
 
 
 class Timer:
     """A callback that is due at ``due`` seconds, unless it is cancelled before."""
 
     @tick_thread_only
-    def __init__(self, due: float, callback: Callable[[], None]):
+    def __init__(self, due: float, callback: Callable[[], None], owner: Any):
         self.due = due
         self.callback: Optional[Callable[[], None]] = callback
+        self.owner = owner
 
     @tick_thread_only
     def cancel(self) -> None:
@@ -28,13 +31,18 @@ class Timer:
 
 
 class Clock:
-    """Monotonic seconds, a queue of timers, and what other threads posted. ``now`` and ``post`` are for any thread."""
+    """Monotonic seconds, a queue of timers, and what other threads posted. ``now`` and ``post`` are
+    for any thread.
+
+    A callback belongs to the node whose code has set it. What it raises is a TickError of that
+    node, as in its rule.
+    """
 
     def __init__(self) -> None:
         self._held: Optional[float] = None
         self._queue: List[Tuple[float, int, Timer]] = []
         self._order = itertools.count()
-        self._posted: Deque[Callable[[], None]] = collections.deque()
+        self._posted: Deque[Tuple[Callable[[], None], Any]] = collections.deque()
 
     def now(self) -> float:
         """Return monotonic seconds; only differences mean something."""
@@ -42,28 +50,41 @@ class Clock:
         return time.monotonic() if held is None else held
 
     def hold(self) -> None:
-        """Stop the time until ``release``: all of one traversal has the same time, so that it can be replayed."""
+        """Stop the time until ``release``: all of one traversal has the same time, so that it can
+        be replayed."""
         self._held = time.monotonic()
+
+    @property
+    def held_at(self) -> Optional[float]:
+        """The moment of the traversal under way, or None; for any thread."""
+        return self._held
 
     def release(self) -> None:
         """Let the time go on."""
         self._held = None
 
     @tick_thread_only
-    def call_after(self, seconds: float, callback: Callable[[], None]) -> Timer:
-        """Run ``callback`` once, ``seconds`` from now, in the next ``run_due`` after that."""
-        timer = Timer(self.now() + seconds, callback)
+    def call_after(self, seconds: float, callback: Callable[[], None],
+                   is_foreign: bool = False) -> Timer:
+        """Run ``callback`` once, ``seconds`` from now, in the next ``run_due`` after that.
+
+        ``is_foreign``: it belongs to no node; the search for one is saved.
+        """
+        timer = Timer(self.now() + seconds, callback, None if is_foreign else owner_of(callback))
         heapq.heappush(self._queue, (timer.due, next(self._order), timer))
         return timer
 
     def post(self, callback: Callable[[], None]) -> None:
-        """Have ``callback`` run soon on the tick thread, in the order of posting. Then the caller must wake the tree."""
-        self._posted.append(callback)
+        """Have ``callback`` run soon on the tick thread, in the order of posting. Then the caller
+        must wake the tree."""
+        self._posted.append((callback, owner_of(callback)))
 
     @tick_thread_only
     def run_posted(self) -> None:
+        """Run the posted callbacks. Raises TickError; those after a callback that failed wait for
+        the next time."""
         while self._posted:
-            self._posted.popleft()()
+            _call(*self._posted.popleft())
 
     @tick_thread_only
     def next_due(self) -> Optional[float]:
@@ -73,8 +94,14 @@ class Clock:
         return self._queue[0][0] if self._queue else None
 
     @tick_thread_only
+    def timers(self) -> List[Timer]:
+        """Return the timers that are neither due nor cancelled, in no order."""
+        return [timer for _, _, timer in self._queue if timer.callback is not None]
+
+    @tick_thread_only
     def run_due(self) -> None:
-        """Run the posted callbacks, then every due timer, the earliest first."""
+        """Run the posted callbacks, then every due timer, the earliest first. Raises TickError as
+        ``run_posted`` does."""
         self.run_posted()
         if not self._queue:
             return
@@ -83,7 +110,14 @@ class Clock:
             timer = heapq.heappop(self._queue)[2]
             callback, timer.callback = timer.callback, None
             if callback is not None:
-                callback()
+                _call(callback, timer.owner)
+
+
+def _call(callback: Callable[[], None], owner: Any) -> None:
+    try:
+        callback()
+    except BaseException as error:  # a leaf's callback may raise anything
+        raise failure_of(owner, error, "a callback of " if owner is not None else "")
 
 
 class ManualClock(Clock):

@@ -1,37 +1,21 @@
 """The control nodes of BehaviorTree.CPP v4, each with its own rule for ticking several children.
 
-A control node stores RUNNING at the start of its tick. When it returns SKIPPED its stored status therefore stays
-RUNNING, and its parent will halt it: that is the library's behaviour, recorded in its traces.
+A control node stores RUNNING at the start of its tick. When it returns SKIPPED its stored status
+therefore stays RUNNING, and its parent will halt it: that is the library's behaviour, recorded in
+its traces.
 """
 from typing import Any, List, Optional, Set
 
 from py_trees import composites
 from py_trees.common import ParallelPolicy
 
-from behavior_controller.bt.engine.node import Node, NodeError, Result, halt_child
-from behavior_controller.bt.language import ports
+from behavior_controller.bt.engine.node import Node, NodeError, Parent, Result, halt_child
+from behavior_controller.bt.engine import ports
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
-class Control(Node):
+class Control(Parent):
     """A node with one or more children."""
-
-    def __init__(self, name: str):
-        Node.__init__(self, name)
-
-    def add_child(self, child: Node) -> None:
-        child.parent = self
-        self.children.append(child)
-
-    def begin(self) -> None:
-        """Store RUNNING."""
-        if self.status is not RUNNING:
-            self.store(RUNNING)
-
-    def halt(self) -> None:
-        """Halt the children in order, then the node itself."""
-        self.halt_children()
-        self.reset()
 
     def others_halted(self, kept: int) -> None:
         """Halt every child but number ``kept``."""
@@ -39,9 +23,12 @@ class Control(Node):
             if index != kept and child.status is not IDLE:
                 halt_child(child)
 
-    # py_trees' composites have their own generators and statuses: the tick of a Node is used instead
-    stop = Node.stop
-    tick = Node.tick
+    def input_or(self, port: str, otherwise: Any) -> Any:
+        """Return the value of an input port, or ``otherwise`` if it cannot be read."""
+        try:
+            return self.get_input(port)
+        except ports.PortError:
+            return otherwise
 
     @property
     def current_child(self) -> Any:
@@ -53,25 +40,15 @@ class Control(Node):
         child = self.current_child
         return Node.tip(self) if child is None else child.tip()
 
-    def _is_fixed(self, *_arguments: Any) -> Any:
-        """Raise NodeError."""
-        raise NodeError("{}the children of {} are those of its file, which cannot be changed in the running tree; "
-                        "load another file".format(self.place_in_file(), self.full_path))
-
-    insert_child = prepend_child = remove_child = remove_all_children = _is_fixed
-
 
 class _InOrder(Control):
-    """The base of Sequence and Fallback, which differ in ``ends_at``, the child's result that ends them."""
+    """The base of Sequence and Fallback, which differ in ``ends_at``, the child's result that ends
+    them."""
 
     ends_at = FAILURE
     goes_on_at = SUCCESS
     memory = True
-
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.index = 0
-        self.skipped = 0
+    index = skipped = 0
 
     def update(self) -> Result:
         """Tick the children from where the last tick stopped."""
@@ -135,7 +112,8 @@ class AsyncSequence(Sequence):
 
 
 class SequenceWithMemory(AsyncSequence):
-    """A Sequence that resumes at the child that failed or was halted. It yields like AsyncSequence."""
+    """A Sequence that resumes at the child that failed or was halted. It yields like AsyncSequence.
+    """
 
     def ended(self) -> Result:
         """Halt only the children from here on; keep the place."""
@@ -214,10 +192,12 @@ class _Side(Control, composites.Parallel):
         self.successes = 0
         self.failures = 0
 
-    def threshold(self, port: str) -> int:
+    def threshold(self, port: str, end: str) -> int:
         """Return the count of a port: negative values count from the end, -1 is all."""
-        value = self.get_input(port)
-        return value if value >= 0 else max(len(self.children) + value + 1, 0)
+        value, count = self.get_input(port), len(self.children)
+        if value > count:
+            raise NodeError(f"Number of children is less than threshold. Can never {end}.")
+        return value if value >= 0 else max(count + value + 1, 0)
 
     def execute_child(self, index: int) -> Result:
         """Tick a child that has not completed and count its result."""
@@ -243,11 +223,13 @@ class _Side(Control, composites.Parallel):
 
 
 class Parallel(_Side):
-    """All children at once; ``success_count`` and ``failure_count`` decide, and are tested after every child."""
+    """All children at once; ``success_count`` and ``failure_count`` decide, and are tested after
+    every child."""
 
     def update(self) -> Result:
         """Tick every child that has not completed, until the thresholds decide."""
-        needed, allowed = self._thresholds()
+        needed = self.threshold("success_count", "succeed")
+        allowed = self.threshold("failure_count", "fail")
         count = len(self.children)
         skips_count = self.get_input("success_count") < 0
         self.begin()
@@ -261,24 +243,14 @@ class Parallel(_Side):
                 return self.end(FAILURE)
         return SKIPPED if skipped == count else RUNNING
 
-    def _thresholds(self) -> Any:
-        needed, allowed = self.threshold("success_count"), self.threshold("failure_count")
-        if len(self.children) < needed:
-            raise NodeError("Number of children is less than threshold. Can never succeed.")
-        if len(self.children) < allowed:
-            raise NodeError("Number of children is less than threshold. Can never fail.")
-        return needed, allowed
-
 
 class ParallelAll(_Side):
     """All children to their end; FAILURE if at least ``max_failures`` of them failed."""
 
     def update(self) -> Result:
         """Tick every child that has not completed."""
-        allowed = self.threshold("max_failures")
+        allowed = self.threshold("max_failures", "fail")
         count = len(self.children)
-        if count < allowed:
-            raise NodeError("Number of children is less than threshold. Can never fail.")
         self.begin()
         waiting = [index for index in range(count) if index not in self.completed]
         skipped = sum(self.execute_child(index) is SKIPPED for index in waiting)
@@ -295,7 +267,7 @@ class _Branches(Control, composites.Composite):
     def require_two_or_three(self) -> None:
         """Raise NodeError unless there are two or three children."""
         if len(self.children) not in (2, 3):
-            raise NodeError("{}Node must have either 2 or 3 children".format(type(self).__name__))
+            raise NodeError(f"{type(self).__name__}Node must have either 2 or 3 children")
 
     def finished(self, result: Result) -> Result:
         """Reset the children after a branch has ended."""
@@ -304,11 +276,10 @@ class _Branches(Control, composites.Composite):
 
 
 class IfThenElse(_Branches):
-    """The second child if the first succeeds, else the third (or FAILURE); the first is not ticked again meanwhile."""
+    """The second child if the first succeeds, else the third (or FAILURE); the first is not ticked
+    again meanwhile."""
 
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.branch = 0
+    branch = 0
 
     def update(self) -> Result:
         """Tick the condition once, then the branch that it chose."""
@@ -336,7 +307,8 @@ class IfThenElse(_Branches):
 
 
 class WhileDoElse(_Branches):
-    """As IfThenElse, but the condition is ticked at every tick, and a new result changes the branch."""
+    """As IfThenElse, but the condition is ticked at every tick, and a new result changes the
+    branch."""
 
     def update(self) -> Result:
         """Tick the condition, halt the other branch, tick the chosen one."""
@@ -379,19 +351,14 @@ class Switch(Control, composites.Composite):
         return result
 
     def _choose(self) -> int:
-        variable = self._text("variable")
+        variable = self.input_or("variable", None)
         if variable is not None:
             for index in range(self.cases):
-                case = self._text("case_{}".format(index + 1))
-                if case is not None and ports.same_text_or_number(variable, case, self.services.enums):
+                case = self.input_or(f"case_{index + 1}", None)
+                if case is not None and ports.same_text_or_number(variable, case,
+                                                                  self.services.enums):
                     return index
         return self.cases
-
-    def _text(self, port: str) -> Optional[str]:
-        try:
-            return self.get_input(port)
-        except ports.PortError:
-            return None
 
     def halt(self) -> None:
         """Reset the running child."""
@@ -402,11 +369,8 @@ class Switch(Control, composites.Composite):
 class TryCatch(Control, composites.Composite):
     """All children but the last in order; if one fails, the last one runs and the node fails."""
 
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.index = 0
-        self.skipped = 0
-        self.catching = False
+    index = skipped = 0
+    catching = False
 
     @property
     def _tries(self) -> List[Any]:
@@ -453,16 +417,11 @@ class TryCatch(Control, composites.Composite):
 
     def halt(self) -> None:
         """With ``catch_on_halt``, give the catch child one tick first."""
-        if self.status is not IDLE and not self.catching and self._catches_on_halt():
+        if (self.status is not IDLE and not self.catching
+                and self.input_or("catch_on_halt", False)):
             for child in self._tries:
                 halt_child(child)
             if self.children[-1].execute() is RUNNING:
                 halt_child(self.children[-1])
         self._clear()
         super().halt()
-
-    def _catches_on_halt(self) -> bool:
-        try:
-            return self.get_input("catch_on_halt")
-        except ports.PortError:
-            return False

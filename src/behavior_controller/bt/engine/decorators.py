@@ -5,25 +5,23 @@ from typing import Any, Deque, Optional
 from py_trees import decorators
 from py_trees.common import BlackBoxLevel
 
-from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt.engine.node import ConfigureError, Node, NodeError, Result, halt_child
-from behavior_controller.bt.language import ports
-from behavior_controller.bt.language.script import Script, compile_script, to_bool
+from behavior_controller.bt.engine.node import (
+    ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child)
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.script.parser import Script, compile_script, to_bool
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
-class Decorator(Node, decorators.Decorator):
-    """A node with exactly one child. A completed child is reset after every tick, also if a hook decided the result."""
+class Decorator(Parent, decorators.Decorator):
+    """A node with exactly one child. A completed child is reset after every tick, also if a hook
+    decided the result."""
 
     decorated: Any = None
 
-    def __init__(self, name: str):
-        Node.__init__(self, name)
-
-    def add_child(self, child: Node) -> None:
-        child.parent = self
+    def adopt(self, child: Node) -> None:
+        """Make ``child`` the child of this node."""
+        super().adopt(child)
         self.decorated = child
-        self.children = [child]
 
     def execute(self) -> Result:
         """Tick, then reset a completed child."""
@@ -34,31 +32,12 @@ class Decorator(Node, decorators.Decorator):
         return result
 
     def tick_child(self) -> Result:
-        """Tick the child and reset it if it completed, before the decorator's own status changes."""
+        """Tick the child and reset it if it completed, before the decorator's own status changes.
+        """
         result = self.decorated.execute()
         if result is SUCCESS or result is FAILURE:
             self.decorated.reset()
         return result
-
-    def begin(self) -> None:
-        """Store RUNNING."""
-        if self.status is not RUNNING:
-            self.store(RUNNING)
-
-    def required(self, port: str) -> Any:
-        """Return the value of a port that has no default. Raises NodeError, in BT.CPP's words."""
-        try:
-            return self.get_input(port)
-        except ports.PortError as error:
-            raise NodeError("Missing parameter [{}] in {}: {}".format(port, self.registration_id, error)) from error
-
-    def halt(self) -> None:
-        """Halt the child, then the node itself."""
-        self.halt_children()
-        self.reset()
-
-    stop = Node.stop
-    tick = Node.tick
 
     def tip(self) -> Any:
         """Return the deepest node that was active (py_trees)."""
@@ -111,15 +90,14 @@ class Repeat(Decorator):
     goes_on_at = SUCCESS
     ends_at = FAILURE
 
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.count = 0
+    count = 0
 
     def _limit(self) -> int:
         return self.required(self.port)
 
     def update(self) -> Result:
-        """Tick the child; yield after a round that was done at once, go on within the tick after a longer round."""
+        """Tick the child; yield after a round that was done at once, go on within the tick after a
+        longer round."""
         limit = self._limit()
         go = self.count < limit or limit == -1
         self.begin()
@@ -155,7 +133,8 @@ class Repeat(Decorator):
 
 
 class RetryUntilSuccessful(Repeat):
-    """The child up to ``num_attempts`` times until it succeeds; -1: no limit. A failure reads the port again."""
+    """The child up to ``num_attempts`` times until it succeeds; -1: no limit. A failure reads the
+    port again."""
 
     port = "num_attempts"
     goes_on_at = FAILURE
@@ -168,9 +147,7 @@ class RetryUntilSuccessful(Repeat):
 class RunOnce(Decorator):
     """The child once in the life of the tree; later ticks are SKIPPED or repeat the result."""
 
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.result: Optional[Result] = None
+    result: Optional[Result] = None
 
     def update(self) -> Result:
         """Tick the child unless it has completed before."""
@@ -183,33 +160,46 @@ class RunOnce(Decorator):
         return result
 
 
-class Precondition(Decorator):
-    """The child if the script ``if`` is true, else the status ``else``. It is not evaluated again while the child runs."""
+class Scripted:
+    """The script of a port: read when the tree is made, and again when the text changes."""
 
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.text = ""
-        self.script: Script = None  # type: ignore[assignment]
-        self.latched = False
+    script_port, missing = "code", "port"
+    script: Script
 
-    def configure(self) -> None:
+    def configure(self: Any) -> None:
         """Parse the script; a reference must be readable already."""
         try:
-            self._parse(self.get_input("if"))
+            text = self.get_input(self.script_port)
         except ports.PortError as error:
-            raise ConfigureError("Missing parameter [if] in Precondition: {}".format(error), "if") from error
+            raise ConfigureError(f"Missing {self.missing} [{self.script_port}] in "
+                                 f"{self.registration_id}: {error}", self.script_port) from error
+        self.script = compile_script(text, allow_empty=True)
 
-    def _parse(self, text: str) -> None:
-        if self.script is None or text != self.text:
-            self.text = text
+    def parse(self: Any) -> None:
+        """Read the script again if its text has changed."""
+        text = self.get_input(self.script_port)
+        if text != self.script.text:
             self.script = compile_script(text, allow_empty=True)
 
+    def run(self: Any) -> Any:
+        """Run the script as it was read."""
+        return self.script.run(self.blackboard, self.services.enums)
+
+
+class Precondition(Scripted, Decorator):
+    """The child if the script ``if`` is true, else the status ``else``. It is not evaluated again
+    while the child runs."""
+
+    script_port, missing = "if", "parameter"
+    latched = False
+
     def update(self) -> Result:
-        """Evaluate the script unless the child is under way, then tick the child or return ``else``."""
-        self._parse(self.get_input("if"))
+        """Evaluate the script unless the child is under way, then tick the child or return
+        ``else``."""
+        self.parse()
         otherwise = self.required("else")
         if not self.latched:
-            self.latched = to_bool(self.script.run(self.blackboard, self.services.enums))
+            self.latched = to_bool(self.run())
         if not self.latched:
             return otherwise
         result = self.tick_child()
@@ -218,21 +208,15 @@ class Precondition(Decorator):
         return result
 
 
-class Delay(Decorator):
+class Delay(Timed, Decorator):
     """The child after ``delay_msec``."""
-
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.timer: Optional[Timer] = None
-        self.over = False
 
     def update(self) -> Result:
         """Start the timer, wait for it, then tick the child."""
         delay = self.required("delay_msec")
         if self.timer is None:
-            self.over = False
             self.begin()
-            self.timer = self.clock.call_after(delay / 1000.0, self._due)
+            self.start_timer(delay)
         if not self.over:
             return RUNNING
         result = self.tick_child()
@@ -240,37 +224,27 @@ class Delay(Decorator):
             self.timer = None
         return result
 
-    def _due(self) -> None:
-        self.over = True
-        self.wake()
-
     def halt(self) -> None:
         """Wait again next time."""
-        if self.timer is not None:
-            self.timer.cancel()
-            self.timer = None
+        self.stop_timer()
         super().halt()
 
 
-class Timeout(Decorator):
+class Timeout(Timed, Decorator):
     """The child for at most ``msec``, then it is halted and the node fails. 0: no limit."""
 
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.active = False
-        self.expired = False
-        self.timer: Optional[Timer] = None
+    active = False
 
     def update(self) -> Result:
         """Start the timer; tick the child unless the timer has halted it."""
         msec = self.required("msec")
         if not self.active:
             self.active = True
-            self.expired = False
+            self.over = False
             self.begin()
             if msec > 0:
-                self.timer = self.clock.call_after(msec / 1000.0, self._due)
-        if self.expired:
+                self.start_timer(msec)
+        if self.over:
             self.active = False
             return FAILURE
         result = self.tick_child()
@@ -278,18 +252,15 @@ class Timeout(Decorator):
             self._stop()
         return result
 
-    def _due(self) -> None:
-        # the timer itself halts the child, between ticks, and only if it is RUNNING at that moment
+    def due(self) -> None:
+        """Halt the child, between ticks, and only if it is RUNNING at that moment."""
         if self.decorated.status is RUNNING:
-            self.expired = True
+            super().due()
             halt_child(self.decorated)
-            self.wake()
 
     def _stop(self) -> None:
         self.active = False
-        if self.timer is not None:
-            self.timer.cancel()
-            self.timer = None
+        self.stop_timer()
 
     def halt(self) -> None:
         """Cancel the timer."""
@@ -298,15 +269,16 @@ class Timeout(Decorator):
 
 
 class Loop(Decorator):
-    """The child once for each item of ``queue``, a tick each; ``if_empty`` is the result of an empty queue."""
+    """The child once for each item of ``queue``, a tick each; ``if_empty`` is the result of an
+    empty queue."""
 
-    item_type = "string"
+    literal: Optional[Deque[Any]] = None
+    queue: Optional[Deque[Any]] = None
+    child_runs = False  # by its last result: a SKIPPED child keeps the status RUNNING
 
-    def __init__(self, name: str):
+    def __init__(self, name: str, item_type: str):
         super().__init__(name)
-        self.literal: Optional[Deque[Any]] = None
-        self.queue: Optional[Deque[Any]] = None
-        self.child_runs = False  # by its last result: a SKIPPED child keeps the status RUNNING
+        self.item_type = item_type
 
     def configure(self) -> None:
         """Convert a literal queue."""
@@ -326,7 +298,9 @@ class Loop(Decorator):
                 self.queue = self._from_blackboard()
             if not self.queue:
                 return self.get_input("if_empty")
-            self._hand_out(self.queue.popleft())
+            item = self.queue.popleft()
+            if "value" in self.attributes:
+                self.set_output("value", item)
             self.services.changes += 1
         if self.status is IDLE:
             self.store(RUNNING)
@@ -342,45 +316,17 @@ class Loop(Decorator):
             return deque(ports.loop_items(value, self.item_type))
         if isinstance(value, list):
             return deque(value)
-        raise NodeError("LoopNode: port 'queue' must contain either SharedQueue<T>, std::vector<T>, or a string")
-
-    def _hand_out(self, item: Any) -> None:
-        if "value" in self.attributes:
-            self.set_output("value", item)
-
-
-class LoopInt(Loop):
-    """Loop over integers."""
-
-    item_type = "int"
-
-
-class LoopBool(Loop):
-    """Loop over booleans."""
-
-    item_type = "bool"
-
-
-class LoopDouble(Loop):
-    """Loop over reals."""
-
-    item_type = "double"
-
-
-class LoopString(Loop):
-    """Loop over texts."""
+        raise NodeError("LoopNode: port 'queue' must contain either SharedQueue<T>, "
+                        "std::vector<T>, or a string")
 
 
 class SkipUnlessUpdated(Decorator):
     """The child if ``entry`` was written since this node's last tick, else SKIPPED."""
 
     otherwise: Result = SKIPPED
-
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.seen = 0
-        self.child_runs = False
-        self.key = ""
+    seen = 0
+    child_runs = False
+    key = ""
 
     def configure(self) -> None:
         """Find the entry's name."""
@@ -412,11 +358,10 @@ class WaitValueUpdate(SkipUnlessUpdated):
 
 
 class SubTree(Decorator):
-    """Another tree of the file in this place, with its own blackboard (BT.CPP section "SubTree")."""
+    """Another tree of the file in this place, with its own blackboard (BT.CPP section "SubTree").
+    """
 
-    def __init__(self, name: str):
-        super().__init__(name)
-        self.blackbox_level = BlackBoxLevel.COMPONENT
+    blackbox_level = BlackBoxLevel.COMPONENT
 
     def update(self) -> Result:
         """Tick the root of the tree."""
@@ -426,8 +371,9 @@ class SubTree(Decorator):
 
 
 def entry_key(node: Node) -> str:
-    """Return the name of the entry that port ``entry`` of ``node`` means, written with or without braces."""
+    """Return the name of the entry that port ``entry`` of ``node`` means, written with or without
+    braces."""
     text = node.attributes.get("entry")
     if not text:
-        raise ConfigureError("Missing port 'entry' in {}".format(node.name))
+        raise ConfigureError(f"Missing port 'entry' in {node.name}")
     return ports.reference(text, "entry") or text

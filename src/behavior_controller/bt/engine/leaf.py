@@ -1,14 +1,15 @@
-"""The kinds of leaf: stateful action, synchronous action, condition (BT.CPP section "Leaf kinds"), py_trees behaviour."""
-from typing import Any, Optional
+"""The kinds of leaf: stateful action, synchronous action, condition (BT.CPP section "Leaf kinds"),
+py_trees behaviour."""
+from typing import Any
 
 from py_trees.behaviour import Behaviour
 
-from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt.engine.node import Node, NodeError, Result
-from behavior_controller.bt.status import IDLE, RUNNING
+from behavior_controller.bt.engine.node import Node, NodeError, Result, Timed
+from behavior_controller.bt.status import IDLE, RUNNING, SUCCESS
 
-POLLING = 0.01
-"""Seconds until a RUNNING py_trees behaviour, which has no wake-up, is ticked again (BT.CPP's default)."""
+POLLING = 10
+"""Milliseconds until a RUNNING py_trees behaviour, which has no wake-up, is ticked again (BT.CPP's
+default)."""
 
 
 class ActionLeaf(Node):
@@ -40,18 +41,44 @@ class ActionLeaf(Node):
         if result is not RUNNING:
             self.services.changes += 1
         if result is IDLE:
-            raise NodeError("StatefulActionNode::{}() must not return IDLE".format(callback))
+            raise NodeError(f"StatefulActionNode::{callback}() must not return IDLE")
         return result
 
     def halt(self) -> None:
-        """Call ``on_halted`` if the leaf is RUNNING, then reset it."""
-        if self.status is RUNNING:
-            self.on_halted()
-        self.reset()
+        """Call ``on_halted`` once if the leaf is RUNNING, then reset it."""
+        try:
+            if self.status is RUNNING:
+                self.on_halted()
+        finally:
+            self.reset()
+
+
+class TimedAction(Timed, ActionLeaf):
+    """An action that is done after a time."""
+
+    def begin(self, msec: int) -> Result:
+        """Start the timer; without a time, complete."""
+        if not msec:
+            return self.completed()
+        self.start_timer(msec)
+        return RUNNING
+
+    def completed(self) -> Result:
+        """Return the result when the time is over."""
+        return SUCCESS
+
+    def on_running(self) -> Result:
+        """Wait for the timer."""
+        return self.completed() if self.over else RUNNING
+
+    def on_halted(self) -> None:
+        """Cancel the timer."""
+        self.stop_timer()
 
 
 class SyncActionLeaf(Node):
-    """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error, told once it is stored."""
+    """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error, told
+    once it is stored."""
 
     is_instant = True
 
@@ -60,8 +87,9 @@ class ConditionLeaf(Node):
     """A condition that is evaluated at every tick (BT.CPP ``ConditionNode``)."""
 
 
-class BehaviourLeaf(Node):
-    """An ordinary py_trees behaviour as a leaf, with all that is below it. py_trees' rules apply to it.
+class BehaviourLeaf(Timed, Node):
+    """An ordinary py_trees behaviour as a leaf, with all that is below it. py_trees' rules apply to
+    it.
 
     To py_trees' tools the leaf is that behaviour: its id, its message, its blackboard clients.
     """
@@ -73,7 +101,6 @@ class BehaviourLeaf(Node):
             raise ValueError("its factory returned the same behaviour twice")
         behaviour.parent = self
         self.behaviour = behaviour
-        self.timer: Optional[Timer] = None
 
     @property
     def id(self) -> Any:
@@ -97,25 +124,26 @@ class BehaviourLeaf(Node):
 
     def update(self) -> Result:
         """Tick the behaviour as py_trees does."""
-        self._stop_polling()
+        self.stop_timer()
         self.behaviour.tick_once()
         self.feedback_message = self.behaviour.feedback_message
         status = self.behaviour.status
         if status is IDLE:
-            raise NodeError("its update returned INVALID or no status; it must return RUNNING, SUCCESS or FAILURE")
+            raise NodeError("its update returned INVALID or no status; it must return RUNNING, "
+                            "SUCCESS or FAILURE")
         if status is RUNNING:
-            self.timer = self.clock.call_after(POLLING, self.wake)
+            self.start_timer(POLLING)
         else:
             self.services.changes += 1
         return status
 
-    def _stop_polling(self) -> None:
-        if self.timer is not None:
-            self.timer.cancel()
-
     def halt(self) -> None:
         """Stop the behaviour if it is RUNNING, which calls its ``terminate(INVALID)``."""
-        self._stop_polling()
-        if self.behaviour.status is RUNNING:
-            self.behaviour.stop(IDLE)
+        self.stop_timer()
+        try:
+            if self.behaviour.status is RUNNING:
+                self.behaviour.stop(IDLE)
+        except BaseException:
+            self.behaviour.status = IDLE  # it is not stopped again
+            raise
         self.reset()

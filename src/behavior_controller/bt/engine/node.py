@@ -1,9 +1,11 @@
-"""The tick pipeline that all nodes share (pre-conditions, status, post-conditions, halt), and the leaf base classes.
+"""The tick pipeline that all nodes share (pre-conditions, status, post-conditions, halt), and the
+leaf base classes.
 
-The rules are BehaviorTree.CPP's (``TreeNode::executeTick`` and ``haltNode``); the classes are py_trees behaviours, so
-that py_trees' display and visitor tools read them. ``execute`` ticks a node; py_trees' generator ``tick`` only adapts it.
-Conditions, a hook and the results for py_trees' visitors intervene between a node's tick and its rule: that is its
-``Interception``; most nodes have none.
+The rules are BehaviorTree.CPP's (``TreeNode::executeTick`` and ``haltNode``); the classes are
+py_trees behaviours, so that py_trees' display and visitor tools read them. ``execute`` ticks a
+node; py_trees' generator ``tick`` only adapts it. Conditions, a hook and the results for py_trees'
+visitors intervene between a node's tick and its rule: that is its ``Interception``; most nodes have
+none.
 """
 import logging
 import uuid
@@ -12,11 +14,12 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tupl
 from py_trees.behaviour import Behaviour
 from py_trees.common import BlackBoxLevel, Status
 
-from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.clock import Clock, Timer
+from behavior_controller.bt.engine.failure import TickError, failure_of
 from behavior_controller.bt.engine.wakeup import WakeUp
-from behavior_controller.bt.language import ports
-from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.language.script import Script, ScriptError, to_bool
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.script.parser import Script, ScriptError, to_bool
 from behavior_controller.bt.registry import NodeSpec, Port, Role
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
@@ -30,7 +33,8 @@ POST_CONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 
 
 class ConfigureError(BehaviorControllerError):
-    """A node cannot be made from its element; ``attribute`` names the place, or is None for the whole element."""
+    """A node cannot be made from its element; ``attribute`` names the place, or is None for the
+    whole element."""
 
     def __init__(self, text: str, attribute: Optional[str] = None):
         super().__init__(text)
@@ -41,25 +45,17 @@ class NodeError(BehaviorControllerError):
     """A node broke a rule of the engine while it was ticked."""
 
 
-class TickError(BehaviorControllerError):
-    """A tick ended in an exception. Wrapped once, at the node in whose rule it happened (BT.CPP ``NodeExecutionError``)."""
-
-    def __init__(self, node: "Node", cause: Exception):
-        super().__init__("Exception in node '{}' [{}]: {}{}{}".format(
-            node.full_path, node.registration_id, node.place_in_file(),
-            "" if isinstance(cause, BehaviorControllerError) else type(cause).__name__ + ": ", cause))
-        self.node = node
-        self.cause = cause
-
-
 class Services:
-    """What the nodes of one tree share: the clock, the wake-up signal, and the enums known to scripts."""
+    """What the nodes of one tree share: the clock, the wake-up signal, and the enums known to
+    scripts."""
 
-    def __init__(self, clock: Clock, enums: Optional[Dict[str, int]] = None, wake: Optional[WakeUp] = None):
+    def __init__(self, clock: Clock, enums: Optional[Dict[str, int]] = None,
+                 wake: Optional[WakeUp] = None):
         self.clock = clock
         self.wake = wake or WakeUp()
         self.enums = enums or {}
-        self.changes = 0  # actions of nodes, other than writes to entries, that may change the effect of a tick
+        # actions of nodes, other than writes to entries, that may change the effect of a tick
+        self.changes = 0
         self.tree: Any = None
         self.clients: Any = None  # shows py_trees' tools the entries that a node uses
 
@@ -84,15 +80,17 @@ class NodeHook:
 
 
 class Interception:
-    """Intervenes between the ticks of one node and its rule: pre- and post-conditions, and inside these a hook.
+    """Intervenes between the ticks of one node and its rule: pre- and post-conditions, and inside
+    these a hook.
 
     Two calls around the rule and none around both: a deep tree needs no more Python frames for it.
     """
 
     def __init__(self) -> None:
-        self.conditions: Sequence[Tuple[str, Script]] = ()
+        self.conditions: Sequence[Tuple[str, Script]] = ()  # in the order of PRE_CONDITIONS
         self.scripts: Dict[str, Script] = {}  # the post-conditions
-        self.ticked: Optional[Dict["Node", Result]] = None  # takes the result of each tick, if py_trees' tools ask for it
+        # takes the result of each tick, if py_trees' tools ask for it
+        self.ticked: Optional[Dict["Node", Result]] = None
         self.hook: Optional[NodeHook] = None
         self._asks_hook = False  # after this tick's rule: no pre-condition has decided
 
@@ -105,7 +103,8 @@ class Interception:
         return result
 
     def after(self, node: "Node", result: Result) -> Result:
-        """Return the tick's result, which the hook may replace; post-conditions follow a completion."""
+        """Return the tick's result, which the hook may replace; post-conditions follow a
+        completion."""
         if self._asks_hook:
             result = self.hook.after(node, result)  # type: ignore[union-attr]
         if self.scripts:
@@ -118,15 +117,16 @@ class Interception:
         return result
 
     def _check_before(self, node: "Node") -> Optional[Result]:
-        """Return the status that a pre-condition decides, or None (BT.CPP ``checkPreConditions``)."""
+        """Return the status that a pre-condition decides, or None (BT.CPP ``checkPreConditions``).
+        """
         status = node.status
         if status is IDLE:
             for attribute, script in self.conditions:
-                if _is_true(script, node, attribute) is not (attribute == "_while"):
+                if to_bool(_run(script, node, attribute)) is not (attribute == "_while"):
                     return _DECISIONS[attribute]
         elif status is RUNNING:
             for attribute, script in self.conditions:
-                if attribute == "_while" and not _is_true(script, node, attribute):
+                if attribute == "_while" and not to_bool(_run(script, node, attribute)):
                     node.halt_node()
                     return SKIPPED
         return None
@@ -139,24 +139,24 @@ class Interception:
                 _run(script, node, attribute)
 
 
-def _is_true(script: Script, node: "Node", attribute: str) -> bool:
-    return to_bool(_run(script, node, attribute))
-
-
 def _run(script: Script, node: "Node", attribute: str) -> Any:
     try:
         return script.run(node.blackboard, node.services.enums)
     except BehaviorControllerError as error:
         error.origin = (node.element, attribute)
         raise
+    except BaseException as error:  # a value of a foreign type may raise anything
+        raise failure_of(node, error, "a script of ")
 
 
 def place_of(error: BehaviorControllerError) -> str:
-    """Return ``file:line:column`` of the node at which a tick failed; "" if the tree is not from a file."""
+    """Return ``file:line:column`` of the node at which a tick failed; "" if the tree is not from a
+    file."""
     node = error.node if isinstance(error, TickError) else None
     cause = error.cause if isinstance(error, TickError) else error
-    element, attribute = cause.origin if isinstance(cause, BehaviorControllerError) and cause.origin else (
-        node.element if node is not None else None, None)
+    element, attribute = (node.element if node is not None else None), None
+    if isinstance(cause, BehaviorControllerError) and cause.origin:
+        element, attribute = cause.origin
     if element is None:
         return ""
     if attribute is None and node is not None and isinstance(cause, ScriptError):
@@ -165,10 +165,11 @@ def place_of(error: BehaviorControllerError) -> str:
 
 
 class Node(Behaviour):
-    """One node of a tree. Sub-classes give ``update``, the node's own rule; it returns a status or SKIPPED.
+    """One node of a tree. Sub-classes give ``update``, the node's own rule; it returns a status or
+    SKIPPED.
 
-    ``registration_id`` is the node type, ``name`` the instance's name, ``full_path`` the place in the tree, ``uid`` the
-    number in depth-first order from 1 (BT.CPP section "UIDs and paths").
+    ``registration_id`` is the node type, ``name`` the instance's name, ``full_path`` the place in
+    the tree, ``uid`` the number in depth-first order from 1 (BT.CPP section "UIDs and paths").
     """
 
     status: Status
@@ -177,26 +178,25 @@ class Node(Behaviour):
     interception: Optional[Interception] = None
     is_instant = False
     """Whether RUNNING is an error of the node's rule."""
+    was: Status = IDLE
+    """The status before the node went back to IDLE."""
+    parent: Optional["Node"] = None
+    feedback_message = ""
+    blackbox_level = BlackBoxLevel.NOT_A_BLACKBOX
+    uid = 0
+    registration_id = ""
+    blackboard: Blackboard = None  # type: ignore[assignment]
+    services: Services = None  # type: ignore[assignment]
+    spec: NodeSpec = None  # type: ignore[assignment]
+    observer: Optional[Observer] = None
 
-    # py_trees' constructor makes a UUID and a logger for each node, which costs more than all the rest of a load;
-    # here both are made on first use
+    # py_trees' constructor makes a UUID and a logger for each node, which costs more than all the
+    # rest of a load; here both are made on first use
     def __init__(self, name: str):
-        self.name = name
+        self.name = self.full_path = name
         self.status = IDLE
-        self.was = IDLE
-        """The status before the node went back to IDLE."""
-        self.parent: Optional["Node"] = None
         self.children: List[Any] = []
-        self.feedback_message = ""
-        self.blackbox_level = BlackBoxLevel.NOT_A_BLACKBOX
-        self.uid = 0
-        self.registration_id = ""
-        self.full_path = name
-        self.blackboard: Blackboard = None  # type: ignore[assignment]
-        self.services: Services = None  # type: ignore[assignment]
-        self.spec: NodeSpec = None  # type: ignore[assignment]
         self.attributes: Dict[str, str] = {}
-        self.observer: Optional[Observer] = None
 
     @property
     def id(self) -> uuid.UUID:
@@ -211,7 +211,7 @@ class Node(Behaviour):
     @property
     def qualified_name(self) -> str:
         """Type and name, for py_trees' tools."""
-        return "{}/{}".format(self.registration_id, self.name)
+        return f"{self.registration_id}/{self.name}"
 
     @property
     def blackboards(self) -> List[Any]:
@@ -226,15 +226,16 @@ class Node(Behaviour):
         """A fresh tick generator, for py_trees' tools."""
         return self.tick()
 
-    # ------------------------------------------------------------------------------------------------------ life cycle
+    # ----------------------------------------------------------------------------------- life cycle
+
+    def adopt(self, child: "Node") -> None:
+        """Make ``child`` the next child of this node, while the tree is built."""
+        child.parent = self
+        self.children.append(child)
 
     def configure(self) -> None:
-        """Make the checks of BT.CPP's constructors. Called once, when all attributes are bound; raises ConfigureError."""
-
-    def set_conditions(self, before: Sequence[Tuple[str, Script]], after: Dict[str, Script]) -> None:
-        """Use these pre- and post-condition scripts, by attribute name; ``before`` in the order of PRE_CONDITIONS."""
-        intercepted = self.intercepted()
-        intercepted.conditions, intercepted.scripts = before, after
+        """Make the checks of BT.CPP's constructors. Called once, when all attributes are bound;
+        raises ConfigureError."""
 
     @property
     def hook(self) -> Optional[NodeHook]:
@@ -251,7 +252,7 @@ class Node(Behaviour):
             self.interception = Interception()
         return self.interception
 
-    # ------------------------------------------------------------------------------------------------------- execution
+    # ------------------------------------------------------------------------------------ execution
 
     def execute(self) -> Result:
         """Tick this node: run its rule and store the result (BT.CPP ``executeTick``)."""
@@ -260,36 +261,35 @@ class Node(Behaviour):
         if result is None:
             try:
                 result = self.update()
-            except TickError:
-                raise
-            except Exception as error:
-                raise TickError(self, error) from error
+            except BaseException as error:  # a leaf may raise anything
+                raise failure_of(self, error)
         if interception is not None:
             result = interception.after(self, result)
         if result is not SKIPPED and (result is not self.status or result is IDLE):
             self.store(result)
-        if result is RUNNING and self.is_instant and not (self.hook is not None and self.hook.is_holding):
+        if result is RUNNING and self.is_instant and (
+                self.hook is None or not self.hook.is_holding):
             raise TickError(self, NodeError("SyncActionNode MUST never return RUNNING"))
         return result
 
     def store(self, status: Status) -> None:
-        """Make ``status`` the node's status and tell the observer. Raises TickError for an invalid one."""
+        """Make ``status`` the node's status and tell the observer. Raises TickError for an invalid
+        one."""
         old = self.status
         if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
-            raise self._refusal(status)
+            shown = "IDLE" if status is IDLE else repr(status)
+            raise TickError(self, NodeError(f"its rule returned {shown}; it must be RUNNING, "
+                                            "SUCCESS, FAILURE or SKIPPED"))
         self.status = status
         if self.observer is not None and old is not status:
             self.observer(self, old, status)
 
-    def _refusal(self, status: Any) -> TickError:
-        """Return why ``status`` cannot be stored."""
-        return TickError(self, NodeError("its rule returned {}; it must be RUNNING, SUCCESS, FAILURE or SKIPPED".format(
-            "IDLE" if status is IDLE else repr(status))))
-
     def place_in_file(self) -> str:
-        """Return ``file:line:column: `` as a message begins with it, or nothing if the node was not made from a file."""
-        element = self.element
-        return "{}:{}:{}: ".format(element.document.file, *element.place()) if element is not None else ""
+        """Return ``file:line:column: `` as a message begins with it, or nothing if the node was not
+        made from a file."""
+        if self.element is None:
+            return ""
+        return "{}:{}:{}: ".format(self.element.document.file, *self.element.place())
 
     def reset(self) -> None:
         """Go back to IDLE; children and scripts are not touched."""
@@ -306,13 +306,20 @@ class Node(Behaviour):
 
     def interrupt(self) -> None:
         """Halt without a script; a node whose hook prevented its start has nothing to halt."""
-        if self.hook is None or self.hook.halt(self):
-            self.halt()
-        else:
+        try:
+            if self.hook is None or self.hook.halt(self):
+                self.halt()
+                return
+        except ScriptError:
+            raise  # of a child's script
+        except BaseException as error:  # a leaf may raise anything
             self.reset()
+            raise failure_of(self, error, "the halt of ")
+        self.reset()
 
     def halt_node(self) -> None:
-        """Interrupt, then run the ``_onHalted`` script, whether the node was running or not (BT.CPP ``haltNode``)."""
+        """Interrupt, then run the ``_onHalted`` script, whether the node was running or not (BT.CPP
+        ``haltNode``)."""
         self.interrupt()
         if self.interception is not None:
             self.interception.run(self, "_onHalted")
@@ -324,22 +331,30 @@ class Node(Behaviour):
                 child.halt_node()
             child.reset()
 
-    # ------------------------------------------------------------------------------------------------------------ ports
+    # ---------------------------------------------------------------------------------------- ports
 
     def get_input(self, name: str) -> Any:
         """Return the value of an input port. Raises PortError if it has no value or a wrong one."""
         port = self._port(name)
         text = self.attributes.get(name, port.default)
         if text is None:
-            raise ports.PortError("missing required port [{}]".format(name))
+            raise ports.PortError(f"missing required port [{name}]")
         return ports.read(text, port, self.blackboard, self.services.enums)
+
+    def required(self, name: str) -> Any:
+        """Return the value of a port that has no default. Raises NodeError, in BT.CPP's words."""
+        try:
+            return self.get_input(name)
+        except ports.PortError as error:
+            raise NodeError(
+                f"Missing parameter [{name}] in {self.registration_id}: {error}") from error
 
     def set_output(self, name: str, value: Any) -> None:
         """Write to an output port. Raises PortError if it is not connected."""
         port = self._port(name)
         text = self.attributes.get(name)
         if text is None:
-            raise ports.PortError("output port [{}] is not connected".format(name))
+            raise ports.PortError(f"output port [{name}] is not connected")
         ports.write(text, port, self.blackboard, value)
 
     def clear_output(self, name: str) -> None:
@@ -347,10 +362,10 @@ class Node(Behaviour):
         ports.clear(self.attributes.get(name, ""), self._port(name), self.blackboard)
 
     def _port(self, name: str) -> Port:
-        for port in self.spec.ports:
-            if port.name == name:
-                return port
-        raise ports.PortError("{} declares no port [{}]".format(self.registration_id, name))
+        port = self.spec.port_named.get(name)
+        if port is None:
+            raise ports.PortError(f"{self.registration_id} declares no port [{name}]")
+        return port
 
     @property
     def clock(self) -> Clock:
@@ -361,14 +376,15 @@ class Node(Behaviour):
         """Ask for another tick soon (BT.CPP ``emitWakeUpSignal``); any thread may."""
         self.services.wake.emit()
 
-    # ----------------------------------------------------------------------------------------------------- for py_trees
+    # --------------------------------------------------------------------------------- for py_trees
 
     def update(self) -> Result:
         """Run the node's own rule and return its result."""
         raise NotImplementedError
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the tree from this node on, then yield what was ticked, children first, as py_trees' visitors expect."""
+        """Tick the tree from this node on, then yield what was ticked, children first, as py_trees'
+        visitors expect."""
         yield from self.services.tree.tick_from(self)
 
     def stop(self, new_status: Status = IDLE) -> None:
@@ -377,15 +393,61 @@ class Node(Behaviour):
             self.services.tree.show_own_statuses()
             self.halt_node()
 
+    def _is_fixed(self, *_arguments: Any, **_named: Any) -> Any:
+        """Raise NodeError."""
+        raise NodeError(f"{self.place_in_file()}the children of {self.full_path} are those of its "
+                        "file, which cannot be changed in the running tree; load another file")
+
+    add_child = add_children = insert_child = prepend_child = replace_child = _is_fixed
+    remove_child = remove_child_by_id = remove_all_children = _is_fixed
+
+
+class Parent(Node):
+    """A node with children. It stores RUNNING at the start of its tick."""
+
+    def begin(self) -> None:
+        """Store RUNNING."""
+        if self.status is not RUNNING:
+            self.store(RUNNING)
+
+    def halt(self) -> None:
+        """Halt the children in order, then the node itself."""
+        self.halt_children()
+        self.reset()
+
+
+class Timed:
+    """The timer of a node that waits for a time."""
+
+    timer: Optional[Timer] = None
+    over = False
+
+    def start_timer(self: Any, msec: int) -> None:
+        """Let ``over`` become true, and wake the tree, in ``msec`` milliseconds."""
+        self.over = False
+        self.timer = self.clock.call_after(msec / 1000.0, self.due)
+
+    def due(self: Any) -> None:
+        """Note that the time is over."""
+        self.over = True
+        self.wake()
+
+    def stop_timer(self) -> None:
+        """Cancel the timer, if there is one."""
+        if self.timer is not None:
+            self.timer.cancel()
+            self.timer = None
+
 
 def label(node: Any) -> Tuple[str, str]:
     """Return a node's name, its type if that differs, and its uid."""
-    if node.full_path.rsplit("/", 1)[-1] == "{}::{}".format(node.name, node.uid):
-        return clean(node.name), "#{}".format(node.uid)
-    return clean(node.name), "({}) #{}".format(node.registration_id, node.uid)
+    if node.full_path.rsplit("/", 1)[-1] == f"{node.name}::{node.uid}":
+        return clean(node.name), f"#{node.uid}"
+    return clean(node.name), f"({node.registration_id}) #{node.uid}"
 
 
-_DECISIONS: Dict[str, Result] = {"_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
+_DECISIONS: Dict[str, Result] = {
+    "_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
 
 
 def halt_child(child: Any) -> None:

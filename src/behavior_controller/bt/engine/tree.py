@@ -1,13 +1,15 @@
-"""A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up and the halt."""
+"""A mission tree ready to tick: its nodes, its blackboards, the three ways to tick it, the wake-up
+and the halt."""
 from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple
 
 from py_trees.common import Status
 
+from behavior_controller.bt.engine.failure import broken, failure_of
 from behavior_controller.bt.engine.node import Node, Observer, Result, Services
-from behavior_controller.bt.language.blackboard import Blackboard
-from behavior_controller.bt.ownership import tick_thread_only
+from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.engine.thread_check import tick_thread_only
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-from behavior_controller.errors import Fault
+from behavior_controller.errors import BehaviorControllerError, Fault, MissionError
 from behavior_controller.text import Source
 
 # the most traversals of one tick_once, so that a mission that busy-loops can be stopped
@@ -20,10 +22,12 @@ Follower = Callable[[Optional[bool], List[Change]], None]
 
 
 class Tree:
-    """The unfolded tree ``id``. ``nodes`` in order of uid; ``blackboards`` by path of the subtree, "" is the root's."""
+    """The unfolded tree ``id``. ``nodes`` in order of uid; ``blackboards`` by path of the subtree,
+    "" is the root's."""
 
-    def __init__(self, id: str, nodes: List[Node], blackboards: Dict[str, Blackboard], services: Services,
-                 warnings: Sequence[Fault] = (), sources: Tuple[Source, ...] = ()):
+    def __init__(self, id: str, nodes: List[Node], blackboards: Dict[str, Blackboard],
+                 services: Services, warnings: Sequence[Fault] = (),
+                 sources: Tuple[Source, ...] = ()):
         """``sources`` are the texts that it was built from, the mission's the last."""
         self.id = id
         self.nodes = nodes
@@ -36,17 +40,31 @@ class Tree:
         self.wake = services.wake
         self.warnings = list(warnings)
         self.sources = sources
+        self.failure: Optional[BehaviorControllerError] = None
+        """What a callback raised since the last traversal: the next one ends with it."""
         self.busy_loops = False  # the last tick_once was cut short: the mission never waits
         self._observers: List[Observer] = []
         self._followers: List[Follower] = []
         self._changes: List[Change] = []  # that the followers have not been given
-        self._ticked: Optional[Dict[Node, Result]] = None  # by the last traversal, if py_trees' tools ask for it
-        self._hidden: Dict[Node, Status] = {}  # the statuses of nodes that show another between two ticks
+        # by the last traversal, if py_trees' tools ask for it
+        self._ticked: Optional[Dict[Node, Result]] = None
+        # the statuses of nodes that show another between two ticks
+        self._hidden: Dict[Node, Status] = {}
 
     def setup(self, **kwargs: Any) -> None:
-        """Give each node what it needs at run time (py_trees' ``setup``)."""
+        """Give each node what it needs at run time (py_trees' ``setup``). Raises MissionError with
+        each node's failure."""
+        faults = []
         for node in self.nodes:
-            node.setup(**kwargs)
+            try:
+                node.setup(**kwargs)
+            except BaseException as error:  # a leaf may raise anything
+                if node.element is None:
+                    raise failure_of(node, error, "the setup of ")
+                faults.append(broken(node.element, node.registration_id, "set up", error,
+                                     type(node)))
+        if faults:
+            raise MissionError(faults)
 
     def subscribe(self, observer: Observer) -> None:
         """Call ``observer(node, old_status, new_status)`` at every change of a node's status."""
@@ -59,10 +77,11 @@ class Tree:
             observer(node, old, new)
 
     def follow(self, follower: Follower) -> None:
-        """Call ``follower(is_first, changes)`` after each traversal, with its changes of status in order.
+        """Call ``follower(is_first, changes)`` after each traversal, with its changes of status in
+        order.
 
-        ``is_first``: it was the first one of its tick. It is None for changes outside of traversals, as by a halt. Takes
-        less of the tick thread's time than ``subscribe``.
+        ``is_first``: it was the first one of its tick. It is None for changes outside of
+        traversals, as by a halt. Takes less of the tick thread's time than ``subscribe``.
         """
         if not self._followers:
             self.subscribe(lambda node, old, new: self._changes.append((node, old, new)))
@@ -77,9 +96,11 @@ class Tree:
 
     @property
     def changes(self) -> int:
-        """A number that grows when a tick changes what the next one may do: an action completed, an entry was written.
+        """A number that grows when a tick changes what the next one may do: an action completed, an
+        entry was written.
 
-        A RUNNING tree whose tick changed nothing would do the same again: it needs no tick before a wake-up.
+        A RUNNING tree whose tick changed nothing would do the same again: it needs no tick before a
+        wake-up.
         """
         return self.services.changes + self.blackboard.writes
 
@@ -88,7 +109,8 @@ class Tree:
         return self._completed(self._traverse(True))
 
     def tick_once(self) -> Result:
-        """Traverse the tree, and again for as long as it is RUNNING and a wake-up was signalled meanwhile."""
+        """Traverse the tree, and again for as long as it is RUNNING and a wake-up was signalled
+        meanwhile."""
         result = self._traverse(True)
         rounds = 1
         while result is RUNNING and self.wake.test_and_clear():
@@ -117,13 +139,17 @@ class Tree:
                 clock.run_due()
             else:
                 clock.run_posted()
+            if self.failure is not None:
+                raise self.failure
             return (root or self.root).execute()
         finally:
+            self.failure = None
             self._hand_over(is_first)
             clock.release()
 
     def tick_while_running(self, sleep_seconds: float = 0.01) -> Result:
-        """Tick until the result is not RUNNING; sleep between ticks, at most until the next wake-up."""
+        """Tick until the result is not RUNNING; sleep between ticks, at most until the next
+        wake-up."""
         while True:
             result = self.tick_once()
             if result is not RUNNING:
@@ -131,7 +157,8 @@ class Tree:
             self.sleep(sleep_seconds)
 
     def sleep(self, seconds: float) -> bool:
-        """Wait for the wake-up signal, and run timers when they are due. Return whether it came within ``seconds``."""
+        """Wait for the wake-up signal, and run timers when they are due. Return whether it came
+        within ``seconds``."""
         end = self.clock.now() + seconds
         while True:
             self.clock.run_due()
@@ -143,26 +170,26 @@ class Tree:
             due = self.clock.next_due()
             self.wake.wait((end if due is None else min(end, due)) - now)
 
-    def _completed(self, result: Result) -> Result:
+    def _completed(self, result: Result, root: Optional[Node] = None) -> Result:
         if result is SUCCESS or result is FAILURE:
-            self.root.reset()
+            (root or self.root).reset()
             self._hand_over()
         return result
 
-    # ----------------------------------------------------------------------------------------------------- for py_trees
+    # --------------------------------------------------------------------------------- for py_trees
 
     def tick_from(self, root: Node) -> Iterator[Node]:
-        """Traverse what is below ``root`` once, and yield each node that was ticked, children first.
+        """Traverse what is below ``root`` once, and yield each node that was ticked, children
+        first.
 
-        Until the next tick these nodes show how they ended, as py_trees' do, though the engine has reset them since.
+        Until the next tick these nodes show how they ended, as py_trees' do, though the engine has
+        reset them since.
         """
         if self._ticked is None:
             self._ticked = {}
             for node in self.nodes:
                 node.intercepted().ticked = self._ticked
-        if self._traverse(True, root) in (SUCCESS, FAILURE):
-            root.reset()
-            self._hand_over()
+        self._completed(self._traverse(True, root), root)
         ticked = dict(self._ticked)
         for node, result in ticked.items():
             shown = IDLE if result is SKIPPED else result
@@ -179,7 +206,8 @@ class Tree:
 
     @tick_thread_only
     def halt(self) -> None:
-        """Halt everything (BT.CPP ``haltTree``: every node's ``_onHalted`` script runs, running or not)."""
+        """Halt everything (BT.CPP ``haltTree``: every node's ``_onHalted`` script runs, running or
+        not)."""
         self.show_own_statuses()
         self.root.halt_node()
         for node in self.nodes:

@@ -1,4 +1,5 @@
-"""The wake-up signal of a tree: one flag that any thread or signal handler may set and the tick thread waits for."""
+"""The wake-up signal of a tree: one flag that any thread or signal handler may set and the tick
+thread waits for."""
 import queue
 from typing import Optional
 
@@ -6,7 +7,8 @@ from typing import Optional
 class WakeUp:
     """BehaviorTree.CPP's wake-up signal.
 
-    Built on SimpleQueue because its ``put`` may be called from a signal handler at any moment; an Event could lock up.
+    Built on SimpleQueue because its ``put`` may be called from a signal handler at any moment; an
+    Event could lock up.
     """
 
     def __init__(self) -> None:
@@ -23,14 +25,16 @@ class WakeUp:
         """Return whether the flag was set since it was last cleared, and clear it."""
         if not self._signalled:
             return False
-        # cleared before the queue is drained: a signal that comes in between leaves the flag set and is not lost
+        # cleared before the queue is drained: a signal that comes in between leaves the flag set
+        # and is not lost
         self._signalled = False
         while not self._queue.empty():
             self._queue.get()
         return True
 
     def wait(self, seconds: Optional[float]) -> None:
-        """Return when the flag is set, after ``seconds`` at the latest (None: no limit). Does not clear the flag."""
+        """Return when the flag is set, after ``seconds`` at the latest (None: no limit). Does not
+        clear the flag."""
         if self._signalled:
             return
         try:

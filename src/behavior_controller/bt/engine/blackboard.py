@@ -1,0 +1,226 @@
+"""The blackboard: typed entries by name, one storage for each tree instance, linked by remapping
+(BT.CPP section 9)."""
+from typing import Any, Dict, Optional, Tuple
+
+from behavior_controller.bt.script import values
+from behavior_controller.bt.script.values import ANY, BT_ANY, GENERIC, TEXT, ValueFault
+
+
+class WriteCount:
+    """The number of writes to entries of one tree: a tick that writes may change the effect of
+    another tick."""
+
+    __slots__ = ("number",)
+
+    def __init__(self) -> None:
+        self.number = 0
+
+
+class Entry:
+    """One entry. ``value`` None is empty; ``origin`` is the type the value had when it was first
+    stored."""
+
+    __slots__ = ("type", "value", "origin", "sequence", "_count")
+
+    def __init__(self, entry_type: str, count: WriteCount):
+        self.type = entry_type
+        self.value: Any = None
+        self.origin = ""
+        self.sequence = 0  # grows by 1 with every write, same value or not
+        self._count = count
+
+    @property
+    def is_generic(self) -> bool:
+        """Return whether the entry accepts values of any type."""
+        return self.type in GENERIC
+
+    def replace(self, value: Any, origin: str = "") -> None:
+        """Store ``value`` unchanged; ``origin`` is its type if that differs from the value's own.
+        """
+        self.value = values.stored(value)
+        self.origin = origin or values.origin_of(self.value)
+        self._written()
+
+    def update(self, value: Any, origin: str = "") -> None:
+        """Store ``value`` in the kind of the stored value, or unchanged in an empty entry. Raises
+        ValueFault."""
+        if self.value is None:
+            self.replace(value, origin)
+        else:
+            self.value = values.same_kind(values.stored(value), self.value)
+            self._written()
+
+    def clear(self) -> None:
+        """Make the entry empty; its type stays."""
+        self.value = None
+        self._written()
+
+    def _written(self) -> None:
+        self.sequence += 1
+        self._count.number += 1
+
+    def from_text(self, text: str) -> Any:
+        """Return ``text`` in the entry's type, or None if the type has no conversion. Raises
+        ValueFault."""
+        kind = values.find_type(self.type)
+        return kind.from_text(text, {}) if kind is not None and kind.from_text else None
+
+
+class Blackboard:
+    """The entries of one tree instance. A key that is remapped lives in the parent; ``@key`` lives
+    in the root."""
+
+    def __init__(self, parent: Optional["Blackboard"] = None):
+        self.parent = parent
+        self._count: WriteCount = parent._count if parent is not None else WriteCount()
+        self.local: Dict[str, Entry] = {}
+        self.remapping: Dict[str, str] = {}
+        self.autoremap = False
+
+    @property
+    def writes(self) -> int:
+        """How often entries of this tree were written or removed so far."""
+        return self._count.number
+
+    def root(self) -> "Blackboard":
+        """Return the topmost parent."""
+        board = self
+        while board.parent is not None:
+            board = board.parent
+        return board
+
+    def add_remapping(self, inner: str, outer: str) -> None:
+        """Let ``inner`` mean ``outer`` of the parent."""
+        self.remapping[inner] = outer
+
+    def find(self, key: str) -> Optional[Entry]:
+        """Return the entry that ``key`` means here, or None."""
+        entry = self.local.get(key)
+        if entry is None:
+            board, key = self.home(key)
+            entry = board.local.get(key)
+        return entry
+
+    def home(self, key: str) -> Tuple["Blackboard", str]:
+        """Return the blackboard that holds, or would hold, the entry that ``key`` means here, and
+        its name there."""
+        board = self
+        if key[:1] == "@":
+            board, key = self.root(), key.lstrip("@")
+        while board.parent is not None and key not in board.local:
+            outer = board.remapping.get(key)
+            if outer is None:
+                if not board.autoremap or key[:1] == "_":
+                    break
+                outer = key
+            board = board.parent
+            if outer[:1] == "@":
+                board, outer = board.root(), outer.lstrip("@")
+            key = outer
+        return board, key
+
+    def create(self, key: str, entry_type: str = ANY) -> Entry:
+        """Return the entry; a new one is made at the end of the chain of remappings. Raises
+        ValueFault on a type conflict."""
+        board, key = self.home(key)
+        entry = board.local.get(key)
+        if entry is None:
+            entry = board.local[key] = Entry(entry_type, self._count)
+        elif entry.type != entry_type and not entry.is_generic and entry_type not in GENERIC:
+            raise ValueFault(
+                f"Blackboard entry [{key}]: once declared, the type of a port shall not change. "
+                f"Previously declared type [{entry.type}], current type [{entry_type}]")
+        return entry
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """Return the value of ``key``, or ``default`` if it has none."""
+        entry = self.find(key)
+        return default if entry is None or entry.value is None else entry.value
+
+    def set(self, key: str, value: Any, value_type: Optional[str] = None) -> None:
+        """Write as a port or the host does (BT.CPP ``Blackboard::set``). Raises ValueFault on a
+        type clash.
+
+        ``value_type`` is the type of the writer; without one it follows from the value.
+        """
+        if key[:1] == "@":
+            self.root().set(key[1:], value, value_type)
+            return
+        if value_type is None:
+            value_type = _natural_type(value)
+        entry = self.local.get(key)
+        if entry is None:
+            self.create(key, ANY if value_type == TEXT else value_type).replace(value, value_type)
+        elif entry.is_generic:
+            entry.type = value_type
+            entry.replace(value, value_type)
+        else:
+            entry.update(*_fitting(key, entry, value, value_type))
+
+    def set_any(self, key: str, value: Any, origin: str) -> None:
+        """Write a value whose type is known only now (BT.CPP ``Blackboard::set<Any>``). Raises
+        ValueFault."""
+        if key[:1] == "@":
+            self.root().set_any(key[1:], value, origin)
+            return
+        entry = self.local.get(key)
+        if entry is None:
+            self.create(key, origin).replace(value, origin)
+        else:
+            if entry.is_generic:
+                entry.type = BT_ANY
+            elif entry.type != origin:
+                raise _changed_type(key, entry, BT_ANY)
+            entry.replace(value, origin)
+
+    def unset(self, key: str) -> None:
+        """Remove ``key`` from the storage here only; nothing happens if it does not exist."""
+        if self.local.pop(key, None) is not None:
+            self._count.number += 1
+
+
+def _natural_type(value: Any) -> str:
+    if isinstance(value, bool):
+        return "bool"
+    if isinstance(value, int):
+        return "int" if values.INT[0] <= value <= values.INT[1] else "int64"
+    return values.origin_of(value)
+
+
+def _fitting(key: str, entry: Entry, value: Any, value_type: str) -> Tuple[Any, str]:
+    """Return ``value``, and the type it has, as a typed entry takes it from a writer. Raises
+    ValueFault."""
+    if entry.type != value_type:
+        if value_type == TEXT:
+            converted = entry.from_text(value)
+            if converted is not None:
+                return converted, entry.type
+        if not _fits(entry.type, value):
+            raise _changed_type(key, entry, value_type)
+    return value, value_type
+
+
+def _fits(entry_type: str, value: Any) -> bool:
+    """Return whether ``value`` survives the way into a type of other size or kind and back, or has
+    the right items.
+
+    An entry that the host made without a type has the name of a Python class as its type.
+    """
+    target = values.find_type(entry_type)
+    if target is None:
+        return type(value).__name__ == entry_type
+    if (target.python is not None and isinstance(value, target.python)) or values.is_vector(
+            value, entry_type):
+        return True
+    try:
+        if entry_type == "double":
+            return int(values.to_real(value)) == value
+        return target.limits is not None and values.to_int(value, *target.limits) == value
+    except ValueFault:
+        return False
+
+
+def _changed_type(key: str, entry: Entry, value_type: str) -> ValueFault:
+    return ValueFault(f"Blackboard::set({key}): once declared, the type of a port shall not "
+                      f"change. Previously declared type [{entry.type}], current type "
+                      f"[{value_type}]")

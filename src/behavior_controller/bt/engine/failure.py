@@ -1,0 +1,73 @@
+"""Failures of nodes: an exception in a node's code, in a callback that it set, or in its halt, tied
+to that node."""
+import sys
+from types import FrameType
+from typing import Any, Callable, Optional, Tuple
+
+from py_trees.behaviour import Behaviour
+
+from behavior_controller.bt.linter import rules
+from behavior_controller.errors import BehaviorControllerError, Fault
+from behavior_controller.foreign_code import described, is_ctrl_c
+
+
+class TickError(BehaviorControllerError):
+    """A tick ended in an exception. Wrapped once, at the node in whose rule it happened (BT.CPP
+    ``NodeExecutionError``).
+
+    ``node`` is None for a callback that no node has set.
+    """
+
+    def __init__(self, node: Any, cause: BaseException, where: str = ""):
+        """``where`` names the part of the node that is not its rule."""
+        super().__init__("Exception in {}{}: {}{}".format(
+            where,
+            "a callback" if node is None else f"node '{node.full_path}' [{node.registration_id}]",
+            "" if node is None else node.place_in_file(),
+            cause if isinstance(cause, BehaviorControllerError) else described(cause, type(node))
+        ))
+        self.node = node
+        self.cause = cause
+        self.__cause__ = cause
+
+
+def failure_of(node: Any, error: BaseException, where: str = "") -> BaseException:
+    """Return ``error``, which the code of ``node`` raised, as a TickError; a Ctrl-C and a TickError
+    as they are."""
+    return error if isinstance(error, TickError) or is_ctrl_c(error) else TickError(
+        node, error, where)
+
+
+def broken(element: Any, type_id: str, step: str, error: BaseException, owner: object) -> Fault:
+    """Return the fault of a node whose code failed before any tick; ``step`` is what cannot be done
+    with the node, ``owner`` its class or factory. Raises a Ctrl-C."""
+    if is_ctrl_c(error):
+        raise error
+    return element.fault(rules.NODE_BROKEN,
+                         f"{type_id} cannot be {step}: {described(error, owner)}",
+                         "a mistake in the code of the node type, not in this file")
+
+
+def owner_of(callback: Callable[..., Any]) -> Any:
+    """Return the node whose method ``callback`` is, or else whose code has called our caller; None
+    if there is none."""
+    owner = getattr(callback, "__self__", None)
+    return owner if _is_node(owner) else node_on(sys._getframe(2))[0]
+
+
+def node_on(frame: Optional[FrameType]) -> Tuple[Any, Optional[FrameType]]:
+    """Return the node whose code runs on the stack that ends with ``frame``, and the frame of that
+    code; or None."""
+    while frame is not None:
+        if "self" in frame.f_code.co_varnames or "self" in frame.f_code.co_freevars:
+            candidate = frame.f_locals.get("self")
+            if _is_node(candidate):
+                return candidate, frame
+        frame = frame.f_back
+    return None, None
+
+
+def _is_node(candidate: Any) -> bool:
+    """Return whether this is a node of a tree; a behaviour of py_trees inside a leaf is none."""
+    # in this order: a timer looks at each frame of the stack, and an ABC's isinstance is slow
+    return hasattr(candidate, "full_path") and isinstance(candidate, Behaviour)

@@ -1,0 +1,171 @@
+"""Ports: what an attribute of a node means (a reference to an entry, or a literal), and how to read
+and write it."""
+from typing import Any, Dict, Iterable, List, Optional, Tuple
+
+from behavior_controller.bt.script import values
+from behavior_controller.bt.engine.blackboard import Blackboard, Entry
+from behavior_controller.bt.script.values import Enums, GENERIC, TYPES, ValueFault
+from behavior_controller.bt.registry import Port
+
+BLANKS = " \t\n\r"
+
+
+class PortError(ValueFault):
+    """A port cannot be read or written; the text says which and why."""
+
+
+class NoValue(PortError):
+    """The entry of an input port does not exist or is empty."""
+
+
+class TypeClash(PortError):
+    """A port refers to an entry of another type."""
+
+    def __init__(self, key: str, entry: Entry, port: Port):
+        super().__init__(f"the entry [{key}] has type [{entry.type}], and the port [{port.name}] "
+                         f"here has type [{port.type}]")
+        self.entry = entry
+
+
+def reference(text: str, port_name: str) -> Optional[str]:
+    """Return the entry that an attribute refers to (``{key}``; ``{=}`` and ``=`` mean the port's
+    own name), or None."""
+    if text == "=":
+        return port_name
+    inner = text.strip(BLANKS)
+    if len(inner) >= 3 and inner[0] == "{" and inner[-1] == "}":
+        return port_name if inner == "{=}" else inner[1:-1]
+    return None
+
+
+def defaults(declared: Iterable[Port]) -> Dict[str, str]:
+    """Return the attributes that a node has without being given them: the defaults that are
+    entries."""
+    return {port.name: port.default for port in declared
+            if port.default is not None and reference(port.default, port.name) is not None}
+
+
+def literal_fault(text: str, port: Port, enums: Enums) -> Optional[str]:
+    """Return what is wrong with the text of a port as the load-time check sees it, or None.
+
+    That check takes for a reference only what has braces as its first and last character, so `` {k}
+    `` is refused for an ``int`` port although reading it would work.
+    """
+    if len(text) >= 3 and text[0] == "{" and text[-1] == "}":
+        return None
+    port_type = TYPES[port.type]
+    if not port_type.checked_at_load or port_type.from_text is None:
+        return None
+    try:
+        port_type.from_text(text, enums)
+    except ValueFault as fault:
+        return str(fault)
+    return None
+
+
+def entry_value(text: str, port_name: str, blackboard: Blackboard) -> Any:
+    """Return the value of the entry that ``text`` refers to. Raises PortError if there is none or
+    it is empty."""
+    key = reference(text, port_name)
+    entry = None if key is None else blackboard.find(key)
+    if entry is None:
+        raise NoValue(f"port [{port_name}]: the blackboard has no entry [{key}]")
+    if entry.value is None:
+        raise NoValue(f"port [{port_name}]: the entry [{key}] is empty")
+    return entry.value
+
+
+def read(text: str, port: Port, blackboard: Blackboard, enums: Enums) -> Any:
+    """Return the value of an input port whose attribute (or default) is ``text``. Raises PortError.
+    """
+    try:
+        if reference(text, port.name) is None:
+            port_type = TYPES[port.type]
+            return text if port_type.from_text is None else port_type.from_text(text, enums)
+        return values.convert(entry_value(text, port.name, blackboard), port.type, enums)
+    except PortError:
+        raise
+    except ValueFault as fault:
+        raise PortError(f"port [{port.name}]: {fault}") from fault
+
+
+def write(text: str, port: Port, blackboard: Blackboard, value: Any) -> None:
+    """Write through an output port whose attribute is ``text``. Raises PortError."""
+    key = reference(text, port.name)
+    if key is None:
+        raise PortError(
+            f"port [{port.name}] is the literal [{text}]; only an entry {{name}} can be written")
+    try:
+        blackboard.set(key, values.declared(value, port.type),
+                       None if port.type in GENERIC else port.type)
+    except ValueFault as fault:
+        raise PortError(f"port [{port.name}]: {fault}") from fault
+
+
+def clear(text: str, port: Port, blackboard: Blackboard) -> None:
+    """Empty the entry that an output port refers to, if there is one."""
+    key = reference(text, port.name)
+    entry = None if key is None else blackboard.find(key)
+    if entry is not None:
+        entry.clear()
+
+
+def declare(text: str, port: Port, blackboard: Blackboard) -> None:
+    """Make the entry that an attribute refers to, empty and of the port's type. Raises TypeClash,
+    or PortError."""
+    key = reference(text, port.name)
+    if key is None:
+        return
+    if key.count("@") > 1:
+        raise PortError(f"Character '@' used multiple times in the key [{key}]")
+    entry = blackboard.find(key)
+    if entry is None:
+        blackboard.create(key, port.type)
+    elif (entry.type != port.type and entry.type not in GENERIC + (values.TEXT,)
+          and port.type not in GENERIC):
+        raise TypeClash(key, entry, port)
+
+
+def subtree_reference(text: str, name: str) -> Optional[str]:
+    """Return the entry that an attribute of a SubTree refers to, or None; there a sole ``=`` is a
+    literal."""
+    return None if text == "=" else reference(text, name)
+
+
+def subtree_literal(text: str) -> Tuple[str, Any]:
+    """Return the type and value that a literal attribute of a SubTree gets by its appearance
+    (BT.CPP section 10)."""
+    for name, bounds in (("int", values.INT), ("int64", values.INT64)):
+        integer = values.whole_integer(text, *bounds)
+        if integer is not None:
+            return name, integer
+    real = values.whole_real(text)
+    if real is not None:
+        return "double", real
+    return values.TEXT, text
+
+
+def loop_items(text: str, item_type: str) -> List[Any]:
+    """Return the items of a Loop's queue, which ``;`` separates. Raises ValueFault."""
+    from_text = TYPES[item_type].from_text
+    return [from_text(item, {}) for item in values.items_of(text)]  # type: ignore[misc]
+
+
+def same_text_or_number(left: str, right: str, enums: Enums) -> bool:
+    """Return whether Switch holds two texts for equal: as text, as integers, or as reals; the name
+    of an enum is its number."""
+    if left == right:
+        return True
+    for whole in (_as_int, _as_real):
+        a, b = whole(left, enums), whole(right, enums)
+        if a is not None and b is not None:
+            return abs(a - b) <= (0 if whole is _as_int else values.EPSILON)
+    return False
+
+
+def _as_int(text: str, enums: Enums) -> Optional[int]:
+    return int(enums[text]) if text in enums else values.whole_integer(text, *values.INT)
+
+
+def _as_real(text: str, enums: Enums) -> Optional[float]:
+    return float(enums[text]) if text in enums else values.whole_real(text)

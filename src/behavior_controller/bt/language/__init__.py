@@ -1,1 +1,0 @@
-"""Mission files and scripts: documents with places, scripts, typed values and the entries that hold them."""

@@ -1,0 +1,190 @@
+"""Rules about what SubTrees are given and give back, and about entries that nothing writes."""
+import itertools
+from typing import List, Set
+
+from behavior_controller.bt.linter import rules
+from behavior_controller.bt.linter.dataflow import Read
+from behavior_controller.bt.linter.facts import MissionFacts
+from behavior_controller.bt.linter.nodes import condition_meant, is_cut_short
+from behavior_controller.bt.linter.scripts import WORDS
+from behavior_controller.bt.linter.structure import given, is_port_name, remaps_all
+from behavior_controller.bt.linter.warnings import check_braces, check_ignored
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.loader.document import Element
+from behavior_controller.bt.script.values import TEXT
+
+
+def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
+    """Apply the rules to a <SubTree> of ``tree``."""
+    check_ignored(facts, call)
+    called = call.attributes["ID"]
+    model = facts.trees.models.get(called, [])
+    texts = given(call, model)
+    forgotten = [name for name in facts.needs[called] if name not in texts]
+    is_told = False
+    for name, text in call.attributes.items():
+        if not is_port_name(name):
+            continue
+        outer = ports.subtree_reference(text, name)
+        if outer is not None:
+            _check_remapped(facts, call, name, outer, tree)
+        else:
+            _check_literal(facts, call, name, text, called)
+        if not check_braces(facts, call, name, tree):
+            used = facts.flow.used.get(called, set()) | {port.name for port in model}
+            if name not in used:
+                is_told |= _check_unused(facts, call, name, outer is not None, forgotten)
+            elif outer is None:
+                _check_result(facts, call, name, text, called)
+    if not (is_told or remaps_all(call) or not facts.flow.is_known) and facts.is_host_known:
+        for name in forgotten:
+            _tell_forgotten(facts, call, name, tree)
+
+
+def _check_unused(facts: MissionFacts, call: Element, name: str, is_remapped: bool,
+                  forgotten: List[str]) -> bool:
+    """Warn of an entry that a tree is given and does not use; return whether that was done."""
+    called = call.attributes["ID"]
+    known = facts.flow.used.get(called, set())
+    model = sorted(port.name for port in facts.trees.models.get(called, []))
+    near = ""
+    if len(name) > 2:
+        near = facts.findings.nearest(name, known.union(model).difference(call.attributes))
+    if condition_meant(name):
+        facts.warn(rules.SUBTREE_CONDITION, call,
+                   f"{name} is an entry of the tree {called}, no condition", condition_meant(name),
+                   name)
+    elif name.lower() in ("autoremap", "auto_remap"):
+        facts.warn(rules.SUBTREE_CONDITION, call,
+                   f"{name} is an entry of the tree {called}, and remaps nothing",
+                   "did you mean _autoremap?", name)
+    elif model:
+        facts.warn(rules.MODEL_PORT_UNKNOWN, call, f"the model of {called} has no port {name}",
+                   near or f"its ports: {', '.join(model)}", name)
+    elif near or (is_remapped and facts.flow.is_known):
+        has = ", ".join(itertools.islice(forgotten or sorted(known), 10))
+        facts.warn(rules.SUBTREE_PORT_UNKNOWN, call, f"the tree {called} uses no entry {name}",
+                   near or f"the tree {called} has {has or 'no entries'}", name)
+    else:
+        return False
+    return True
+
+
+def _check_result(facts: MissionFacts, call: Element, name: str, text: str, called: str) -> None:
+    """Warn of a text in place of the entry that a tree writes its result to."""
+    key = (called, name)
+    if text.isidentifier() and key in facts.flow.own and key not in facts.flow.reads:
+        facts.warn(
+            rules.BRACES_FORGOTTEN, call,
+            f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there is lost",
+            f"the entry is written {{{text}}}", name)
+
+
+def _tell_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
+    called = call.attributes["ID"]
+    near = facts.findings.nearest(name, facts.written.get(tree, ()))
+    hint = f"write {name}=\"{{…}}\", or {name}=\"…\""
+    if name in facts.written.get(tree, ()):
+        hint = f"write {name}=\"{{{name}}}\""
+    elif name in facts.defaults.known or name in facts.written.get(facts.trees.main, ()):
+        hint = f"write {name}=\"{{@{name}}}\""
+    elif facts.defaults.written_by(name) or near:
+        hint = f"{hint}; {near}"
+    facts.warn(rules.SUBTREE_PORT_MISSING, call,
+               f"the tree {called} needs the entry {name}, which this call does not give", hint)
+
+
+def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, called: str) -> None:
+    """Warn of a literal that a port of the called tree reads in part, or cannot read."""
+    port = facts.flow.readers.get((called, name))
+    if port is None or ports.subtree_literal(text)[0] != TEXT:
+        return
+    wrong = ports.literal_fault(text, port, {})
+    if not is_cut_short(facts.warn, call, name, port, port.type) and wrong is not None:
+        facts.warn(
+            rules.WRONG_LITERAL, call,
+            f"{name}=\"{text}\" cannot be of type {port.type}, as the port {port.name} there",
+            wrong, name)
+
+
+def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, tree: str) -> None:
+    """Warn of an entry that occurs only here in the tree, if a similar name occurs."""
+    key = facts.flow.key(tree, outer)
+    known = facts.flow.used.get(key[0], set())
+    if facts.flow.mentions[key] > 1 or not facts.findings.may_compare(len(known)):
+        return
+    near = next((other for other in sorted(known) if is_misspelling(key[1], other)), "")
+    if near:
+        facts.misspelt.add(facts.flow.first(key))
+        facts.warn(rules.ENTRY_MISSPELT, call, f"the entry {outer} is named nowhere else",
+                   f"did you mean {near}?", name)
+
+
+# --------------------------------------------------------------------- entries that are not written
+
+
+def check_entries(facts: MissionFacts) -> None:
+    """Warn of entries that are read and never written; of those that a node reads by default, only
+    of one."""
+    if not facts.flow.is_known:
+        return
+    by_default: Set[int] = set()  # elements
+    for read in facts.flow.never_written(facts.defaults.given):
+        name = read.key[1]
+        if facts.flow.first(read.key) in facts.misspelt or name in WORDS or name != name.strip(
+        ) or "{" in name:
+            continue  # reported already by another warning
+        if read.attribute not in read.element.attributes:
+            if id(read.element) in by_default:
+                continue
+            by_default.add(id(read.element))
+        _check_read(facts, read)
+
+
+def _check_read(facts: MissionFacts, read: Read) -> None:
+    tree, name = read.key
+    written = facts.written.get(tree, set())
+    hint = _writer_elsewhere(facts, name)
+    if not hint and not facts.is_host_known and not any(
+            len(other) > 3 and is_misspelling(name, other) for other in written):
+        return
+    hint = hint or facts.defaults.written_by(name) or facts.findings.nearest(name, written)
+    if not hint and _is_like_a_text(read):
+        hint = f"a text needs single quotes: '{name}'"
+    facts.warn(rules.NEVER_WRITTEN, read.element,
+               f"the entry {name} is read here, but nothing writes it", hint, read.attribute,
+               read.at)
+
+
+def _is_like_a_text(read: Read) -> bool:
+    """Return whether a script compares an entry or assigns it, as it would do with a text."""
+    if read.script is None:
+        return False
+    operands = [assignment.value for assignment in read.script.facts.assignments]
+    operands += [operation.right for operation in read.script.facts.operations]
+    return any(operand.kind == "name" and operand.word == read.key[1] for operand in operands)
+
+
+def _writer_elsewhere(facts: MissionFacts, name: str) -> str:
+    """Return a hint if an entry of that name is written, but in another tree's blackboard."""
+    elsewhere = [tree for tree, names in facts.written.items()
+                 if tree != facts.trees.main and name in names]
+    if not elsewhere:
+        return ""
+    return f"the tree {elsewhere[0]} writes one of its own; that of the whole mission is @{name}"
+
+
+def is_misspelling(word: str, other: str) -> bool:
+    """Return whether two names differ by one letter left out, added or changed, or two exchanged.
+
+    Names that differ by a digit or an s at the end count as different on purpose.
+    """
+    if word.rstrip("s0123456789") == other.rstrip("s0123456789"):
+        return False
+    short, long = sorted((word, other), key=len)
+    at = next((index for index, pair in enumerate(zip(short, long)) if pair[0] != pair[1]),
+              len(short))
+    rest, longer = short[at:], long[at:]
+    if len(short) == len(long):
+        return rest[1:] == longer[1:] or (rest[1::-1] == longer[:2] and rest[2:] == longer[2:])
+    return rest == longer[1:]

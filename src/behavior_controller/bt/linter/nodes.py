@@ -1,0 +1,303 @@
+"""What keeps a node from being made: its type, children, ports, literals, scripts (BT.CPP 12.3).
+
+What depends on an instance (types of entries, paths of SubTrees) is found when the tree is built.
+"""
+import re
+from typing import Callable, Dict, Optional
+
+from behavior_controller.bt.linter import rules
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.script import values
+from behavior_controller.bt.loader.document import EXPLICIT, Element
+from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
+from behavior_controller.bt.script.values import ValueFault
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role, argument
+from behavior_controller.bt.linter.structure import CONDITIONS, Trees, is_port_name, remaps_all
+from behavior_controller.text import did_you_mean
+
+LONGEST_SCRIPT = 20_000  # characters
+
+ELSEWHERE = {"SubTreePlus": "version 4 writes <SubTree>, and _autoremap for __autoremap",
+             "SequenceStar": "version 4 calls it SequenceWithMemory",
+             "FallbackStar": "version 4 calls it Fallback",
+             "RetryUntilSuccesful": "version 4 spells it RetryUntilSuccessful",
+             **dict.fromkeys(("BlackboardCheckInt", "BlackboardCheckDouble",
+                              "BlackboardCheckString", "BlackboardCheckBool"),
+                             "version 4 writes _skipIf, _failureIf or Precondition"),
+             "ConsumeQueue": "version 4 has LoopString, LoopInt, LoopDouble and LoopBool",
+             "ManualSelector": "version 4 has Switch2 to Switch6",
+             "Selector": "BehaviorTree.CPP calls it Fallback",
+             "include": "it belongs directly below <root>",
+             "TreeNodesModel": "it belongs directly below <root>"}
+"""Names of a node type in other versions and tools -> its name here."""
+_PORTS_ELSEWHERE = {("Parallel", "threshold"): "version 4 writes success_count",
+                    ("Parallel", "success_threshold"): "version 4 writes success_count",
+                    ("Parallel", "failure_threshold"): "version 4 writes failure_count"}
+_SUBTREE_ELSEWHERE = {"__shared_blackboard": "version 4 ignores it: write _autoremap=\"true\"",
+                      "__autoremap": "version 4 ignores it: write _autoremap"}
+
+
+class Nodes:
+    """Checks the nodes of trees."""
+
+    def __init__(self, registry: Registry, trees: Trees):
+        self.registry = registry
+        self.trees = trees
+        self.fault, self.warn = trees.fault, trees.warn
+        self.nearest = trees.findings.nearest
+        # the tree being checked is part of the mission; in any other, what BehaviorTree.CPP notices
+        # only when it makes a node is a warning
+        self.is_used = True
+        self._known = {spec.id: spec for spec in registry.all() if spec.kind is not Kind.SUBTREE}
+        self._scripts: Dict[str, Optional[ScriptSyntaxError]] = {}  # text -> what is wrong with it
+
+    def check(self, element: Element) -> None:
+        """Check a node."""
+        spec = self._identified(element)
+        if spec is not None:
+            fewest, most = spec.child_range
+            if not fewest <= len(element.children) <= most:
+                self._children(element, spec, fewest, most)
+            for name, text in element.attributes.items():
+                if name != "name":
+                    self._attribute(element, spec, name, text)
+
+    def fault_in_use(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
+                     attribute: Optional[str] = None, at: int = 0) -> None:
+        """Record a fault of an element that may not be in use."""
+        (self.fault if self.is_used else self.warn)(rule, element, text, hint, attribute, at)
+
+    def _identified(self, element: Element) -> Optional[NodeSpec]:
+        """Return the node type that an element names; None if nothing more can be checked."""
+        if element.tag == "SubTree":
+            self._subtree(element)
+            return None
+        node_id = element.type_id
+        if not node_id:
+            self.trees.report_no_id(element, "", "the ID is the node type")
+            return None
+        spec = self._known.get(node_id)
+        if spec is None:
+            self._unknown(element, node_id)
+            return None
+        if spec.warning:
+            self.warn(rules.NODE_TYPE_WARNING, element, spec.warning)
+        if spec.refuses_explicit or spec.at_most_one:
+            self._kinds_of_children(element, spec)
+        if spec.names:
+            self._name(element, spec)
+        return spec
+
+    def _name(self, element: Element, spec: NodeSpec) -> None:
+        """Check the name of a node whose name is its argument."""
+        name = element.attributes.get("name", "")
+        allowed = f"allowed: name=\"…\" with {', '.join(spec.names)}"
+        if not argument(name):
+            self.fault_in_use(rules.NAME_ARGUMENT, element,
+                              f"{spec.id} takes an argument in its name, which is not given",
+                              allowed)
+        elif argument(name) not in spec.names:
+            self.fault_in_use(rules.NAME_ARGUMENT, element,
+                              f"the name of {spec.id} cannot be {name}", allowed, "name")
+
+    def _unknown(self, element: Element, node_id: str) -> None:
+        attribute = "ID" if element.tag in EXPLICIT else None
+        if node_id == "BehaviorTree":
+            self.fault_in_use(rules.TREE_IN_TREE, element,
+                              "a <BehaviorTree> cannot stand inside another",
+                              "call it with <SubTree ID=\"…\"/>")
+        elif node_id in self.trees.trees:
+            self.fault(rules.TREE_AS_NODE, element, f"{node_id} is a tree, not a node",
+                       f"it is called with <SubTree ID=\"{node_id}\"/>", attribute)
+        else:
+            hint = ELSEWHERE.get(node_id) or self.nearest(node_id, list(self._known) + ["SubTree"])
+            self.fault(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
+
+    def _kinds_of_children(self, element: Element, spec: NodeSpec) -> None:
+        for child in element.children:
+            if child.tag in EXPLICIT and child.type_id:
+                self.fault(rules.EXPLICIT_IN_REACTIVE, child,
+                           f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}",
+                           f"write <{child.type_id}/>")
+        if sum(child.tag == spec.at_most_one for child in element.children) > 1:
+            self.fault(rules.TWO_ASYNC, element,
+                       f"a {spec.id} cannot have more than one {spec.at_most_one} child")
+
+    def _children(self, element: Element, spec: NodeSpec, fewest: int, most: int) -> None:
+        count = len(element.children)
+        if most == 0:
+            self.fault(rules.LEAF_CHILDREN, element,
+                       f"{spec.id} is a leaf and cannot have children")
+        elif most == 1:
+            self.fault(rules.DECORATOR_CHILDREN, element,
+                       f"{spec.id} has {count} children; a decorator must have exactly 1",
+                       "put a Sequence around them" if count else "")
+        elif fewest > 1:
+            self.fault(rules.FEW_CHILDREN, element,
+                       f"{spec.id} must have at least {fewest} children: {spec.children}")
+        else:
+            self.fault(rules.NO_CHILD, element, f"{spec.id} has no child; it must have 1 or more")
+
+    def _attribute(self, element: Element, spec: NodeSpec, name: str, text: str) -> None:
+        port = spec.port_named.get(name)
+        if name in CONDITIONS:
+            self._script(element, name, text)
+        elif port is not None:
+            self._port(element, port, text)
+        elif name == "ID":
+            if element.tag not in EXPLICIT:
+                self.fault_in_use(rules.ID_NOT_ALLOWED, element,
+                                  f"the attribute ID is not allowed in <{element.tag}>",
+                                  "write name=\"…\" for the name of the node", "ID")
+        elif is_port_name(name):
+            hint = _PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(
+                name) or self.nearest(name, spec.port_named, "its ports")
+            if spec.names:
+                hint = f"its argument is its name: {', '.join(spec.names)}"
+            self.fault_in_use(rules.UNKNOWN_PORT, element, f"{spec.id} has no port {name}", hint,
+                              name)
+
+    def _port(self, element: Element, port: Port, text: str) -> None:
+        wrong = ports.literal_fault(text, port, {})
+        if wrong is not None:
+            inner = text.strip("${} \t")
+            if inner.isidentifier() and (inner != text or port.type != "bool"):
+                wrong = f"{wrong}; an entry is written {{{inner}}}"
+            self.fault_in_use(rules.WRONG_LITERAL, element,
+                              f"port {port.name} of type {port.type} cannot be \"{text}\"", wrong,
+                              port.name)
+        elif ports.reference(text, port.name) is not None:
+            return
+        elif port.role is Role.SCRIPT and text:
+            self._script(element, port.name, text)
+        else:
+            is_cut_short(self.warn, element, port.name, port, port.literal or port.type)
+
+    def _script(self, element: Element, name: str, text: str) -> None:
+        if text not in self._scripts:
+            self._scripts[text] = _script_fault(text)
+        wrong = self._scripts[text]
+        if wrong is not None:
+            self.fault_in_use(rules.SCRIPT_SYNTAX, element,
+                              f"the script of {name} cannot be read: {wrong}", wrong.hint or text,
+                              name, wrong.position)
+
+    def _subtree(self, element: Element) -> None:
+        tree_id = element.attributes.get("ID", "")
+        for name, text in element.attributes.items():
+            if name in CONDITIONS:
+                self._script(element, name, text)
+            elif name in _SUBTREE_ELSEWHERE:
+                self.warn(rules.SUBTREE_OLD, element, f"{name} means nothing in version 4",
+                          _SUBTREE_ELSEWHERE[name], name)
+        if not tree_id:
+            self.trees.report_no_id(element, "", "the ID is that of a <BehaviorTree>")
+        else:
+            self.trees.check_id(element, tree_id)
+        if element.children:
+            self.fault(rules.LEAF_CHILDREN, element,
+                       f"<SubTree ID=\"{tree_id}\"> cannot have children")
+        if id(element) not in self.trees.findings.faulty:
+            self._call(element, tree_id)
+
+    def _call(self, element: Element, tree_id: str) -> None:
+        if tree_id not in self.trees.trees:
+            self.trees.findings.faulty.add(id(element))
+            if self.trees.is_complete:
+                self.fault_in_use(rules.UNKNOWN_TREE, element, f"there is no tree {tree_id}",
+                                  self.nearest(tree_id, self.trees.trees, "the trees"), "ID")
+        try:
+            gets_all = remaps_all(element)
+        except ValueFault as fault:
+            self.fault_in_use(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
+            return
+        for port in self.trees.models.get(tree_id, ()):
+            if not gets_all and port.default is None and port.name not in element.attributes:
+                self._missing(element, tree_id, port)
+        if element.document.root.attributes.get("BTCPP_format") != "4":
+            self._unbraced(element)
+
+    def _missing(self, element: Element, tree_id: str, port: Port) -> None:
+        """Record that a port of a tree's model is not given; at the attribute that is meant for it,
+        if there is one."""
+        known = [known.name for known in self.trees.models[tree_id]]
+        meant = f"did you mean {port.name}?"
+        other = next((name for name in element.attributes if is_port_name(name)
+                      and name not in known and did_you_mean(name, known) == meant), None)
+        text = f"the model of {tree_id} asks for the port {port.name}, which is not given"
+        if other:
+            self.fault_in_use(rules.MODEL_PORT_MISSING, element, f"{text}; it has no port {other}",
+                              meant, other)
+        else:
+            self.fault_in_use(rules.MODEL_PORT_MISSING, element, text,
+                              f"write {port.name}=\"{{{port.name}}}\"")
+
+    def _unbraced(self, element: Element) -> None:
+        for name, text in element.attributes.items():
+            if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
+                self.warn(rules.UNBRACED, element,
+                          f"{name}=\"{text}\" is the text {text} in version 4",
+                          f"the entry of that name is written {{{text}}}", name)
+
+
+def is_cut_short(warn: Callable[..., None], element: Element, attribute: str, port: Port,
+                 type_name: str) -> bool:
+    """Warn of a number that ``port`` does not read to its end; return whether that was done."""
+    text = element.attributes[attribute]
+    rest = values.unread(text, type_name)
+    if rest:
+        warn(rules.NUMBER_CUT_SHORT, element,
+             f"{attribute}=\"{text}\" is read only up to \"{rest}\": as {_read(text, type_name)}",
+             _meant(text, port, type_name), attribute)
+    return bool(rest)
+
+
+def _read(text: str, type_name: str) -> str:
+    """Return the value that a literal is read as, for a message."""
+    try:
+        value = values.TYPES[type_name].from_text(text, {})  # type: ignore[misc]
+    except ValueFault as fault:
+        return str(fault)
+    return ";".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+_THOUSANDS = re.compile(r"-?[0-9]{1,3}(?:[,._' ][0-9]{3})+")
+_AMOUNT = re.compile(r"([0-9]+(?:[.,][0-9]+)?)\s*"
+                     "(?:(ms(?:ec)?)|(s(?:ec(?:onds?)?)?)|(min(?:utes?)?)|(h(?:ours?)?))",
+                     re.IGNORECASE)
+_MILLISECONDS = (1, 1000, 60_000, 3_600_000)  # of each unit of an amount
+
+
+def _meant(text: str, port: Port, type_name: str) -> str:
+    """Return what may be meant by a number that is read only in part."""
+    amount = _AMOUNT.fullmatch(text.strip())
+    number = values.whole_real(text.replace(",", "."))
+    if amount is not None and port.name.endswith("msec"):
+        unit = _MILLISECONDS[(amount.lastindex or 0) - 2]
+        milliseconds = float(amount.group(1).replace(",", ".")) * unit
+        return f"the number is of milliseconds: {text} is {milliseconds:.0f}"
+    if _THOUSANDS.fullmatch(text):
+        return f"a number has no separators: write {re.sub('[^-0-9]', '', text)}"
+    if number is None:
+        return f"the type is {type_name}"
+    if type_name == "double":
+        return f"write {text.replace(',', '.')}"
+    end = f": write {number:.0f}" if number.is_integer() else ", without fraction"
+    return f"the type is {type_name}{end}"
+
+
+def condition_meant(name: str) -> str:
+    """Return ``did you mean _…?`` if an attribute is a condition that lacks its underscore."""
+    return did_you_mean("_" + name, CONDITIONS, likeness=0.8)
+
+
+def _script_fault(text: str) -> Optional[ScriptSyntaxError]:
+    """Return what is wrong with the text of a script, or None."""
+    try:
+        if len(text) > LONGEST_SCRIPT:
+            raise ScriptSyntaxError(
+                f"it has {len(text)} characters; at most {LONGEST_SCRIPT} are allowed")
+        compile_script(text)
+    except ScriptSyntaxError as error:
+        return error
+    return None

@@ -1,0 +1,199 @@
+"""Every kind of mistake in a mission, declared once: its code (``NO_CHILD`` is ``no-child``) and
+what it means.
+
+A finding is made through its rule. docs/faults.md and the codes that ``validateMission --ignore``
+takes are derived from them; test/fixtures/mistakes.txt has missions with each mistake, and missions
+beside them that have none.
+"""
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Dict, Mapping
+
+
+@dataclass(eq=False)
+class LintRule:
+    """One kind of mistake; with an error the mission is not run. ``code`` is the name of the
+    constant in small letters with hyphens, and never changes once it has been released."""
+
+    meaning: str
+    is_warning: bool
+    code: str = ""
+
+
+error = partial(LintRule, is_warning=False)
+warning = partial(LintRule, is_warning=True)
+
+# ------------------------------------------------------------------------------------------- markup
+
+EMPTY_FILE = error("The file is empty, or has nothing but blanks.")
+NOT_TEXT = error("The file is not UTF-8 text, nor UTF-16 with its mark.")
+NO_ELEMENT = error('The file has no element; a mission begins with <root BTCPP_format="4">.')
+OUTSIDE_ROOT = error("A file has one <root>, and nothing before or after it.")
+NOT_CLOSED = error("A comment, a CDATA section, an instruction or a closing tag has no end.")
+DOCTYPE = error("A mission may not declare entities.")
+INSTRUCTION = error("A processing instruction is not allowed inside <root>.")
+STRAY_BRACKET = error("A < begins no tag; in text it is written &lt;.")
+ELEMENT_NAME = error("The name of an element is not one that XML knows.")
+TAG_NOT_ENDED = error("A tag is not ended with >.")
+STRAY_CHARACTER = error("A tag holds a character that belongs to no attribute.")
+ATTRIBUTE_VALUE = error("An attribute has no value.")
+ATTRIBUTE_QUOTES = error("The value of an attribute must stand in quotes.")
+ATTRIBUTE_BLANK = error("A blank is missing between two attributes.")
+QUOTE_NOT_CLOSED = error("The value of an attribute has no closing quote.")
+ATTRIBUTE_TWICE = error("An element has the same attribute twice.")
+ATTRIBUTE_NAME = error("The name of an attribute is not one that XML knows.")
+FORBIDDEN_CHARACTER = error("A character that XML does not allow.")
+ELEMENT_NOT_CLOSED = error("An element is not closed, or not before the one around it is.")
+CLOSES_NOTHING = error("A closing tag has no element that it could close.")
+NOT_WELL_FORMED = error("XML that cannot be read for another reason.")
+STRAY_TEXT = warning("A text is where only elements are allowed; it is dropped.")
+TOO_LARGE = error("The mission is larger, longer or more deeply nested than is allowed.")
+
+# -------------------------------------------------------------------------------------------- files
+
+UNREADABLE_FILE = error("A file cannot be read.")
+INCLUDE_WITHOUT_PATH = error("<include> needs the attribute path.")
+INCLUDE_UNREADABLE = error("An included file cannot be read.")
+INCLUDE_PACKAGE = error("The ROS package that ros_pkg names is not found.")
+INCLUDE_CIRCLE = error("A file includes itself, directly or through others.")
+
+# --------------------------------------------------------------------------------- <root> and trees
+
+WRONG_ROOT = error("The first element must be <root>.")
+FORMAT_MISSING = warning('<root> does not say BTCPP_format="4".')
+OTHER_FORMAT = warning("BTCPP_format is not 4; the file is read as version 4 all the same.")
+IGNORED_BELOW_ROOT = warning("An element below <root> means nothing there.")
+TWO_MODELS = error("A file may hold only one <TreeNodesModel>.")
+TREE_WITHOUT_ID = error("A <BehaviorTree> needs an ID, unless it is all that the file has.")
+TREE_CHILDREN = error("A <BehaviorTree> must have exactly one child.")
+TREE_TWICE = warning("A tree is defined again; the last definition counts.")
+RESERVED_ID = error("A tree cannot be called Root or root.")
+ID_OF_A_NODE = error("A tree cannot have the name of a node type.")
+ID_LETTERS = error("The ID of a tree holds a character that is not allowed.")
+ID_BLANKS = warning("The ID of a tree holds a blank or a dot, which BehaviorTree.CPP 4.10 refuses.")
+NO_TREE = error("The file has neither a <BehaviorTree> nor a palette.")
+MAIN_TREE_UNKNOWN = error("The main tree does not exist.")
+MAIN_TREE_MISSING = error("Nothing says which of several trees is the main tree.")
+TREE_CIRCLE = error("A tree contains itself, directly or through others.")
+TREE_UNUSED = warning("No tree of the mission calls this tree.")
+
+# -------------------------------------------------------------------------------------------- nodes
+
+UNKNOWN_NODE = error("An element names a node type that is not known.")
+ID_MISSING = error("An explicit element, a SubTree or a model lacks the attribute ID.")
+ID_NOT_ALLOWED = error("The compact form of a node has no attribute ID.")
+TREE_IN_TREE = error("A <BehaviorTree> cannot stand inside another.")
+TREE_AS_NODE = error("A tree is called as if it were a node type.")
+KIND_MISMATCH = warning("The explicit element names another kind than the node type is of.")
+NODE_TYPE_WARNING = warning("The node type has a warning for its users.")
+EXPLICIT_IN_REACTIVE = error("BehaviorTree.CPP refuses the explicit form below ReactiveSequence.")
+TWO_ASYNC = error("A ReactiveSequence cannot have more than one AsyncSequence child.")
+LEAF_CHILDREN = error("An action, a condition or a SubTree cannot have children.")
+DECORATOR_CHILDREN = error("A decorator must have exactly one child.")
+NO_CHILD = error("A control must have children.")
+FEW_CHILDREN = error("A control has fewer children than it needs.")
+CHILD_COUNT = warning("With this number of children the node fails whenever it is ticked.")
+SUBSTITUTE_UNKNOWN = error("A substitution rule names a node type that does not exist.")
+NODE_BROKEN = error("The code of a node type fails where it makes a node or sets it up.")
+NODE_REFUSES = error("A node cannot be made with these attributes.")
+SAME_PATH = error("Two SubTrees side by side have the same name.")
+
+# --------------------------------------------------------------------------------- ports and values
+
+UNKNOWN_PORT = error("The node type has no port of this name.")
+WRONG_LITERAL = error("The text cannot be a value of the port's type.")
+NUMBER_CUT_SHORT = warning("Only the beginning of the text is read as a number.")
+PORT_MISSING = warning("A port that the node needs is not given.")
+NAME_ARGUMENT = error("The name of the node is its argument, and is missing or none that it takes.")
+NAME_CHOOSES_NOTHING = warning(
+    "The name of the node looks as if it chose what the node does, and does not.")
+COUNT_TOO_HIGH = warning("There are fewer children than the number says.")
+COUNT_ZERO = warning("A count of 0 decides the node's end whatever its children do.")
+NEVER_RUN = warning("The child is never run, because the number of rounds is 0 or negative.")
+BRACES_ODD = warning(
+    "Braces that do not make the text a reference to an entry, or to another entry than it seems.")
+BRACES_FORGOTTEN = warning(
+    "The text is the name of an entry, but has no braces, so that it is only a text.")
+SWITCH_VARIABLE = warning("A Switch that compares a fixed text always chooses the same child.")
+SWITCH_CASE = warning("A case of a Switch can hardly be equal to anything, or is never reached.")
+STATUS_UNKNOWN = warning("The text is not the name of a status; the node fails when it needs it.")
+CONDITION_MISSPELT = warning(
+    "An attribute that begins with _ is ignored; a condition is spelt nearly so.")
+AUTOREMAP_MISPLACED = warning("_autoremap means something only on a <SubTree>.")
+ENTRY_TYPE = error("An entry is used by ports of different types, or its name cannot be.")
+
+# ----------------------------------------------------------------------------------------- SubTrees
+
+UNKNOWN_TREE = error("A SubTree calls a tree that does not exist.")
+AUTOREMAP_VALUE = error("_autoremap must be true or false.")
+MODEL_PORT_MISSING = error("A port that the model of the tree asks for is not given.")
+MODEL_PORT_UNKNOWN = warning("The model of the tree has no port of this name.")
+MODEL_PORT_NAME = error("The name of a port in a model of a tree is missing or not allowed.")
+SUBTREE_PORT_UNKNOWN = warning("The tree uses no entry of this name.")
+SUBTREE_OLD = warning("The attribute means nothing in version 4.")
+SUBTREE_CONDITION = warning(
+    "The attribute of a SubTree is taken for an entry; a condition and _autoremap begin with _.")
+SUBTREE_PORT_MISSING = warning(
+    "A tree reads an entry that it does not write, and the call does not give it.")
+UNBRACED = warning(
+    "Version 3 took the text for the name of an entry; version 4 takes it for a text.")
+
+# ------------------------------------------------------------------------------------------ scripts
+
+SCRIPT_SYNTAX = error("A script cannot be read.")
+SCRIPT_WORD = warning("A word that other languages know means nothing in a script.")
+SCRIPT_NO_EFFECT = warning("A statement is evaluated, and its value is used for nothing.")
+CONDITION_ASSIGNS = warning("A condition assigns a value instead of comparing with it.")
+NOT_CREATED = warning("An entry is assigned, and nothing creates it; := does.")
+TEXT_AND_NUMBER = warning("A text is compared or calculated with a number.")
+KIND_CHANGES = warning("An entry that holds a text is assigned a number, or the reverse.")
+NUMBER_AS_TRUTH = warning(
+    "A number that is neither 0 nor 1 is taken for a truth value; that fails.")
+TEXT_EMPTIES = warning("A text is set on an entry that a script has made, which makes it empty.")
+NAME_IS_NUMBER = warning("The name of an entry is taken from an entry that holds a number.")
+
+# --------------------------------------------------------------------------------------------- data
+
+NEVER_WRITTEN = warning("An entry is read, and nothing writes it.")
+ENTRY_MISSPELT = warning("A SubTree is given an entry that is named nowhere else, but nearly so.")
+
+# ------------------------------------------------------------------------------------------ outcome
+
+NEVER_REACHED = warning("A node is never ticked, because of how the one before it ends.")
+NEVER_REPEATS = warning("A repeat or retry whose child never ends as it would have to.")
+NEVER_WAITS = warning("A node repeats forever, and nothing in it waits.")
+RETRIES_FOR_EVER = warning(
+    "A loop without a limit asks a service that fails at once again and again, and nothing in it "
+    "pauses.")
+RECOVERY_MISPLACED = warning("A recovery has no failure before it.")
+
+# ------------------------------------------------------------------------------------------ palette
+
+PALETTE_UNKNOWN_NODE = warning("The palette has a node type that is not known.")
+PALETTE_EMPTY = warning("A file holds a palette alone, and that has no node types.")
+PALETTE_KIND = warning("The palette has a node type as of another kind.")
+PALETTE_PORT = warning("The palette has a port that the node type lacks.")
+PALETTE_DIRECTION = warning("The palette has a port with another direction.")
+
+# ------------------------------------------------------------------------------------------- robot
+
+MODE_MISSING = warning(
+    "A node checks a sign of the visitor, and no node before it sets the mode of attention that "
+    "reports it.")
+FAREWELL_TO_NOBODY = warning("The mission says goodbye to a visitor who has left.")
+NO_STOP = warning("Without speech recognition the mission never comes to its stops.")
+ROBOT_LACKS = error("A node cannot work, because the configured robot lacks what it needs.")
+DOES_WITHOUT = warning("A node does nothing, because the configured robot lacks what it needs.")
+PHRASE_MISSING = warning("A node says a phrase that the robot's culture file does not have.")
+
+
+def _by_code(names: Mapping[str, Any]) -> Dict[str, LintRule]:
+    """Give each rule its code, and return the rules by their codes."""
+    found = {name.lower().replace("_", "-"): rule for name, rule in names.items()
+             if isinstance(rule, LintRule)}
+    for code, rule in found.items():
+        rule.code = code
+    return found
+
+
+RULES = _by_code(globals())

@@ -1,0 +1,291 @@
+"""The trees of a mission: their IDs, models and calls, and which one is the main tree (BT.CPP
+12.3).
+"""
+import re
+from typing import Callable, Counter, Dict, Iterable, List, Optional, Tuple
+
+from behavior_controller.bt.linter import rules
+from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
+from behavior_controller.bt.loader.document import Document, EXPLICIT, Element
+from behavior_controller.bt.linter.findings import MOST_FAULTS, Findings
+from behavior_controller.bt.registry import Port, Registry
+from behavior_controller.bt.script.values import TYPES
+from behavior_controller.errors import Fault
+
+_FORBIDDEN = re.compile(r"[\x00- \x7f<>&\"'/\\:*?|.]")  # in names
+CONDITIONS = PRE_CONDITIONS + POST_CONDITIONS
+PORT_ELEMENTS = ("input_port", "output_port", "inout_port")
+RESERVED_PORTS = ("name", "ID", "_autoremap") + CONDITIONS
+
+MOST_NODES = 250_000  # a few SubTrees that each call the next twice would unfold without end
+_MANY = 10 ** 9  # nodes: counted no further
+_BELOW_ROOT = ("BehaviorTree", "include", "TreeNodesModel")
+STRUCTURE = EXPLICIT + _BELOW_ROOT + ("root",)
+"""Elements that cannot be node types."""
+
+
+class Trees:
+    """The trees of a mission by ID, which one is the main tree, SubTree models, and calls.
+
+    ``tolerated`` are characters in the ID of a tree that only cause a warning.
+    """
+
+    def __init__(self, registry: Registry, tolerated: str):
+        self.registry = registry
+        self.findings = Findings()
+        self.fault, self.warn = self.findings.fault, self.findings.warn
+        self.trees: Dict[str, Element] = {}
+        # every <BehaviorTree>, also those that another replaces
+        self.bodies: List[Tuple[str, Element]] = []
+        self.models: Dict[str, List[Port]] = {}
+        self.main = ""  # empty: there is none
+        self.calls: Dict[str, List[Element]] = {}  # tree -> its SubTree elements
+        # the trees that are part of the mission, called ones first, with the number of their nodes,
+        # unfolded; all trees where there is no main tree
+        self.used: Dict[str, int] = {}
+        self.is_complete = True  # False: a file is missing, and what it would define
+        self._tolerated = tolerated
+        self._file = ""
+
+    @property
+    def faults(self) -> List[Fault]:
+        """What is found so far, in the order of the files."""
+        return self.findings.all(self._file)
+
+    @property
+    def errors(self) -> List[Fault]:
+        """The faults that keep the mission from loading."""
+        return [fault for fault in self.faults if not fault.is_warning]
+
+    def add(self, document: Document) -> None:
+        """Collect the trees and models of one file."""
+        root = document.root
+        self._file = document.file
+        self.findings.errors.extend(document.faults)
+        self.is_complete = self.is_complete and not document.faults
+        if root.tag != "root":
+            self.fault(rules.WRONG_ROOT, root,
+                       f"the first element is <{root.tag}>; it must be <root>")
+            return
+        self._format(root)
+        self.findings.warnings.extend(document.stray_text(MOST_FAULTS -
+                                                          len(self.findings.warnings)))
+        models = [child for child in root.children if child.tag == "TreeNodesModel"]
+        for extra in models[1:]:
+            self.fault(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")
+        for child in root.children:
+            if child.tag == "BehaviorTree":
+                self._tree(child, root)
+            elif models and child.tag in EXPLICIT + ("SubTree",) and "ID" not in child.attributes:
+                self.report_no_id(child)
+            elif child.tag not in _BELOW_ROOT:
+                self.warn(rules.IGNORED_BELOW_ROOT, child, f"<{child.tag}> below <root> is ignored",
+                          self.findings.nearest(child.tag, _BELOW_ROOT))
+        for model in models:
+            self._models(model)
+
+    def _format(self, root: Element) -> None:
+        version = root.attributes.get("BTCPP_format")
+        if version is None:
+            self.warn(rules.FORMAT_MISSING, root, "<root> lacks BTCPP_format=\"4\"",
+                      "the file is read as version 4")
+        elif version != "4":
+            self.warn(rules.OTHER_FORMAT, root,
+                      f"BTCPP_format is {version}; the file is read as version 4",
+                      attribute="BTCPP_format")
+
+    def _tree(self, tree: Element, root: Element) -> None:
+        tree_id = tree.attributes.get("ID", "")
+        if not tree_id:
+            if len(root.children) > 1:
+                self.fault(rules.TREE_WITHOUT_ID, tree, "<BehaviorTree> lacks the attribute ID",
+                           *_instead_of_id(tree, "only a file with nothing else may go without"))
+            tree_id = f"BehaviorTree_{len(self.trees) + 1}"
+        else:
+            self.check_id(tree, tree_id)
+        if tree_id in self.trees:
+            first = self.trees[tree_id]
+            self.warn(rules.TREE_TWICE, tree,
+                      f"the tree {tree_id} is defined again; this one is used, not that "
+                      f"of {first.document.file}:{first.place()[0]}", attribute="ID")
+        if len(tree.children) != 1:
+            self.fault(
+                rules.TREE_CHILDREN, tree,
+                f"<BehaviorTree ID=\"{tree_id}\"> has {len(tree.children)} children; it must have "
+                "exactly 1", "put a Sequence around them" if tree.children else "")
+        self.trees[tree_id] = tree
+        self.bodies.append((tree_id, tree))
+
+    def report_no_id(self, element: Element, where: str = "", hint: str = "") -> None:
+        """Findings that an element lacks the attribute ID."""
+        self.fault(rules.ID_MISSING, element, f"<{element.tag}>{where} lacks the attribute ID",
+                   *_instead_of_id(element, hint))
+
+    def check_id(self, element: Element, tree_id: str) -> None:
+        """Check the ID of a <BehaviorTree> or <SubTree>."""
+        if tree_id in ("Root", "root"):
+            self.fault(rules.RESERVED_ID, element,
+                       f"{tree_id} is a reserved name; a tree cannot be called so", attribute="ID")
+        elif self.registry.find(tree_id) is not None:
+            self.fault(rules.ID_OF_A_NODE, element,
+                       f"{tree_id} is the name of a node type; a tree cannot be called so",
+                       f"a node of that type is written <{tree_id}/>" if element.tag == "SubTree"
+                       else "", "ID")
+        else:
+            self._letters(element, tree_id)
+
+    def _letters(self, element: Element, tree_id: str) -> None:
+        bad = sorted(set(_FORBIDDEN.findall(tree_id)))
+        shown = " and ".join(repr(letter) for letter in bad)
+        if not set(bad) <= set(self._tolerated):
+            self.fault(rules.ID_LETTERS, element, f"the ID {tree_id} contains {shown}; "
+                       "not allowed are blanks and any of <>&\"'/\\:*?|.", attribute="ID")
+        elif bad and element.tag == "BehaviorTree":
+            self.warn(
+                rules.ID_BLANKS, element,
+                f"the ID {tree_id} contains {shown}; BehaviorTree.CPP 4.10 refuses such a name",
+                attribute="ID")
+
+    # --------------------------------------------------------------------------------------- models
+
+    def _models(self, models: Element) -> None:
+        for model in models.children:
+            if model.tag != "SubTree":
+                continue
+            if "ID" not in model.attributes:
+                self.report_no_id(model, " in <TreeNodesModel>")
+                continue
+            self.models[model.attributes["ID"]] = [
+                Port(port.attributes["name"], default=port.attributes.get("default"))
+                for port in model.children if port.tag in PORT_ELEMENTS and self._usable_port(port)]
+
+    def _usable_port(self, port: Element) -> bool:
+        name = port.attributes.get("name")
+        if name is None:
+            wrong = f"<{port.tag}> lacks the attribute name"
+        elif not name:
+            wrong = "the name of a port cannot be empty"
+        elif name in RESERVED_PORTS:
+            wrong = f"{name} is a reserved attribute; a port cannot be called so"
+        elif name[0] in "0123456789":
+            wrong = f"the name of a port cannot start with a digit: {name}"
+        elif _FORBIDDEN.search(name):
+            wrong = f"the name of a port cannot contain blanks or any of <>&\"'/\\:*?|.: {name}"
+        else:
+            return True
+        self.fault(rules.MODEL_PORT_NAME, port, wrong, attribute="name")
+        return False
+
+    # ---------------------------------------------------------------------- the calls between trees
+
+    def choose_main(self, document: Document, wanted: Optional[str], guess: bool) -> None:
+        """Find the calls and the main tree; ``guess``: it may be the only tree that no other calls.
+        """
+        self.calls = {tree_id: [element for element in tree.below if element.tag == "SubTree"]
+                      for tree_id, tree in self.trees.items()}
+        self.main = self._main_tree(document, wanted, guess)
+
+    def _main_tree(self, document: Document, wanted: Optional[str], guess: bool) -> str:
+        root = document.root
+        named = wanted or root.attributes.get("main_tree_to_execute")
+        if named in self.trees:
+            return named
+        own = [tree_id for tree_id, tree in self.trees.items() if tree.document is document]
+        if named:
+            self.fault(rules.MAIN_TREE_UNKNOWN, root, f"there is no tree {named} to execute",
+                       self.findings.nearest(named, self.trees, "the trees"),
+                       None if wanted else "main_tree_to_execute")
+            return ""
+        called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
+        free = [tree_id for tree_id in self.trees if tree_id not in called]
+        for choice in (own, list(self.trees), free if guess else []):
+            if len(choice) == 1:
+                return choice[0]
+        why = "each tree is called by another"
+        if free:
+            why = f"these trees are called by no other: {', '.join(free[:10])}"
+        if root.tag == "root" and not self.trees:
+            self.fault(rules.NO_TREE, root, "the file has no <BehaviorTree>")
+        elif root.tag == "root":
+            self.fault(rules.MAIN_TREE_MISSING, root,
+                       f"main_tree_to_execute is not given, and {why}",
+                       "name the main tree in <root main_tree_to_execute=\"…\">")
+        return ""
+
+    def check_calls(self) -> None:
+        """Note the used trees; find SubTrees that contain themselves, and missions that are too
+        large."""
+        main = self.main
+        sizes: Counter[str] = Counter()
+        for start in [main] if main else list(self.trees):
+            self._unfold(start, sizes, self.fault)
+        self.used = dict(sizes)
+        if sizes[main] > MOST_NODES:
+            size = "a billion or more" if sizes[main] >= _MANY else str(sizes[main])
+            self.fault(rules.TOO_LARGE, self.trees[main],
+                       f"the mission unfolds to {size} nodes; at most {MOST_NODES} are allowed",
+                       "call fewer SubTrees")
+        for start in self.trees:
+            self._unfold(start, sizes, self.warn)
+
+    def _unfold(self, start: str, sizes: Counter[str], complain: Callable[..., None]) -> None:
+        """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each
+        tree, unfolded."""
+        path: List[str] = []
+        opened: Dict[str, int] = {}  # where in the path a tree is
+        waiting: List[Tuple[str, Optional[Element]]] = [(start, None)]
+        while waiting:
+            tree_id, call = waiting.pop()
+            if tree_id in opened and call is None:
+                del opened[path.pop()]
+                inner = sum(sizes[call.attributes.get("ID", "")] for call in self.calls[tree_id])
+                sizes[tree_id] = min(len(self.trees[tree_id].below) + inner, _MANY)
+            elif tree_id in opened:
+                begin = opened[tree_id]
+                shown = path[begin:begin + 8] + ["…"] * (len(path) > begin + 8) + [tree_id]
+                complain(rules.TREE_CIRCLE, call,
+                         f"the tree {tree_id} contains itself: {' > '.join(shown)}", attribute="ID")
+            elif tree_id in self.calls and tree_id not in sizes:
+                opened[tree_id] = len(path)
+                path.append(tree_id)
+                waiting.append((tree_id, None))
+                waiting.extend((found.attributes.get("ID", ""), found)
+                               for found in reversed(self.calls[tree_id]))
+
+    def check_unused(self, document: Document) -> None:
+        """Warn of trees of the mission file itself that the mission does not use; what is included
+        is a library."""
+        for tree_id, tree in self.trees.items():
+            if tree.document is document and tree_id not in self.used:
+                self.warn(rules.TREE_UNUSED, tree, f"the tree {tree_id} is not used",
+                          f"the main tree is {self.main}")
+
+
+def _instead_of_id(element: Element, otherwise: str) -> Tuple[str, Optional[str]]:
+    """Return a hint and the attribute it is about, for an element without the attribute ID."""
+    other = next((name for name in element.attributes if name.lower() == "id"), None)
+    return (f"did you mean ID? write ID=\"{element.attributes[other]}\"",
+            other) if other else (otherwise, None)
+
+
+def given(call: Element, model: Iterable[Port]) -> Dict[str, Optional[str]]:
+    """Return what a call gives the tree, by its attributes or by the defaults of the tree's model.
+    """
+    texts: Dict[str, Optional[str]] = {
+        name: text for name, text in call.attributes.items() if is_port_name(name)}
+    for port in model:
+        texts.setdefault(port.name, port.default)
+    return texts
+
+
+def remaps_all(call: Element) -> bool:
+    """Return whether a call gives the tree all entries of equal names. Raises ValueFault."""
+    text = call.attributes.get("_autoremap", "false")
+    return bool(TYPES["bool"].from_text(text, {}))  # type: ignore[misc]
+
+
+def is_port_name(name: str) -> bool:
+    """Return whether an attribute counts as a port: others, like ``_uid`` or ``xmlns:x``, have no
+    meaning."""
+    return (name[0].isalpha() and name[0].isascii() and name not in ("name", "ID")
+            and not _FORBIDDEN.search(name))

@@ -1,0 +1,283 @@
+"""A mission file as elements with their places, and the files that it includes. The only user of
+lxml."""
+import bisect
+import contextlib
+import gc
+import itertools
+import os
+import re
+import types
+from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Union
+
+from lxml import etree
+
+from behavior_controller.bt.linter import rules
+from behavior_controller.bt.loader.xml_repair import (
+    ATTRIBUTE, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, repaired, stray_text)
+from behavior_controller.ros_packages import package_folder
+from behavior_controller.errors import Fault, MissionError
+from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes
+
+LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
+MOST_FILES = 500  # that one mission may include
+DEEPEST_INCLUDE = 50
+EXPLICIT = ("Action", "Condition", "Control", "Decorator")
+_LONGEST = 300  # characters of a fault's text: names and values in it are as long as the file wants
+
+
+class Element:
+    """One element: its tag, attributes and child elements, and its place in the file."""
+
+    __slots__ = ("tag", "type_id", "attributes", "children", "document", "number", "last")
+
+    def __init__(self, tag: str, attributes: Dict[str, str], document: "Document", number: int):
+        self.tag = tag
+        # the node type: the tag of the compact form, the ID of the explicit one (<Action ID="…"/>)
+        self.type_id = attributes.get("ID", "") if tag in EXPLICIT else tag
+        self.attributes = attributes
+        self.children: List["Element"] = []
+        self.document = document
+        self.number = number  # in document order, from 0
+        self.last = number  # the number of the last element within
+
+    @property
+    def below(self) -> List["Element"]:
+        """Every element within this one, in document order."""
+        return self.document.elements[self.number + 1:self.last + 1]
+
+    def place(self, attribute: Optional[str] = None) -> Tuple[int, int]:
+        """Return line and column, from 1, of the element, or of one of its attributes if it has it.
+        """
+        return self.document.position(self.document.span(self.number, attribute)[0])
+
+    def fault(self, rule: rules.LintRule, text: str, hint: str = "",
+              attribute: Optional[str] = None, is_warning: Optional[bool] = None,
+              at: int = 0) -> Fault:
+        """Return a fault at this place; its text is made one line.
+
+        ``is_warning`` overrides the rule. ``at`` is the index of the character in the attribute's
+        value, which matters if the value has several lines.
+        """
+        begin, end = self.document.span(self.number, attribute, at)
+        return self.document.fault_between(rule, begin, end, text, hint, is_warning)
+
+
+class Document:
+    """One parsed file. ``root`` is its first element, which the checks want to be ``<root>``."""
+
+    def __init__(self, file: str, text: str):
+        self.file = file
+        self.text = text
+        self.root: Element = None  # type: ignore[assignment]
+        self.elements: List[Element] = []  # in document order
+        self.faults: List[Fault] = []  # of what it includes
+        self._starts: List[int] = []  # these two are made when the first place is asked for
+        self._lines: List[int] = []
+
+    def span(self, number: int, attribute: Optional[str] = None, at: int = 0) -> Tuple[int, int]:
+        """Return where an attribute of an element begins and ends, as offsets; of its tag's name if
+        it has none such.
+
+        It begins with the character ``at`` of the value if that stands on a later line.
+        """
+        if not self._starts:
+            self._starts = [
+                match.start() for match in TOKEN.finditer(self.text) if match.lastgroup in STARTS]
+        offset = self._starts[number]
+        if attribute is not None:
+            tag: Any = TOKEN.match(self.text, offset)
+            for found in ATTRIBUTE.finditer(self.text, offset, tag.end()):
+                if found.group(1) == attribute:
+                    return self._in_value(found, at) or found.start(), found.end()
+        return offset, TAG_NAME.match(self.text, offset + 1).end()  # type: ignore[union-attr]
+
+    def _in_value(self, attribute: Any, at: int) -> int:
+        """Return the offset of a character of the value if there is a line break before it, else 0.
+        """
+        begin, end = attribute.start(2) + 1, attribute.end(2) - 1
+        pieces = itertools.islice(CHARACTER.finditer(self.text, begin, end), at, None)
+        offset = next((piece.start() for piece in pieces), end)
+        return offset if self.position(offset)[0] > self.position(begin)[0] else 0
+
+    def position(self, offset: int) -> Tuple[int, int]:
+        """Return line and column, from 1, of a character of the file."""
+        if not self._lines:
+            self._lines = [0] + [match.end() for match in re.finditer("\r\n?|\n", self.text)]
+        line = bisect.bisect_right(self._lines, offset)
+        return line, offset - self._lines[line - 1] + 1
+
+    def fault(self, fault: MarkupFault) -> Fault:
+        """Return a fault of the markup with its place."""
+        return self.fault_between(fault.rule, fault.offset, fault.offset + 1, fault.text,
+                                  fault.hint)
+
+    def fault_between(self, rule: rules.LintRule, begin: int, end: int, text: str, hint: str = "",
+                      is_warning: Optional[bool] = None) -> Fault:
+        """Return a fault about the characters from ``begin`` to before ``end``."""
+        return Fault(self.file, *self.position(begin), clean(text, _LONGEST), clean(hint, _LONGEST),
+                     rule.is_warning if is_warning is None else is_warning, rule.code,
+                     *self.position(end))
+
+    def stray_text(self, most: int) -> List[Fault]:
+        """Return warnings of the first ``most`` texts that stand where only elements count."""
+        found = itertools.islice(stray_text(self.text), most)
+        return [self.fault(fault) for fault in found]
+
+
+# ----------------------------------------------------------------------------------------- one file
+
+
+def read(path: str) -> Document:
+    """Read and parse a file. Raises MissionError with the fault."""
+    try:
+        data = read_bytes(path, LARGEST)
+    except Unreadable as error:
+        raise MissionError([Fault(path, 0, 0, f"the file cannot be read: {error}",
+                                  code=rules.UNREADABLE_FILE.code)]) from error
+    return parse(data, path)
+
+
+def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
+    """Parse text or bytes. Raises MissionError with the faults of the markup, at their places in
+    ``data``."""
+    document = Document(file, data if isinstance(data, str) else _decoded(data, file))
+    text = document.text
+    try:
+        if not text.strip("\ufeff \t\r\n"):
+            raise MarkupFault(rules.EMPTY_FILE, "the file is empty", 0,
+                              "a mission begins with <root BTCPP_format=\"4\">")
+        if "\x00" in text:
+            raise MarkupFault(rules.NOT_TEXT, "a NUL character: the file is not UTF-8 text",
+                              text.index("\x00"), "save the file as UTF-8")
+        with garbage_collection_paused():
+            document.root = _parsed(repaired(text), document)
+    except MarkupFault as fault:
+        raise MissionError([document.fault(fault)]) from fault
+    except (etree.XMLSyntaxError, UnicodeError) as error:
+        unknown = MarkupFault(rules.NOT_WELL_FORMED, f"not well-formed XML: {error}", 0)
+        raise MissionError(list(map(document.fault, diagnosis(text) or [unknown]))) from error
+    return document
+
+
+def _decoded(data: bytes, file: str) -> str:
+    try:
+        return decode(data)
+    except UnicodeDecodeError as error:
+        # what comes before the first wrong byte is text, and says where it is
+        before = Document(file, decode(data[:error.start], "ignore"))
+        encoding = "UTF-16" if error.encoding.startswith("utf-16") else "UTF-8"
+        wrong = MarkupFault(rules.NOT_TEXT, f"byte 0x{data[error.start]:02x} is not {encoding}",
+                            len(before.text), "save the file as UTF-8")
+        raise MissionError([before.fault(wrong)]) from error
+
+
+@contextlib.contextmanager
+def garbage_collection_paused() -> Iterator[None]:
+    """Keep Python's garbage collector from scanning a growing mission, which has no garbage, again
+    and again."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+def _parsed(clean: str, document: Document) -> Element:
+    elements = document.elements
+    above = Element("", {}, document, -1)
+    opened: List[Element] = [above]
+
+    # closures, because this runs for each element
+    def start(tag: str, attributes: Any) -> None:
+        element = Element(tag, dict(attributes), document, len(elements))
+        elements.append(element)
+        opened[-1].children.append(element)
+        opened.append(element)
+
+    def end(_tag: str) -> None:
+        opened.pop().last = len(elements) - 1
+
+    target = types.SimpleNamespace(
+        start=start, end=end, close=lambda: above.children[0] if above.children else None)
+    return etree.fromstring(clean.encode("utf-8"), etree.XMLParser(target=target, huge_tree=True))
+
+
+# ----------------------------------------------------------------------------------- included files
+
+
+def with_includes(document: Document) -> List[Document]:
+    """Return the document after all that it includes, each file once, in the order in which their
+    trees count.
+
+    A failed include is a fault of the including document (``Document.faults``).
+    """
+    found: List[Document] = []
+    _include(document, found, {os.path.realpath(document.file)}, ())
+    return found
+
+
+def _include(document: Document, found: List[Document], seen: Set[str],
+             chain: Tuple[str, ...]) -> None:
+    chain += (os.path.realpath(document.file),)
+    for element in document.root.children if document.root.tag == "root" else ():
+        path = _included_path(element) if element.tag == "include" else None
+        if path is not None:
+            _include_file(element, path, found, seen, chain)
+    found.append(document)
+
+
+def _included_path(element: Element) -> Optional[str]:
+    path = element.attributes.get("path", "")
+    faults = element.document.faults
+    if not path:
+        faults.append(
+            element.fault(rules.INCLUDE_WITHOUT_PATH, "<include> lacks the attribute path",
+                          "it is relative to this file", "path"))
+    elif "ros_pkg" in element.attributes and not os.path.isabs(path):
+        package = element.attributes["ros_pkg"]
+        folder = package_folder(package)
+        if folder is not None:
+            return os.path.join(folder, path)
+        faults.append(element.fault(
+            rules.INCLUDE_PACKAGE, f"no ROS package {package} is found for ros_pkg",
+            "ROS_PACKAGE_PATH says where packages are: source the workspace's setup.bash",
+            "ros_pkg"))
+    else:
+        return os.path.join(os.path.dirname(element.document.file), path)
+    return None
+
+
+def _include_file(element: Element, path: str, found: List[Document], seen: Set[str],
+                  chain: Tuple[str, ...]) -> None:
+    real, faults = os.path.realpath(path), element.document.faults
+    if real in chain:
+        way = [os.path.basename(file) for file in chain[chain.index(real):] + (real,)]
+        text = f"{path} includes itself: {' > '.join(way)}"
+        faults.append(element.fault(rules.INCLUDE_CIRCLE, text, attribute="path"))
+    if real in seen:
+        return
+    seen.add(real)
+    if len(seen) > MOST_FILES + 1 or len(chain) > DEEPEST_INCLUDE:
+        text = f"more than {MOST_FILES} files are included, or {DEEPEST_INCLUDE} deep"
+        faults.append(element.fault(rules.TOO_LARGE, text))
+        return
+    try:
+        _include(read(path), found, seen, chain)
+    except MissionError as error:
+        fault = error.faults[0]
+        if not fault.line:
+            text = f"cannot include {path}: {fault.text}"
+            fault = element.fault(rules.INCLUDE_UNREADABLE, text, _file_meant(path), "path")
+        faults.append(fault)
+
+
+def _file_meant(path: str) -> str:
+    """Return ``did you mean …?`` if a file beside ``path`` has nearly its name."""
+    folder, name = os.path.split(path)
+    try:
+        beside = sorted(os.listdir(folder or "."))
+    except OSError:
+        return ""
+    return did_you_mean(name, [other for other in beside if other.endswith((".xml", ".btproj"))])

@@ -1,0 +1,325 @@
+"""What the operators of a script do with values (BT.CPP section 11.3), and the closures that apply
+them.
+
+A closure is a function of (blackboard, enums). Operators of one level are applied in a loop, so
+that a long sum is not a deep one.
+"""
+import math
+import operator
+from typing import Any, Callable, Dict, List, Optional, Tuple
+
+from behavior_controller.bt.script import values
+from behavior_controller.bt.engine.blackboard import Blackboard, Entry
+from behavior_controller.bt.script.values import Enums, ValueFault, is_number, to_bool, to_real
+from behavior_controller.errors import BehaviorControllerError
+
+Evaluate = Callable[[Blackboard, Enums], Any]
+Operate = Callable[[Any, Any], Any]
+# the operators of one level after the first operand, each with its right operand
+Rest = List[Tuple[str, Evaluate]]
+
+# characters: a script that doubles a text at every tick must not take all memory
+LONGEST_TEXT = 1_000_000
+
+
+class ScriptError(BehaviorControllerError):
+    """A script failed while it ran."""
+
+
+def _both_there(left: Any, right: Any, sign: str) -> None:
+    """Raise ScriptError if an operand of ``sign`` is empty."""
+    if left is None:
+        raise ScriptError(f"The left operand of the operator [{sign}] is not initialized")
+    if right is None:
+        raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+
+
+def _kind(value: Any) -> str:
+    """Return what a message calls ``value``."""
+    if isinstance(value, str):
+        return "a text"
+    return "a number" if is_number(value) else type(value).__name__
+
+
+def _not_permitted(sign: str, left: Any, right: Any) -> ScriptError:
+    _both_there(left, right, sign)
+    return ScriptError(f"Operation not permitted: [{sign}] on {_kind(left)} and {_kind(right)}")
+
+
+def _reals(sign: str, left: Any, right: Any) -> Tuple[float, float]:
+    if not is_number(left) or not is_number(right):
+        raise _not_permitted(sign, left, right)
+    return to_real(left), to_real(right)
+
+
+def _arithmetic(sign: str, apply: Callable[[float, float], float]) -> Operate:
+    def operate(left: Any, right: Any) -> float:
+        if type(left) is not float or type(right) is not float:
+            left, right = _reals(sign, left, right)
+        return apply(left, right)
+    return operate
+
+
+_sum = _arithmetic("+", operator.add)
+
+
+def _add(left: Any, right: Any) -> Any:
+    return _joined(left, right) if isinstance(left, str) and isinstance(right, str) else _sum(
+        left, right)
+
+
+def _joined(left: str, right: str) -> str:
+    if len(left) + len(right) > LONGEST_TEXT:
+        raise ScriptError(f"a text of more than {LONGEST_TEXT} characters would result")
+    return left + right
+
+
+def _quotient(left: float, right: float) -> float:
+    if right != 0.0:
+        return left / right
+    if left == 0.0 or left != left:
+        return math.nan
+    # there is a zero of either sign
+    return math.copysign(math.inf, left) * math.copysign(1.0, right)
+
+
+def _concatenate(left: Any, right: Any) -> Any:
+    if is_number(left) and is_number(right):
+        return None  # as in the library: not even an error
+    if all(is_number(side) or isinstance(side, str) for side in (left, right)):
+        return _joined(values.to_text(left), values.to_text(right))
+    raise _not_permitted("..", left, right)
+
+
+def _bitwise(sign: str, apply: Callable[[int, int], int]) -> Operate:
+    def operate(left: Any, right: Any) -> float:
+        _reals(sign, left, right)
+        try:
+            return float(apply(values.to_int(left), values.to_int(right)))
+        except ValueFault as fault:
+            raise ScriptError("Binary operators are not allowed if one of the operands is not an "
+                              f"integer: {fault}") from fault
+    return operate
+
+
+def _logic(sign: str, decide: Callable[[List[bool]], bool]) -> Operate:
+    def operate(left: Any, right: Any) -> float:
+        if not is_number(left) or not is_number(right):
+            raise _not_permitted(sign, left, right)
+        try:
+            return float(decide([to_bool(left), to_bool(right)]))
+        except ValueFault as fault:
+            raise ScriptError("Logic operators are not allowed if one of the operands is not "
+                              f"castable to bool: {fault}") from fault
+    return operate
+
+
+_OPERATE: Dict[str, Operate] = {
+    "+": _add, "-": _arithmetic("-", operator.sub), "*": _arithmetic("*", operator.mul),
+    "/": _arithmetic("/", _quotient), "..": _concatenate, "&": _bitwise("&", operator.and_),
+    "|": _bitwise("|", operator.or_), "^": _bitwise("^", operator.xor), "&&": _logic("&&", all),
+    "||": _logic("||", any)}
+
+
+def folded(first: Evaluate, rest: Rest) -> Evaluate:
+    """Return the closure of a chain of operators of one level, which are applied from the left."""
+    steps = [(_OPERATE[sign], operand) for sign, operand in rest]
+    if len(steps) == 1:
+        apply, second = steps[0]
+        return lambda blackboard, enums: apply(first(blackboard, enums), second(blackboard, enums))
+
+    def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
+        value = first(blackboard, enums)
+        for apply, operand in steps:
+            value = apply(value, operand(blackboard, enums))
+        return value
+    return evaluate
+
+
+# -------------------------------------------------------------------------------------- comparisons
+
+
+def text_to_number(text: str, enums: Enums) -> float:
+    """Return the number that a text means beside a number: a truth, an enumerator, or its start.
+    Raises ScriptError."""
+    if text in ("true", "false"):
+        return float(text == "true")
+    if text in enums:
+        return float(enums[text])
+    return leading_number(text)
+
+
+def leading_number(text: str) -> float:
+    """Return the number at the start of ``text``. Raises ScriptError if there is none."""
+    try:
+        return values.real_from_text(text)
+    except ValueFault as fault:
+        raise ScriptError(f"Any failed string to number conversion: {fault}") from fault
+
+
+# for texts too: Python orders them by code point, which is the order of their UTF-8 bytes
+_ORDER: Dict[str, Callable[[Any, Any], bool]] = {
+    "==": operator.eq, "!=": operator.ne, "<": operator.lt, ">": operator.gt, "<=": operator.le,
+    ">=": operator.ge}
+_OF_NUMBERS = dict(_ORDER, **{
+    "==": lambda left, right: abs(left - right) <= values.EPSILON,
+    "!=": lambda left, right: not abs(left - right) <= values.EPSILON})
+
+
+def _holds(sign: str, left: Any, right: Any, enums: Enums) -> bool:
+    if type(left) is float and type(right) is float:
+        return _OF_NUMBERS[sign](left, right)
+    _both_there(left, right, sign)
+    if isinstance(left, str) and isinstance(right, str):
+        return _ORDER[sign](left, right)
+    left, right = (text_to_number(side, enums)
+                   if isinstance(side, str) and is_number(other) else side
+                   for side, other in ((left, right), (right, left)))
+    if not is_number(left) or not is_number(right):
+        raise ScriptError(f"Can't mix different types in Comparison. Left operand {_kind(left)}, "
+                          f"right operand {_kind(right)}")
+    return _OF_NUMBERS[sign](to_real(left), to_real(right))
+
+
+def compared(first: Evaluate, rest: Rest) -> Evaluate:
+    """Return the closure of ``a < b < c``: false at the first link that does not hold; the rest is
+    not evaluated."""
+    def evaluate(blackboard: Blackboard, enums: Enums) -> float:
+        left = first(blackboard, enums)
+        for sign, operand in rest:
+            right = operand(blackboard, enums)
+            if not _holds(sign, left, right, enums):
+                return 0.0
+            left = right
+        return 1.0
+    return evaluate
+
+
+# ----------------------------------------------------------------------------- signs and conditions
+
+
+def _unary(sign: str, value: Any) -> float:
+    if value is None:
+        raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+    if not is_number(value):
+        raise ScriptError(f"Invalid operator [{sign}] for {_kind(value)}")
+    real = to_real(value)
+    if sign == "!":
+        return float(real == 0.0)
+    if sign == "-":
+        return -real
+    if not abs(real) < 2 ** 63:
+        raise ScriptError("Number out of range for bitwise operation")
+    return float(~int(real))
+
+
+def prefixed(signs: List[str], operand: Evaluate) -> Evaluate:
+    """Return the closure of an operand with one or more of ``- ~ !`` before it; the nearest is
+    applied first."""
+    from_nearest = signs[::-1]
+
+    def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
+        value = operand(blackboard, enums)
+        for sign in from_nearest:
+            value = _unary(sign, value)
+        return value
+    return evaluate
+
+
+def _is_chosen(value: Any) -> bool:
+    if value is None:
+        raise ScriptError("The left operand of the operator [?] is not initialized")
+    if isinstance(value, str):
+        return leading_number(value) != 0.0
+    if not is_number(value):
+        raise ScriptError(f"The condition of ?: must be a number, not {_kind(value)}")
+    return to_real(value) != 0.0
+
+
+def chosen(choices: List[Tuple[Evaluate, Evaluate]], otherwise: Evaluate) -> Evaluate:
+    """Return the closure of ``condition ? value : condition ? value : … otherwise``; only one value
+    is evaluated."""
+    def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
+        for condition, value in choices:
+            if _is_chosen(condition(blackboard, enums)):
+                return value(blackboard, enums)
+        return otherwise(blackboard, enums)
+    return evaluate
+
+
+# -------------------------------------------------------------------------------------- assignments
+
+
+def value_of(name: str) -> Evaluate:
+    """Return the closure of a name: enumerators first, then entries."""
+    def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
+        if name in enums:
+            return float(enums[name])
+        entry = blackboard.find(name)
+        if entry is None:
+            raise ScriptError(f"Variable not found: {name}")
+        return entry.value
+    return evaluate
+
+
+def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Evaluate:
+    """Return the closure of ``name sign right``, whose value is what is stored then.
+
+    The first value decides an entry's kind permanently. ``source`` is the name that ``right`` is,
+    if it is a bare one: a copy keeps the type that the value had there.
+    """
+    def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
+        entry = blackboard.find(name)
+        if entry is None and sign != ":=":
+            raise ScriptError(f"The blackboard entry [{name}] doesn't exist, yet. If you want to "
+                              f"create a new one, use the operator [:=] instead of [{sign}]")
+        entry = entry or blackboard.create(name)
+        value = right(blackboard, enums)
+        if value is None:
+            raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+        if sign in (":=", "="):
+            _store(name, entry, value, enums,
+                   "" if source is None else _origin(source, blackboard, enums))
+        else:
+            entry.update(_combined(sign, entry.value, value))
+        return entry.value
+    return evaluate
+
+
+def no_entry(_blackboard: Blackboard, _enums: Enums) -> Any:
+    """Raise ScriptError: the closure of an assignment to what is not a name."""
+    raise ScriptError("Assignment left operand not a blackboard entry")
+
+
+def _origin(source: str, blackboard: Blackboard, enums: Enums) -> str:
+    entry = None if source in enums else blackboard.find(source)
+    return "" if entry is None else entry.origin
+
+
+def _combined(sign: str, stored: Any, value: Any) -> Any:
+    if is_number(stored) and is_number(value) or sign == "+=" and isinstance(
+            stored, str) and isinstance(value, str):
+        return _OPERATE[sign[0]](stored, value)
+    raise _not_permitted(sign, stored, value)
+
+
+def _store(name: str, entry: Entry, value: Any, enums: Enums, origin: str) -> None:
+    takes_anything = entry.value is None and entry.type == values.ANY
+    try:
+        if isinstance(value, str) and not isinstance(entry.value, str) and not takes_anything:
+            _store_text(name, entry, value, enums)
+        else:
+            entry.update(value, origin)
+    except ValueFault as fault:
+        raise ScriptError(f"Error assigning a value to entry [{name}] with type [{entry.type}]: "
+                          f"{fault}") from fault
+
+
+def _store_text(name: str, entry: Entry, text: str, enums: Enums) -> None:
+    converted = entry.from_text(text)
+    if converted is not None:
+        entry.replace(converted, entry.type)
+    elif is_number(entry.value):
+        entry.replace(text_to_number(text, enums))  # a real from now on
+    else:
+        raise ScriptError(f"Error assigning a text to entry [{name}] with type [{entry.type}]")

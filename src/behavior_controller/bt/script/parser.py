@@ -1,0 +1,356 @@
+"""BehaviorTree.CPP's scripting language: text to a closure that runs on a blackboard (BT.CPP
+section 11).
+
+Nothing of Python can be reached from a script. Reading one takes time in proportion to its length,
+running one too.
+"""
+import re
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Set, Tuple
+
+from behavior_controller.bt.script import operators
+from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.script.operators import Evaluate, Rest, ScriptError
+from behavior_controller.bt.script.values import Enums, ValueFault, shown, to_bool
+from behavior_controller.errors import BehaviorControllerError
+
+__all__ = ["Script", "ScriptError", "ScriptSyntaxError", "compile_script", "to_bool"]
+
+# expressions and operands within one another: each takes at most two of the 1,000 frames that
+# Python allows, and a pair of parentheses takes two of these levels
+DEEPEST = 200
+
+
+class ScriptSyntaxError(BehaviorControllerError):
+    """A script cannot be read; the text is the reason, positions count from 0 in the script."""
+
+    def __init__(self, text: str, position: int = 0, hint: str = ""):
+        super().__init__(text)
+        self.position = position
+        self.hint = hint
+
+
+class Operand(NamedTuple):
+    """What the text of a script tells of a value: it is that of an entry, a text or a number, or ""
+    (of any kind)."""
+
+    kind: str  # "name", "text", "number" or ""
+    word: str  # the name or literal
+    position: int
+
+
+class Assignment(NamedTuple):
+    """``name sign value`` in a script."""
+
+    name: str
+    sign: str
+    value: Operand
+    position: int
+
+
+class Operation(NamedTuple):
+    """``left sign right`` in a script."""
+
+    sign: str
+    left: Operand
+    right: Operand
+
+
+class Statement(NamedTuple):
+    """One statement of a script, with its value; ``assigns`` if there is an assignment in it,
+    ``is_assignment`` if it is one."""
+
+    position: int
+    value: Operand
+    is_assignment: bool
+    assigns: bool
+
+
+class ScriptFacts(NamedTuple):
+    """What a script does, for those who judge it without running it."""
+
+    statements: List[Statement]
+    assignments: List[Assignment]
+    operations: List[Operation]
+    names: Dict[str, int]  # the names that are read, and where first
+
+
+# what it is ("name", "integer", "real", "text", "end", or the operator itself), its text, its
+# position
+Token = Tuple[str, str, int]
+
+_TOKEN = re.compile(r"""
+    (?P<blank>[ \t\r\n]+)
+  | (?P<name>[A-Za-z_@][A-Za-z0-9_]*)
+  | (?P<integer>(?:0[xX][0-9a-fA-F]+(?!\.)|[0-9]+)(?![A-Za-z0-9_@]|\.(?!\.)))
+  | (?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+-]?[0-9]+)?|[eE][+-]?[0-9]+)(?![A-Za-z0-9_@]))
+  | (?P<text>'[^']*')
+  | (?P<operator>\.\.|&&|\|\||==|!=|<=|>=|:=|\+=|-=|\*=|/=|[-+*/&|^~!<>=?:();])
+  | (?P<wrong>'[^']*|[0-9][A-Za-z0-9_.]*(?:(?<=[eE])[+-])?|.)
+""", re.VERBOSE | re.DOTALL)
+
+_ASSIGNMENTS = frozenset((":=", "=", "+=", "-=", "*=", "/="))
+_PREFIXES = frozenset("-~!")
+# how tightly the operators with two operands bind; all are applied from the left
+_LEVELS: Dict[str, int] = {sign: level for level, signs in enumerate((
+    ("||",), ("&&",), ("==", "!=", "<", ">", "<=", ">="), ("|", "^"), ("&",), ("+", "-", ".."),
+    ("*", "/"))) for sign in signs}
+_COMPARISON = _LEVELS["=="]
+
+
+def _tokens(text: str) -> List[Token]:
+    found: List[Token] = []
+    for match in _TOKEN.finditer(text):
+        kind = match.lastgroup
+        if kind == "blank":
+            continue
+        word = match.group()
+        if kind == "wrong":
+            raise ScriptSyntaxError(f"Invalid token '{shown(word)}' at position {match.start()}",
+                                    match.start(), _HINTS.get(word[0], ""))
+        found.append((word if kind == "operator" else str(kind), word, match.start()))
+    found.append(("end", "", len(text)))
+    return found
+
+
+_HINTS = {'"': "a text needs single quotes: 'yes'", "%": "scripts have no remainder",
+          ",": "statements are separated by ;", "[": "scripts have no lists",
+          "#": "scripts have no remarks", "{": "a script names an entry without braces",
+          "'": "the text has no closing quote",
+          **dict.fromkeys("0123456789", "a number is followed by no unit")}
+"""What may be meant by something that begins no token, by its first character."""
+
+
+def _hint_between(before: str, kind: str) -> str:
+    """Return what may be meant where an operand is missing after the token ``before``."""
+    if kind == ":":
+        return "a value is assigned with :="
+    if before in ("+", "-") and kind in ("+", "-", "end", ";"):
+        return "write a += 1 or a -= 1"
+    meant = {"=<": "<=", "=>": ">=", "===": "==", "!==": "!=", "&&&": "&&", "|||": "||",
+             "<>": "!="}.get(before + kind)
+    return f"write {meant}" if meant else ""
+
+
+def _integer(text: str) -> int:
+    base, digits = (16, text[2:]) if text[:2] in ("0x", "0X") else (10, text)
+    digits = digits.lstrip("0")
+    # one that does not fit is 0, as in the library; Python takes long for very many digits, or
+    # refuses them
+    value = int(digits or "0", base) if len(digits) < 20 else 0
+    return value if value < 2 ** 63 else 0
+
+
+_LITERALS: Dict[str, Callable[[str], Any]] = {
+    "integer": _integer, "real": float, "text": lambda text: text[1:-1],
+    "name": lambda text: float(text == "true")}
+
+
+class _ScriptParser:
+    """Recursive descent over the tokens of one script. ``read``, ``written`` and ``facts`` collect
+    what it does."""
+
+    def __init__(self, text: str):
+        self.tokens = _tokens(text)
+        self.at = 0
+        self.depth = 0
+        self.read: Set[str] = set()
+        self.written: Set[str] = set()
+        # the name that the operand read last is, if it is nothing more
+        self.bare: Optional[str] = None
+        self.last: Operand  # the operand read last
+        self.facts = ScriptFacts([], [], [], {})
+        self._is_assignment: bool  # the expression read last
+
+    def script(self) -> List[Evaluate]:
+        """Return one closure for each statement; the semicolon between statements is optional."""
+        if self.tokens[0][0] == "end":
+            raise ScriptSyntaxError("Empty Script")
+        statements = []
+        while self.tokens[self.at][0] != "end":
+            before, position = len(self.facts.assignments), self.tokens[self.at][2]
+            statements.append(self.expression())
+            self.facts.statements.append(Statement(
+                position, self.last, self._is_assignment, len(self.facts.assignments) > before))
+            while self.tokens[self.at][0] == ";":
+                self.at += 1
+        return statements
+
+    def expression(self) -> Evaluate:
+        """Return an assignment, or a choice, or what is neither."""
+        self._enter()
+        whole = self.operation(0)
+        kind = self.tokens[self.at][0]
+        if kind in _ASSIGNMENTS:
+            whole = self._assignment(self.bare)
+        else:
+            if self.bare is not None:
+                self.read.add(self.bare)
+            if kind == "?":
+                whole = self._choice(whole)
+        self._is_assignment = kind in _ASSIGNMENTS
+        self.depth -= 1
+        return whole
+
+    def _enter(self) -> None:
+        self.depth += 1
+        if self.depth > DEEPEST:
+            position = self.tokens[self.at][2]
+            raise ScriptSyntaxError(f"Nested too deeply at position {position}: at most {DEEPEST} "
+                                    "levels are allowed", position)
+
+    def _assignment(self, name: Optional[str]) -> Evaluate:
+        position = self.last.position
+        sign = self._next()[0]
+        right = self.expression()
+        source, self.bare = self.bare, None
+        self.facts.assignments.append(Assignment(name or "", sign, self.last, position))
+        if self.last.kind == "name":
+            self.last = self.last._replace(kind="")
+        if name is None:
+            return operators.no_entry
+        self.written.add(name)
+        if sign not in (":=", "="):
+            self.read.add(name)
+        return operators.assigned(name, sign, right, source)
+
+    def _choice(self, condition: Evaluate) -> Evaluate:
+        """Return ``condition ? expression : …``; what follows the colon may be such a choice, but
+        not an assignment."""
+        choices = []
+        while self.tokens[self.at][0] == "?":
+            self.at += 1
+            choices.append((condition, self.expression()))
+            self._expect(":", " in ternary expression")
+            condition = self.operation(0)
+            if self.bare is not None:
+                self.read.add(self.bare)
+        self.bare = None
+        self.last = self.last._replace(kind="")
+        return operators.chosen(choices, condition)
+
+    def operation(self, weakest: int) -> Evaluate:
+        """Return operands joined by operators that bind at least as tightly as level ``weakest``.
+        """
+        self._enter()
+        left = self.prefix()
+        level = _LEVELS.get(self.tokens[self.at][0], -1)
+        while level >= weakest:
+            left = self._chain(left, level)
+            level = _LEVELS.get(self.tokens[self.at][0], -1)
+        self.depth -= 1
+        return left
+
+    def _chain(self, first: Evaluate, level: int) -> Evaluate:
+        self._use()
+        rest: Rest = []
+        whole = left = self.last
+        while _LEVELS.get(self.tokens[self.at][0]) == level:
+            sign = self._next()[0]
+            rest.append((sign, self.operation(level + 1)))
+            self._use()
+            self.facts.operations.append(Operation(sign, left, self.last))
+            whole = Operand(_kind(sign, left, self.last), "", whole.position)
+            left = self.last if level == _COMPARISON else whole
+        self.last = whole
+        return operators.compared(first, rest) if level == _COMPARISON else operators.folded(
+            first, rest)
+
+    def _use(self) -> None:
+        """Note that the operand read last, if it is a bare name, is an operand of something more.
+        """
+        if self.bare is not None:
+            self.read.add(self.bare)
+            self.bare = None
+
+    def prefix(self) -> Evaluate:
+        """Return ``-x``, ``~x``, ``!x`` (which may be stacked), or an operand."""
+        signs = []
+        while self.tokens[self.at][0] in _PREFIXES:
+            signs.append(self._next()[0])
+        operand = self.operand()
+        if not signs:
+            return operand
+        self._use()
+        is_negative = signs == ["-"] and self.last.kind == "number" and self.last.word
+        self.last = Operand("number", "-" + self.last.word if is_negative else "",
+                            self.last.position)
+        return operators.prefixed(signs, operand)
+
+    def operand(self) -> Evaluate:
+        """Return a literal, a name, or an expression in parentheses."""
+        kind, text, position = self._next()
+        self.bare = None
+        if kind == "name" and text not in ("true", "false"):
+            self.bare = text
+            self.last = Operand("name", text, position)
+            self.facts.names.setdefault(text, position)
+            return operators.value_of(text)
+        if kind in _LITERALS:
+            value = _LITERALS[kind](text)
+            self.last = Operand("text" if kind == "text" else "number", text, position)
+            return lambda _blackboard, _enums: value
+        if kind != "(":
+            before = self.at - (kind != "end") - 1  # before the first token is the end
+            raise ScriptSyntaxError(f"Expected operand at position {position} (got "
+                                    f"'{shown(text)}')", position,
+                                    _hint_between(self.tokens[before][0], kind))
+        inner = self.expression()
+        self._expect(")")
+        return inner
+
+    def _expect(self, sign: str, where: str = "") -> None:
+        kind, text, position = self._next()
+        if kind != sign:
+            raise ScriptSyntaxError(f"Parse error at position {position}: expected '{sign}'{where} "
+                                    f"(got '{shown(text)}')", position)
+
+    def _next(self) -> Token:
+        token = self.tokens[self.at]
+        if token[0] != "end":
+            self.at += 1
+        return token
+
+
+def _kind(sign: str, left: Operand, right: Operand) -> str:
+    """Return the kind of ``left sign right``, as far as the text tells."""
+    if sign == "..":
+        return "text"
+    if sign != "+":
+        return "number"
+    return left.kind if left.kind == right.kind and left.kind != "name" else ""
+
+
+@dataclass(frozen=True)
+class Script:
+    """A script ready to run. ``read`` and ``written`` are the names of entries that it uses,
+    ``facts`` what it does."""
+
+    text: str
+    statements: List[Evaluate]
+    read: Set[str]
+    written: Set[str]
+    facts: ScriptFacts
+
+    def run(self, blackboard: Blackboard, enums: Enums) -> Any:
+        """Run every statement and return the last one's value, None for none. Raises ScriptError;
+        nothing is undone."""
+        if not self.statements:
+            raise ScriptError("bad_function_call: the script is empty")
+        value = None
+        try:
+            for statement in self.statements:
+                value = statement(blackboard, enums)
+        except (ScriptError, ValueFault) as error:
+            raise ScriptError(f"Error in script [{shown(self.text)}]: {error}") from error
+        return value
+
+
+def compile_script(text: str, allow_empty: bool = False) -> Script:
+    """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: an empty one fails
+    when it runs."""
+    if allow_empty and not text:
+        return Script(text, [], set(), set(), ScriptFacts([], [], [], {}))
+    parser = _ScriptParser(text)
+    statements = parser.script()
+    return Script(text, statements, parser.read, parser.written, parser.facts)

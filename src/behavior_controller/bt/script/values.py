@@ -1,0 +1,417 @@
+"""Values of the blackboard and how they become one another: text to value, value to text, number to
+number.
+
+An integer is a Python int (int64), a real a float, a text a str; the three never change into each
+other silently. A boolean or status that is stored becomes an int, as an entry holds it; a port of
+that type reads it back as what it was. Digits are 0 to 9 alone. Rules: BT.CPP's
+``convertFromString`` and ``Any`` (sections 9.1, 9.4 and 9.5).
+"""
+import json
+import math
+import re
+from functools import partial
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from behavior_controller.bt.status import BY_NAME, NAMES
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.foreign_code import described, is_ctrl_c
+
+EPSILON = 1.1920929e-07  # of a C++ float: the tolerance of BT.CPP's equality
+INT = (-2 ** 31, 2 ** 31 - 1)
+INT64 = (-2 ** 63, 2 ** 63 - 1)
+EXACT = 2 ** 53  # every integer nearer to 0 is a real without loss
+
+ANY = "any"  # no type given: an entry that scripts made, a port that takes anything
+# the library's own generic type; as generic as ANY, but scripts treat its empty entries otherwise
+BT_ANY = "Any"
+TEXT = "string"
+GENERIC = (ANY, BT_ANY)
+
+Enums = Dict[str, int]
+
+
+class ValueFault(BehaviorControllerError):
+    """A value cannot be what it should be."""
+
+
+class ValueType(NamedTuple):
+    """A type of ports and entries. ``from_text`` raises ValueFault; None: no conversion from text
+    is known.
+
+    ``number`` is the pattern of a number as BT.CPP reads it: what follows it in a text is passed
+    over.
+    """
+
+    name: str
+    from_text: Optional[Callable[[str, Enums], Any]]
+    limits: Optional[Tuple[int, int]] = None  # the lowest and highest value of an integer
+    checked_at_load: bool = True
+    number: Optional["re.Pattern[str]"] = None
+    python: Optional[type] = None  # the class of its values, if it is a PortType
+
+
+_INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero but the last digit
+_REAL = re.compile(r"-?(?:inf(?:inity)?|nan|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?)",
+                   re.IGNORECASE | re.ASCII)
+_BLANKS = re.compile(r"[ \t\r\n]+")
+# of an integer of 64 bits: with more it is out of range, and Python refuses to read 4,300
+_MOST_DIGITS = 20
+_BOOLEANS = {"1": True, "true": True, "TRUE": True, "True": True,
+             "0": False, "false": False, "FALSE": False, "False": False}
+
+
+def shown(text: str, longest: int = 80) -> str:
+    """Return ``text`` as a message quotes it: on one line, not too long, and what cannot be seen as
+    its escape."""
+    line = _BLANKS.sub(" ", text[:longest])
+    if not line.isprintable():
+        line = ascii(line)[1:-1]
+    return line if len(text) <= longest else line[:longest] + "…"
+
+
+def _integer_reader(low: int, high: int) -> Callable[[str, Enums], int]:
+    def read(text: str, _enums: Enums) -> int:
+        match = _INTEGER.match(text)
+        if match is None or (low == 0 and match.group(1)):
+            raise ValueFault(f"Can't convert string [{shown(text)}] to integer")
+        return _in_range(match, low, high)
+    return read
+
+
+def _in_range(match: Any, low: int, high: int) -> int:
+    sign, digits = match.groups()
+    value = int(digits) if len(digits) <= _MOST_DIGITS else 10 ** _MOST_DIGITS
+    value = -value if sign else value
+    if not low <= value <= high:
+        raise ValueFault(f"Value out of bound when converting [{shown(match.string)}] to integer: "
+                         f"{low} to {high} is allowed")
+    return value
+
+
+def whole_integer(text: str, low: int, high: int) -> Optional[int]:
+    """Return the integer that ``text`` is as a whole, or None if it is none or not in that range.
+    """
+    match = _INTEGER.fullmatch(text)
+    try:
+        return None if match is None else _in_range(match, low, high)
+    except ValueFault:
+        return None
+
+
+def real_from_text(text: str, _enums: Optional[Enums] = None) -> float:
+    """Return the number at the start of ``text``. Raises ValueFault if there is none, or one too
+    large for a real."""
+    match = _REAL.match(text)
+    if match is None:
+        raise ValueFault(f"Can't convert string [{shown(text)}] to double")
+    value = float(match.group())
+    if math.isinf(value) and match.group()[-1] in "0123456789.":
+        raise ValueFault(f"Value out of bound when converting [{shown(text)}] to double")
+    return value
+
+
+def whole_real(text: str) -> Optional[float]:
+    """Return the number that ``text`` is as a whole, or None."""
+    if _REAL.fullmatch(text) is None:
+        return None
+    try:
+        return real_from_text(text)
+    except ValueFault:
+        return None
+
+
+def _boolean(text: str, _enums: Enums) -> bool:
+    if text not in _BOOLEANS:
+        raise ValueFault(f"convertFromString(): invalid bool conversion of [{shown(text)}]; "
+                         "allowed: 0 1 true false")
+    return _BOOLEANS[text]
+
+
+def _status(text: str, _enums: Enums) -> Any:
+    if text not in BY_NAME:
+        raise ValueFault(
+            f"Cannot convert this to NodeStatus: {shown(text)}; allowed: {' '.join(BY_NAME)}")
+    return BY_NAME[text]
+
+
+def _enumerator(text: str, enums: Enums) -> int:
+    if text in enums:
+        return enums[text]
+    number = whole_integer(text, *INT)
+    if number is None:
+        raise ValueFault(f"Can't convert string [{shown(text)}] to an enum; known names: "
+                         f"{' '.join(enums) or 'none'}")
+    return number
+
+
+def _vector_reader(item: Callable[[str, Enums], Any],
+                   from_json: Callable[[Any], Any]) -> Callable[[str, Enums], Any]:
+    def read(text: str, enums: Enums) -> Any:
+        if text.startswith("json:"):
+            return [from_json(value) for value in _json_array(text[5:])]
+        return [item(part, enums) for part in items_of(text)]
+    return read
+
+
+def items_of(text: str) -> List[str]:
+    """Return what ``;`` separates; nothing is meant after the last one."""
+    items = text.split(";")
+    return items if items[-1] else items[:-1]
+
+
+def _json_array(text: str) -> List[Any]:
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueFault(f"not valid JSON: {error}") from error
+    if not isinstance(value, list):
+        raise ValueFault("a JSON array is expected")
+    return value
+
+
+def _json_item(kind: type) -> Callable[[Any], Any]:
+    """Return a check of one item; a JSON number may lack the point that a real has here."""
+    def check(value: Any) -> Any:
+        if kind is float and type(value) is int:
+            return to_real(value)
+        if type(value) is not kind:
+            raise ValueFault(
+                f"the JSON item {shown(json.dumps(value))} is not of type {_JSON_NAMES[kind]}")
+        return to_int(value, *INT) if kind is int else value
+    return check
+
+
+_JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
+
+
+def _integer_type(name: str, low: int, high: int) -> ValueType:
+    return ValueType(name, _integer_reader(low, high), (low, high), number=_INTEGER)
+
+
+class _Types(Dict[str, ValueType]):
+    """The types that there are by name. A PortType is found too: it knows itself what it is."""
+
+    def __missing__(self, name: str) -> ValueType:
+        if isinstance(name, PortType):
+            return name.value_type
+        raise KeyError(name)
+
+
+class PortType(str):
+    """A type of your own for ports: ``Port("target", PortType("Spot", Spot, spot))``. It is its
+    name."""
+
+    value_type: ValueType
+
+    def __new__(cls, name: str, python: type,
+                from_text: Optional[Callable[[str], Any]] = None) -> "PortType":
+        """Return the type ``name``, whose values are of the class ``python``. Raises ValueError if
+        the name is taken.
+
+        ``from_text`` reads what stands in a file; what it raises says what is wrong with the text.
+        Without it only an entry can hold a value.
+        """
+        if name in TYPES:
+            raise ValueError(f"{name} is a type of the engine; give yours another name")
+        made = super().__new__(cls, name)
+        made.value_type = ValueType(name, partial(_own, name, python, from_text), python=python)
+        return made
+
+
+def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], text: str,
+         _enums: Enums) -> Any:
+    """Return a text as a value of the PortType ``name``. Raises ValueFault."""
+    if from_text is None:
+        raise ValueFault(f"a value of type {name} has no text; only an {{entry}} can hold it")
+    try:
+        value = from_text(text)
+    except ValueFault:
+        raise
+    # a wrong text or a mistake in the converter: both are told at the place of the text
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
+        raise ValueFault(
+            f"Can't convert string [{shown(text)}] to {name}: {described(error)}") from error
+    if not isinstance(value, python):
+        raise ValueFault(f"the converter of {name} returned {value!r} for [{shown(text)}], which "
+                         f"is not a {python.__name__}")
+    return value
+
+
+TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_type in (
+    ValueType(TEXT, lambda text, _enums: text),
+    _integer_type("int", *INT),
+    _integer_type("uint", 0, 2 ** 32 - 1),
+    _integer_type("int8", -2 ** 7, 2 ** 7 - 1),
+    _integer_type("uint8", 0, 2 ** 8 - 1),
+    _integer_type("int64", *INT64),
+    _integer_type("uint64", 0, 2 ** 64 - 1),
+    ValueType("double", real_from_text, number=_REAL),
+    ValueType("bool", _boolean),
+    ValueType("NodeStatus", _status, checked_at_load=False),
+    ValueType("enum", _enumerator, checked_at_load=False),
+    ValueType("vec_int", _vector_reader(_integer_reader(*INT), _json_item(int))),
+    ValueType("vec_double", _vector_reader(real_from_text, _json_item(float))),
+    ValueType("vec_string", _vector_reader(lambda text, _enums: text, _json_item(str))),
+    ValueType("vec_bool", _vector_reader(_boolean, _json_item(bool))),
+    ValueType(ANY, None),
+    ValueType(BT_ANY, None),
+))
+
+
+def find_type(name: str) -> Optional[ValueType]:
+    """Return the type of that name; None for an entry that the host made of a class of its own."""
+    return TYPES[name] if name in TYPES or isinstance(name, PortType) else None
+
+
+VECTORS = {"vec_int": "int", "vec_double": "double", "vec_string": TEXT, "vec_bool": "bool"}
+
+
+def unread(text: str, type_name: str) -> str:
+    """Return what a reader of numbers passes over at the end of ``text``, or of the first such item
+    of a vector."""
+    if type_name in VECTORS:
+        items = [] if text.startswith("json:") else text.split(";")
+        return next(filter(None, (unread(item, VECTORS[type_name]) for item in items)), "")
+    number = TYPES[type_name].number
+    match = number.match(text) if number is not None else None
+    return text[match.end():].strip() if match is not None else ""
+
+
+_CLASSES = {"int": int, "double": float, TEXT: str, "bool": bool}
+_CODES = dict(enumerate(BY_NAME.values()))  # of the statuses, as BT.CPP numbers them
+_STATUSES = {status: code for code, status in _CODES.items()}
+_STATUS_CLASSES = {type(status) for status in NAMES}
+
+
+def stored(value: Any) -> Any:
+    """Return ``value`` as an entry holds it: a boolean and a status are integers."""
+    if isinstance(value, bool):
+        return int(value)
+    return _STATUSES[value] if type(value) in _STATUS_CLASSES else value
+
+
+def is_vector(value: Any, wanted: str) -> bool:
+    """Return whether ``value`` is a list of the items that the vector type ``wanted`` has."""
+    return (wanted in VECTORS and isinstance(value, list)
+            and all(type(item) is _CLASSES[VECTORS[wanted]] for item in value))
+
+
+def is_number(value: Any) -> bool:
+    """Return whether ``value`` is an integer or a real."""
+    return isinstance(value, (int, float))
+
+
+def origin_of(value: Any) -> str:
+    """Return the type that a value has by itself, when no port or entry says otherwise."""
+    if isinstance(value, float):
+        return "double"
+    if isinstance(value, int):
+        return "int64"
+    return TEXT if isinstance(value, str) else type(value).__name__
+
+
+def to_text(value: Any) -> str:
+    """Return a number or text as BT.CPP writes it: integers plain, reals with six decimals."""
+    if isinstance(value, float):
+        return "%f" % value
+    return str(value)
+
+
+def to_real(value: Any) -> float:
+    """Return a number as a real. Raises ValueFault where that would lose digits, and for anything
+    else."""
+    if isinstance(value, float):
+        return value
+    if isinstance(value, int):
+        if not -EXACT < value < EXACT:
+            raise ValueFault(f"Loss of precision when converting {value} to a real")
+        return float(value)
+    raise ValueFault(f"[Any::convert]: {_named(value)} is not a number")
+
+
+def to_int(value: Any, low: int = INT64[0], high: int = INT64[1]) -> int:
+    """Return a number as an integer of that range. Raises ValueFault for a fraction and out of
+    range."""
+    if isinstance(value, float):
+        if not value.is_integer():
+            raise ValueFault(f"Invalid floating point to integer conversion of {value}")
+        value = int(value)
+    if not isinstance(value, int):
+        raise ValueFault(f"[Any::convert]: {_named(value)} is not a number")
+    if not low <= value <= high:
+        raise ValueFault(f"Value {value} is outside {low} to {high}")
+    return value
+
+
+def to_bool(value: Any) -> bool:
+    """Return the truth of a script's value: a positive real, or the integer 1, is true. Raises
+    ValueFault for negative numbers, other integers, and what is no number."""
+    if isinstance(value, float):
+        if value < 0.0:
+            raise ValueFault(f"Implicit casting to bool is not allowed: {value} is negative")
+        return value != 0.0
+    if isinstance(value, int):
+        if value not in (0, 1):
+            raise ValueFault(f"Implicit casting to bool is not allowed: {value} is neither 0 nor 1")
+        return value == 1
+    if value is None:
+        raise ValueFault("Any::cast failed because it is empty")
+    raise _no_conversion(value, "bool")
+
+
+def convert(value: Any, wanted: str, enums: Enums) -> Any:
+    """Return a stored ``value`` as an input port of type ``wanted`` reads it. Raises ValueFault."""
+    if wanted in GENERIC:
+        return value
+    if wanted == TEXT:
+        if isinstance(value, (str, int, float)):
+            return to_text(value)
+        raise _no_conversion(value, "std::string")
+    if isinstance(value, str):
+        return TYPES[wanted].from_text(value, enums)  # type: ignore[misc]
+    python = TYPES[wanted].python
+    if wanted in VECTORS or python is not None:
+        if not is_vector(value, wanted) and (python is None or not isinstance(value, python)):
+            raise _no_conversion(value, wanted)
+        return value
+    if wanted == "bool":
+        return to_bool(value)
+    if wanted == "double":
+        return to_real(value)
+    if wanted == "NodeStatus":
+        return _CODES[to_int(value, 0, len(_CODES) - 1)]
+    return to_int(value, *(TYPES[wanted].limits or INT))
+
+
+def _no_conversion(value: Any, wanted: str) -> ValueFault:
+    return ValueFault(
+        f"[Any::convert]: no known safe conversion between [{_named(value)}] and [{wanted}]")
+
+
+def declared(value: Any, wanted: str) -> Any:
+    """Return what a leaf writes as its port of type ``wanted`` has it: 3 is a real there. Raises
+    ValueFault."""
+    if wanted in GENERIC:
+        return value
+    if isinstance(value, str) is not (wanted == TEXT):
+        raise _no_conversion(value, wanted)
+    if wanted in VECTORS and isinstance(value, list):
+        return [declared(item, VECTORS[wanted]) for item in value]
+    return convert(stored(value), wanted, {})
+
+
+def same_kind(value: Any, stored: Any) -> Any:
+    """Return ``value`` in the kind of ``stored`` (BT.CPP ``Any::copyInto``). Raises ValueFault if
+    it cannot be."""
+    if stored is None or type(value) is type(stored):
+        return value
+    if is_number(value) and is_number(stored):
+        return to_real(value) if isinstance(stored, float) else to_int(value)
+    raise ValueFault(f"Any::copyInto fails: {_named(value)} cannot become {_named(stored)}")
+
+
+def _named(value: Any) -> str:
+    return {"str": "std::string", "NoneType": "empty"}.get(
+        type(value).__name__, type(value).__name__)

@@ -1,0 +1,1 @@
+"""What is configured by files: settings, phrases, recovery policy and knowledge."""

@@ -1,0 +1,374 @@
+"""Files of ``key value`` lines: the allowed values of each key, and every fault in one pass.
+
+The controller's configuration, the languages and the test package's configuration are such files.
+"""
+import ipaddress
+import math
+import os
+import re
+from dataclasses import dataclass, field, fields
+from typing import (Any, Callable, Collection, Dict, Generic, Iterable, List, Mapping, Optional,
+                    Sequence, Tuple, Type, TypeVar)
+
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.text import Source, Unreadable, did_you_mean, read_text
+
+MOST_FAULTS = 100
+"""The most mistakes of a file that are reported; the rest of it is not read."""
+
+REQUIRED: Any = object()
+"""The default of a key that must be given."""
+
+LONGEST_WAIT = 86400.0
+"""The longest time that a configuration may give, in seconds: a day."""
+
+# float() and \d alone would also take "1_0" and the digits of other scripts
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?inf", re.IGNORECASE)
+_INTEGER = re.compile(r"-?[0-9]{1,18}")
+# each takes linear time
+_NAME_END = re.compile(r"[\s=#]|$")
+_COMMENT = re.compile(r"(?<!\S)#|$")
+
+Value = TypeVar("Value")
+Record = TypeVar("Record")
+Place = Tuple[str, int, int]
+"""A file or what else was read, the line and the column."""
+
+
+# -------------------------------------------------------------------------------------- the readers
+
+
+@dataclass(frozen=True)
+class Reader(Generic[Value]):
+    """Parses text into a value. ``allowed`` describes the allowed texts; others raise ValueError.
+    """
+
+    allowed: str
+    read: Callable[[str], Value]
+
+    def __call__(self, text: str) -> Value:
+        """Return the value of ``text``."""
+        return self.read(text)
+
+
+def reader(allowed: str, is_allowed: Callable[[str], object],
+           value: Callable[[str], Value]) -> Reader[Value]:
+    """Return a reader of the texts that are allowed, each with its ``value``."""
+    def read(text: str) -> Value:
+        if not is_allowed(text):
+            raise ValueError(text)
+        return value(text)
+    return Reader(allowed, read)
+
+
+def some_text(allowed: str, without: str = "") -> Reader[str]:
+    """Return a reader of texts that are not empty, and have no character of ``without``."""
+    return reader(allowed, lambda text: text and set(text).isdisjoint(without), str)
+
+
+boolean = reader("true or false", lambda text: text.lower() in ("true", "false"),
+                 lambda text: text.lower() == "true")
+"""Accepts both words in any case."""
+
+
+def number(low: float, high: float = math.inf, infinite: bool = False,
+           of: str = "") -> Reader[float]:
+    """Return a reader of numbers from ``low`` to ``high``; only an ``infinite`` one accepts
+    ``inf``. ``of``: the unit."""
+    def is_allowed(text: str) -> bool:
+        return (_NUMBER.fullmatch(text) is not None and low <= float(text) <= high
+                and (infinite or not math.isinf(float(text))))
+
+    limits = f", {low:.10g} or more" if math.isinf(high) else f" from {low:.10g} to {high:.10g}"
+    return reader(f"a number{' of ' + of if of else ''}{limits}{', or inf' if infinite else ''}",
+                  is_allowed, float)
+
+
+def seconds(low: float = 0.0) -> Reader[float]:
+    """Return a reader of a time of at least ``low`` seconds."""
+    return number(low, LONGEST_WAIT, of="seconds")
+
+
+def integer(low: int, high: int, of: str = "") -> Reader[int]:
+    """Return a reader of integers from ``low`` to ``high``. ``of``: the unit."""
+    allowed = f"a whole number{' of ' + of if of else ''} from {low} to {high}"
+    return reader(f"{low} or {high}" if high == low + 1 else allowed,
+                  lambda text: _INTEGER.fullmatch(text) and low <= int(text) <= high, int)
+
+
+def port(high: int) -> Reader[int]:
+    """Return a reader of a port up to ``high``, or 0."""
+    return Reader(f"a port from 1 to {high}, or 0", integer(0, high).read)
+
+
+def one_of(*allowed: str) -> Reader[str]:
+    """Return a reader of exactly these words."""
+    return reader(f"one of {', '.join(allowed)}", allowed.__contains__, str)
+
+
+def _file_name(text: str) -> str:
+    if not re.fullmatch(r"[^/\\\0]+", text) or text in (".", ".."):
+        raise ValueError(text)
+    return text
+
+
+def _mission_name(text: str) -> str:
+    name = _file_name(text)
+    return name[:-4] if name.endswith(".xml") else name
+
+
+def _address(text: str) -> str:
+    """Return an address or name; unclear forms are refused.
+
+    The system's resolver reads an empty text, 0 and 0x0 as all addresses.
+    """
+    labels = text.lower().split(".")
+    if ":" in text or re.fullmatch("[0-9]*|0x[0-9a-f]*", labels[-1]):
+        return str(ipaddress.ip_address(text))
+    if len(text) > 253 or not all(
+            re.fullmatch("[0-9a-z_][0-9a-z_-]{0,62}", label) for label in labels):
+        raise ValueError(text)
+    return text
+
+
+def _folder(text: str) -> str:
+    """Return a path with the home folder in place of ``~``, which shells leave in arguments."""
+    path = os.path.expanduser(text)
+    if path.startswith("~") or "\0" in path:  # no such user
+        raise ValueError(text)
+    return path
+
+
+language_name = Reader("the name of a language, such as English", _file_name)
+mission_name = Reader("the name of a mission in the data folder, without .xml", _mission_name)
+bind_address = Reader("an address or a host name of this computer, 127.0.0.1 for itself alone, "
+                      "0.0.0.0 for all networks", _address)
+folder = Reader("a folder, nothing, or none", _folder)
+
+
+# ----------------------------------------------------------------------------------------- the keys
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key: its reader, its default, and its meaning.
+
+    In ``meaning``, words of a file are in backquotes, as in the README.
+    """
+
+    name: str
+    read: Reader[Any]
+    default: Any
+    meaning: str
+
+    @property
+    def allowed(self) -> str:
+        """A description of the allowed values."""
+        return self.read.allowed
+
+    @property
+    def default_text(self) -> str:
+        """The default, as the documents show it."""
+        return "required" if self.default is REQUIRED else to_text(self.default) or "empty"
+
+    @property
+    def plain_meaning(self) -> str:
+        """The meaning without Markdown."""
+        return self.meaning.replace("`", "")
+
+
+def to_text(value: object) -> str:
+    """Return a value in the form of a configuration file."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    if type(value) is tuple:
+        return ",".join(map(to_text, value))
+    return "" if value is None else str(value)
+
+
+def help_lines(keys: Iterable[Key]) -> List[str]:
+    """Return a line for each key, with its name, its default, and its meaning."""
+    return [f"  {key.name:<26} {key.default_text:<12} {key.plain_meaning}" for key in keys]
+
+
+def key(read: Reader[Value], default: Value, meaning: str) -> Value:
+    """Declare a field of a dataclass that is a key of a configuration: ``asr_enabled`` is the key
+    ``asrEnabled``."""
+    return field(metadata={"key": (read, default, meaning)})
+
+
+def keys_of(record: type) -> Dict[str, Key]:
+    """Return the keys of a dataclass by the names of its fields, in order."""
+    return {each.name: Key(
+        re.sub("_([a-z])", lambda found: found.group(1).upper(), each.name), *each.metadata["key"])
+            for each in fields(record) if "key" in each.metadata}
+
+
+def filled(record: Type[Record], values: Mapping[str, Any], **others: Any) -> Record:
+    """Return a dataclass whose fields have the ``values`` of their keys; ``others`` are fields that
+    are not keys."""
+    return record(**others, **{name: values[each.name] for name, each in keys_of(record).items()})
+
+
+def values_of(record: object) -> Dict[str, Any]:
+    """Return the value of each key of a dataclass that has keys."""
+    return {each.name: getattr(record, name) for name, each in keys_of(type(record)).items()}
+
+
+# ------------------------------------------------------------------------------------------ reading
+
+
+def read_configuration(path: str, keys: Sequence[Key],
+                       overrides: Optional[Mapping[str, object]] = None,
+                       arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
+    """Return a value for each of ``keys`` from a file, overriding ROS parameters, and
+    ``arguments``, which override both.
+
+    Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad
+    value, missing key.
+    """
+    return configured(read_source(path, "the configuration"), keys, overrides, arguments)
+
+
+def configured(source: Source, keys: Sequence[Key],
+               overrides: Optional[Mapping[str, object]] = None,
+               arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
+    """As ``read_configuration``, for the text of a file."""
+    return collected(source, keys, overrides, arguments).result()
+
+
+def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
+              arguments: Optional[Mapping[str, str]] = None,
+              unused: Collection[str] = ()) -> "Collector":
+    """As ``configured``, with all that was collected; ``unused`` are keys of other programs."""
+    reader = Collector(source.file, {key.name: key for key in keys}, unused)
+    read_lines(source, reader.faults, reader.line)
+    for name, value in (overrides or {}).items():
+        reader.override(name, value)
+    for name, text in (arguments or {}).items():
+        reader.argument(name, text)
+    return reader
+
+
+def read_source(path: str, what: str) -> Source:
+    """Return a text file that a person writes. Raises ConfigurationError; ``what`` describes the
+    file in its text."""
+    try:
+        return Source(path, read_text(path))
+    except Unreadable as error:
+        raise ConfigurationError([Fault(path, 0, 0, f"{what} cannot be read: {error}")]) from error
+
+
+def read_lines(source: Source, faults: List[Fault], take: Callable[[int, str], None]) -> None:
+    """Call ``take`` with each line of a file and its number. Raises ConfigurationError when there
+    are too many ``faults``."""
+    for number, line in enumerate(source.text.split("\n"), 1):
+        take(number, line)
+        if len(faults) > MOST_FAULTS:
+            rest = f"more than {MOST_FAULTS} mistakes; the rest is not read"
+            raise ConfigurationError(faults[:MOST_FAULTS] + [Fault(source.file, number, 1, rest)])
+
+
+def parsed(read: Reader[Value], text: str, what: str, place: Place,
+           faults: List[Fault]) -> Optional[Value]:
+    """Return the value of ``text``, or None and add a fault at ``place``; ``what`` the text is."""
+    try:
+        return read(text)
+    except ValueError:
+        faults.append(Fault(*place, "{} cannot be {}".format(
+            what, f"\"{text}\"" if text else "empty"), f"allowed: {read.allowed}"))
+        return None
+
+
+class Collector:
+    """Collects values, faults and warnings of one configuration."""
+
+    def __init__(self, path: str, keys: Dict[str, Key], unused: Collection[str] = ()):
+        self.path = path
+        self.keys = keys
+        self.unused = unused
+        self.warnings: List[Fault] = []
+        self.values: Dict[str, Any] = {}
+        self.given: Dict[str, int] = {}
+        self.faults: List[Fault] = []
+
+    def line(self, line_number: int, line: str) -> None:
+        """Process one line of the file."""
+        column = len(line) - len(line.lstrip()) + 1
+        content = line.strip()
+        name = content[:_NAME_END.search(content).start()]  # type: ignore[union-attr]
+        if not name:
+            if content and content[0] != "#":
+                self._fault((self.path, line_number, column),
+                            "this is not a line of the form: key value")
+            return
+        rest = content[len(name):].lstrip()
+        rest = rest[1:].lstrip() if rest.startswith("=") else rest
+        text = rest[:_COMMENT.search(rest).start()].rstrip()  # type: ignore[union-attr]
+        place = self.path, line_number, column
+        if name in self.given:
+            self._fault(place, f"the key {name} is in line {self.given[name]} already")
+        elif self._is_key(name, place):
+            self.given[name] = line_number
+            begin = column + len(content) - len(rest) if text else column
+            self._value(name, text, (self.path, line_number, begin))
+
+    def override(self, name: str, value: object) -> None:
+        """Process one private ROS parameter."""
+        where, hint = f"parameter ~{name}", did_you_mean(name, self.keys)
+        if name in self.keys:
+            self.given_value(name, value, where)
+        elif hint:  # other parameters below our name belong to other programs
+            self._fault((where, 0, 0), f"unknown key {name}", hint)
+
+    def given_value(self, name: str, value: Any, where: str) -> None:
+        """Process a value from a parameter or a record."""
+        place = where, 0, 0
+        self.given.setdefault(name, 0)
+        if name not in self.keys:
+            self._fault(place, f"unknown key {name}")
+        # ROS also has lists, mappings, dates, bytes and null
+        elif not isinstance(value, (int, float, str)):
+            self._fault(place, f"{name} cannot be of type {type(value).__name__}",
+                        f"allowed: {self.keys[name].allowed}")
+        else:
+            self._value(name, str(value).lower() if isinstance(value, bool) else str(value), place)
+
+    def argument(self, name: str, text: str) -> None:
+        """Process one argument of the command line."""
+        place = f"argument {name}", 0, 0
+        if self._is_key(name, place):
+            self.given.setdefault(name, 0)
+            self._value(name, text, place)
+
+    def _is_key(self, name: str, place: Place) -> bool:
+        """Return whether this is a key; another name is a fault, one of another program a warning.
+        """
+        if name in self.unused:
+            self.warnings.append(Fault(*place, f"{name} has no effect",
+                                       "it is a key of release 1.0's own controller", True))
+        elif name not in self.keys:
+            self._fault(place, f"unknown key {name}", did_you_mean(name, self.keys)
+                        or f"the keys: {', '.join(self.keys)}")
+        return name in self.keys
+
+    def _value(self, name: str, text: str, place: Place) -> None:
+        before = len(self.faults)
+        value = parsed(self.keys[name].read, text, name, place, self.faults)
+        if len(self.faults) == before:
+            self.values[name] = value
+
+    def _fault(self, place: Place, text: str, hint: str = "") -> None:
+        self.faults.append(Fault(*place, text, hint))
+
+    def result(self) -> Dict[str, Any]:
+        """Return all values, or raise ConfigurationError."""
+        for key in self.keys.values():
+            if key.default is REQUIRED and key.name not in self.given:
+                self._fault((self.path, 0, 0), f"the required key {key.name} is missing",
+                            f"add a line: {key.name} <{key.allowed}>")
+        if self.faults:
+            raise ConfigurationError(self.faults)
+        return {name: self.values.get(name, key.default) for name, key in self.keys.items()}

@@ -1,0 +1,421 @@
+"""Reads the environment and culture knowledge files of release 1.0, which replace the missing
+knowledge base.
+
+A line is ``key [id] values`` separated by white space; empty lines and lines that begin with ``#``
+are ignored.
+"""
+import os
+import re
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
+
+from behavior_controller import folders
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.robot.requests import Exhibit, Location, Point
+from behavior_controller.config.config_file import (
+    Key, MOST_FAULTS, REQUIRED, Reader, boolean, configured, integer, number, one_of, parsed,
+    read_lines, read_source, some_text)
+from behavior_controller.text import Source, Unreadable, did_you_mean, read_text
+
+LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
+UTILITY_PHRASES = range(1, 9)
+"""The numbers of the utility phrases that missions say."""
+
+LAST_REQUIRED = 7
+"""The number of the last required phrase; the culture file of release 1.0 has no further ones."""
+
+_ENVIRONMENT, _CULTURE, _CONFIGURATION = "environment", "culture", "configuration"
+_VALUE_TYPES = "value types"
+_TYPE_NAMES = ("NUMBER", "WORD", "PHRASE", "UNDEFINED")
+"""The values in a file of value types, which belongs to the release's own programs."""
+
+_CONFIGURATIONS = {
+    kind: f"{kind}KnowledgeBaseConfiguration.ini" for kind in (_ENVIRONMENT, _CULTURE)}
+"""The files in ``config`` that name the knowledge files."""
+
+_TOUR = "tourSpecification"
+_POSE, _NAME, _TARGET = "robotLocationPose", "robotLocationDescription", "gestureTarget"
+_LANGUAGE = "phraseLanguage"
+_KNOWLEDGE_BASE = "knowledgeBase"
+_MESSAGES = {language: ("preGestureMessage" + language, "postGestureMessage" + language)
+             for language in LANGUAGES}
+_PHRASES = {language: {each: f"utilityPhrase{language}{each}" for each in UTILITY_PHRASES}
+            for language in LANGUAGES}
+_FORMS = {
+    _POSE: "<id> <x in m> <y in m> <theta in degrees>", _TARGET: "<id> <x in m> <y in m> <z in m>",
+    _NAME: "<id> <text>", "culturalKnowledge": "<id> <keys>",
+    **{key: "<id> <text>" for keys in _MESSAGES.values() for key in keys},
+    _TOUR: "<number of locations> <id of the first> … <id of the last>"}
+"""The values of each key. The cultural knowledge of a location is not used."""
+_ENVIRONMENT_KEYS = tuple(_FORMS)
+_CULTURE_KEYS = (_LANGUAGE, *(key for keys in _PHRASES.values() for key in keys.values()))
+_ANY_PHRASE = re.compile(f"utilityPhrase({'|'.join(LANGUAGES)})[0-9]+")
+
+_NEAR = 0.9
+"""The similarity from which on an unknown key counts as mistyped: ``gestureArm`` of other releases
+does not."""
+
+_LANGUAGE_READER = one_of(*LANGUAGES)
+_ID = integer(0, 10 ** 9)
+_COUNT = integer(1, 999)
+_COORDINATE = number(-10000, 10000)
+_WORD = re.compile(r"\S+")
+
+Value = TypeVar("Value")
+
+
+_FILE = some_text("a file in the folder data beside the configuration's folder, or a path")
+_CONFIGURATION_KEYS = (
+    Key(_KNOWLEDGE_BASE, _FILE, REQUIRED, "the knowledge file"),
+    Key("verboseMode", boolean, None, "for the release's own programs"),
+    Key("valueTypes", _FILE, None, "for the release's own programs"),
+)
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """The content of both files, in the ``language`` that the culture file chooses.
+
+    ``tour``: the places in the order of ``tourSpecification``. Each of them is shown as an exhibit,
+    the first and the last too: the published controller of release 1.0 visits the whole list, and
+    the messages of these two places open and close the tour. A place may be in it twice. An
+    exhibit's descriptions are the messages before and after the gesture. ``phrases``: the utility
+    phrases by number. ``sources``: the environment file and the culture file as read.
+    """
+
+    tour: Tuple[Exhibit, ...]
+    language: str
+    phrases: Mapping[int, str]
+    sources: Tuple[Source, Source]
+    warnings: Tuple[Fault, ...] = ()
+
+    @property
+    def start(self) -> Exhibit:
+        """Where the robot starts: the first place of the tour."""
+        return self.tour[0]
+
+    @property
+    def end(self) -> Exhibit:
+        """Where the tour ends: its last place."""
+        return self.tour[-1]
+
+
+# -------------------------------------------------------------------------------- a file of entries
+
+
+class _Line:
+    """A line with an entry."""
+
+    def __init__(self, number: int, text: str):
+        self.number = number
+        self.text = text.rstrip()
+        self.words = list(_WORD.finditer(text))
+        self.key = self.words[0].group()
+
+    def place(self, index: int = 0) -> Tuple[int, int]:
+        """Return line and column of the word at ``index``, or of the key if there is no such word.
+        """
+        word = self.words[index if index < len(self.words) else 0]
+        return self.number, word.start() + 1
+
+    def rest(self, index: int) -> str:
+        """Return the text from the word at ``index`` to the end of the line."""
+        return self.text[self.words[index].start():] if index < len(self.words) else ""
+
+
+def _lines(text: str, first: int = 1) -> Iterator[_Line]:
+    """Yield the lines that are neither empty nor comments."""
+    for line_number, line in enumerate(text.split("\n"), first):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield _Line(line_number, line)
+
+
+class _EntryFile:
+    """The entries of one file, and their faults and warnings."""
+
+    keys: Sequence[str]
+
+    def __init__(self, source: Source):
+        self.source = source
+        self.faults: List[Fault] = []
+        self.warnings: List[Fault] = []
+        self.lines: Dict[str, _Line] = {}  # of each entry, valid or not
+        try:
+            read_lines(source, self.faults, self._line)
+            self.finish()
+        except ConfigurationError as error:
+            self.faults = list(error.faults)
+
+    def _line(self, number: int, text: str) -> None:
+        for line in _lines(text, number):
+            is_known = line.key in self.keys
+            entry = self.entry(line) if is_known else line.key
+            first = self.lines.setdefault(entry, line) if entry else None
+            if first is line and is_known:
+                self.take(line, entry)
+            elif first is line and self.meant(line.key):
+                self.warn(line.place(), f"unknown key {line.key}: it is not used",
+                          self.meant(line.key))
+            elif first is not None and is_known:
+                self.fault(line.place(), f"{entry} is in line {first.number} already",
+                           "keep one of them")
+
+    def found(self) -> List[Fault]:
+        """Return faults and warnings in the order of the file, then those about missing entries."""
+        return sorted(self.faults + self.warnings, key=lambda fault:
+                      (not fault.line, fault.line, fault.column))
+
+    def entry(self, line: _Line) -> str:
+        """Return the name of the entry of a known key; empty, with a fault, if it has none."""
+        return line.key
+
+    def meant(self, key: str) -> str:
+        """Return a hint about an unknown key; without one it is no mistake."""
+        return did_you_mean(key, self.keys, _NEAR)
+
+    def take(self, line: _Line, entry: str) -> None:
+        """Check the values of an entry."""
+
+    def finish(self) -> None:
+        """Check what needs several entries, and report missing ones."""
+        raise NotImplementedError
+
+    def fault(self, place: Tuple[int, int], text: str, hint: str) -> None:
+        self.faults.append(Fault(self.source.file, *place, text, hint))
+
+    def lacks(self, key: str, form: str) -> None:
+        self.fault((0, 0), f"the required key {key} is missing", f"add a line: {key} {form}")
+
+    def warn(self, place: Tuple[int, int], text: str, hint: str) -> None:
+        if len(self.warnings) == MOST_FAULTS:
+            text, hint = f"more than {MOST_FAULTS} warnings; the rest is not shown", ""
+            place = (0, 0)
+        if len(self.warnings) <= MOST_FAULTS:
+            self.warnings.append(Fault(self.source.file, *place, text, hint, True))
+
+    def value(self, line: _Line, index: int, what: str, read: Reader[Value]) -> Optional[Value]:
+        """Return the value of the word at ``index``, or None, with a fault."""
+        text = line.words[index].group() if index < len(line.words) else ""
+        return parsed(read, text, what, (self.source.file, *line.place(index)), self.faults)
+
+
+class _Culture(_EntryFile):
+    """The language and the phrases; all other keys are for other programs."""
+
+    keys = _CULTURE_KEYS
+    language: Optional[str] = None
+
+    def meant(self, key: str) -> str:
+        return "" if _ANY_PHRASE.fullmatch(key) else super().meant(key)
+
+    def take(self, line: _Line, entry: str) -> None:
+        if entry == _LANGUAGE:
+            text, place = line.rest(1), (self.source.file, *line.place(1))
+            self.language = parsed(_LANGUAGE_READER, text, _LANGUAGE, place, self.faults)
+            near = did_you_mean(text, LANGUAGES)
+            if self.language is None and near:
+                self.faults[-1] = self.faults[-1]._replace(hint=near)
+
+    def finish(self) -> None:
+        """Report the missing phrases of the chosen language."""
+        if _LANGUAGE not in self.lines:
+            self.lacks(_LANGUAGE, f"<{_LANGUAGE_READER.allowed}>")
+        for each, key in _PHRASES[self.language].items() if self.language else ():
+            if key not in self.lines:
+                if each <= LAST_REQUIRED:
+                    self.lacks(key, "<text>")
+            elif not self.lines[key].rest(1):
+                self.fault((self.lines[key].number, 1), f"{key} cannot be empty",
+                           "allowed: the text to say")
+
+    def phrases(self, language: str) -> Mapping[int, str]:
+        """Return the utility phrases, if there are no faults."""
+        return MappingProxyType({each: self.lines[key].rest(1) for each, key
+                                 in _PHRASES[language].items() if key in self.lines})
+
+
+class _Environment(_EntryFile):
+    """``languages`` are those of the tour; by default all languages of the file's messages."""
+
+    keys = _ENVIRONMENT_KEYS
+
+    def __init__(self, source: Source, languages: Optional[Sequence[str]] = None):
+        self.languages = languages
+        self.tour: List[Tuple[int, Tuple[int, int]]] = []  # each id, and its place
+        self.ids: Set[int] = set()
+        self.numbers: Dict[str, List[float]] = {}  # of poses and gesture targets
+        super().__init__(source)
+
+    def meant(self, key: str) -> str:
+        return super().meant(key) or f"the keys: {', '.join(self.keys)}"
+
+    def entry(self, line: _Line) -> str:
+        if line.key == _TOUR:
+            return _TOUR
+        location = self.value(line, 1, f"the id of {line.key}", _ID)
+        if location is None:
+            return ""
+        self.ids.add(location)
+        return f"{line.key} {location}"
+
+    def take(self, line: _Line, entry: str) -> None:
+        form = f"the form: {line.key} {_FORMS[line.key]}"
+        if line.key == _TOUR:
+            self._take_tour(line, form)
+        elif line.key == _NAME and not line.rest(2):
+            self.fault(line.place(), f"{entry} cannot be empty", form)
+        elif line.key in (_POSE, _TARGET) and len(line.words) != 5:
+            self.fault(line.place(), f"{entry} has {len(line.words) - 2} values, not 3", form)
+        elif line.key in (_POSE, _TARGET):
+            values = [self.value(line, index, f"a value of {entry}", _COORDINATE)
+                      for index in range(2, 5)]
+            self.numbers[entry] = [value for value in values if value is not None]
+
+    def _take_tour(self, line: _Line, form: str) -> None:
+        count = self.value(line, 1, f"the number of locations of {_TOUR}", _COUNT)
+        listed = range(2, len(line.words))
+        if count is not None and count != len(listed):
+            locations = f"{count} location{'' if count == 1 else 's'}"
+            self.fault(line.place(1), f"{_TOUR} says {locations} and lists {len(listed)}", form)
+        for index in listed:
+            location = self.value(line, index, f"an id of {_TOUR}", _ID)
+            if location is not None:
+                self.tour.append((location, line.place(index)))
+
+    def finish(self) -> None:
+        """Report what the tour needs and the file lacks."""
+        if _TOUR not in self.lines:
+            self.lacks(_TOUR, _FORMS[_TOUR])
+        written = {line.key for line in self.lines.values()}
+        spoken = [language for language in LANGUAGES if not written.isdisjoint(_MESSAGES[language])]
+        languages = spoken if self.languages is None else self.languages
+        for language in set(languages).difference(spoken):
+            self.fault(
+                (0, 0), "there is neither {} nor {} for any location".format(*_MESSAGES[language]),
+                f"the culture file's {_LANGUAGE} is {language}; there are messages in: "
+                f"{', '.join(spoken) or 'no language'}")
+        messages = [key for language in spoken if language in languages
+                    for key in _MESSAGES[language]]
+        places = dict(reversed(self.tour))  # of each location the first
+        for location, place in places.items():
+            if location in self.ids:
+                self._check_location(location, place, messages)
+            else:
+                known = ", ".join(map(str, sorted(self.ids))) or "no locations"
+                self.fault(place, f"the tour goes to location {location}, which has no entries",
+                           f"there are: {known}")
+
+    def _check_location(self, location: int, place: Tuple[int, int], messages: List[str]) -> None:
+        lacking = f"location {location} of the tour has no"
+        for key in (_POSE, _NAME):
+            if f"{key} {location}" not in self.lines:
+                self.fault(place, f"{lacking} {key}",
+                           f"add a line: {key} {_FORMS[key].replace('<id>', str(location))}")
+        for key in [_TARGET] + messages:
+            entry = f"{key} {location}"
+            effect, on_purpose = ("points at nothing", " 0 0 0") if key == _TARGET else (
+                "says nothing", " without a text")
+            if entry not in self.lines:
+                self.warn(place, f"{lacking} {key}: the robot {effect} there",
+                          f"if that is meant, add a line: {entry}{on_purpose}")
+
+    def exhibits(self, language: str) -> Tuple[Exhibit, ...]:
+        """Return the tour, if there are no faults."""
+        before, after = _MESSAGES[language]
+        return tuple(Exhibit(self._text(_NAME, place), self._text(before, place),
+                             self._text(after, place), Location(*self.numbers[f"{_POSE} {place}"]),
+                             Point(*self.numbers.get(f"{_TARGET} {place}", (0.0, 0.0, 0.0))))
+                     for place, _ in self.tour)
+
+    def _text(self, key: str, location: int) -> str:
+        line = self.lines.get(f"{key} {location}")
+        return line.rest(2) if line is not None else ""
+
+
+# --------------------------------------------------------------------------------------- both files
+
+
+def load(mission: str = "") -> Knowledge:
+    """Return the knowledge of the files named in ``config``, or of those that the mission has of
+    its own in their place. Raises ConfigurationError with every fault of all four files."""
+    faults: List[Fault] = []
+    found: Dict[str, Optional[Source]] = dict.fromkeys(_CONFIGURATIONS)
+    for kind, name in _CONFIGURATIONS.items():
+        try:
+            configuration = read_source(folders.config(name), "the configuration")
+            found[kind] = _source(configuration, kind, mission)
+        except ConfigurationError as error:
+            faults.extend(error.faults)
+    return read(found[_ENVIRONMENT], found[_CULTURE], faults=faults)
+
+
+def read(environment: Optional[Source], culture: Optional[Source], *,
+         faults: Sequence[Fault] = ()) -> Knowledge:
+    """Return the knowledge of two files, given their texts. Raises ConfigurationError with every
+    fault; ``faults`` are those of the files that could not be read."""
+    chosen = _Culture(culture) if culture else None
+    language = chosen.language if chosen else None
+    places = _Environment(environment, [language] if language else []) if environment else None
+    found = [*faults, *(fault for file in (places, chosen) if file for fault in file.found())]
+    if any(not fault.is_warning for fault in found):
+        raise ConfigurationError(found)
+    assert chosen and language and places
+    return Knowledge(places.exhibits(language), language, chosen.phrases(language),
+                     (places.source, chosen.source), tuple(found))
+
+
+def check(path: str) -> Optional[List[Fault]]:
+    """Return the faults of a knowledge file, or of a configuration and the file that it names.
+
+    None if the file is neither: its keys decide.
+    """
+    try:
+        source = Source(path, read_text(path))
+    except Unreadable:
+        return None
+    kind = None if source.text.lstrip().startswith("<") else _kind(source.text)
+    if kind == _CONFIGURATION:
+        by_name = {name: kind for kind, name in _CONFIGURATIONS.items()}
+        try:
+            source = _source(source, by_name.get(os.path.basename(path), ""))
+        except ConfigurationError as error:
+            return list(error.faults)
+        kind = _kind(source.text)
+    if kind is None:
+        return None
+    if kind == _VALUE_TYPES:
+        return []
+    return (_Culture if kind == _CULTURE else _Environment)(source).found()
+
+
+def _source(configuration: Source, kind: str, mission: str = "") -> Source:
+    """Return the knowledge file that a configuration names. Raises ConfigurationError.
+
+    Without a ``kind`` it may name a file of either.
+    """
+    name = configured(configuration, _CONFIGURATION_KEYS)[_KNOWLEDGE_BASE]
+    path = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(configuration.file))),
+                        "data", name)
+    hint = f"the key {_KNOWLEDGE_BASE} of {configuration.file} names it"
+    try:
+        source = read_source(folders.of_mission(path, mission), "the knowledge file")
+    except ConfigurationError as error:
+        raise ConfigurationError([fault._replace(hint=hint) for fault in error.faults]) from error
+    found = _kind(source.text)
+    if found not in ((kind, None) if kind else _CONFIGURATIONS):
+        text = f"this is the {found} file" if found else (
+            "this is not a knowledge file of release 1.0")
+        raise ConfigurationError([Fault(path, 0, 0, text, hint)])
+    return source
+
+
+def _kind(text: str) -> Optional[str]:
+    """Return the kind of a file by its keys, None for another kind of file."""
+    lines = list(_lines(text))
+    if lines and all(line.rest(1) in _TYPE_NAMES for line in lines):
+        return _VALUE_TYPES
+    keys = {line.key for line in lines}
+    kinds = {_ENVIRONMENT: _ENVIRONMENT_KEYS, _CULTURE: _CULTURE_KEYS,
+             _CONFIGURATION: (_KNOWLEDGE_BASE,)}
+    return next((kind for kind, known in kinds.items() if not keys.isdisjoint(known)), None)

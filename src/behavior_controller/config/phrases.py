@@ -1,0 +1,219 @@
+"""The robot's speech and labels in one language, and the words of a visitor that mean yes or no.
+
+A language is a file ``data/phrases_<language>.ini`` in the form of the configuration.
+"""
+import glob
+import itertools
+import os
+import re
+from dataclasses import dataclass, field
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple
+
+from behavior_controller import extensions, folders
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.config.config_file import (
+    Key, REQUIRED, configured, read_source, reader, some_text)
+from behavior_controller.text import Source, did_you_mean
+
+
+class Speech(NamedTuple):
+    """A mission node that says a fixed text; ``asks``: the visitor's answer may follow. See
+    MissionSpec too.
+
+    ``utility`` is the number of release 1.0's utility phrase that says the same; 0: none does.
+    """
+
+    node: str
+    asks: bool
+    description: str
+    is_farewell: bool = False
+    utility: int = 0
+
+
+SPEECHES = (
+    Speech("WelcomeSpeech", False, "Welcomes the visitor.", utility=4),
+    Speech("QueryTourSpeech", True, "Asks whether the visitor would like a tour.", utility=5),
+    Speech("SayYesNoSpeech", True, "Says that it only understands yes or no."),
+    Speech("PressYesNoSpeech", True, "Asks to press yes or no on the tablet.", utility=1),
+    Speech("FollowMeSpeech", False, "Asks the visitor to follow.", utility=2),
+    Speech("MaybeAnotherTimeSpeech", False, "Lets a visitor go without a tour.", utility=3),
+    Speech("EndTourSpeech", False, "Closes the tour after the last exhibit.", True),
+    Speech("HereIsTheDoorSpeech", False, "Shows the way out in words.", True, 6),
+    Speech("SayGoodByeSpeech", False, "Says goodbye.", True, 7),
+)
+
+YES, NO, UNCLEAR = "yes", "no", "unclear"
+_WORD = re.compile(r"[^\W_]+(?:['’][^\W_]+)*")
+
+
+Words = Tuple[str, ...]
+
+
+def _sentence(text: str) -> Words:
+    return tuple(_WORD.findall(text.lower().replace("’", "'")))
+
+
+def _phrase_list(text: str) -> Tuple[Words, ...]:
+    return tuple(_sentence(part) for part in text.split(","))
+
+
+_TEXT = some_text("the text to say")
+_LABEL = some_text("a label without |", "|")
+_PHRASES = reader("words with commas between them", lambda text: () not in _phrase_list(text),
+                  _phrase_list)
+
+
+def _keys_of(speeches: Iterable[Speech]) -> Tuple[Key, ...]:
+    return tuple(Key(speech.node, _TEXT, REQUIRED, f"what {speech.node} says")
+                 for speech in speeches)
+
+
+KEYS = _keys_of(SPEECHES) + (
+    Key("tabletYes", _LABEL, REQUIRED, "a button on the tablet"),
+    Key("tabletNo", _LABEL, REQUIRED, "a button on the tablet"),
+    Key(YES, _PHRASES, REQUIRED, "what means yes"),
+    Key(NO, _PHRASES, REQUIRED, "what means no"),
+    Key(UNCLEAR, _PHRASES, (), "what is not an answer although it sounds like one"),
+)
+
+
+@dataclass(frozen=True)
+class Phrases:
+    """One language: the text of each speech, the labels of yes and no, and the phrases of visitors
+    by what they mean.
+
+    ``source`` is the file it was read from.
+    """
+
+    speeches: Mapping[str, str]
+    tablet_options: Tuple[str, str]
+    meanings: Mapping[str, Tuple[Words, ...]]
+    source: Source = Source("", "")
+    _by_first: Mapping[str, List[Tuple[Words, str]]] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Sort the phrases by their first word, since utterances may be long.
+
+        The longest phrase comes first, so that "why not" is not taken for its "not".
+        """
+        found = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES)
+                 for phrase in self.meanings[meaning]]
+        by_first: Dict[str, List[Tuple[Words, str]]] = {}
+        for phrase, meaning in sorted(found, key=lambda pair: -len(pair[0])):
+            by_first.setdefault(phrase[0], []).append((phrase, meaning))
+        object.__setattr__(self, "_by_first", by_first)
+
+    def speech(self, node: str) -> str:
+        """Return the text that a mission node says."""
+        return self.speeches[node]
+
+    def utility(self, number: int) -> Optional[str]:
+        """Return the text of the speech that says the same as release 1.0's utility phrase of that
+        number, or None."""
+        return next((self.speeches[speech.node] for speech in SPEECHES if speech.utility == number),
+                    None)
+
+    def spoken_answer(self, utterance: str) -> Optional[str]:
+        """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes;
+        ``Error…`` is not an answer."""
+        if _begins_with_error(utterance):
+            return None
+        heard = self._heard(_sentence(utterance))
+        return NO if NO in heard else YES if YES in heard else None
+
+    def is_answer(self, utterance: str) -> bool:
+        """Return whether a visitor said yes or no."""
+        return self.spoken_answer(utterance) is not None
+
+    def _heard(self, sentence: Words) -> List[str]:
+        heard, at = [], 0
+        while at < len(sentence):
+            for phrase, meaning in self._by_first.get(sentence[at], ()):
+                if sentence[at:at + len(phrase)] == phrase:
+                    heard.append(meaning)
+                    at += len(phrase)
+                    break
+            else:
+                at += 1
+        return heard
+
+    def pressed_answer(self, response: str) -> Optional[str]:
+        """Return ``yes`` or ``no`` for a button's label or number (``1`` is the first), or None."""
+        pressed = response.strip().lower()
+        labels = [label.lower() for label in self.tablet_options]
+        if pressed in ("1", labels[0]):
+            return YES
+        return NO if pressed in ("2", labels[1]) else None
+
+
+def is_error(utterance: str) -> bool:
+    """Return whether this is an error of the speech recognition, and not a visitor's words."""
+    return "Error" in utterance or _begins_with_error(utterance)
+
+
+def _begins_with_error(utterance: str) -> bool:
+    return utterance.lstrip().lower().startswith("error")
+
+
+def languages() -> List[str]:
+    """Return the languages that have a file of phrases."""
+    paths = glob.glob(folders.data("phrases_*.ini"))
+    return sorted(os.path.basename(path)[len("phrases_"):-len(".ini")] for path in paths)
+
+
+def load(language: str, mission: str = "") -> Phrases:
+    """Return the phrases of ``language``, for a mission that may have its own.
+
+    Raises ConfigurationError with every fault.
+    """
+    known = languages()
+    if language not in known:
+        raise ConfigurationError([Fault(
+            "language", 0, 0, f"there are no phrases in {language}",
+            did_you_mean(language, known)
+            or f"there are: {', '.join(known)}; another language is a file "
+               f"data/phrases_{language}.ini")])
+    name = f"phrases_{language}.ini"
+    own = read_source(folders.of_mission(folders.data(name), mission), "the file of phrases")
+    read(own, KEYS)
+    others = []
+    for extension in extensions.found("phrases"):
+        others.append(read_source(
+            os.path.join(extension.folder, "data", name),
+            f"the file of phrases of the package {extension.package}"))
+        configured(others[-1], _keys_of(extension.declared("SPEECHES", Speech)))
+    return read(own._replace(text="\n".join(source.text for source in [own] + others)))
+
+
+def _added() -> List[Speech]:
+    return [speech for extension in extensions.found("phrases")
+            for speech in extension.declared("SPEECHES", Speech)]
+
+
+def recorded(source: Source) -> Phrases:
+    """Return the phrases of a record. It has all that its mission says; what packages have declared
+    since then is said by its name."""
+    written = re.findall(r"^\s*(\w+)", source.text, re.MULTILINE)
+    others = tuple(key for key in KEYS if key.read is not _TEXT)
+    names = dict.fromkeys(written + [speech.node for speech in SPEECHES + tuple(_added())])
+    texts = tuple(Key(name, _TEXT, name, "") for name in names
+                  if name not in {key.name for key in others})
+    return read(source, texts + others)
+
+
+def read(source: Source, keys: Tuple[Key, ...] = ()) -> Phrases:
+    """Return the phrases of a file with these keys, or with those of all packages.
+
+    Raises ConfigurationError with every fault.
+    """
+    keys = keys or KEYS + _keys_of(_added())
+    values = configured(source, keys)
+    faults = [Fault(
+        source.file, 0, 0, f"\"{' '.join(phrase)}\" is in {one} and in {other}", "keep one of them")
+              for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
+              for phrase in sorted(set(values[one]) & set(values[other]))]
+    if faults:
+        raise ConfigurationError(faults)
+    return Phrases({key.name: values[key.name] for key in keys if key.read is _TEXT},
+                   (values["tabletYes"], values["tabletNo"]),
+                   {meaning: values[meaning] for meaning in (YES, NO, UNCLEAR)}, source)

@@ -1,0 +1,172 @@
+"""The recovery policy: what to do about each failure, read from ``config/recoveryPolicy.ini`` and
+checked as a whole."""
+import itertools
+import re
+from dataclasses import dataclass
+from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
+
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.robot.gateway import Cause
+from behavior_controller.config.config_file import read_lines, read_source
+from behavior_controller.config.node_facts import MissionSpec
+from behavior_controller.text import Source, did_you_mean
+
+CAUSES = [cause.value for cause in Cause]
+SKIP, GIVE_UP = "skip", "giveUp"
+
+MOST_DOUBLINGS = 12
+"""From 1 s to more than the longest pause that a policy may name."""
+
+
+class Rule(NamedTuple):
+    """One line of the policy. ``node`` and ``cause`` may be ``*``; ``back_off`` in seconds.
+
+    A ``substitute`` is run instead of the failed node; if that fails too, ``then`` decides.
+    """
+
+    node: str
+    cause: str
+    retries: int
+    back_off: float
+    then: str
+    substitute: Optional[MissionSpec] = None
+
+    def __str__(self) -> str:
+        """Return the rule in words."""
+        retry = f"retry {self.retries}x, then " if self.retries else ""
+        instead = f"{self.substitute.id} instead, or " if self.substitute else ""
+        return retry + instead + ("skip" if self.then == SKIP else "give up")
+
+
+@dataclass(frozen=True)
+class Policy:
+    """The rules in order, the budget (at most ``most`` recoveries in ``seconds``), the pause, and
+    the file of all.
+
+    ``first_pause`` are the seconds before the next pass when a mission gave up for a cause that
+    persists. Each further pause is twice as long, up to ``longest_pause``, until a pass succeeds.
+    """
+
+    rules: Tuple[Rule, ...]
+    most: int
+    seconds: float
+    source: Source = Source("", "")
+    first_pause: float = 10.0
+    longest_pause: float = 300.0
+
+    def pause(self, number: int) -> float:
+        """Return the seconds of pause ``number``, from 0 on, since the last pass that succeeded."""
+        return min(self.first_pause * 2 ** min(number, MOST_DOUBLINGS), self.longest_pause)
+
+    @property
+    def spent(self) -> str:
+        """The words for a budget that is spent."""
+        return f"the budget of {self.most} recoveries in {self.seconds:g} s is spent"
+
+    def rule(self, node: MissionSpec, cause: Cause) -> Rule:
+        """Return the first rule that matches; without one, the rule to give up."""
+        for rule in self.rules:
+            if rule.node in ("*", node.id) and rule.cause in ("*", cause.value):
+                if rule.then == SKIP and node.is_indispensable:
+                    return rule._replace(then=GIVE_UP, substitute=None)
+                return rule
+        return Rule(node.id, "*", 0, 0.0, GIVE_UP)
+
+
+def load(path: str, specs: Iterable[MissionSpec]) -> Policy:
+    """Read a policy file; ``specs`` are the nodes that it may name. Raises ConfigurationError with
+    every fault."""
+    return read(read_source(path, "the recovery policy"), specs)
+
+
+def read(source: Source, specs: Iterable[MissionSpec]) -> Policy:
+    """As ``load``, given the text of the file."""
+    reader = _Reader(source.file, {spec.id: spec for spec in specs})
+    read_lines(source, reader.faults, reader.line)
+    if "budget" not in reader.pairs:
+        reader.fault(0, "the line \"budget <recoveries> <seconds>\" is missing")
+    if reader.faults:
+        raise ConfigurationError(reader.faults)
+    most, seconds = reader.pairs["budget"]
+    pause = reader.pairs.get("pause", (Policy.first_pause, Policy.longest_pause))
+    return Policy(tuple(reader.rules), int(most), seconds, source, *pause)
+
+
+class _Reader:
+    def __init__(self, path: str, nodes: Dict[str, MissionSpec]):
+        self.path = path
+        self.nodes = nodes
+        self.rules: List[Rule] = []
+        self.faults: List[Fault] = []
+        self.pairs: Dict[str, Tuple[float, float]] = {}  # of the budget and the pauses
+        self.seen: Dict[Tuple[str, str], int] = {}
+
+    def fault(self, line: int, text: str, hint: str = "") -> None:
+        self.faults.append(Fault(self.path, line, 1 if line else 0, text, hint))
+
+    def line(self, number: int, line: str) -> None:
+        words = line.split("#")[0].split()
+        if words[:1] in (["budget"], ["pause"]):
+            self._pair(number, words[0], words[1:])
+        elif len(words) not in (0, 5):
+            self.fault(
+                number, f"{len(words)} words; a rule has 5: node cause retries back-off then")
+        elif words:
+            self._rule(number, words)
+
+    def _pair(self, number: int, name: str, words: List[str]) -> None:
+        is_pair = len(words) == 2 and all(map(_is_seconds, words)) and name not in self.pairs
+        if name == "budget" and not (is_pair and _is_count(words[0])):
+            self.fault(number, "a budget is one line: budget <recoveries> <seconds>")
+        elif name == "pause" and not (is_pair and 1.0 <= float(words[0]) <= float(words[1])):
+            self.fault(number, "pauses are one line: pause <first> <longest>",
+                       "allowed: seconds, 1 to 3600, the longest last")
+        else:
+            self.pairs[name] = float(words[0]), float(words[1])
+
+    def _rule(self, number: int, words: List[str]) -> None:
+        node, cause, retries, back_off, then = words
+        before = len(self.faults)
+        if node != "*" and node not in self.nodes:
+            self.fault(number, f"unknown node {node}", did_you_mean(node, self.nodes))
+        if cause != "*" and cause not in CAUSES:
+            self.fault(number, f"unknown cause {cause}", did_you_mean(cause, CAUSES)
+                       or f"the causes: {', '.join(CAUSES)}")
+        if not _is_count(retries):
+            self.fault(number, f"retries cannot be {retries}", "allowed: 0 to 99")
+        if not _is_seconds(back_off):
+            self.fault(number, f"back-off cannot be {back_off}", "allowed: seconds, 0 to 3600")
+        if then not in (SKIP, GIVE_UP) and not self._is_request(then):
+            self.fault(number, f"the last word cannot be {then}",
+                       did_you_mean(then, filter(self._is_request, self.nodes))
+                       or "allowed: skip, giveUp, or a node that calls a service")
+        elif then != GIVE_UP and node in self.nodes and self.nodes[node].is_indispensable:
+            self.fault(number, f"{node} cannot be skipped", "write giveUp")
+        if len(self.faults) == before:
+            last = GIVE_UP if then == GIVE_UP else SKIP
+            self._keep(number,
+                       Rule(node, cause, int(retries), float(back_off), last, self.nodes.get(then)))
+
+    def _is_request(self, node: str) -> bool:
+        """Return whether the node can be a substitute: its request to a service does not depend on
+        its name."""
+        return node in self.nodes and bool(self.nodes[node].calls) and not self.nodes[node].names
+
+    def _keep(self, number: int, rule: Rule) -> None:
+        """Append a valid rule, unless it can never decide because of the rules before it."""
+        for fits in itertools.product((rule.node, "*"), (rule.cause, "*")):
+            if fits in self.seen:
+                self.fault(number, f"{rule.node} {rule.cause} is never looked at: line "
+                                   f"{self.seen[fits]} decides before it",
+                           "the first line that fits decides")
+                return
+        self.seen[rule.node, rule.cause] = number
+        self.rules.append(rule)
+
+
+def _is_count(text: str) -> bool:
+    return re.fullmatch(r"\d{1,2}", text) is not None
+
+
+def _is_seconds(text: str) -> bool:
+    return re.fullmatch(r"\d{1,4}(\.\d{1,3})?", text) is not None and float(text) <= 3600.0

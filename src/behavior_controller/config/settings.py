@@ -1,0 +1,192 @@
+"""The controller's configuration: its keys, each with its type, default and meaning, as one frozen
+record."""
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+
+from behavior_controller.ros_arguments import ASSIGNMENT, ROS_WORDS
+from behavior_controller.errors import Fault
+from behavior_controller.robot.declarations import Interface, Plain, Service
+from behavior_controller.robot.interfaces import DEFAULT, INTERFACES, by_deadline
+from behavior_controller.config.config_file import (
+    Collector, Key, REQUIRED, bind_address, boolean, collected, filled, folder, integer, key,
+    keys_of, language_name, mission_name, number, one_of, port, read_source, seconds, values_of)
+from behavior_controller.config.phrases import YES
+from behavior_controller.text import did_you_mean
+
+FILE_NAME = "behaviorControllerConfiguration.ini"
+
+UNUSED = ("audioDebugMode",)
+"""Keys of release 1.0's own controller that have no meaning here."""
+
+DESCRIPTIONS = "descriptions"
+"""The value of ``waitForSpeech`` that means the descriptions of exhibits alone."""
+
+
+OPERATOR = "operator"
+"""The value of ``startBy`` with which a mission waits for its start."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The checked configuration. A field is the key of that name in camelCase: ``asr_enabled`` is
+    ``asrEnabled``.
+
+    ``deadlines`` has the seconds of each key of a deadline: see ``deadline``. ``warnings`` are
+    about keys without effect.
+    """
+
+    deadlines: Mapping[str, float]
+    warnings: Tuple[Fault, ...]
+    scenario_specification: str = key(mission_name, REQUIRED,
+                                      "the mission to run: `data/<name>.xml`")
+    verbose_mode: bool = key(boolean, REQUIRED, "`true`: a line for every leaf that finishes")
+    asr_enabled: bool = key(boolean, REQUIRED,
+                            "`true`: visitors answer by voice; `false`: on the tablet")
+    robot_interface: str = key(
+        one_of(*INTERFACES), DEFAULT.name,
+        "the interface of the robot's nodes: " + " or ".join(map("`{}`".format, INTERFACES)))
+    tablet_success_is: str = key(
+        one_of("done", YES), "done", "release-1.0: `yes` counts any press on the tablet as "
+        "yes, `done` as no answer")
+    wait_for_speech: str = key(one_of(DESCRIPTIONS, "all", "none"), DESCRIPTIONS,
+                               "release-1.0, in English: which speeches last as long as their "
+                               "words do, before the mission goes on")
+    speech_pace: float = key(
+        number(0.1, 100.0, of="words per second"), 3.0,
+        "release-1.0, in English: how fast the robot speaks, in words per second")
+    language: str = key(language_name, "English",
+                        "the robot's phrases: `data/phrases_<language>.ini`")
+    mission_runs: int = key(integer(0, 10 ** 9), 0, "passes (visitors) to run; 0: no limit")
+    startup_timeout: float = key(seconds(), 0.0,
+                                 "seconds to wait for missing robot nodes at the start")
+    startup_check: str = key(one_of("mission", "all"), "mission",
+                             "services and topics to check at the start and to monitor: "
+                             "those of the `mission`, or `all` of the robot")
+    topic_max_age: float = key(seconds(0.001), 2.0,
+                               "seconds after which a face or gaze message counts as absent")
+    condition_wait: float = key(
+        seconds(), 0.0,
+        "seconds that a condition waits for its evidence, for missions that do not wait themselves")
+    mutual_gaze_value: int = key(integer(1, 2), 1,
+                                 "the value of `/overtAttention/mode` that means mutual gaze: 1 in "
+                                 "the document, 2 on the robot")
+    welcome_gesture_id: int = key(integer(0, 255), 1, "the iconic gesture of WelcomeGesture")
+    goodbye_gesture_id: int = key(integer(0, 255), 3, "the iconic gesture of GoodbyeGesture")
+    deictic_gesture_id: int = key(integer(0, 255), 1, "the gesture of PerformDeicticGesture")
+    gesture_duration: int = key(integer(1, 600000, "milliseconds"), 3000,
+                                "duration of a gesture, in ms")
+    groot2_port: int = key(port(65534), 1667,
+                           "port for Groot2, which also uses the next one; 0: none")
+    groot2_address: str = key(
+        bind_address, "127.0.0.1", "bind address for Groot2: `127.0.0.1` serves this computer "
+        "alone, `0.0.0.0` all networks")
+    monitor_port: int = key(port(65535), 8080,
+                            "port of the page that shows the mission; 0: no page")
+    monitor_address: str = key(bind_address, "127.0.0.1",
+                               "bind address for the page, as `groot2Address`")
+    ros_interface: bool = key(
+        boolean, False, "`true`: publishes `/diagnostics` and `~state`, and offers the services "
+        "`~start`, `~pause`, `~stop` and `~reload`")
+    start_by: str = key(
+        one_of("robot", OPERATOR), "robot", "`operator`: the mission waits for a call of `~start` "
+        "before the first visitor (with `rosInterface true`)")
+    record_directory: str = key(folder, "", "folder for the record `mission.jsonl`; empty: a new "
+                                            "one among ROS' logs; `none`: no record")
+
+    def deadline(self, service: Service) -> float:
+        """Return the seconds that a call of ``service`` may take."""
+        return self.deadlines[service.deadline_key]
+
+    @property
+    def interface(self) -> Interface:
+        """What the robot offers."""
+        return INTERFACES[self.robot_interface]
+
+    @property
+    def gaze_value(self) -> int:
+        """The value of /overtAttention/mode that means mutual gaze."""
+        return self.interface.gaze_value or self.mutual_gaze_value
+
+    @property
+    def values(self) -> Dict[str, Plain]:
+        """The value of each key."""
+        return dict(values_of(self), **self.deadlines)
+
+
+KEYS: Tuple[Key, ...] = tuple(keys_of(Settings).values()) + tuple(
+    Key(each[0].deadline_key, seconds(0.001), each[0].deadline, "seconds that {} may take".format(
+        " or ".join(dict.fromkeys(f"`{service.name}`" for service in each))))
+    for each in by_deadline())
+
+
+def _settings(values: Mapping[str, object], warnings: Sequence[Fault] = ()) -> Settings:
+    """Return the settings that have these values, one for each of ``KEYS``."""
+    deadlines = {each[0].deadline_key: values[each[0].deadline_key] for each in by_deadline()}
+    return filled(Settings, values, deadlines=MappingProxyType(deadlines), warnings=tuple(warnings))
+
+
+def defaults(**given: Plain) -> Settings:
+    """Return the settings of a configuration of the required keys alone, changed by ``given``
+    (camelCase)."""
+    values = {each.name: each.default for each in KEYS}
+    values.update(scenarioSpecification="lab_tour", verboseMode=False, asrEnabled=True)
+    values.update(given)
+    return _settings(values)
+
+
+def split_arguments(argv: Sequence[str]) -> Tuple[List[str], Dict[str, str]]:
+    """Return the arguments for rospy, and key -> value of each ``_key:=value``.
+
+    rospy would put the latter on the parameter server, where they outlive the process and a later
+    process reads them.
+    """
+    others: List[str] = []
+    given: Dict[str, str] = {}
+    for argument in argv:
+        name, is_assignment, value = argument.partition(ASSIGNMENT)
+        if is_assignment and name.startswith("_") and not name.startswith("__"):
+            given[name[1:]] = value
+        else:
+            others.append(argument)
+    return others, given
+
+
+def unread(words: Iterable[str], keys: Optional[Sequence[str]] = None) -> List[Fault]:
+    """Return a fault for each ``name:=value`` that a node would ignore: it seems to mean a key, or
+    one of ``ROS_WORDS``.
+
+    A name with a slash is a remapping, and a ``_key`` belongs to the configuration. The node's ROS
+    names have slashes. ``keys`` are those of the node; None: the controller's.
+    """
+    keys = [key.name for key in KEYS] if keys is None else keys
+    faults = []
+    for word in words:
+        name, is_assignment, value = word.partition(ASSIGNMENT)
+        if not is_assignment or "/" in name or name in ROS_WORDS:
+            continue
+        is_special = name.startswith("__")
+        hint = did_you_mean(name, ROS_WORDS) if is_special else did_you_mean(
+            "_" + name, ["_" + key for key in keys])
+        if hint or is_special:
+            faults.append(Fault("argument " + word, 0, 0, f"the node does not read {name}",
+                                hint or f"allowed: {', '.join(ROS_WORDS)}"))
+        elif ASSIGNMENT in value:
+            faults.append(
+                Fault("argument " + word, 0, 0, "this is not of the form name:=other_name"))
+    return faults
+
+
+def load(path: str, overrides: Optional[Mapping[str, object]] = None,
+         arguments: Optional[Mapping[str, str]] = None) -> Settings:
+    """Read the controller's configuration. Raises ConfigurationError with every fault."""
+    found = collected(read_source(path, "the configuration"), KEYS, overrides, arguments, UNUSED)
+    return _settings(found.result(), found.warnings)
+
+
+def recorded(values: Mapping[str, object], where: str) -> Settings:
+    """Return settings from their values in a record. Raises ConfigurationError with every fault."""
+    collector = Collector(where, {each.name: each for each in KEYS})
+    for name, value in values.items():
+        collector.given_value(name, value, where)
+    return _settings(collector.result())

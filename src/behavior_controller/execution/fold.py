@@ -1,0 +1,571 @@
+"""The fold of a run: the only place that interprets events.
+
+``fold`` takes what was so, and an event with its time, and returns what is so now. It looks at no
+clock, so a record gives the same model as the run itself. Whoever shows, judges or replays a run
+reads a ``State``, or a ``run.Run``, which has all of them.
+"""
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, TypeVar, Union
+
+from msgspec.structs import replace
+
+from behavior_controller.execution.events import (
+    BEGUN, EVENTS, OMITTED, Answered, Asked, BreakpointChanged, EntriesWritten, Event,
+    FeedbackReceived, HealthChanged, LeafFinished, Lost, Message, Noticed, PassFinished,
+    PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
+    SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, Told, TreeShown)
+from behavior_controller.execution.health import GONE
+from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
+from behavior_controller.execution.state import (
+    BROKEN_OFF, DECLINED, DONE_ALL, FAILED, GAVE_UP, LEFT_OUT, NOT_TICKED, NOTICED, COMPLETED,
+    SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,
+    NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit)
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import Answer, GoTo, SetAnimation, SetAttention, SetPose
+from behavior_controller.text import clean
+
+KEPT = 50
+"""Number of the newest visits in a ``State``."""
+
+Item = TypeVar("Item")
+
+IDLE = "-"
+"""The letter of a node that goes back to IDLE, in ``Tick``."""
+
+
+def fold(state: State, at: float, event: Event) -> State:
+    """Return what is so after ``event``, which happened ``at`` that time."""
+    return _HANDLERS[type(event)](replace(state, at=at, facts=()), event)
+
+
+def _change_visit(state: State, **changes: Any) -> State:
+    if not state.visits:
+        return state
+    return replace(state, visits=state.visits[:-1] + (replace(state.visits[-1], **changes),))
+
+
+def _change_course(state: State, **changes: Any) -> State:
+    return replace(state, course=replace(state.course, **changes))
+
+
+def _first(items: Iterable[Item], fits: Callable[[Item], bool]) -> Optional[Item]:
+    return next(filter(fits, items), None)
+
+
+def _without(items: Iterable[Item], item: Optional[Item]) -> Tuple[Item, ...]:
+    return tuple(each for each in items if each is not item)
+
+
+def _conclude(state: State, *facts: Fact) -> State:
+    return replace(state, facts=state.facts + facts)
+
+
+# ----------------------------------------------------------------------------------- run and visits
+
+
+def _tree_shown(state: State, event: TreeShown) -> State:
+    return replace(state, nodes=tuple(event.nodes), letters=NOT_TICKED * len(event.nodes),
+                   running={}, held={}, results={}, entries={})
+
+
+def _run_started(state: State, event: RunStarted) -> State:
+    """Begin anew but for the visits: the mission may be replaced while the node runs."""
+    state = _abandon(_end_steps(state, lambda step: True), lambda exchange: True)
+    return replace(state, started=event, uids={}, recoveries=(), failures={}, recovered=None)
+
+
+def _run_finished(state: State, event: RunFinished) -> State:
+    if state.visit is not None and not state.visit.outcome:
+        stopped, came = Reason(STOPPED), state.visit.arrived or state.visit.began
+        state = _change_visit(_end_stop(state, stopped), why=stopped, ended=state.at,
+                              seconds=state.at - came, waited=came - state.visit.began)
+        state = _conclude(state, state.visits[-1])
+    return replace(_end_steps(state, lambda step: True), finished=event, held={})
+
+
+def _pass_started(state: State, event: PassStarted) -> State:
+    state = _abandon(_end_steps(state, lambda step: True), lambda exchange: True)
+    visits = (state.visits + (Visit(event.number, state.at),))[-KEPT:]
+    return replace(state, visits=visits, visit_count=event.number, recoveries=(), running={},
+                   held={}, course=Course(pass_began=event.at, met=event.at),
+                   letters=NOT_TICKED * len(state.letters))
+
+
+def _pass_finished(state: State, event: PassFinished) -> State:
+    if state.visit is None:  # the record of this run has lost its beginning
+        return state
+    is_success = event.outcome == "SUCCESS"
+    state = _end_stop(state, state.why_broken_off if is_success else _why_failed(state))
+    waited = max(0.0, state.course.met - state.course.pass_began)
+    why = _why_done(state) if is_success else _why_failed(state)
+    state = _change_visit(state, outcome=clean(event.outcome), why=why,
+                          seconds=event.seconds - waited, waited=waited, ended=state.at)
+    visit, robot = state.visits[-1], state.robot
+    count = state.outcomes.get(visit.outcome, 0) + 1
+    is_lost = bool(robot.goal_name) and robot.goal is None and robot.place is None
+    state = replace(state, outcomes={**state.outcomes, visit.outcome: count},
+                    robot=replace(robot, is_lost=is_lost))
+    return _conclude(_end_steps(state, lambda step: True), visit)
+
+
+def _why_done(state: State) -> Reason:
+    visit, course = state.visits[-1], state.course
+    if course.left_by is not None and visit.stops and visit.stops[-1].state == BROKEN_OFF:
+        return _why_failed(state)
+    if visit.stops or visit.asked is None or visit.answer == "yes":
+        return Reason(DONE_ALL)
+    if visit.answer == "no":
+        return Reason(DECLINED)
+    if course.is_unclear:
+        return Reason(UNCLEAR)
+    return Reason(SILENT_VISITOR, blind=state.blind(*course.unmet[-1:]))
+
+
+def _why_failed(state: State) -> Reason:
+    course = state.course
+    if course.left_by is not None:
+        return state.why_left
+    if course.given_up is not None and course.gave_up is not None:
+        return replace(course.gave_up, kind=GAVE_UP)
+    return _as_seen(state, course.failed[1]) or Reason(FAILED)
+
+
+def _as_seen(state: State, reason: Optional[Reason]) -> Optional[Reason]:
+    """Return the reason, with what kept the robot from seeing better."""
+    failure = reason.failure if reason is not None else None
+    if reason is None or failure is None or failure.cause is not Cause.CONDITION_FALSE:
+        return reason
+    return replace(reason, blind=state.blind(failure.resource))
+
+
+def why_recovered(state: State, event: Recovered) -> Reason:
+    """Return from what a recovery was needed, and why the policy's rule was not followed."""
+    reason = Reason(FAILED, event.node, event.failure, event.attempts + 1, event.reason,
+                    without=state.course.without)
+    return _as_seen(state, reason) or reason
+
+
+# -------------------------------------------------------------------------------------------- steps
+
+
+def _step_started(state: State, event: StepStarted) -> State:
+    recovery = _first(state.recoveries, lambda each: each.path == event.path or
+                      event.is_wait and each.uid == event.uid)
+    step = Step(clean(event.words), state.at, event.limit, event.uid, event.is_wait, event.path,
+                clean(event.what))
+    if recovery is not None:
+        step = replace(step, attempt=recovery.attempt + 1, attempts=recovery.attempts + 1)
+    state = _note_uid(state, event.path, event.uid)
+    same = _first(state.steps, lambda each: each.uid == event.uid and event.goes_on)
+    if same is None:
+        return _begin_step(state, step)
+    longer = replace(same, limit=state.at - same.began + event.limit)
+    return replace(state, steps=tuple(longer if each is same else each for each in state.steps))
+
+
+def _begin_step(state: State, step: Step) -> State:
+    """Start a step; this ends a wait."""
+    if not step.is_wait:
+        state = _change_course(state, stuck=None)
+    state = _end_steps(state, lambda other: other.uid == step.uid or other.is_wait)
+    return replace(state, steps=state.steps + (step,))
+
+
+def _end_steps(state: State, is_over: Callable[[Step], bool]) -> State:
+    ended = tuple(replace(step, ended=state.at) for step in state.steps if is_over(step))
+    if not ended:
+        return state
+    rest = tuple(step for step in state.steps if not is_over(step))
+    return replace(state, steps=rest, facts=state.facts + ended)
+
+
+def _note_uid(state: State, path: str, uid: int) -> State:
+    return state if state.uids.get(path) == uid else replace(state, uids={**state.uids, path: uid})
+
+
+def _leaf_finished(state: State, event: LeafFinished) -> State:
+    state = _note_uid(state, event.path, event.uid)
+    failure = event.failure
+    is_false = failure is not None and failure.cause is Cause.CONDITION_FALSE
+    step = _first(state.steps, lambda step: step.uid == event.uid)
+    # a HandleFallBack that was halted has halted its retry
+    uids = {event.uid} | {state.uids.get(each.path, event.uid) for each in state.recoveries
+                          if each.uid == event.uid}
+    # a wait goes on while its condition is false
+    if step is None or not (is_false and step.is_wait and
+                            not 0.0 < step.limit <= event.seconds):
+        state = _end_steps(state, lambda other: other.uid in uids)
+    state = _abandon(state, lambda exchange: exchange.uid in uids or
+                     event.status == "IDLE" and not exchange.uid)
+    state = _note_evidence(state, event)
+    if event.told is not None:
+        state = _note_visitor(state, event)
+    recovery = state.recovered
+    if recovery is None or recovery.uid != event.uid:
+        recovery = _first(state.recoveries, lambda each: each.uid == event.uid)
+    if recovery is not None:
+        state = _end_recovery(state, event, state.recovered or recovery)
+    if failure is not None and event.uid != state.course.handler:
+        return _leaf_failed(state, event, failure)
+    if event.status == "SUCCESS":
+        if event.uid == state.course.failed[0]:
+            return _change_course(state, failed=(0, None), stuck=None)
+        if step is not None and not step.is_wait:
+            return _change_course(state, stuck=None, without="")
+    return state
+
+
+def _leaf_failed(state: State, event: LeafFinished, failure: Failure) -> State:
+    why = Reason(FAILED, event.node, failure, without=state.course.without)
+    failed = LeafFailure(state.at, state.visit_count, event.uid, event.node, event.path, failure, 0,
+                         event.seconds)
+    state = replace(state, failures={**state.failures, event.path: (failed,)}, results={
+        **state.results, event.uid: state.results.get(event.uid, ()) + (failure,)})
+    return _conclude(_change_course(state, failed=(event.uid, why), stuck=why), failed)
+
+
+def _note_evidence(state: State, event: LeafFinished) -> State:
+    """Note whether a condition on a topic holds, and whether the robot could have seen that."""
+    course, failure = state.course, event.failure
+    if failure is None:
+        if event.status != "SUCCESS" or event.resource not in course.unmet:
+            return state
+        unmet = tuple(topic for topic in course.unmet if topic != event.resource)
+        blind = {topic: why for topic, why in course.blind.items() if topic != event.resource}
+        return _change_course(state, unmet=unmet, blind=blind)
+    topic = failure.resource
+    if failure.cause is not Cause.CONDITION_FALSE or not topic:
+        return state
+    unmet = tuple(other for other in course.unmet if other != topic) + (topic,)
+    return _note_blindness(_change_course(state, unmet=unmet), topic)
+
+
+def _note_blindness(state: State, topic: str) -> State:
+    """Note that a condition is false while something is wrong with its topic."""
+    trouble = state.robot.trouble(topic)
+    if trouble is None or topic not in state.course.unmet:
+        return state
+    return _change_course(state, blind={**state.course.blind, topic: trouble})
+
+
+def _note_visitor(state: State, event: LeafFinished) -> State:
+    """Note what the sentence at the end of a leaf means for the visit."""
+    visit, told = state.visit, event.told
+    if told is None:
+        return state
+    if told.kind == "heard" and not told.mark:
+        state = _change_course(state, is_unclear=True)
+    if told.mark == "left":
+        is_visitor = visit is not None and visit.arrived is not None
+        return _change_course(state, left_by=event.resource if is_visitor else None)
+    if told.mark in ("arrived", "engaged"):
+        return _meet(_change_course(state, left_by=None), told)
+    if told.mark == "asked":
+        is_first = visit is not None and visit.asked is None
+        return _change_visit(state, asked=state.at) if is_first else state
+    return _change_visit(state, answer=told.mark) if told.mark in ("yes", "no") else state
+
+
+def _meet(state: State, told: Told) -> State:
+    """Note that the visitor was seen, or looked at the robot, for the first time."""
+    visit = state.visit
+    if visit is None or getattr(visit, told.mark) is not None:
+        return state
+    if visit.arrived is None:
+        state = _change_visit(_change_course(state, met=told.at), arrived=state.at)
+    return _change_visit(state, **{told.mark: state.at})
+
+
+# ----------------------------------------------------------------------------------------- stops
+
+
+def _stop_changed(state: State, event: StopChanged) -> State:
+    if event.state == OMITTED:
+        return replace(state, omitted=event.number)
+    state = _end_stop(state, state.why_broken_off)
+    if event.state != BEGUN:
+        return state
+    begun = Stop(event.number, event.of, clean(event.name), UNDER_WAY, None, 0.0, state.at,
+                 clean(event.noun))
+    others = tuple(each for each in (state.visits[-1].stops if state.visits else ())
+                   if each.number != event.number)
+    state = _change_visit(state, stops=others + (begun,))
+    return _change_course(state, stuck=None)
+
+
+def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF) -> State:
+    """Note that the stop under way ended so, or that it is completed if there is no ``why``."""
+    stop = state.stop
+    if stop is None:
+        return state
+    ended = replace(stop, state=COMPLETED if why is None else how, why=_as_seen(state, why),
+                    seconds=state.at - stop.began)
+    return _conclude(_change_visit(state, stops=state.visits[-1].stops[:-1] + (ended,)), ended)
+
+
+# ----------------------------------------------------------------------------------------- recovery
+
+
+def _recovering(state: State, event: Recovering) -> State:
+    known = _first(state.recoveries, lambda each: each.path == event.path)
+    recovery = replace(known or RecoveryRound(event.node, event.path, event.uid, state.at),
+                       substitute=event.substitute, attempt=event.attempt, attempts=event.of,
+                       failures=state.failures.get(event.path, ()))
+    state = replace(state, recoveries=_without(state.recoveries, known) + (recovery,))
+    return _begin_step(state, Step("", state.at, 0.0, event.uid, False, attempt=event.attempt + 1,
+                                   attempts=event.of + 1, cause=event))
+
+
+def _retried(state: State, event: Retried) -> State:
+    uid = state.uids.get(event.path, 0)
+    failed = LeafFailure(state.at, state.visit_count, uid, event.node, event.path, event.failure,
+                         event.attempt)
+    failures = {**state.failures, event.path: state.failures.get(event.path, ()) + (failed,)}
+    state = _end_steps(state, lambda step: step.uid == uid or isinstance(
+        step.cause, Recovering) and step.cause.path == event.path)
+    return _conclude(replace(state, failures=failures), failed)
+
+
+def _recovered(state: State, event: Recovered) -> State:
+    known = _first(state.recoveries, lambda each: each.path == event.path)
+    uid = state.uids.get(event.path, 0)
+    decided = replace(known or RecoveryRound(event.node, event.path, event.uid, state.at),
+                      recovered=event, decided=state.at, attempt=0, attempts=event.attempts)
+    why, omitted = why_recovered(state, event), state.omits(event)
+    is_known, has_left = state.has_given_up(event), state.course.left_by is not None
+    if event.outcome == SKIPPED and event.failure.cause is not Cause.CONDITION_FALSE:
+        state = _change_course(state, without=event.node)
+    state = _end_steps(state, lambda step: step.uid == uid)
+    state = replace(state, omitted=0, recovered=decided,
+                    recoveries=_without(state.recoveries, known))
+    state = _change_course(state, handler=event.uid, failed=(0, None),
+                           stuck=why if event.outcome == GIVEN_UP else None)
+    if omitted is not None:
+        why = state.why_left if has_left else why
+        is_left_out = event.outcome == SKIPPED
+        others = state.visits[-1].stops[:-1]
+        state = _change_visit(state, stops=others + (replace(omitted, state=UNDER_WAY),))
+        state = _end_stop(state, why, LEFT_OUT if is_left_out else BROKEN_OFF)
+        if is_left_out:
+            return _change_course(state, given_up=None)
+    elif event.outcome != GIVEN_UP:
+        return state
+    return state if is_known else _change_course(state, given_up=event, gave_up=why)
+
+
+def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) -> State:
+    """Note that a HandleFallBack has ended, or was halted, and conclude its recovery."""
+    failures, instead = state.failures.get(recovery.path, ()), state.failures.get(event.path, ())
+    ended = replace(recovery, failures=failures, instead=instead, handler=event.path,
+                    began=state.at - event.seconds, ended=state.at,
+                    is_halted=event.status == "IDLE")
+    # what is left to an outer HandleFallBack is the failure of the step itself
+    kept = {path: each for path, each in state.failures.items() if path != event.path}
+    if failures and not ended.is_halted:
+        kept[recovery.path] = failures[:1]
+    return _conclude(replace(state, recovered=None, failures=kept, recoveries=tuple(
+        each for each in state.recoveries if each.uid != event.uid)), ended)
+
+
+def _paused(state: State, event: Paused) -> State:
+    state = _end_steps(state, lambda step: True)
+    return _begin_step(state, Step("", state.at, event.limit, 0, True, cause=event))
+
+
+def _safe_state_reported(state: State, event: SafeStateReported) -> State:
+    robot = state.robot
+    for part in event.parts:
+        is_off = part.failure is None
+        if part.what == SetAttention.switches:
+            robot = replace(robot, attention=SetAttention("disabled") if is_off else None)
+        elif part.what == SetAnimation.switches:
+            robot = replace(robot, animation="disabled" if is_off else None)
+    return replace(state, safe_state=event, robot=robot)
+
+
+def _breakpoint_changed(state: State, event: BreakpointChanged) -> State:
+    held = {uid: since for uid, since in state.held.items() if uid != event.uid}
+    if event.is_held:
+        held[event.uid] = state.at
+    return replace(state, held=held)
+
+
+def _suspended(state: State, event: Suspended) -> State:
+    words = clean(event.words)
+    if event.is_due:
+        return replace(state, due=words)
+    return replace(state, suspended=(words, state.at), due="")
+
+
+# ------------------------------------------------------------------------------- requests and robot
+
+
+def _asked(state: State, event: Asked) -> State:
+    step = state.step
+    uid = step.uid if step is not None and not step.is_wait and not step.call else 0
+    exchange = Exchange(event.call, event.service, event.request, state.at, uid)
+    kind = type(event.request).__name__
+    if state.robot.services.get(kind) != event.service:
+        services = {**state.robot.services, kind: event.service}
+        state = replace(state, robot=replace(state.robot, services=services))
+    if uid and step is not None:
+        state = replace(state, steps=state.steps[:-1] + (replace(step, call=event.call),))
+    if isinstance(event.request, GoTo):
+        what = step.what if uid and step is not None else ""
+        name = what[3:] if what.startswith("to ") else what
+        robot = replace(state.robot, goal=event.request.goal, goal_name=name, place=None,
+                        is_lost=False)
+        state = replace(state, robot=robot)
+    if event.request.switches or isinstance(event.request, GoTo):
+        state = replace(state, safe_state=None)
+    return replace(state, exchanges=state.exchanges + (exchange,))
+
+
+def _answered(state: State, event: Answered) -> State:
+    exchange = _first(state.exchanges, lambda each: each.call == event.call)
+    if exchange is None:  # its request was lost
+        return state
+    ended = replace(exchange, answered=state.at, result=event.result)
+    return _conclude(replace(state, exchanges=_without(state.exchanges, exchange),
+                             robot=_moved(state.robot, ended)), ended)
+
+
+def _feedback_received(state: State, event: FeedbackReceived) -> State:
+    steps = tuple(replace(step, feedback=clean(event.text)) if step.call == event.call else step
+                  for step in state.steps)
+    return replace(state, steps=steps)
+
+
+def _abandon(state: State, is_abandoned: Callable[[Exchange], bool]) -> State:
+    """Note that nobody waits for the results of requests any more."""
+    dropped = tuple(exchange for exchange in state.exchanges if is_abandoned(exchange))
+    if not dropped:
+        return state
+    rest = tuple(exchange for exchange in state.exchanges if not is_abandoned(exchange))
+    robot = state.robot
+    if any(isinstance(exchange.request, GoTo) for exchange in dropped):
+        robot = replace(robot, goal=None)  # how far it drives is not known
+    return replace(state, exchanges=rest, robot=robot, facts=state.facts + dropped)
+
+
+def _moved(robot: Robot, exchange: Exchange) -> Robot:
+    """Return the robot after an answer.
+
+    A request that failed leaves open how far it was carried out.
+    """
+    request, is_done = exchange.request, isinstance(exchange.result, Answer)
+    if isinstance(request, SetAttention):
+        return replace(robot, attention=request if is_done else None)
+    if isinstance(request, SetAnimation):
+        return replace(robot, animation=request.state if is_done else None)
+    if isinstance(request, GoTo) and request.goal == robot.goal:
+        if not is_done:
+            return replace(robot, goal=None)
+        return replace(robot, goal=None, place=request.goal, last_place=robot.goal_name)
+    if isinstance(request, SetPose) and is_done:
+        return replace(robot, place=request.pose, last_place="")
+    return robot
+
+
+def _forgotten(robot: Robot, service: str) -> Robot:
+    """Return the robot without what a node that is gone was asked for: it may come back anew."""
+    if service == robot.services.get(SetAttention.__name__):
+        return replace(robot, attention=None)
+    if service == robot.services.get(SetAnimation.__name__):
+        return replace(robot, animation=None)
+    return robot
+
+
+def _health_changed(state: State, event: HealthChanged) -> State:
+    robot, key = state.robot, (event.name, event.respect)
+    troubles = {other: change for other, change in robot.troubles.items() if other != key}
+    if not event.is_well:
+        troubles[key] = event
+    names = {name for name, _ in troubles}
+    ill_since = {name: since for name, since in robot.ill_since.items() if name in names}
+    if not event.is_well:
+        failed = [each.failures[0] for each in state.recoveries if each.failures]
+        ill_since.setdefault(event.name, min(
+            (each.at for each in failed if each.failure.resource == event.name), default=state.at))
+    if event.respect == GONE and not event.is_well:
+        robot = _forgotten(robot, event.name)
+    robot = replace(robot, troubles=troubles, ill_since=ill_since)
+    return _note_blindness(replace(state, robot=robot), event.name)
+
+
+# ---------------------------------------------------------------------------- tree and what is lost
+
+
+def _ticked(state: State, event: Tick) -> State:
+    letters, running, results = list(state.letters), dict(state.running), dict(state.results)
+    ended: List[NodeResult] = []
+    for uid, letter in event.changes:
+        if not 0 < uid <= len(letters):
+            continue
+        before = letters[uid - 1]
+        letters[uid - 1] = before.lower() if letter == IDLE else letter
+        if letter == "R":
+            running[uid] = state.at
+        elif letter != IDLE or uid in running:  # otherwise it ended earlier and is reset now
+            mine = results.get(uid, ()) if letter == "F" else ()
+            results[uid] = mine[1:]
+            began, failure = running.pop(uid, state.at), mine[0] if mine else None
+            ended.append(NodeResult(uid, began, state.at, letter, failure))
+    state = replace(state, letters="".join(letters), running=running, results={},
+                    facts=tuple(ended))
+    return _end_steps(state, lambda step: step.is_wait and step.uid not in running and
+                      step.until is not None and step.until <= state.at)
+
+
+def _entries_written(state: State, event: EntriesWritten) -> State:
+    changed = dict(event.entries)
+    kept = {name: text for name, text in state.entries.items() if name not in changed}
+    kept.update((name, text) for name, text in changed.items() if text is not None)
+    return replace(state, entries=kept)
+
+
+def _noticed(state: State, event: Noticed) -> State:
+    if event.level != "error":
+        return state
+    return _conclude(_change_course(state, failed=(0, Reason(NOTICED, text=event.text))), event)
+
+
+def _message(state: State, event: Union[Message, StillHearing]) -> State:
+    return state  # what the mission makes of it are other events
+
+
+def _lost(state: State, event: Lost) -> State:
+    return replace(state, lost=state.lost + event.lines)
+
+
+_HANDLERS: Dict[type, Callable[[State, Any], State]] = {
+    TreeShown: _tree_shown,
+    RunStarted: _run_started,
+    PassStarted: _pass_started,
+    StepStarted: _step_started,
+    LeafFinished: _leaf_finished,
+    StopChanged: _stop_changed,
+    Recovering: _recovering,
+    Retried: _retried,
+    Recovered: _recovered,
+    Paused: _paused,
+    SafeStateReported: _safe_state_reported,
+    BreakpointChanged: _breakpoint_changed,
+    Suspended: _suspended,
+    HealthChanged: _health_changed,
+    PassFinished: _pass_finished,
+    Noticed: _noticed,
+    RunFinished: _run_finished,
+    Tick: _ticked,
+    Asked: _asked,
+    Answered: _answered,
+    FeedbackReceived: _feedback_received,
+    EntriesWritten: _entries_written,
+    Message: _message,
+    StillHearing: _message,
+    Lost: _lost,
+}
+"""What interprets each kind of event."""
+
+if set(_HANDLERS) != set(EVENTS):
+    raise TypeError("the model of a run does not interpret {}".format(
+        ", ".join(sorted(kind.__name__ for kind in set(EVENTS) - set(_HANDLERS)))))

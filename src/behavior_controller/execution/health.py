@@ -1,0 +1,134 @@
+"""The state of the robot's services and topics while the mission runs: gone, slow, failing or
+silent.
+
+The ROS edge reports, on any thread; the tick thread emits the changes as events, so that nothing is
+reported twice and recovery and operator get the same information (D5.4.3 section 2, continuous
+monitoring).
+"""
+import collections
+from typing import Callable, Deque, Dict, List, Mapping, NamedTuple, Set, Tuple
+
+from msgspec.structs import replace
+
+from behavior_controller.bt.engine.thread_check import tick_thread_only
+from behavior_controller.execution.events import Events, HealthChanged
+
+GONE, SLOW, FAILING, SILENT, NEW = "gone", "slow", "failing", "silent", "new"
+
+SLOW_SHARE = 0.5
+"""A service is slow when a call has taken this share of its deadline."""
+
+FAILURES_IN_A_ROW = 3
+"""A service is failing after this number of failed calls in a row."""
+
+
+def gone(kind: str, name: str, node: str, reason: str, absence: str) -> HealthChanged:
+    """Return the change of a service or topic that is gone; ``absence`` is what the robot cannot do
+    without it."""
+    return HealthChanged(kind, name, node, False, "gone: " + reason, "until it is back, " + absence)
+
+
+def available_again(kind: str, name: str, node: str) -> HealthChanged:
+    """Return the change of a service or topic that was gone."""
+    return HealthChanged(kind, name, node, True, "available again", "")
+
+
+class CallCount(NamedTuple):
+    """The calls of a service so far: how many ended, how many failed, and the seconds of the last.
+    """
+
+    calls: int = 0
+    failures: int = 0
+    in_a_row: int = 0  # failures since the last success
+    last_seconds: float = 0.0
+
+
+class Health:
+    """The state of each service and topic, by resolved name, in each respect that is monitored
+    (``GONE`` …).
+
+    Any thread may call ``report``, which only queues its argument for ``publish``, and ``hear``,
+    and may read ``heard`` by name. All else belongs to the tick thread, but ``calls`` is replaced as
+    a whole, so any thread may read it.
+    """
+
+    @tick_thread_only
+    def __init__(self, wake: Callable[[], None] = lambda: None):
+        """``wake`` is called after each report, so that the tick thread publishes it."""
+        self._wake = wake
+        self._reports: Deque[HealthChanged] = collections.deque()
+        self._troubles: Set[Tuple[str, str]] = set()
+        self._gone: Dict[str, str] = {}  # by name of the service or topic: its node
+        self._changes: List[HealthChanged] = []
+        self.calls: Mapping[str, CallCount] = {}
+        self.heard: Dict[str, float] = {}
+        """The time of each topic's last message (monotonic seconds)."""
+
+    def report(self, respect: str, change: HealthChanged) -> None:
+        """Report a state in one respect, from any thread; only a change is passed on."""
+        self._reports.append(replace(change, respect=respect))
+        self._wake()
+
+    def hear(self, topic: str, at: float) -> None:
+        """Report the time of a topic's last message, from any thread. This does not wake the tree.
+        """
+        self.heard[topic] = at
+
+    @tick_thread_only
+    def slow(self, service: str, deadline: float, kind: str = "service") -> None:
+        """Note that a call has taken ``SLOW_SHARE`` of its deadline (seconds) without an answer."""
+        self._note(HealthChanged(
+            kind, service, "", False, f"slow: no answer for {deadline * SLOW_SHARE:g} s",
+            f"a call is given up after {deadline:g} s", SLOW))
+        self._wake()
+
+    @tick_thread_only
+    def ended(self, service: str, seconds: float, deadline: float, has_failed: bool,
+              kind: str = "service") -> None:
+        """Count a call that ended after ``seconds``; its ``deadline`` decides whether that was
+        slow."""
+        before = self.calls.get(service, CallCount())
+        # of a node that is gone something stronger is known, which ends when it is started again
+        row = before.in_a_row + 1 if has_failed and not self.is_gone(service) else 0
+        self.calls = dict(self.calls, **{
+            service: CallCount(before.calls + 1, before.failures + has_failed, row, seconds)})
+        if row >= FAILURES_IN_A_ROW:
+            self._note(HealthChanged(kind, service, "", False, f"failing: {row} calls in a row",
+                                     "the recovery policy says what is left out", FAILING))
+        elif not has_failed:
+            self._note(HealthChanged(kind, service, "", True, "works again", "", FAILING))
+            if seconds < deadline * SLOW_SHARE:
+                self._note(
+                    HealthChanged(kind, service, "", True, "answers in time again", "", SLOW))
+
+    def _note(self, change: HealthChanged) -> None:
+        """Keep a change for the next ``publish``."""
+        key = (change.name, change.respect)
+        if (key in self._troubles) is change.is_well:
+            self._changes.append(change)
+            (self._troubles.discard if change.is_well else self._troubles.add)(key)
+
+    @tick_thread_only
+    def is_gone(self, name: str) -> bool:
+        """Return whether the service or topic was known to be gone when the changes were published
+        last."""
+        return name in self._gone
+
+    @tick_thread_only
+    def gone_node(self, name: str) -> str:
+        """Return the node that offers a service or topic that is gone; empty if it is not gone, or
+        that is unknown."""
+        return self._gone.get(name, "")
+
+    @tick_thread_only
+    def publish(self, events: Events) -> None:
+        """Process the reports, and emit the changes since the last call."""
+        while self._reports:
+            self._note(self._reports.popleft())
+        changes, self._changes = self._changes, []
+        for change in changes:
+            if change.respect == GONE:
+                self._gone.pop(change.name, None)
+                if not change.is_well:
+                    self._gone[change.name] = change.node
+            events.emit(change)

@@ -1,0 +1,67 @@
+"""The safe state (attention and lifelike movement off): the one way to ask for it and to report it.
+"""
+from typing import Callable, Container, Iterator, Optional
+
+from behavior_controller.execution.events import SafePart, SafeStateReported
+from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway
+from behavior_controller.robot.declarations import Interface, Offer, Service
+
+LIMIT = 1.0
+"""Seconds that the requests may take when the run ends."""
+
+
+class SafeState:
+    """The requests for the safe state, all sent at once.
+
+    It belongs to the thread that owns the gateway and the clock of ``now``. A thread that cannot
+    use those of the tick thread makes its own.
+    """
+
+    def __init__(self, gateway: Gateway, interface: Interface, used: Container[Offer],
+                 now: Callable[[], float]):
+        """``used`` are the services and topics that the mission cannot do without."""
+        self._interface = interface
+        self._used = used
+        self._now = now
+        self._began = now()
+        self._calls = [gateway.start(request) for request in interface.safe_state]
+
+    @property
+    def is_over(self) -> bool:
+        """Whether every request has its result."""
+        return all(call.result is not None for call in self._calls)
+
+    def drop(self) -> None:
+        """Drop the requests under way."""
+        for call in self._calls:
+            call.drop()
+
+    def wait(self, wait: Callable[[float], None], seconds: float = LIMIT) -> SafeStateReported:
+        """Return the report when every request has its result, after ``seconds`` at the latest.
+
+        ``wait`` returns when a result may have come, after that many seconds at the latest.
+        """
+        end = self._began + seconds
+        while not self.is_over and self._now() < end:
+            wait(end - self._now())
+        return self.report()
+
+    def report(self) -> SafeStateReported:
+        """Return what was reached, and drop the requests without a result."""
+        return SafeStateReported(tuple(self._parts()), self._now() - self._began)
+
+    def _parts(self) -> Iterator[SafePart]:
+        for call in self._calls:
+            service = self._interface.service(type(call.request))
+            failure = self._failure(call, service)
+            is_lacking = failure is not None and failure.cause is Cause.NOT_ADVERTISED
+            if not is_lacking or service in self._used:
+                yield SafePart(call.request.switches or service.name, service.name, failure)
+
+    def _failure(self, call: Call, service: Service) -> Optional[Failure]:
+        result = call.result
+        if result is None:
+            call.drop()
+            return Failure(Cause.NO_ANSWER, f"waited {self._now() - self._began:.1f} s",
+                           service.name)
+        return result if isinstance(result, Failure) else None

@@ -1,0 +1,78 @@
+"""What code of other packages raised: in one line, with its place in Python."""
+import opcode
+import os
+import signal
+import traceback
+from types import FunctionType
+from typing import List, Tuple
+
+_RAISE = opcode.opmap["RAISE_VARARGS"]
+
+_OURS = os.path.dirname(os.path.abspath(__file__)) + os.sep
+_PYTHONS_OWN = os.path.dirname(os.path.abspath(traceback.__file__)) + os.sep
+
+
+def described(error: BaseException, owner: object = None) -> str:
+    """Return kind, text and place of ``error``: ``KeyError: 'gripper' (greeter/leaves.py:31)``.
+
+    ``owner`` is the foreign class or function that is to blame if no foreign code raised it.
+    """
+    try:
+        text = " ".join(str(error).split())
+    except BaseException as another:  # even its text is foreign code
+        text = f"its text raised {type(another).__name__}"
+    raised_at = _raised_at(error, owner)
+    where = f" ({raised_at})" if raised_at else ""
+    return type(error).__name__ + (": " + text if text else "") + where
+
+
+def _raised_at(error: BaseException, owner: object) -> str:
+    """Return the place in the foreign code that ours has called, also if a library raised that this
+    code uses.
+
+    It is empty for a syntax error, whose text names it.
+    """
+    if isinstance(error, SyntaxError):
+        return ""
+    places = [(frame.f_code.co_filename, line)
+              for frame, line in traceback.walk_tb(error.__traceback__)
+              if "importlib" not in frame.f_code.co_filename and
+              os.path.basename(frame.f_code.co_filename) != "extensions.py"]
+    foreign = [(file, line) for file, line in places if _is_foreign(file)]
+    if foreign:
+        folder = os.path.dirname(foreign[0][0])
+        places = [(file, line) for file, line in foreign if file.startswith(folder)]
+    else:
+        places += _defined_at(owner)
+    return place(*places[-1]) if places else ""
+
+
+def _defined_at(owner: object) -> List[Tuple[str, int]]:
+    """Return where a foreign function, or the first one of a foreign class, is defined."""
+    owner = getattr(owner, "func", owner)  # of a partial
+    parts = list(vars(owner).values()) if isinstance(owner, type) else [owner]
+    codes = [part.__code__ for part in parts if isinstance(part, FunctionType)]
+    return [(code.co_filename, code.co_firstlineno) for code in codes[:1]
+            if _is_foreign(code.co_filename)]
+
+
+def _is_foreign(file: str) -> bool:
+    """Return whether a file is neither this package's nor in Python's own library."""
+    return not file.startswith(_OURS) and ("-packages" in file or not file.startswith(_PYTHONS_OWN))
+
+
+def place(file: str, line: int) -> str:
+    """Return ``folder/file.py:line``."""
+    return f"{'/'.join(file.split(os.sep)[-2:])}:{line}"
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Return whether Python raised ``error`` because of a Ctrl-C, wherever the program was, and not
+    a statement of it."""
+    if not isinstance(error, KeyboardInterrupt) or signal.getsignal(
+            signal.SIGINT) is not signal.default_int_handler:
+        return False
+    innermost = error.__traceback__
+    while innermost is not None and innermost.tb_next is not None:
+        innermost = innermost.tb_next
+    return innermost is None or innermost.tb_frame.f_code.co_code[innermost.tb_lasti] != _RAISE

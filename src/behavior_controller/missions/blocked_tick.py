@@ -1,0 +1,72 @@
+"""Reports a leaf whose code blocks the tick thread: the tree stands still then, and nothing else
+can report it."""
+import sys
+import threading
+import time
+from typing import Callable, Optional, Set, Tuple
+
+from behavior_controller.bt.engine.failure import node_on
+from behavior_controller.foreign_code import place
+from behavior_controller.missions.runner import Runner
+
+INTERVAL = 0.25
+"""Seconds between two checks."""
+
+CHECKS = 4
+"""A leaf that has been in the same tick at so many checks in a row, for a second, is reported."""
+
+
+class Standstill:
+    """Watches the tick thread, which is the one that makes this object."""
+
+    def __init__(self, runner: Runner, tell: Callable[[str, str], None]):
+        """``tell`` gets severity and text of a line, on the thread of the watch."""
+        self._runner = runner
+        self._tell = tell
+        self._tick_thread = threading.get_ident()
+        self._before: Tuple[object, object] = (None, None)  # moment and leaf of the last check
+        self._checks = 0
+        self._told: Set[int] = set()
+
+    def start(self) -> None:
+        """Check from now on, on a separate thread."""
+        threading.Thread(target=self._watch, name="standstill", daemon=True).start()
+
+    def _watch(self) -> None:
+        while True:
+            time.sleep(INTERVAL)
+            self.check()
+
+    def check(self) -> None:
+        """Report the leaf that blocks the tick thread, once."""
+        # counted, not timed: a machine that was suspended has blocked nothing
+        moment = self._runner.moment()
+        found = self._leaf() if moment is not None else None
+        now = (moment, found[0] if found is not None else None)
+        self._checks = self._checks + 1 if found is not None and now == self._before else 0
+        self._before = now
+        if found is not None and self._checks == CHECKS and found[0] not in self._told:
+            self._told.add(found[0])
+            self._tell("warning", "{} for {:g} s: the mission stands still until it returns".format(
+                found[1], CHECKS * INTERVAL))
+
+    def is_blocked(self, seconds: float) -> bool:
+        """Return whether the tick thread stays where it is for that long, and does not wait for an
+        event there."""
+        moment = self._runner.moment()
+        time.sleep(seconds)
+        return moment is not None and moment == self._runner.moment()
+
+    def blocking(self) -> str:
+        """Return which leaf's code the tick thread is in, as the beginning of a sentence."""
+        found = self._leaf()
+        return found[1] if found is not None else "the tick thread has not reacted"
+
+    def _leaf(self) -> Optional[Tuple[int, str]]:
+        """Return number and place of the leaf in whose code the tick thread is."""
+        node, frame = node_on(sys._current_frames().get(self._tick_thread))
+        if node is None or frame is None:
+            return None
+        return node.uid, "{}the leaf '{}' [{}] has not returned from {}".format(
+            node.place_in_file(), node.full_path, node.registration_id,
+            place(frame.f_code.co_filename, frame.f_lineno))

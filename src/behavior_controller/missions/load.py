@@ -1,0 +1,226 @@
+"""Builds a mission from its files, without ROS: for the node, a replay, a rehearsal and the tests.
+"""
+import os
+from dataclasses import dataclass
+from typing import Callable, Iterator, List, Optional, Sequence, Set, Tuple, TypeVar, Union
+
+from behavior_controller import extensions, folders, leaves
+from behavior_controller.config import knowledge_files, phrases, recovery_policy
+from behavior_controller.bt.loader.tree_builder import build
+from behavior_controller.bt import Clock, Registry, Tree
+from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.bt.loader.document import Document, read, with_includes
+from behavior_controller.bt.linter import rules
+from behavior_controller.errors import ConfigurationError, Fault, FaultsFound
+from behavior_controller.execution.observed_gateway import ObservedGateway
+from behavior_controller.execution.events import Events
+from behavior_controller.missions.path_analysis import foresee
+from behavior_controller.robot.gateway import FilesGateway, Gateway, Topics
+from behavior_controller.execution.health import Health
+from behavior_controller.robot.declarations import Interface, Service, Topic
+from behavior_controller.robot.interfaces import INTERFACES
+from behavior_controller.robot.requests import Say
+from behavior_controller.config.knowledge_files import Knowledge
+from behavior_controller.leaves.base import MissionContext
+from behavior_controller.leaves.release_1_0 import SayText
+from behavior_controller.config.node_facts import MissionSpec
+from behavior_controller.config.phrases import Phrases
+from behavior_controller.config.recovery_policy import Policy
+from behavior_controller.config.settings import OPERATOR, Settings, defaults
+from behavior_controller.text import did_you_mean
+
+POLICY = "recoveryPolicy.ini"
+
+Part = TypeVar("Part")
+
+
+@dataclass(frozen=True)
+class Mission:
+    """All inputs of a run, without faults. ``file`` is the path of the mission.
+
+    ``knowledge`` is set if files replace the robot's knowledge base.
+    """
+
+    settings: Settings
+    file: str
+    phrases: Phrases
+    policy: Policy
+    tree: Tree
+    knowledge: Optional[Knowledge] = None
+
+    @property
+    def language(self) -> str:
+        """The language that the robot speaks."""
+        return self.settings.language if self.knowledge is None else self.knowledge.language
+
+    @property
+    def offers(self) -> Tuple[Union[Service, Topic], ...]:
+        """The services and topics that the mission's nodes use, or all of the robot's if
+        ``startupCheck`` says so."""
+        robot = self.settings.interface
+        if self.settings.startup_check == "all":
+            return robot.offers
+        specs = [node.spec for node in self.tree.nodes if isinstance(node.spec, MissionSpec)]
+        return robot.used({request for spec in specs for request in spec.calls},
+                          {sense for spec in specs for sense in spec.listens})
+
+    @property
+    def warnings(self) -> Tuple[Fault, ...]:
+        """The warnings of configuration, mission and knowledge files."""
+        known = self.knowledge.warnings if self.knowledge is not None else ()
+        return self.settings.warnings + tuple(self.tree.warnings) + known
+
+    def context(self, gateway: Gateway, topics: Topics, events: Events,
+                health: Optional[Health] = None) -> MissionContext:
+        """Return the leaves' shared context for a run on ``gateway`` and ``topics``."""
+        gateway = ObservedGateway(gateway, self.settings.interface, events.emit)
+        known = self.knowledge
+        if known is not None:
+            gateway = FilesGateway(gateway, {"exhibits": known.tour, "home": (known.start, ),
+                                             "entrance": (known.end, )})
+        return MissionContext(gateway, topics, self.settings, self.phrases, self.policy,
+                              self.tree.clock, events, health, known, self.offers)
+
+
+def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeUp] = None,
+         documents: Optional[Sequence[Document]] = None) -> Mission:
+    """Read all files that ``settings`` name. Raises FaultsFound with every fault of all files.
+
+    ``documents`` are run instead of the mission file; the mission is the last of them. ``clock``
+    and ``wake``: see ``build``.
+    """
+    file = documents[-1].file if documents else find(settings.scenario_specification)
+    name = settings.scenario_specification
+    faults: List[Fault] = []
+
+    def attempt(part: Callable[[], Part]) -> Optional[Part]:
+        try:
+            return part()
+        except FaultsFound as found:
+            faults.extend(found.faults)
+        return None
+
+    has_files = settings.interface.has_knowledge_files
+    known = attempt(lambda: knowledge_files.load(name)) if has_files else None
+    language = settings.language if known is None else known.language
+    spoken = attempt(lambda: phrases.load(language, name))
+    policy = attempt(lambda: recovery_policy.load(folders.config(POLICY), leaves.mission_specs()))
+    tree = attempt(lambda: build_tree(documents or with_includes(read(file)), None, clock, wake))
+    faults += keys_without_meaning(settings, known)
+    told = [] if tree is None else on_robot(tree, settings, known)
+    faults += [fault for fault in told if not fault.is_warning]
+    if spoken is None or policy is None or tree is None or faults:
+        raise FaultsFound(list(dict.fromkeys(faults)))
+    tree.warnings += told
+    return Mission(settings, file, spoken, policy, tree, known)
+
+
+def keys_without_meaning(settings: Settings, known: Optional[Knowledge]) -> Iterator[Fault]:
+    """Yield a fault for each key that has no meaning for the robot, or without another key."""
+    robot, usual = settings.interface, defaults()
+    answers = f"the robot {robot.name} answers when it has spoken"
+    is_early = robot.serves(Say) and robot.service(Say).answers_early(Say(""))
+    leave_out = "leave {} out, or choose another robotInterface"
+    if settings.start_by == OPERATOR and not settings.ros_interface:
+        yield Fault("startBy", 0, 0, "without rosInterface true no operator can start the mission",
+                    "set rosInterface true, or leave startBy out")
+    if robot.tells_pressed and settings.tablet_success_is != usual.tablet_success_is:
+        tells = f"the tablet of the robot {robot.name} says which button was pressed"
+        yield Fault("tabletSuccessIs", 0, 0, tells, leave_out.format("tabletSuccessIs"))
+    if not is_early and settings.wait_for_speech != usual.wait_for_speech:
+        yield Fault("waitForSpeech", 0, 0, answers, leave_out.format("waitForSpeech"))
+    if not is_early and settings.speech_pace != usual.speech_pace:
+        yield Fault("speechPace", 0, 0, answers, leave_out.format("speechPace"))
+    if known is not None and settings.language not in (known.language, usual.language):
+        yield Fault("language", 0, 0,
+                    f"the culture file of the robot {robot.name} says {known.language}",
+                    f"leave language out, or change phraseLanguage in {known.sources[1].file} too")
+
+
+def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = None) -> List[Fault]:
+    """Return faults and warnings about a mission on the robot of ``settings``: what it lacks, and
+    what cannot work there.
+
+    ``knowledge`` is that of the robot's files, if it has any.
+    """
+    unsaid = [] if knowledge is None else [
+        node.element.fault(rules.PHRASE_MISSING,
+                           f"the culture file has no utility phrase {node.number}",
+                           knowledge.sources[1].file, "name") for node in tree.nodes
+        if isinstance(node, SayText) and node.number not in knowledge.phrases]
+    found = unsupported(tree, settings.interface) + unsaid
+    return list(dict.fromkeys(found)) + foresee(tree, settings)
+
+
+def unsupported(tree: Tree, robot: Interface) -> List[Fault]:
+    """Return faults of nodes that cannot work since the robot lacks their service or message, and
+    a warning about each node type that does nothing then, at its first place."""
+    found: List[Fault] = []
+    done_without: Set[str] = set()  # node types
+    for node in tree.nodes:
+        spec = node.spec
+        if not isinstance(spec, MissionSpec) or spec.id in done_without:
+            continue
+        lacking = _lacking(spec, robot)
+        if not lacking:
+            continue
+        rule, effect = rules.ROBOT_LACKS, "cannot work"
+        if spec.does_without:
+            done_without.add(spec.id)
+            rule, effect = rules.DOES_WITHOUT, "does nothing"
+        others = " or ".join(name for name, other in INTERFACES.items()
+                             if not _lacking(spec, other))
+        found.append(node.element.fault(
+            rule, f"{spec.id} {effect} with the robot {robot.name}: it has no {lacking}",
+            f"set robotInterface {others}" if others else
+            "no robot has one; declare it in the robot's interface"))
+    return found
+
+
+def _lacking(spec: MissionSpec, robot: Interface) -> str:
+    """Return what a node needs and a robot does not offer."""
+    services = [f"service for {request.__name__}" for request in spec.calls
+                if not robot.serves(request)]
+    return ", ".join(services + [
+        f"topic {sense.name}" if isinstance(sense, Topic) else f"message about {sense.noun}"
+        for sense in spec.listens if not robot.tells(sense)])
+
+
+def load_tree(path: str, main_tree: Optional[str] = None, clock: Optional[Clock] = None) -> Tree:
+    """Return the tree of a mission file, with the linter's warnings. Raises MissionError with every
+    fault."""
+    return build_tree(with_includes(read(path)), main_tree, clock)
+
+
+def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None,
+               clock: Optional[Clock] = None, wake: Optional[WakeUp] = None,
+               registry: Optional[Registry] = None) -> Tree:
+    """As ``load_tree``, given documents, the mission last, and optionally other node types."""
+    return build(documents, registry or leaves.registry(), clock, main_tree=main_tree, wake=wake,
+                 with_lint=True)
+
+
+def mission_folders() -> List[str]:
+    """Return our data folder, and those of packages that export something to us."""
+    exporting = dict.fromkeys(extension.folder for kind in extensions.KINDS
+                              for extension in extensions.found(kind))
+    return [folders.data("")] + [os.path.join(folder, "data") for folder in exporting]
+
+
+def find(name: str) -> str:
+    """Return the path of a mission in our data folder, or in that of a package that exports something.
+
+    Raises ConfigurationError with the names of those that exist.
+    """
+    known = {os.path.basename(path)[:-len(".xml")]: path for path in reversed(missions())}
+    if name in known:
+        return known[name]
+    hint = did_you_mean(name, known) or f"there are: {', '.join(sorted(known))}"
+    raise ConfigurationError([Fault("scenarioSpecification", 0, 0,
+                                    "there is no mission " + folders.mission(name), hint)])
+
+
+def missions() -> List[str]:
+    """Return the paths of all missions that ``find`` finds, ours first."""
+    return [os.path.join(place, file) for place in mission_folders() if os.path.isdir(place)
+            for file in sorted(os.listdir(place)) if file.endswith(".xml")]

@@ -1,0 +1,42 @@
+"""What persists after a pass that failed, so that the next one waits: a node is gone, for one."""
+from typing import List, Optional
+
+from behavior_controller.execution.events import Paused
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.leaves.base import MissionContext
+
+
+class Persistence:
+    """Says after each pass what the next one has to wait for; the pauses grow until a pass
+    succeeds."""
+
+    def __init__(self) -> None:
+        self._pauses = 0  # since the last pass that succeeded
+
+    def reset(self) -> None:
+        """Let the next pause be the first one again."""
+        self._pauses = 0
+
+    def cause(self, mission: MissionContext, failed_at: float, now: float) -> Optional[Paused]:
+        """Return what still persists of a pass that failed at that time; None: nothing, or the
+        pause is over."""
+        failures, health = mission.failures.of_pass(), mission.health
+        for failure in failures:
+            if health.is_gone(failure.resource):
+                node = health.gone_node(failure.resource)
+                return Paused(failure, "/" + node if node else failure.resource)
+        paused = self._paused(mission, failures, failed_at)
+        if paused is not None and failed_at + paused.limit <= now:
+            self._pauses += 1
+            return None
+        return paused
+
+    def _paused(self, mission: MissionContext, failures: List[Failure],
+                failed_at: float) -> Optional[Paused]:
+        """Return the pause for a cause whose end nothing tells."""
+        policy, spent_for = mission.policy, mission.recovers_again_at() - failed_at
+        pause = policy.pause(self._pauses)
+        if failures and mission.failures.is_budget_spent and spent_for > 0.0:
+            return Paused(failures[-1], "", policy.spent, min(pause, spent_for))
+        mismatches = [failure for failure in failures if failure.cause is Cause.TYPE_MISMATCH]
+        return Paused(mismatches[-1], "", "", pause) if mismatches else None

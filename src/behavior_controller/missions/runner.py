@@ -1,0 +1,332 @@
+"""The tick loop: waits for an event (answer, message, timer, stop), ticks the tree, and counts the
+visitors' passes."""
+import logging
+import time
+from typing import Callable, NamedTuple, Optional, Tuple
+
+from behavior_controller import exit_codes
+from behavior_controller.bt import Result, Tree, FAILURE, RUNNING, SUCCESS
+from behavior_controller.bt.engine.node import place_of
+from behavior_controller.bt.status import NAMES
+from behavior_controller.errors import BehaviorControllerError, MissionError
+from behavior_controller.execution.events import (
+    Noticed, PassFinished, PassStarted, RunFinished, RunStarted, Sources, Suspended)
+from behavior_controller.leaves.base import MissionContext
+from behavior_controller.missions.pauses import Persistence
+
+SHORTEST_PASS = 1.0
+"""Seconds: after a pass that ends sooner, the runner pauses that long; a mission that fails at once
+must not busy-loop."""
+
+ROUNDS_AT_ONCE = 100
+"""The most ticks in a row at intervals of ``GIVE_WAY``."""
+
+GIVE_WAY = 5e-5
+"""Seconds in which other threads go on before a tick that no event asks for: they send the requests
+of the last one."""
+
+PACE = 0.01
+"""Seconds between further ticks of a mission that changes something at every tick (BT.CPP's
+default)."""
+
+# on a terminal nothing of it is shown: its level is info
+_LOG_FILE = logging.getLogger("behavior_controller")
+
+
+class Running(NamedTuple):
+    """The tree and its context: the runner also uses the gateway, events, health and settings of
+    ``mission``."""
+
+    tree: Tree
+    mission: MissionContext
+    mission_file: str
+    runs: int  # passes; 0: no limit
+    # called when its nodes are set up, before anything else
+    begins: Callable[[], None] = lambda: None
+
+
+class Runner:
+    """Runs passes of a mission until ``is_stopped()``, or until their number is reached."""
+
+    def __init__(self, running: Running, is_stopped: Callable[[], bool],
+                 successor: Callable[[], Optional[Running]] = lambda: None,
+                 stop_code: Callable[[], Optional[int]] = lambda: None,
+                 held: Callable[[], str] = lambda: ""):
+        """``successor`` returns what runs from the next pass on (with the same clock and wake-up),
+        or None.
+
+        ``stop_code`` returns the exit code of a run that was stopped; None: the last pass decides.
+        While ``held`` returns what an operator holds the run for, nothing new is begun.
+        """
+        self._use(running)
+        self.clock = self.tree.clock
+        self.is_stopped = is_stopped
+        self._successor = successor
+        self._stop_code = stop_code
+        self._held = held
+        self._suspended = Suspended("")
+        self._number = 0
+        self._outcome: Optional[str] = None  # of the last pass
+        self._warned = False
+        self._rounds = 0  # ticks since the last wait
+        self._reported = ""  # the newest exception of the pass
+        self.is_stopping = False
+        """The mission is halted, and the safe state is requested."""
+        self._persistence = Persistence()
+        self._woke: Optional[float] = None  # monotonic seconds; None while the tick thread waits
+        self._is_prepared = False  # the nodes of the first mission are set up
+
+    def _use(self, running: Running) -> None:
+        self.tree, self.mission, self.mission_file, self.runs, self._begins = running
+
+    def prepare(self) -> None:
+        """Set up the nodes of the first mission. Raises MissionError. Any thread may do this before
+        ``run``."""
+        self.tree.setup(mission=self.mission)
+        self._is_prepared = True
+
+    def run(self) -> int:
+        """Run and return the exit code: ``stop_code``, or that of the last pass, or that of a
+        SUCCESS if no pass ended.
+
+        Raises MissionError if nodes of the first mission cannot be set up; a later one is then
+        refused.
+        """
+        self._woke = time.monotonic()
+        if not self._is_prepared:
+            self.prepare()
+        self._begin()
+        while not self._is_over():
+            if self._is_suspended():
+                if not self._is_replaced():
+                    self._doze(None)
+                continue
+            self._pass()
+            if not self._is_replaced() and not self._is_over():
+                self._await_cause()
+        self._leave_safe()
+        code = self._stop_code()
+        if code is None:
+            code = exit_codes.SUCCESS if self._outcome in (None, "SUCCESS") else exit_codes.FAILURE
+        ended = "stopped" if self.is_stopped() else "all passes are done"
+        self.mission.events.emit(
+            RunFinished("{}; last pass: {}".format(ended, self._outcome or "none"), code))
+        return code
+
+    def _is_over(self) -> bool:
+        return self.is_stopped() or 0 < self.runs <= self._number
+
+    def _is_replaced(self) -> bool:
+        """Go on with the mission that was reloaded, if there is one; return whether there is."""
+        # the plan that is running at a stop must be halted, so it must not be replaced
+        following = None if self.is_stopped() else self._successor()
+        if following is None or not self._is_set_up(following):
+            return False
+        self._use(following)
+        self._persistence.reset()
+        self._begin()
+        return True
+
+    def _is_set_up(self, following: Running) -> bool:
+        """Set up the nodes of a reloaded mission; report it if that fails."""
+        try:
+            following.tree.setup(mission=following.mission)
+        except MissionError as error:
+            for fault in error.faults:
+                self._report(error, "refused, the running mission stays: {}".format(fault))
+            return False
+        return True
+
+    def _begin(self) -> None:
+        """Announce the mission, whose nodes are set up."""
+        self._begins()
+        self.mission.events.emit(RunStarted(
+            self.mission_file, self.mission.leaves_of(self.tree),
+            dict(self.mission.settings.values),
+            Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source,
+                    self.mission.interface.name,
+                    self.mission.knowledge.sources if self.mission.knowledge is not None else ())))
+
+    def _pass(self) -> None:
+        """Run the mission once, with the data of earlier visitors cleared."""
+        began = self.clock.now()
+        self.tree.failure = None  # of the pause before
+        self._reported = ""
+        self.mission.begin_visit(self.tree.blackboard, began)
+        self.mission.events.emit(PassStarted(self._number + 1, began))
+        result: Result = RUNNING
+        while result is RUNNING:
+            self.tree.wake.test_and_clear()
+            if self.is_stopped():  # asked after the clearing: a later stop wakes the tree again
+                break
+            if self._is_suspended():
+                self._doze(None)
+                continue
+            changes = self.tree.changes
+            result = self._tick()
+            if result is RUNNING:
+                self._rest(self.tree.changes != changes)
+        self.tree.wake.test_and_clear()
+        if result is RUNNING:
+            return
+        self._number += 1
+        self._outcome = NAMES[result]
+        seconds = self.clock.now() - began
+        self.mission.events.emit(PassFinished(self._number, self._outcome, seconds))
+        if seconds < SHORTEST_PASS and self._number != self.runs:
+            self._pause(SHORTEST_PASS)
+
+    def _is_suspended(self) -> bool:
+        """Return whether the operator holds the run, and the robot has done what it was asked for;
+        report a change."""
+        words = self._held()
+        now = Suspended(words, bool(words) and self.mission.gateway.is_busy)
+        if now != self._suspended:
+            self._suspended = now
+            self.mission.events.emit(now)
+        return bool(words) and not now.is_due
+
+    def _tick(self) -> Result:
+        """Emit changes of the robot's health, and tick once; an exception in a tree node ends the
+        pass, not the program."""
+        self.mission.health.publish(self.mission.events)
+        try:
+            result = self.tree.tick_once()
+        except BehaviorControllerError as error:
+            self._report_exception(error)
+            self._halt()
+            return FAILURE
+        if self.tree.busy_loops and not self._warned:
+            self._warned = True
+            self.mission.events.emit(Noticed(
+                "warning",
+                "the mission busy-loops, it never waits: put a Sleep or a Delay into its loop"))
+        if result not in (RUNNING, SUCCESS, FAILURE):
+            self._halt()  # a root that was SKIPPED may still hold running nodes
+        return result
+
+    def _report_exception(self, error: BehaviorControllerError, during: str = "") -> None:
+        """Report an exception in a node, once: what a halt raises may have brought it about, and is
+        raised again."""
+        origin = str(_origin(error))
+        if origin != self._reported:
+            self._reported = origin
+            # foreign code fails at no attribute
+            place = "" if _foreign(error) is not None else place_of(error)
+            at = " ({})".format(place) if place not in str(error) else ""
+            self._report(error, "{}{}{}".format(during, error, at))
+
+    def _report(self, error: BehaviorControllerError, text: str) -> None:
+        """Emit a line, and have the traceback of foreign code written to the log file, on the
+        thread of that file."""
+        line = " ".join(text.split())
+        self.mission.events.emit(Noticed("error", line))
+        cause = _foreign(error)
+        if cause is not None:
+            _LOG_FILE.info("%s", line, exc_info=cause)
+
+    def _rest(self, has_changed: bool) -> None:
+        """Wait for an event, unless the tick itself changed something that another tick may act on.
+
+        BehaviorTree.CPP ticks every 10 ms anyway; a KeepRunningUntilFailure, for example, is
+        RUNNING after each round without a wake-up. A mission that changes something at every tick
+        is ticked at that pace.
+        """
+        if not has_changed:
+            self._rounds = 0
+            self._wait(None)
+        elif self._rounds < ROUNDS_AT_ONCE:
+            self._rounds += 1
+            self._wait(GIVE_WAY)
+        else:
+            self._wait(PACE)
+
+    def wait(self, seconds: Optional[float]) -> None:
+        """Wait for the wake-up or the next timer, ``seconds`` at the longest, and run posted
+        callbacks and due timers."""
+        # for a wake-up that is already cleared; a due timer must end the wait
+        self.clock.run_posted()
+        due = self.clock.next_due()
+        limits = [limit for limit in (seconds, None if due is None else due - self.clock.now())
+                  if limit is not None]
+        self._woke = None
+        self.tree.wake.wait(max(0.0, min(limits)) if limits else None)
+        self._woke = time.monotonic()
+        self.clock.run_due()
+
+    def moment(self) -> Optional[Tuple[float, Optional[float]]]:
+        """Return what changes with each wait and each traversal; None while the tick thread waits.
+        For any thread."""
+        woke = self._woke
+        return None if woke is None else (woke, self.clock.held_at)
+
+    def _wait(self, seconds: Optional[float]) -> None:
+        """Wait; report a callback that fails, which ends the pass as a node that fails in a tick
+        does."""
+        try:
+            self.wait(seconds)
+        except BehaviorControllerError as error:
+            self.tree.failure = error
+            self._report_exception(error)
+
+    def _pause(self, seconds: float) -> None:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end and not self.is_stopped():
+            self._doze(end - self.clock.now())
+
+    def _doze(self, seconds: Optional[float]) -> None:
+        """Wait for an event, ``seconds`` at the longest; nothing is ticked."""
+        self.mission.health.publish(self.mission.events)
+        self._wait(seconds)
+        # before what woke it is looked at: what comes later ends the next wait
+        self.tree.wake.test_and_clear()
+
+    def _await_cause(self) -> None:
+        """After a pass that failed for a cause that persists, wait: the next visitor must not meet
+        it too."""
+        if self._outcome == NAMES[SUCCESS]:
+            self._persistence.reset()
+        failed_at, reported = self.clock.now(), None
+        while self._outcome == NAMES[FAILURE] and not (self.is_stopped() or self._is_replaced()):
+            self.mission.health.publish(self.mission.events)
+            self._is_suspended()
+            cause = self._persistence.cause(self.mission, failed_at, self.clock.now())
+            if cause is None:
+                return
+            if cause != reported:
+                self.mission.events.emit(cause)
+                reported = cause
+            self._doze(None if cause.awaited else failed_at + cause.limit - self.clock.now())
+
+    def _halt(self) -> None:
+        """Halt the tree; a script or a leaf that fails meanwhile must not leave a node running."""
+        try:
+            self.tree.halt()
+        except BehaviorControllerError as error:
+            self._report_exception(error, "while halting: ")
+            # children first: then no control has a child left to halt by script
+            for node in reversed(self.tree.nodes):
+                try:
+                    node.interrupt()
+                except BehaviorControllerError as another:
+                    self._report_exception(another, "while halting: ")
+
+    def _leave_safe(self) -> None:
+        """Halt what is under way and leave the robot in the safe state, however the run ends."""
+        if not self.tree.is_idle:
+            self._halt()
+        self.is_stopping = True
+        self.mission.events.emit(self.mission.ask_for_safe_state().wait(self._doze))
+
+
+def _origin(error: BehaviorControllerError) -> BehaviorControllerError:
+    """Return the first of our errors that led to ``error``."""
+    while isinstance(error.__cause__, BehaviorControllerError):
+        error = error.__cause__
+    return error
+
+
+def _foreign(error: BehaviorControllerError) -> Optional[BaseException]:
+    """Return what code other than ours raised and led to ``error``, or None."""
+    cause = error.__cause__
+    return None if isinstance(cause, BehaviorControllerError) else cause

@@ -1,0 +1,352 @@
+"""Checks an author's files: single missions, projects, folders, with palettes for other robots."""
+import os
+import re
+from dataclasses import dataclass, field, replace
+from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
+
+from behavior_controller import folders, leaves
+from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
+from behavior_controller.bt.linter import rules
+from behavior_controller.bt.linter.palettes import (
+    check_models, is_palette, models, stubs, used_types)
+from behavior_controller.bt.linter.findings import Findings, by_place
+from behavior_controller.bt.loader.document import Document, read, with_includes
+from behavior_controller.bt.registry import NodeSpec, Registry
+from behavior_controller.errors import ConfigurationError, Fault, MissionError
+from behavior_controller.config.knowledge_files import Knowledge
+from behavior_controller.missions.load import (
+    POLICY, build_tree, find, keys_without_meaning, on_robot)
+from behavior_controller.text import Unreadable, clean, did_you_mean, read_text
+
+ENDINGS = (".xml", ".btproj")
+_MOST_STUBS = 20  # that are named
+_PERHAPS_MISSION = re.compile(r"<(?:root|BehaviorTree|TreeNodesModel)\b")
+
+
+@dataclass
+class Judgement:
+    """The result of checking one file and the files that it includes."""
+
+    file: str
+    faults: List[Fault] = field(default_factory=list)
+    nodes: int = 0  # of the unfolded trees, if they have no fault
+    stubs: Tuple[str, ...] = ()
+    mains: Tuple[str, ...] = ()  # if more than one, each was checked as a main tree
+    palette: Optional[int] = None  # node types of a file that contains only a palette
+    part_of: str = ""
+    is_mission: bool = True
+
+    @property
+    def is_wrong(self) -> bool:
+        """Return whether the file has a fault."""
+        return any(not fault.is_warning for fault in self.faults)
+
+    def __str__(self) -> str:
+        """Return the line that summarises the result."""
+        if self.part_of:
+            return f"{clean(self.file)}: a part of {clean(self.part_of)}"
+        warnings = sum(fault.is_warning for fault in self.faults)
+        counts = [_count(len(self.faults) - warnings, "fault")]
+        if not self.is_wrong and self.is_mission:
+            counts = self._good()
+        if warnings or not self.is_wrong and self.is_mission:
+            counts.append(_count(warnings, "warning"))
+        return f"{clean(self.file)}: {', '.join(counts)}{self._stubs()}"
+
+    def _good(self) -> List[str]:
+        if self.palette is not None:
+            return [f"a palette of {_count(self.palette, 'node type')}"]
+        done = "checked" if self.stubs else "can be run"
+        if len(self.mains) > 1:
+            done += f" from each of {', '.join(map(clean, self.mains))}"
+        return [done, _count(self.nodes, "node")]
+
+    def _stubs(self) -> str:
+        if not self.stubs:
+            return ""
+        more = ["…"] if len(self.stubs) > _MOST_STUBS else []
+        named = ", ".join([*map(clean, self.stubs[:_MOST_STUBS]), *more])
+        return ("; not a mission of this robot, which lacks "
+                f"{_count(len(self.stubs), 'node type')} (taken as stubs): {named}")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+class Validation:
+    """A check of files. ``main`` names the main tree, ``palettes`` are files with further node
+    types, ``ignored`` are codes of warnings that are left out; ``in_folder``: trees that a file
+    lacks are taken from the other files of its folder. ``robot`` overrides the configuration.
+    """
+
+    def __init__(self, main: Optional[str] = None, palettes: Sequence[str] = (),
+                 ignored: Collection[str] = (), in_folder: bool = False, robot: str = ""):
+        self.main = main
+        self.palettes = palettes
+        self.ignored = ignored
+        self.in_folder = in_folder
+        self.files: Set[str] = set()  # that were read
+        self._robot = _ChosenRobot(robot)
+
+    @property
+    def head(self) -> str:
+        """The line that says for which robot the files are checked."""
+        robot = self._robot
+        return f"checked for the robot {robot.settings.robot_interface} ({robot.said_by})"
+
+    def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
+        """Yield a judgement for the configuration if it is faulty, then for each file; a folder
+        means all its files, and a name a mission of a data folder."""
+        yield from (Judgement(file, faults, is_mission=False)
+                    for file, faults in self._robot.faults.items())
+        read_ones: Dict[str, List[Document]] = {}
+        done: Dict[str, Judgement] = {}  # without a mission
+        files = dict.fromkeys(self.palettes)
+        for path in paths:
+            try:
+                files.update(dict.fromkeys(expanded(named(path))))
+            except ConfigurationError as error:
+                files[path] = None
+                done[path] = Judgement(path, [
+                    fault._replace(file=path, code=rules.UNREADABLE_FILE.code)
+                    for fault in error.faults])
+        for path in [path for path in files if path not in done]:
+            try:
+                knowledge = knowledge_files.check(path)
+                if knowledge is None:
+                    read_ones[path] = self._read(path)
+                else:
+                    done[path] = Judgement(path, knowledge, is_mission=False)
+            except MissionError as error:
+                done[path] = Judgement(path, self._told(error.faults))
+        parts = _parts(read_ones)
+        palettes = [documents[-1] for path, documents in read_ones.items()
+                    if is_palette(documents) or path in self.palettes]
+        has_main = any(self.main in _trees(documents) for documents in read_ones.values())
+        for path in files:
+            if path in done:
+                yield done[path]
+            elif path in parts:
+                yield Judgement(path, part_of=parts[path])
+            elif is_palette(read_ones[path]):
+                yield self._palette(path, read_ones[path])
+            elif path not in self.palettes:
+                main = self.main if not has_main or self.main in _trees(read_ones[path]) else None
+                yield self._mission(path, read_ones[path], palettes, main)
+
+    def _read(self, path: str) -> List[Document]:
+        if os.path.isdir(path):
+            raise MissionError([Fault(path, 0, 0, "the folder has no mission",
+                                      f"a mission ends with {' or '.join(ENDINGS)}",
+                                      code=rules.UNREADABLE_FILE.code)])
+        documents = with_includes(read(path))
+        if self.in_folder:
+            documents = _completed(documents)
+        self.files.update(document.file for document in documents)
+        return documents
+
+    def _told(self, faults: Iterable[Fault]) -> List[Fault]:
+        return [fault for fault in dict.fromkeys(faults) if not fault.is_warning
+                or fault.code not in self.ignored]
+
+    def _palette(self, path: str, documents: List[Document]) -> Judgement:
+        found = Findings()
+        check_models(documents, leaves.registry(), found)
+        faults = stubs(documents, Registry())[1] + [
+            fault for fault in found.warnings if fault.code != rules.PALETTE_UNKNOWN_NODE.code]
+        palette = documents[-1].root.children[0]
+        if not palette.children:
+            faults.append(palette.fault(rules.PALETTE_EMPTY, "the palette has no node types",
+                                        "Groot2 writes them with Export Models"))
+        return Judgement(path, self._told(faults), palette=len(list(models(documents))))
+
+    def _mission(self, path: str, documents: List[Document], palettes: List[Document],
+                 main: Optional[str]) -> Judgement:
+        registry = leaves.registry()
+        found, faults = stubs(documents + palettes, registry)
+        registry.extend(found)
+        used = set(used_types(documents))
+        judgement = Judgement(path, faults, stubs=tuple(spec.id for spec in found
+                                                        if spec.id in used),
+                              mains=_main_trees(documents, main))
+        for tree_id in judgement.mains or (main,):
+            try:
+                tree = build_tree(documents, tree_id, registry=registry)
+            except MissionError as error:
+                judgement.faults.extend(error.faults)
+            else:
+                judgement.faults.extend(tree.warnings)
+                if not judgement.stubs:
+                    judgement.faults.extend(on_robot(tree, self._robot.settings,
+                                                     self._robot.knowledge))
+                    judgement.faults.extend(self._robot.faults_of_phrases(path))
+                judgement.nodes += len(tree.nodes)
+        judgement.faults += list(_near_misses(documents, found))
+        judgement.faults = sorted(self._told(judgement.faults), key=by_place)
+        return judgement
+
+
+class _ChosenRobot:
+    """The robot of the configuration, or the one called ``name``, and the faults of its files."""
+
+    def __init__(self, name: str = ""):
+        """Raise BrokenExtension if what a package exports cannot be used."""
+        specs = leaves.mission_specs()
+        self.faults: Dict[str, List[Fault]] = {}
+        self.said_by = folders.config(settings.FILE_NAME)
+        self.settings = settings.defaults()
+        self.knowledge: Optional[Knowledge] = None
+        try:
+            if os.path.lexists(self.said_by):
+                self.settings = settings.load(self.said_by)
+            else:
+                self.said_by = "by default"
+        except ConfigurationError as error:
+            self._add(error.faults)
+            self.said_by = "by default: the configuration has faults"
+        if name:
+            self.settings = replace(self.settings, robot_interface=name)
+            self.said_by = "--interface"
+        try:
+            if self.settings.interface.has_knowledge_files:
+                self.knowledge = knowledge_files.load()
+        except ConfigurationError as error:
+            self._add(error.faults)
+        self._add(keys_without_meaning(self.settings, self.knowledge))
+        self._add(self.faults_of_phrases())
+        try:
+            recovery_policy.load(folders.config(POLICY), specs)
+        except ConfigurationError as error:
+            self._add(error.faults)
+
+    def faults_of_phrases(self, path: str = "") -> List[Fault]:
+        """Return the faults of what the robot says in the mission of this path, or in any; those
+        that are known already are left out."""
+        language = self.settings.language if self.knowledge is None else self.knowledge.language
+        try:
+            phrases.load(language, os.path.splitext(os.path.basename(path))[0])
+        except ConfigurationError as error:
+            return [fault for fault in error.faults if fault.file not in self.faults]
+        return []
+
+    def _add(self, faults: Iterable[Fault]) -> None:
+        for fault in faults:
+            self.faults.setdefault(fault.file, []).append(fault)
+
+
+def named(path: str) -> str:
+    """Return the path of the mission that has this name; a path is returned itself. Raises
+    ConfigurationError."""
+    if os.path.lexists(path) or os.sep in path or path.endswith(ENDINGS):
+        return path
+    return find(path)
+
+
+def expanded(path: str) -> List[str]:
+    """Return a file itself; for a folder, the missions, projects and palettes in it and its
+    folders.
+
+    A folder without any is returned itself: it cannot be read as a mission.
+    """
+    return [file
+            for file in listed(path) if os.path.isdir(path) and _may_be_a_mission(file)] or [path]
+
+
+def listed(path: str) -> List[str]:
+    """Return a file itself; for a folder, the files in it and its folders that may be missions by
+    their names."""
+    if not os.path.isdir(path):
+        return [path]
+    found = []
+    for folder, inner, names in os.walk(path):
+        inner[:] = sorted(name for name in inner if not name.startswith("."))
+        found += [os.path.join(folder, name) for name in sorted(names) if name.endswith(ENDINGS)]
+    return found
+
+
+def _may_be_a_mission(path: str) -> bool:
+    try:
+        return bool(_PERHAPS_MISSION.search(read_text(path)))
+    except Unreadable:
+        return True
+
+
+def _trees(documents: Iterable[Document]) -> Dict[str, List[str]]:
+    """Return the trees of ``documents``, and the trees that each calls."""
+    return {tree.attributes.get("ID", ""): [call.attributes.get("ID", "") for call in tree.below
+                                            if call.tag == "SubTree"] for document in documents
+            for tree in document.root.children if tree.tag == "BehaviorTree"}
+
+
+def _main_trees(documents: Sequence[Document], main: Optional[str]) -> Tuple[str, ...]:
+    """Return the trees of a project that no other calls, if nothing says which of several is the
+    main tree."""
+    root = documents[-1].root
+    kinds = {child.tag for child in root.children}
+    is_project = "include" in kinds and "BehaviorTree" not in kinds
+    if main or not is_project or "main_tree_to_execute" in root.attributes:
+        return ()
+    trees = _trees(documents)
+    called = {call for calls in trees.values() for call in calls}
+    return tuple(tree_id for tree_id in trees if tree_id not in called)
+
+
+def _parts(read_ones: Dict[str, List[Document]]) -> Dict[str, str]:
+    """Return the files that another of them includes, and which."""
+    included = {path: {os.path.realpath(document.file) for document in documents[:-1]}
+                for path, documents in read_ones.items()}
+    owners: Dict[str, str] = {}
+    for path in read_ones:
+        for owner, files in included.items():
+            # files that include each other are both judged: each reports the circle
+            if os.path.realpath(path) in files and os.path.realpath(owner) not in included[path]:
+                owners.setdefault(path, owner)
+    return owners
+
+
+def _completed(documents: List[Document]) -> List[Document]:
+    """Return ``documents``, preceded by the files of the last one's folder that have the trees
+    which they lack."""
+    own = documents[-1].file
+    known = {os.path.realpath(document.file) for document in documents}
+    others: List[Document] = []
+    for path in expanded(os.path.dirname(own) or "."):
+        if os.path.realpath(path) not in known:
+            try:
+                others.append(read(path))
+            except MissionError:
+                continue  # reported when the file is judged itself
+    while True:
+        trees = _trees(documents)
+        missing = {call for calls in trees.values() for call in calls} - set(trees)
+        helper = next((document for document in others if missing & set(_trees([document]))), None)
+        if helper is None:
+            return documents
+        helper.root.children = [
+            child for child in helper.root.children if child.tag == "TreeNodesModel"
+            or (child.tag == "BehaviorTree" and child.attributes.get("ID") not in trees)]
+        documents = [helper] + documents
+
+
+def _near_misses(documents: Sequence[Document], found: List[NodeSpec]) -> Iterator[Fault]:
+    """Yield a warning for each stub whose name is nearly that of a node type of ours."""
+    known = [spec.id for spec in leaves.registry().all()]
+    names = {spec.id for spec in found}
+    for model in models(documents):
+        name = model.attributes.get("ID", "")
+        hint = did_you_mean(name, known, likeness=0.93) if name in names else ""
+        if hint:
+            yield model.fault(rules.PALETTE_UNKNOWN_NODE,
+                              f"the palette has an unknown node {name}", hint, "ID")
+
+
+def as_json(fault: Fault) -> Dict[str, Any]:
+    """Return a fault in the form of ``--json`` (docs/faults.md)."""
+    place = None
+    if fault.line:
+        place = {"start": {"line": fault.line, "column": fault.column},
+                 "end": {"line": fault.end_line or fault.line,
+                         "column": fault.end_column or fault.column}}
+    return {"file": fault.file, "range": place, "severity": "warning" if fault.is_warning
+            else "error", "code": fault.code, "text": fault.text, "hint": fault.hint}

@@ -1,0 +1,1 @@
+"""Shows a running mission: story, page, ``missionStatus``, Groot2, record."""

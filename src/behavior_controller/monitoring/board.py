@@ -1,0 +1,272 @@
+"""The state of a running mission, kept for those who show it: page and ``missionStatus``."""
+import collections
+import itertools
+import time
+from functools import partial
+from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
+
+import msgspec
+from msgspec.structs import replace
+
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.node import Node, label
+from behavior_controller.bt.engine.ports import PortError, entry_value, reference
+from behavior_controller.bt.engine.tree import Change, Tree
+from behavior_controller.bt.registry import Kind, NodeSpec, Registry
+from behavior_controller.execution.events import LETTERS, Event, Events, HealthChanged, Line
+from behavior_controller.execution.health import Health
+from behavior_controller.execution.run import History
+from behavior_controller.execution.state import State, rank
+from behavior_controller.monitoring.parts import PARTS, Alive, MissionPart, NodeRow, Now, Offer
+from behavior_controller.monitoring.record.recorder import (
+    Entries, entry_text, shown, traversed, written)
+from behavior_controller.monitoring.story import condition, title
+from behavior_controller.monitoring.view import MOMENT, View, how_it_stopped, now_of
+from behavior_controller.robot.declarations import Interface
+from behavior_controller.robot.interfaces import DEFAULT
+from behavior_controller.text import clean
+
+PULSE = 1.0
+"""Seconds between two signs of life: of the tick thread to the board, and of the board to those
+that show it."""
+
+HANGS = 3.0
+"""Seconds without a sign of the tick thread after which it hangs."""
+
+MOST_WAITING = 10_000
+"""The most events and traversals that wait for ``look``; of what more traversals change only the
+newest status is shown."""
+
+STRETCHES = 3
+"""Number of stretches of the history whose sentences and steps are shown with an earlier moment: of
+the lab tour more than a visit."""
+
+
+class Board:
+    """Queues what happens on the tick thread, without waking another; the thread that shows it does
+    the rest.
+
+    ``versions`` has a number for each part, which changes with it. That thread calls ``look``,
+    ``part`` and ``node``.
+    """
+
+    def __init__(self, events: Events, health: Health, registry: Registry,
+                 interface: Interface = DEFAULT):
+        self.versions: Dict[str, int] = dict.fromkeys(PARTS, 0)
+        # of all parts together: two threads may change one at the same time
+        self._numbers = itertools.count(1)
+        self.tree: Optional[Tree] = None
+        self._registry = registry
+        self._view = View()
+        self._history = History()
+        # what ``look`` takes: when it happened, and what makes the event of which values
+        self._news: Deque[Tuple[float, Callable[..., Event], Tuple[Any, ...]]] = collections.deque()
+        self._has_missed = False  # a change of status
+        self._is_closed = False
+        self._beaten = 0.0
+        self._health = health
+        self._called, self._pulsed = 0, 0.0
+        self._offers = {offer.name: offer.kind for offer in interface.offers}
+        events.subscribe(lambda event: self._note(lambda: event))
+
+    @property
+    def mission(self) -> str:
+        """The mission's file; empty before it starts."""
+        started = self.state.started
+        return started.mission if started is not None else ""
+
+    @property
+    def state(self) -> State:
+        """What is so, as of the last ``look`` or ``part``."""
+        return self._view.state
+
+    def show(self, tree: Tree) -> None:
+        """Show ``tree`` from now on. On the tick thread, which gives a sign of life through the
+        tree's clock."""
+        if not self._beaten:
+            self._beat(tree.clock)
+        tree.follow(partial(self._follow, Entries(tree)))
+        self._note(self._begin, tree)
+
+    def close(self) -> None:
+        """Note that the controller ends. Any thread may call it."""
+        self._is_closed = True
+        self._touch("now")
+
+    def _beat(self, clock: Clock) -> None:
+        self._beaten = time.monotonic()
+        clock.call_after(PULSE, lambda: self._beat(clock))
+
+    def _note(self, make: Callable[..., Event], *values: Any) -> None:
+        self._news.append((time.time(), make, values))
+
+    def _follow(self, entries: Entries, is_first: Optional[bool], changes: List[Change]) -> None:
+        if len(self._news) >= MOST_WAITING:
+            self._has_missed = self._has_missed or bool(changes)
+            return
+        news = entries.news()
+        if news:
+            self._note(written, *news)
+        if changes:
+            self._note(traversed, 0.0, is_first, changes)
+
+    # ---------------------------------------------------------------------------- what has happened
+
+    def look(self) -> None:
+        """Process what has happened: events, calls that ended, topics that become older."""
+        self._catch_up()
+        called = sum(count.calls for count in self._health.calls.values())
+        if called != self._called:
+            self._called = called
+            self._touch("health")
+        now = time.monotonic()
+        if now - self._pulsed >= PULSE:
+            self._pulsed = now
+            self._touch("alive", "health")
+
+    def _catch_up(self) -> None:
+        while self._news:
+            at, make, values = self._news.popleft()
+            self._take(at, make(*values))
+        if self._has_missed and self.tree is not None:
+            self._has_missed = False
+            self._view.show(replace(
+                self.state, letters="".join(LETTERS[node.status] for node in self.tree.nodes)))
+            self._touch("statuses", "now")
+
+    def _touch(self, *parts: str) -> None:
+        for part in parts:
+            self.versions[part] = next(self._numbers)
+
+    def _begin(self, tree: Tree) -> Event:
+        """Clear the data of the earlier tree, whose nodes the page shows no more."""
+        self._history = History()
+        self.tree = tree
+        return shown(tree)
+
+    def _take(self, at: float, event: Event) -> None:
+        """Fold an event, keep it for later, and note which parts have changed."""
+        before, newest = self.state, self._view.newest
+        self._history.take(before, Line(at, event))
+        self._view.take(at, event)
+        self._touch(*self._view.changed(before))
+        if self._view.newest != newest:
+            self._touch("story")
+
+    # ---------------------------------------------------------------------------------- to be shown
+
+    def part(self, name: str) -> Any:
+        """Return one part as data that JSON can carry."""
+        self._catch_up()
+        own = {"mission": self._mission, "now": self._card, "health": self._offers_now,
+               "alive": self._alive}
+        make = own.get(name)
+        return msgspec.to_builtins(make() if make is not None else self._view.part(name))
+
+    def at(self, moment: float) -> Dict[str, Any]:
+        """Return the parts that are known of that time (Unix seconds), as far as it is kept."""
+        self._catch_up()
+        state, lines = self._history.until(moment, STRETCHES)
+        view = View(state)
+        for line in lines:
+            view.take(line.time, line.event)
+        parts = {name: view.part(name) for name in MOMENT}
+        return msgspec.to_builtins(dict(parts, health=self._offers_of(view.state)))
+
+    def _mission(self) -> MissionPart:
+        nodes = [] if self.tree is None else [self._outline(node) for node in self.tree.nodes]
+        if nodes and self.mission:
+            # as py-trees-render has it
+            nodes[0] = replace(nodes[0], name=clean(title(self.mission)), kind="")
+        return MissionPart(clean(self.mission), nodes)
+
+    def _outline(self, node: Node) -> NodeRow:
+        spec = self._registry.find(node.registration_id)
+        name, kind = label(node)
+        return NodeRow(node.uid, node.parent.uid if node.parent else 0, clean(name), clean(kind),
+                       clean(node.full_path), spec is not None and spec.kind is Kind.SUBTREE,
+                       node.parent is not None and is_bare(spec, node.name))
+
+    def _card(self) -> Now:
+        now = now_of(self.state)
+        if now.ended or not self._is_closed:
+            return now
+        return replace(now, ended=how_it_stopped(self.state, "the controller has stopped"))
+
+    def _alive(self) -> Alive:
+        if self.tree is None or self._card().ended:
+            return Alive(None, False, time.time(), self._history.began)
+        age = round(time.monotonic() - self._beaten, 1)
+        return Alive(age, age >= HANGS, time.time(), self._history.began)
+
+    def _offers_of(self, state: State) -> Dict[str, Offer]:
+        """Return how each service and topic is, by name."""
+        names = dict(self._offers)
+        names.update((change.name, change.kind) for change in state.robot.ill)
+        return {name: _offer(name, kind, state.robot.trouble(name))
+                for name, kind in names.items()}
+
+    def _offers_now(self) -> Dict[str, Offer]:
+        """Return this with what is known for now only: how often each was called, or heard last."""
+        return {clean(name): self._counted(name, offer)
+                for name, offer in self._offers_of(self.state).items()}
+
+    def _counted(self, name: str, offer: Offer) -> Offer:
+        calls, heard = self._health.calls.get(name), self._health.heard.get(name)
+        if calls is not None:
+            offer = replace(offer, calls=calls.calls, failures=calls.failures,
+                            seconds=round(calls.last_seconds, 3))
+        if heard is not None:
+            offer = replace(offer, age=round(time.monotonic() - heard, 1))
+        return offer
+
+    def node(self, uid: int) -> Optional[Dict[str, Any]]:
+        """Return the details of a node: its place, ports with values, last results; None if it does
+        not exist."""
+        self._catch_up()
+        nodes = self.tree.nodes if self.tree is not None else []
+        if not 1 <= uid <= len(nodes):
+            return None
+        node = nodes[uid - 1]
+        spec = self._registry.find(node.registration_id)
+        return {"uid": uid, "path": node.full_path, "type": node.registration_id,
+                "description": spec.summary if spec is not None else "",
+                "place": node.place_in_file().rstrip(": "),
+                "ports": [dict(zip(("name", "text", "value"), row)) for row in _ports(node)],
+                "results": self._view.results(uid)}
+
+
+def _offer(name: str, kind: str, trouble: Optional[HealthChanged]) -> Offer:
+    if trouble is None:
+        return Offer(kind, clean(name), True, "", "")
+    told = clean("{}; {}".format(condition(trouble), trouble.consequence))
+    return Offer(kind, clean(name), False, clean(trouble.status), clean(trouble.consequence), told,
+                 rank(trouble))
+
+
+def port_texts(node: Node) -> Dict[str, str]:
+    """Return for each port of a node what the file or the default says."""
+    texts = {port.name: port.default for port in node.spec.ports if port.default is not None}
+    texts.update(node.attributes)
+    return texts
+
+
+def _ports(node: Node) -> List[Tuple[str, str, str]]:
+    """Return for each port of a node its name, its text, and the value of the entry that this
+    means."""
+    found = []
+    for name, text in port_texts(node).items():
+        value = ""
+        if reference(text, name) is not None:
+            try:
+                value = entry_text(entry_value(text, name, node.blackboard))
+            except PortError:
+                value = "–"  # nothing has written it
+        found.append((name, clean(text, 120), value))
+    return found
+
+
+def is_bare(spec: Optional[NodeSpec], name: str) -> bool:
+    """Whether a node below the root, with that name, only says how the mission is put together."""
+    return spec is not None and (spec.is_recovery or (
+        spec.kind in (Kind.CONTROL, Kind.DECORATOR) and name == spec.id))

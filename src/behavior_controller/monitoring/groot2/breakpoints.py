@@ -1,0 +1,305 @@
+"""Groot2's hooks: they replace a node's tick or its result; a breakpoint keeps its node RUNNING.
+
+The rules are BehaviorTree.CPP's (``Monitor::Hook`` of its Groot2 publisher), with one difference: a
+breakpoint of the library stops the ticking thread, ours stops the node, and everything else (stop,
+deadlines, topics) goes on. Every hook that is set, acts, or is removed is reported to the operator:
+a robot that stops at a hook must not look broken.
+
+``Hooks`` is the list that clients change, on the publisher's thread. Each change is posted to the
+tick thread, which alone sets hooks on nodes (``_NodeHooks``) and posts back those that have removed
+themselves.
+"""
+import collections
+import contextlib
+import json
+from typing import Any, Callable, Deque, Dict, Iterable, List, NamedTuple, Optional, Tuple
+
+from behavior_controller.bt.engine.node import Node, NodeHook, Result
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.bt.status import FAILURE, IDLE, NAMES, RUNNING, SUCCESS
+from behavior_controller.execution.events import BreakpointChanged
+
+BEFORE, AFTER = 0, 1
+BREAKPOINT, REPLACE = 0, 1
+_RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
+_STATUSES = ("SUCCESS", "FAILURE", "SKIPPED", "IDLE", "RUNNING")
+"""What ``desired_status`` may be; the last three have no influence."""
+
+HIGHEST_UID = 65535
+
+
+class Refused(ValueError):
+    """A request that cannot be carried out; the text goes back to the client."""
+
+
+def read_fields(given: Any, *names: str) -> List[Any]:
+    """Return the values of these fields of a JSON object. Raises Refused: what is wrong, what is
+    allowed."""
+    if not isinstance(given, dict):
+        raise Refused(f"a hook is a JSON object with the fields {', '.join(names)}")
+    for name in names:
+        if name not in given:
+            raise Refused(f"the field {name} is missing")
+        type_, values, allowed = _FIELDS[name]
+        value = given[name]
+        # for isinstance, true would be a number
+        if type(value) is not type_ or (values and value not in values):
+            raise Refused(f"{name} cannot be {json.dumps(value)[:80]}; allowed: {allowed}")
+    return [given[name] for name in names]
+
+
+_FIELDS: Dict[str, Tuple[type, Any, str]] = {
+    "uid": (int, range(HIGHEST_UID + 1), f"a whole number from 0 to {HIGHEST_UID}"),
+    "position": (int, (BEFORE, AFTER), "0 (before the node) or 1 (after it)"),
+    "mode": (int, (BREAKPOINT, REPLACE), "0 (breakpoint) or 1 (replace)"),
+    "once": (bool, (), "true or false"),
+    "enabled": (bool, (), "true or false"),
+    "remove_when_done": (bool, (), "true or false"),
+    "desired_status": (str, _STATUSES, ", ".join(_STATUSES))}
+
+
+class Hook(NamedTuple):
+    """One hook of one node. A ``desired_status`` other than SUCCESS and FAILURE has no influence.
+    """
+
+    uid: int
+    position: int
+    mode: int
+    once: bool
+    enabled: bool
+    desired_status: str
+
+
+class Hooks:
+    """All hooks of one tree as its clients know them. Any thread may change them; the nodes follow
+    at the next tick."""
+
+    def __init__(self, tree: Tree, reached: Callable[[int], None], tell: Callable[[str], None],
+                 held: Callable[[BreakpointChanged], None] = lambda event: None):
+        """``reached`` gets the uid of a node that reaches a breakpoint, ``tell`` a line for the
+        operator, ``held`` an event when a breakpoint holds its node and when it lets it go on.
+
+        All are called on the tick thread, and must not block it.
+        """
+        self.reached, self.tell, self.held = reached, tell, held
+        self._clock, self._wake = tree.clock, tree.wake
+        self._nodes = {node.uid: _NodeHooks(node, self) for node in tree.nodes}
+        self._listed: Dict[Tuple[int, int], Hook] = {}  # by position and uid
+        # those that have removed themselves, on the tick thread
+        self.gone: Deque[Hook] = collections.deque()
+
+    def __bool__(self) -> bool:
+        """Whether there is any."""
+        return bool(self.all())
+
+    def all(self) -> List[Hook]:
+        """Return every hook, those before their nodes first."""
+        self._take_gone_off()
+        return [hook for _, hook in sorted(list(self._listed.items()))]
+
+    def _take_gone_off(self) -> None:
+        """Forget what the tick thread has removed, unless another hook was set in its place
+        meanwhile."""
+        with contextlib.suppress(IndexError):
+            while True:
+                hook = self.gone.popleft()
+                if self._listed.get((hook.position, hook.uid)) is hook:
+                    self._listed.pop((hook.position, hook.uid), None)
+
+    def insert(self, hooks: Iterable[Hook]) -> None:
+        """Add each hook, or change the one at its place; a hook of an unknown node is passed over,
+        as the library does."""
+        # the last hook for a place counts: a client that floods must not occupy the tick thread
+        newest = {(hook.position, hook.uid): hook for hook in hooks if hook.uid in self._nodes}
+        self._listed.update(newest)
+        for hook in newest.values():
+            self._post(self._nodes[hook.uid].insert, hook)
+
+    def remove(self, position: int, uid: int, reason: str = "") -> bool:
+        """Remove a hook and let its node go on; return whether it existed. The operator gets the
+        ``reason``."""
+        self._take_gone_off()
+        hook = self._listed.pop((position, uid), None)
+        if hook is not None:
+            self._post(self._nodes[uid].remove, hook, reason)
+        return hook is not None
+
+    def unlock(self, position: int, uid: int, desired_status: str, remove: bool) -> bool:
+        """Let a breakpoint go on with this result; return whether there is one."""
+        self._take_gone_off()
+        hook = self._listed.get((position, uid))
+        if hook is None:
+            return False
+        hook = self._listed[position, uid] = hook._replace(desired_status=desired_status,
+                                                           once=hook.once or remove)
+        self._post(self._nodes[uid].release, hook, "lets the node go on")
+        return True
+
+    def disable_all(self) -> None:
+        """Disable every hook without removing it; every breakpoint lets its node go on."""
+        for hook in self.all():
+            disabled = self._listed[hook.position, hook.uid] = hook._replace(enabled=False)
+            self._post(self._nodes[hook.uid].release, disabled, "is disabled")
+
+    def remove_all(self, reason: str = "") -> None:
+        for hook in self.all():
+            self.remove(hook.position, hook.uid, reason)
+
+    def _post(self, change: Callable[..., None], *arguments: Any) -> None:
+        """Post a change to the tick thread and wake it."""
+        self._clock.post(lambda: change(*arguments))
+        self._wake.emit()
+
+
+# ------------------------------------------------------------------------------- on the tick thread
+
+
+class _SetHook:
+    """A hook that is set on a node, and its state."""
+
+    def __init__(self, hook: Hook):
+        self.hook = hook
+        self.is_waiting = False  # a breakpoint that was reached
+        self.is_unlocked = False
+        self.is_told = False  # the operator was told that it decides results
+
+    def release(self) -> None:
+        """Let a breakpoint go on."""
+        self.is_unlocked = self.is_waiting
+
+    def reset(self) -> None:
+        """Forget that the breakpoint was reached."""
+        self.is_waiting = self.is_unlocked = False
+
+
+class _Held(NamedTuple):
+    """A node that waits at a breakpoint: the status that it had, and its result if it has been
+    ticked."""
+
+    status: Any
+    result: Optional[Result]
+
+
+class _NodeHooks(NodeHook):
+    """The hooks of one node, attached to it while there are any."""
+
+    def __init__(self, node: Node, owner: Hooks):
+        self._is_reported = False  # as held
+        self._node = node
+        self._owner = owner
+        self._set: Dict[int, _SetHook] = {}  # by position
+        self._held: Optional[_Held] = None
+
+    @property
+    def is_holding(self) -> bool:  # type: ignore[override]
+        """Whether the node waits at a breakpoint."""
+        return self._held is not None
+
+    def _note(self, is_held: bool) -> None:
+        if is_held is not self._is_reported:
+            self._is_reported = is_held
+            self._owner.held(BreakpointChanged(self._node.uid, self._node.full_path, is_held))
+
+    def insert(self, hook: Hook) -> None:
+        """Set ``hook``, or change the one at its place."""
+        self._node.hook = self
+        found = self._set.setdefault(hook.position, _SetHook(hook))
+        found.is_told = False
+        found.hook = hook
+        if not hook.enabled:
+            found.release()
+        self._tell(hook, "is set{}{}".format(
+            "" if hook.mode == BREAKPOINT else " to " + hook.desired_status,
+            "" if hook.enabled else ", but disabled"))
+
+    def release(self, hook: Hook, text: str) -> None:
+        """Replace the hook at the same place by ``hook`` and let a breakpoint go on; the operator
+        gets ``text``."""
+        found = self._set.get(hook.position)
+        if found is None:
+            self._owner.gone.append(hook)  # it has removed itself already
+            return
+        found.hook = hook
+        found.release()
+        self._tell(hook, text)
+
+    def remove(self, hook: Hook, reason: str) -> None:
+        """Remove the hook at the same place, and let the node go on."""
+        if self._set.pop(hook.position, None) is not None:
+            self._tell(hook, "is removed" + reason)
+            self._leave()
+
+    def _leave(self) -> None:
+        """Detach from the node if no hook is left."""
+        if not self._set and self._held is None:
+            self._node.hook = None
+
+    def _tell(self, hook: Hook, text: str) -> None:
+        self._owner.tell("Groot2: {} {} {} {}".format(
+            "breakpoint" if hook.mode == BREAKPOINT else "replacement",
+            "before" if hook.position == BEFORE else "after", self._node.full_path, text))
+
+    def before(self, node: Node) -> Optional[Result]:
+        """Return the result that replaces the node's tick, if any; its own result if it waits after
+        its tick."""
+        held, self._held = self._held, None
+        if held is not None and node.status is RUNNING:
+            waiting = self._set.get(BEFORE if held.result is None else AFTER)
+            if waiting is not None and waiting.is_waiting and not waiting.is_unlocked:
+                self._held = held
+                return RUNNING
+            self._note(False)
+            # it has not run yet, or has its result already: RUNNING was ours
+            node.status = held.status
+            if held.result is not None:
+                return held.result
+        return self._ask(node, BEFORE, None)
+
+    def after(self, node: Node, result: Result) -> Result:
+        """Return the node's result, or the one that a hook decides instead."""
+        if result is SUCCESS or result is FAILURE:
+            decided = self._ask(node, AFTER, result)
+            result = result if decided is None else decided
+        self._leave()
+        return result
+
+    def _ask(self, node: Node, position: int, result: Optional[Result]) -> Optional[Result]:
+        """Return the result that a hook decides, if any; RUNNING for a breakpoint that waits."""
+        found = self._set.get(position)
+        if found is None or not (found.hook.enabled or found.is_unlocked):
+            return None
+        if found.hook.mode == BREAKPOINT and not found.is_unlocked:
+            self._held = _Held(node.status, result)
+            self._note(True)
+            if not found.is_waiting:
+                found.is_waiting = True
+                self._owner.reached(node.uid)
+                self._tell(found.hook, "holds the node")
+            return RUNNING
+        found.reset()
+        return self._decide(found, result)
+
+    def _decide(self, found: _SetHook, result: Optional[Result]) -> Optional[Result]:
+        """Return the hook's result, if any; a hook that acts once is then removed."""
+        hook = found.hook
+        decided = _RESULTS.get(hook.desired_status) if hook.enabled else None
+        if decided is not None and not found.is_told:
+            found.is_told = hook.mode == REPLACE  # reported once: it may decide at every tick
+            self._tell(hook, "decides {} {}".format(
+                hook.desired_status, "and the node is not run" if result is None
+                                     else f"instead of the node's {NAMES[result]}"))
+        if hook.once:
+            del self._set[hook.position]
+            self._owner.gone.append(hook)
+            self._tell(hook, "is removed")
+        return decided
+
+    def halt(self, node: Node) -> bool:
+        """Reset the hooks; return whether ``node`` has work to halt: at a breakpoint before it, it
+        has none."""
+        held, self._held = self._held, None
+        self._note(False)
+        for each in self._set.values():
+            each.reset()
+        self._leave()
+        return held is None or held.result is not None or held.status is not IDLE

@@ -1,0 +1,444 @@
+"""Groot2's publisher: lets Groot2 see the running tree, its blackboards and transitions, and stop
+at breakpoints.
+
+Speaks the protocol of BehaviorTree.CPP's ``Groot2Publisher`` (the project's notes: groot2_protocol)
+on its own thread. The tick thread only notes each change of a status, at next to no cost.
+"""
+import asyncio
+import collections
+import itertools
+import json
+import os
+import socket
+import struct
+import time
+import uuid
+from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
+from xml.sax.saxutils import quoteattr
+
+import msgspec
+import zmq
+import zmq.asyncio
+
+from behavior_controller.bt.linter.structure import CONDITIONS
+from behavior_controller.bt.linter.palette import tree_nodes_model
+from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.engine.tree import Change, Tree
+from behavior_controller.bt.engine.blackboard import Blackboard
+from behavior_controller.bt.registry import NodeSpec
+from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.execution.events import BreakpointChanged
+from behavior_controller.monitoring.groot2.tcp_proxy import Front
+from behavior_controller.monitoring.groot2.breakpoints import Hook, Hooks, Refused, read_fields
+from behavior_controller.monitoring.server import LoopThread, opened
+
+PROTOCOL = 2
+CODES = {IDLE: 0, RUNNING: 1, SUCCESS: 2, FAILURE: 3}
+WAS = 10
+"""Added to the code of the status that a node had before IDLE, for a monitor that polls too late to
+see it."""
+
+MOST_TRANSITIONS = 1000
+HEARTBEAT = 5.0
+"""Seconds without a request after which the client counts as gone: its breakpoints must not hold
+the robot."""
+
+LOOK_INTERVAL = 0.25
+"""Seconds between two checks for a client that is gone."""
+
+PACE = 0.002
+"""The shortest time between two requests, in seconds: a client that floods must not slow the
+mission."""
+
+MOST_REQUEST = 32_768
+"""The most bytes of a request."""
+
+MOST_SUBSCRIPTIONS = 4096
+"""The most bytes from a client on the port of breakpoints reached: ZeroMQ keeps them in a hundred
+times the memory."""
+
+MOST_QUEUED = 2
+"""Requests and replies that ZeroMQ keeps for each client."""
+
+ZERO_COPY_RECV = 10
+"""An option of libzmq without a name in pyzmq; if it is off, a small part does not keep 8 KB of its
+connection's input."""
+
+MOST_LINES = 20
+"""The most lines about hooks that the operator gets in a second."""
+
+
+class Groot2Publisher:
+    """Serves one tree after another at ``address``, ``port`` (requests) and ``port + 1``
+    (breakpoints reached)."""
+
+    def __init__(self, address: str, port: int, specs: Sequence[NodeSpec],
+                 warn: Callable[[str], None], heartbeat: float = HEARTBEAT,
+                 held: Callable[[BreakpointChanged], None] = lambda event: None):
+        """Open the sockets; if a port is taken, ``warn`` gets one line and nothing is served.
+
+        ``specs`` are all registered node types. ``warn`` also gets lines about hooks, on the
+        publisher's thread.
+        """
+        self._specs = specs
+        self._lines = _Lines(warn)
+        self._held = held
+        self._shown: Optional[_Shown] = None
+        self._heartbeat = heartbeat
+        self._last_request = 0.0
+        self._is_closed = False
+        self._thread: Optional[LoopThread] = None
+        # of the requests, and of the breakpoints reached
+        self._sockets: List[List[socket.socket]] = []
+        for number in (port, port + 1):
+            self._sockets.append(
+                opened(address, number, "Groot2 cannot connect", "groot2Port", warn))
+            if not self._sockets[-1]:
+                self._close_sockets()
+                return
+        self._thread = LoopThread("groot2", self._begin, self._end)
+
+    def show(self, tree: Tree) -> None:
+        """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
+        before = self._shown
+        hooks = Hooks(tree, self._announce, self._tell, self._held)
+        self._shown = _Shown(tree, self._specs, hooks)
+        if before is not None:
+            before.hooks.remove_all(": another mission follows")
+
+    def close(self) -> None:
+        """Close the sockets and let every breakpoint go on."""
+        self._is_closed = True
+        if self._thread is not None:
+            self._thread.close()
+
+    def _announce(self, uid: int) -> None:
+        """Announce to the client that a breakpoint was reached. Any thread may call this."""
+        if self._thread is not None:
+            self._thread.call(self._publish, uid)
+
+    def _tell(self, text: str) -> None:
+        """Send the operator a line. Any thread may call this."""
+        if self._thread is not None:
+            self._thread.call(self._lines.tell, text)
+
+    # -------------------------------------------------------------------- on the publisher's thread
+
+    def _begin(self) -> None:
+        self._context = zmq.asyncio.Context()
+        self._context.set(ZERO_COPY_RECV, 0)
+        self._requests, self._news = self._context.socket(zmq.ROUTER), self._context.socket(zmq.PUB)
+        self._requests.setsockopt(zmq.SNDHWM, MOST_QUEUED)
+        self._requests.setsockopt(zmq.RCVHWM, MOST_QUEUED)
+        self._front = Front(self._requests, MOST_REQUEST)
+        self._front.add_sockets(self._sockets[0])
+        Front(self._news, MOST_SUBSCRIPTIONS).add_sockets(self._sockets[1])
+        # without the check for a client that is gone, no breakpoint may hold the robot
+        loop = asyncio.get_event_loop()
+        self._tasks = [
+            asyncio.ensure_future(endless) for endless in (self._serve(), self._look_for_client())]
+        for task in self._tasks:
+            task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
+
+    def _end(self) -> None:
+        self._close_sockets()
+        self._context.destroy(0)
+        if self._shown is not None:
+            self._shown.hooks.remove_all()
+        if not self._is_closed:
+            self._lines.warn("Groot2 is cut off by an internal error; its breakpoints and "
+                             "replacements are removed")
+
+    def _close_sockets(self) -> None:
+        for sock in itertools.chain(*self._sockets):
+            sock.close()
+
+    async def _look_for_client(self) -> None:
+        """Remove the hooks of a client that is gone: they must not hold the robot."""
+        while True:
+            await asyncio.sleep(LOOK_INTERVAL)
+            self._lines.flush()
+            shown = self._shown
+            if shown is not None and shown.hooks and time.monotonic(
+            ) - self._last_request >= self._heartbeat:
+                shown.hooks.remove_all(": its client is gone")
+
+    def _publish(self, uid: int) -> None:
+        header = struct.pack("<BBI", PROTOCOL, ord("N"), int.from_bytes(os.urandom(4), "little"))
+        self._news.send_multipart([header, str(uid).encode()])
+
+    async def _serve(self) -> None:
+        """Answer requests one by one, at a limited rate; the parts before the empty one are the
+        sender's address."""
+        while True:
+            parts = await self._requests.recv_multipart()
+            self._last_request = time.monotonic()
+            self._front.note_request(parts[0])
+            if b"" in parts[:-1]:
+                start = parts.index(b"") + 1
+                await self._requests.send_multipart(parts[:start] + self._answer(parts[start:]))
+            await asyncio.sleep(PACE)
+
+    def _answer(self, frames: List[bytes]) -> List[bytes]:
+        """Return the reply to one request, valid or not."""
+        try:
+            return self._reply(frames, self._shown)
+        except Refused as refused:
+            return [b"error", str(refused).encode("utf-8", "replace")]
+        # what a client sends, or a value of the mission, must not end the service
+        except Exception as error:
+            return [b"error", f"{type(error).__name__}: {error}".encode("utf-8", "replace")]
+
+    def _reply(self, frames: List[bytes], shown: "Optional[_Shown]") -> List[bytes]:
+        if len(frames[0]) != 6:
+            raise Refused("wrong request header")
+        if shown is None:
+            raise Refused("no tree yet")
+        _, kind, number = struct.unpack("<BBI", frames[0])
+        command = _COMMANDS.get(chr(kind))
+        if command is None:
+            raise Refused("Request not recognized")
+        payload = command(shown, frames)
+        header = struct.pack("<BBI", PROTOCOL, kind, number) + shown.uuid
+        return [header] if payload is None else [header, payload]
+
+
+class _Lines:
+    """Limits the lines about hooks: a client may change hooks a thousand times a second."""
+
+    def __init__(self, warn: Callable[[str], None]):
+        self.warn = warn
+        self._began, self._told, self._left_out = 0.0, 0, 0
+
+    def tell(self, text: str) -> None:
+        """Send a line to the operator, or count it as left out."""
+        self.flush()
+        if self._told < MOST_LINES:
+            self._told += 1
+            self.warn(text)
+        else:
+            self._left_out += 1
+
+    def flush(self) -> None:
+        """Start the next second if one has passed, with a line about those left out."""
+        now = time.monotonic()
+        if now - self._began >= 1.0:
+            left_out, self._began, self._told, self._left_out = self._left_out, now, 0, 0
+            if left_out:
+                self.warn(f"Groot2: {left_out} more changes of breakpoints and replacements in one "
+                          "second")
+
+
+class _Shown:
+    """One tree as Groot2 sees it: the status of each node, transitions, blackboards, hooks."""
+
+    def __init__(self, tree: Tree, specs: Sequence[NodeSpec], hooks: Hooks):
+        self.tree = tree
+        self.uuid = uuid.uuid4().bytes
+        self.hooks = hooks
+        self._order = _by_instance(tree)
+        self._specs = specs
+        self._xml = b""
+        self._transitions: Deque[Tuple[int, int, int]] = collections.deque(maxlen=MOST_TRANSITIONS)
+        self._recording_since: Optional[float] = None
+        tree.follow(self._follow)
+
+    def _follow(self, is_first: Optional[bool], changes: List[Change]) -> None:
+        """Note the transitions. Called on the tick thread."""
+        if self._recording_since is not None:
+            moment = int(1e6 * (time.monotonic() - self._recording_since))
+            self._transitions.extend((moment, node.uid, CODES[new]) for node, _, new in changes)
+
+    # ------------------------------------------------------------------------------------- requests
+
+    def full_tree(self, frames: List[bytes]) -> bytes:
+        """``T``: the unfolded tree and the model of all node types, as XML."""
+        if not self._xml:
+            self._xml = full_tree(self.tree, self._specs).encode()
+        return self._xml
+
+    def status(self, frames: List[bytes]) -> bytes:
+        """``S``: uid and status of each node, grouped by subtree instance."""
+        nodes = self.tree.nodes
+        return b"".join(struct.pack("<HB", uid, _code(nodes[uid - 1])) for uid in self._order)
+
+    def blackboard(self, frames: List[bytes]) -> bytes:
+        """``B``: the entries of the named subtree instances, and the root's if another one is
+        named."""
+        boards = dict(self.tree.blackboards)
+        boards[self.tree.id] = boards.pop("")
+        wanted = {
+            name: boards[name] for name in _second(frames).decode().split(";") if name in boards}
+        if any(board.parent is not None for board in wanted.values()):
+            wanted["ROOT"] = boards[self.tree.id]
+        return pack({name: _entries(board) or None for name, board in wanted.items()} or None)
+
+    def insert_hooks(self, frames: List[bytes]) -> None:
+        """``I``: one hook or an array of them; if one is wrong, none is set."""
+        given = _json(frames)
+        self.hooks.insert([Hook(*read_fields(each, *Hook._fields))
+                           for each in (given if isinstance(given, list) else [given])])
+
+    def remove_hook(self, frames: List[bytes]) -> None:
+        """``R``: the hook of a node and position."""
+        if not self.hooks.remove(*read_fields(_json(frames), "position", "uid")):
+            raise Refused("Node ID not found")
+
+    def unlock(self, frames: List[bytes]) -> None:
+        """``U``: a breakpoint may go on."""
+        if not self.hooks.unlock(*read_fields(
+                _json(frames), "position", "uid", "desired_status", "remove_when_done")):
+            raise Refused("Node ID not found")
+
+    def dump_hooks(self, frames: List[bytes]) -> bytes:
+        """``D``: all hooks as JSON."""
+        hooks = [hook._asdict() for hook in self.hooks.all()]
+        return json.dumps(hooks, sort_keys=True, separators=(",", ":")).encode()
+
+    def record(self, frames: List[bytes]) -> Optional[bytes]:
+        """``r``: start or stop recording transitions; a start is answered with the time in
+        microseconds."""
+        if _second(frames) == b"start":
+            self._transitions.clear()
+            self._recording_since = time.monotonic()
+            return str(int(1e6 * time.time())).encode()
+        self._recording_since = None
+        return None
+
+    def transitions(self, frames: List[bytes]) -> bytes:
+        """``t``: the transitions since the last time."""
+        taken = []
+        while self._transitions:
+            when, uid, code = self._transitions.popleft()
+            taken.append(struct.pack("<Q", when)[:6] + struct.pack("<HB", uid, code))
+        return b"".join(taken)
+
+
+_COMMANDS: Dict[str, Callable[[_Shown, List[bytes]], Optional[bytes]]] = {
+    "T": _Shown.full_tree, "S": _Shown.status, "B": _Shown.blackboard, "I": _Shown.insert_hooks,
+    "R": _Shown.remove_hook, "U": _Shown.unlock, "D": _Shown.dump_hooks, "r": _Shown.record,
+    "t": _Shown.transitions,
+    "A": lambda shown, frames: shown.hooks.remove_all(),
+    "X": lambda shown, frames: shown.hooks.disable_all()}  # they stay in the list
+
+
+def _second(frames: List[bytes]) -> bytes:
+    if len(frames) != 2:
+        raise Refused("must be 2 parts message")
+    return frames[1]
+
+
+def _json(frames: List[bytes]) -> Any:
+    text = _second(frames)
+    try:
+        return json.loads(text.decode())
+    except ValueError as error:
+        raise Refused(f"not JSON: {error}")
+
+
+# ----------------------------------------------------------------------------------------- the tree
+
+
+def _by_instance(tree: Tree) -> List[int]:
+    """Return the uids grouped by subtree instance, in the order in which the instances were made.
+    """
+    groups: Dict[int, List[int]] = {id(board): [] for board in tree.blackboards.values()}
+    for node in tree.nodes:
+        groups[id(node.blackboard)].append(node.uid)
+    return [uid for uids in groups.values() for uid in uids]
+
+
+def _code(node: Node) -> int:
+    """Return the code of a node's status, or of what it was before it went back to IDLE."""
+    return CODES[node.status] or (WAS + CODES[node.was] if node.was is not IDLE else 0)
+
+
+def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:
+    """Return the tree as Groot2 reads it: a ``<BehaviorTree>`` for each subtree instance, then the
+    model."""
+    lines = ['<root BTCPP_format="4">']
+    inside = {id(node.children[0].blackboard): node for node in tree.nodes
+              if node.registration_id == "SubTree"}
+    for path, board in tree.blackboards.items():
+        subtree = inside.get(id(board))
+        name = tree.id if subtree is None else subtree.attributes["ID"]
+        lines.append(f"  <BehaviorTree ID={quoteattr(name)} _fullpath={quoteattr(path)}>")
+        root = tree.root if subtree is None else subtree.children[0]
+        lines.extend("    " + line for line in _element(root, inside, tree))
+        lines.append("  </BehaviorTree>")
+    return "\n".join(lines + [tree_nodes_model(specs, "  "), "</root>"])
+
+
+def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
+    """Return the lines of one node and those below it, down to the SubTrees."""
+    if node.registration_id == "SubTree":
+        board = node.children[0].blackboard
+        path = next(path for path, other in tree.blackboards.items() if other is board)
+        shown = {"ID": node.attributes["ID"], "_fullpath": path, "_uid": str(node.uid)}
+        shown.update((key, text) for key, text in node.attributes.items() if key in CONDITIONS or (
+            key not in ("ID", "name") and key[:1] != "_"))
+        children: List[Node] = []
+    else:
+        shown = {"name": node.name, "_uid": str(node.uid)}
+        ports = {port.name for port in node.spec.ports}
+        shown.update((key, text) for key, text in node.attributes.items()
+                     if key in CONDITIONS or key in ports)
+        children = node.children
+    start = "<{} {}".format(node.registration_id, " ".join(
+        f"{key}={quoteattr(text)}" for key, text in shown.items()))
+    if not children:
+        return [start + "/>"]
+    lines = ["  " + line for child in children for line in _element(child, inside, tree)]
+    return [start + ">"] + lines + [f"</{node.registration_id}>"]
+
+
+# ----------------------------------------------------------------------------------- the blackboard
+
+_MAP, _ARRAY = (0x80, 0xde), (0x90, 0xdc)
+"""First bytes of MessagePack's maps and arrays: the short form, plus its length, and the form with
+a length of two bytes."""
+
+
+def pack(value: Any) -> bytes:
+    """Return MessagePack as the library writes it: keys in order, and reals in four bytes where
+    that loses nothing."""
+    if isinstance(value, dict):
+        return _head(_MAP, len(value)) + b"".join(
+            msgspec.msgpack.encode(key) + pack(value[key]) for key in sorted(value))
+    if isinstance(value, list):
+        return _head(_ARRAY, len(value)) + b"".join(pack(item) for item in value)
+    if isinstance(value, float) and _fits_single(value):
+        return struct.pack(">Bf", 0xca, value)
+    return msgspec.msgpack.encode(value)
+
+
+def _head(forms: Tuple[int, int], length: int) -> bytes:
+    short, long = forms
+    if length < 0x10:
+        return struct.pack("B", short + length)
+    return struct.pack(">BH", long, length) if length < 0x10000 else struct.pack(
+        ">BI", long + 1, length)
+
+
+def _fits_single(value: float) -> bool:
+    try:
+        return struct.unpack("<f", struct.pack("<f", value))[0] == value
+    except OverflowError:
+        return False
+
+
+def _entries(board: Blackboard) -> Dict[str, Any]:
+    """Return the entries of one blackboard that have a value that can be shown."""
+    values = {key: _plain(entry.value) for key, entry in dict(board.local).items()}
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as numbers, texts, lists and objects, or None if it is none of these."""
+    if isinstance(value, (bool, int, float, str)):
+        return value
+    if hasattr(value, "_asdict"):  # the mission's own records: places, points
+        return {key: _plain(item) for key, item in value._asdict().items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return None

@@ -1,0 +1,220 @@
+"use strict";
+// One moment of a run, now or earlier, on page and report: card, robot, stops, transcript, blackboard, and the scrubber.
+
+// the status of a node; small letters: before it went back to idle
+const SIGNS = {R: "▶", S: "✔", F: "✘", s: "✔", f: "✘", r: "■", "-": "·"};
+const WORDS = {R: "running", S: "success", F: "failure", s: "success earlier in this visit", f: "failure earlier in this visit",
+               r: "halted", "-": "not yet ticked"};
+
+// --------------------------------------------------------------------------------------------------------- what is sent
+
+// what ``changes`` of parts.py were made of
+function patched(old, change) {
+  if (change === null || typeof change !== "object" || Array.isArray(change)) return change;
+  if (Array.isArray(old)) return old.slice(change.drop).concat(change.add);
+  const made = Object.assign({}, old);
+  for (const [name, value] of Object.entries(change)) made[name] = patched(made[name], value);
+  return made;
+}
+
+// text only where it has changed: what is read aloud is read once
+function put(where, text) { if (where.textContent !== text) where.textContent = text; }
+
+// a text that leads to its node, if it has one
+function leading(text, uid) {
+  if (!uid) return document.createTextNode(text);
+  const made = element("a", "", text);
+  made.href = "#" + NODE + uid;
+  return made;
+}
+
+function fillTable(id, rows) {
+  byId(id).tBodies[0].replaceChildren(...(rows.length ? rows : [["none"]]).map(row => {
+    const made = element("tr");
+    made.append(...row.map(text => element("td", rows.length ? "" : "quiet", text)));
+    return made;
+  }));
+}
+
+const showBlackboard = entries => fillTable("blackboard", Object.entries(entries).filter(([, text]) => text !== null));
+
+// -------------------------------------------------------------------------------------------------------- which moment
+
+let ahead = 0;       // seconds by which the node's clock is ahead of this one
+let frozen = null;   // the moment that is shown, by the node's clock; null: now
+let wanted = null;   // the one to show next
+let isAsking = false;
+let timeOfDay = at => new Date(1000 * at).toTimeString().slice(0, 8);
+let travels = null;  // {at: returns what was so, show: shows these parts, live: shows what is so now, end: of a run that has ended}
+
+const nodeTime = () => frozen === null ? Date.now() / 1000 + ahead : frozen;
+
+async function travel(at) {
+  [frozen, wanted] = [at, at];
+  showMoment();
+  if (isAsking) return;
+  isAsking = true;
+  try {
+    while (wanted !== null) {
+      const asked = wanted;
+      wanted = null;
+      const parts = await travels.at(asked);
+      if (frozen !== null) travels.show(parts);
+    }
+  } catch (error) {
+    // the connection is lost: the foot of the page says so
+  } finally {
+    isAsking = false;
+  }
+}
+
+function live() {
+  [frozen, wanted] = [null, null];
+  showMoment();
+  travels.live();
+}
+
+function showMoment() {
+  const isPast = frozen !== null && frozen !== travels.end;
+  byId("live").setAttribute("aria-pressed", !isPast);
+  document.body.classList.toggle("past", isPast);
+  put(byId("moment"), timeOfDay(nodeTime()));
+  byId("scrub").value = nodeTime();
+  byId("scrub").setAttribute("aria-valuetext", timeOfDay(nodeTime()));
+}
+
+const STRIDES = {ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -60, PageUp: 60};  // seconds
+
+function listenToScrubber() {
+  const scrub = byId("scrub");
+  scrub.addEventListener("input", () => travel(Number(scrub.value)));
+  scrub.addEventListener("keydown", event => {
+    if (!(event.key in STRIDES)) return;
+    event.preventDefault();
+    travel(Math.min(Math.max(nodeTime() + STRIDES[event.key], scrub.min), scrub.max));
+  });
+  byId("live").addEventListener("click", live);
+  walkByArrows(byId("transcript"), "a, summary");
+  addEventListener("resize", () => { byId("transcript").scrollTop = byId("transcript").scrollHeight; });
+  byId("transcript").addEventListener("click", event => {
+    const chosen = event.target.closest("time");
+    if (chosen) travel(Number(chosen.parentElement.dataset.at));
+  });
+}
+
+// ------------------------------------------------------------------------------------------------------- card and robot
+
+const STOP_SIGNS = {"under way": "▶", completed: "✔", "left out": "✘", "broken off": "✘"};
+let visit = null;    // the one under way, or the last one
+let card = {kind: "idle", what: "nothing runs", since: null, until: null};
+let sentences = [];
+
+function showNow(part) {
+  card = part.card;
+  put(byId("now"), card.what);
+  byId("now").title = card.what;
+  byId("card").dataset.kind = card.kind;
+  put(byId("waits"), [card.attempt > 1 ? "attempt " + card.attempt + " of " + card.attempts : "",
+                      card.waits_for ? "waits for " + card.waits_for : "", card.trouble].filter(Boolean).join(" · "));
+  put(byId("next"), card.next ? "next: " + card.next : "");
+  showRobot(part.robot);
+  showElapsed();
+}
+
+// what a person has to do stays until it is done
+function showRobot(robot) {
+  const texts = {alive: robot.alive, place: robot.place, attention: "attention " + robot.attention,
+                 movement: "lifelike movement " + robot.movement, safe: robot.safe, instruction: robot.instruction};
+  for (const [id, text] of Object.entries(texts)) put(byId(id), text);
+  byId("robot").classList.toggle("ill", !robot.is_well);
+}
+
+function showStory(story) {
+  visit = story.visit;
+  sentences = story.sentences;
+  put(byId("visitor"), visit ? visitorText() : "No visitor yet");
+  showStops(visit ? visit.stops : []);
+  showTranscript(sentences);
+}
+
+function visitorText() {
+  const current = visit.stops.find(each => each.state === "under way");
+  return (visit.arrived === null ? "Pass " : "Visitor ") + visit.number + (current ? " · " + (current.noun || "stop") + " " + current.number + " of " + current.of + ", " + current.name : "");
+}
+
+function showElapsed() {
+  const since = card.since === null ? null : Math.max(0, nodeTime() - card.since);
+  const left = card.until === null ? null : Math.max(0, card.until - nodeTime()).toFixed(0) + " s";
+  const limit = card.until === null ? 0 : card.until - card.since;
+  let text = "";
+  if (card.kind === "asleep" && left) text = "until " + timeOfDay(card.until) + ", " + left + " more";
+  else if (card.kind === "step" && left) text = since.toFixed(0) + " s of at most " + +limit.toFixed(1) + " s";
+  else if (since !== null && card.kind !== "ended") text = "for " + duration(1000 * since).replace(/\.\d/, "") + (left ? ", at most " + left + " more" : "");
+  put(byId("elapsed"), text);
+  byId("limit").classList.toggle("none", !limit);
+  if (limit) [byId("limit").max, byId("limit").value] = [limit, Math.min(since, limit)];
+}
+
+function showStops(stops) {
+  byId("stops").replaceChildren(...stops.map(each => {
+    const made = element("li", each.state.replace(" ", "-"));
+    made.append(element("span", "sign", STOP_SIGNS[each.state]), " " + each.number + " " + each.name);
+    if (each.state === "left out" || each.state === "broken off")
+      made.append(": " + each.state + (each.why ? ", " + each.why : ""));
+    return made;
+  }));
+}
+
+// what is new comes last, and in view unless the reader has scrolled back; what the board keeps no more goes. Sentences of one
+// incident are one entry: its cause, and beneath it what was done about it
+function showTranscript(told) {
+  const box = byId("transcript"), list = box.firstChild;
+  const isAtEnd = box.scrollTop + box.clientHeight >= box.scrollHeight - 8;
+  const known = [...list.querySelectorAll("[data-number]")].sort((one, other) => one.dataset.number - other.dataset.number);
+  const last = known[known.length - 1], same = last && told.find(each => each.number === Number(last.dataset.number));
+  const goesOn = same && same.at === Number(last.dataset.at);  // else it is another moment, or another run
+  if (!goesOn) list.replaceChildren();
+  for (const each of told) if (!goesOn || each.number > same.number) addSentence(list, each);
+  const oldest = told.length ? told[0].number : 0;
+  for (const one of known) if (Number(one.dataset.number) < oldest) one.remove();
+  for (const one of [...list.children]) if (!one.querySelector("[data-number]")) one.remove();
+  if (isAtEnd || frozen !== null) box.scrollTop = box.scrollHeight;
+}
+
+function addSentence(list, told) {
+  const known = told.incident && list.querySelector('[data-incident="' + told.incident + '"][data-visit="' + told.visit + '"]');
+  if (!known) {
+    list.append(entry(told, list.lastChild));
+    return;
+  }
+  let more = known.querySelector("details");
+  if (!more) {
+    more = element("details");
+    more.append(element("summary"), element("ol"));
+    more.firstChild.tabIndex = -1;
+    known.append(more);
+  }
+  const item = element("li", told.severity);
+  item.append(sentence(told));
+  more.lastChild.append(item);
+  put(more.firstChild, more.lastChild.childElementCount + " more; last: " + told.text);
+}
+
+function entry(told, before) {
+  const made = element("li", told.severity);
+  if (told.incident) made.dataset.incident = told.incident;
+  made.dataset.visit = told.visit;
+  if (before && before.dataset.visit !== made.dataset.visit) made.classList.add("begins");
+  made.append(sentence(told));
+  return made;
+}
+
+function sentence(told) {
+  const made = element("div", "sentence"), text = element("span");
+  made.dataset.number = told.number;
+  made.dataset.at = told.at;
+  text.append(leading(told.text, told.uid));
+  for (const link of text.querySelectorAll("a")) link.tabIndex = -1;
+  made.append(element("time", "", told.time), text);
+  return made;
+}

@@ -1,0 +1,228 @@
+"""The state of a running mission as it is sent: the parts of the board, declared once for the
+page's server and ``missionStatus``.
+"""
+from typing import Any, Dict, List, Optional
+
+from msgspec import Struct
+
+STEP, WAIT, RETRY, HELD, ASLEEP, PAUSED, BUSY, IDLE, ENDED = (
+    "step", "wait", "retry", "held", "asleep", "paused", "busy", "idle", "ended")
+"""The kinds of cards."""
+
+
+class Card(Struct, frozen=True):
+    """What the run does now. Times are Unix seconds."""
+
+    kind: str
+    what: str = ""
+    where: str = ""  # the visitor, and the stop
+    since: Optional[float] = None
+    until: Optional[float] = None  # at the latest
+    attempt: int = 1
+    attempts: int = 1
+    waits_for: str = ""
+    trouble: str = ""  # with what it waits for
+    next: str = ""  # the node that follows if this succeeds; empty: the tree does not say it
+    uid: int = 0
+
+
+class RobotLine(Struct, frozen=True):
+    """How the robot is, and what a person has to do, if anything."""
+
+    is_well: bool
+    alive: str
+    attention: str
+    movement: str
+    place: str
+    safe: str = ""  # after a stop: what was reached of the safe state
+    instruction: str = ""
+
+    @property
+    def text(self) -> str:
+        """All on one line, the instruction last."""
+        parts = (self.alive, "attention " + self.attention, "lifelike movement " + self.movement,
+                 self.place, self.safe)
+        text = " · ".join(filter(None, parts))
+        return f"{text}. {self.instruction}" if self.instruction else text
+
+
+def card_line(now: Card, at: float) -> str:
+    """Return the card on one line, as of that time."""
+    if now.kind in (IDLE, ENDED):
+        return now.where
+    parts = [now.what]
+    if now.attempt > 1 and now.kind != RETRY:
+        parts.append(f" (attempt {now.attempt} of {now.attempts})")
+    if now.since is not None:
+        limit = "" if now.until is None else f" of at most {now.until - now.since:g} s"
+        parts.append(f", {max(0.0, at - now.since):.0f} s{limit}")
+    if now.trouble:
+        parts.append("; " + now.trouble)
+    return " · ".join(filter(None, (now.where, "".join(parts))))
+
+
+class NodeRow(Struct, frozen=True):
+    """The row of a node in the tree; ``bare``: it only says how the mission is put together."""
+
+    uid: int
+    parent: int
+    name: str
+    kind: str
+    path: str = ""
+    subtree: bool = False
+    bare: bool = False
+
+
+class MissionPart(Struct, frozen=True):
+    """The nodes in document order, with their parents' numbers: a tree may be very deep."""
+
+    file: str
+    nodes: List[NodeRow]
+
+
+class Statuses(Struct, frozen=True):
+    """The letter of each node, and the running leaf (0: none)."""
+
+    letters: str
+    tip: int = 0
+
+
+class Now(Struct, frozen=True):
+    """The card, the robot, and how the mission ended."""
+
+    card: Card
+    robot: RobotLine
+    count: int
+    ended: str
+
+
+class SentenceRow(Struct, frozen=True):
+    """A sentence of the story, with its number and its time of day."""
+
+    number: int
+    at: float
+    time: str
+    visit: int
+    kind: str
+    severity: str
+    text: str
+    uid: int
+    incident: float
+
+
+class StopRow(Struct, frozen=True):
+    """A stop of a visit."""
+
+    number: int
+    of: int
+    name: str
+    state: str
+    why: str
+    noun: str
+
+
+class VisitRow(Struct, frozen=True):
+    """A visit; ``told``: how it ended."""
+
+    number: int
+    time: str
+    began: float
+    arrived: Optional[float]
+    outcome: str
+    stops: List[StopRow]
+    told: str
+
+
+class StoryPart(Struct, frozen=True):
+    """The visit under way, or the last one, and the newest sentences."""
+
+    visit: Optional[VisitRow]
+    sentences: List[SentenceRow]
+
+
+class Visits(Struct, frozen=True):
+    """The visits that ended, the newest last, and how many there were in words."""
+
+    counted: str
+    outcomes: Dict[str, int]
+    newest: List[VisitRow]
+
+
+class StepRow(Struct, frozen=True):
+    """A step of the visit: when it began, and how long it took."""
+
+    words: str
+    began: float
+    uid: int
+    is_wait: bool
+    seconds: float
+
+
+class Offer(Struct, frozen=True):
+    """A service, topic or the master; ``told``: its strongest trouble in short,
+    and ``rank`` how strong that is; 0 is the strongest.
+    """
+
+    kind: str
+    name: str
+    well: bool
+    status: str
+    consequence: str
+    told: str = ""
+    rank: int = 0
+    calls: int = 0
+    failures: int = 0
+    seconds: Optional[float] = None
+    age: Optional[float] = None
+
+
+class Alive(Struct, frozen=True):
+    """How long ago the tick thread gave its last sign of life, and whether that is too long.
+
+    ``at`` is the time of the node's clock, ``kept`` the earliest moment that can be shown, in Unix
+    seconds.
+    """
+
+    age: Optional[float]
+    hangs: bool
+    at: float
+    kept: Optional[float] = None
+
+
+PARTS = ("mission", "statuses", "now", "story", "visits", "timeline", "blackboard", "health",
+         "alive")
+"""The names of the parts. A message has what has changed of them: see ``changes``."""
+
+
+def changes(old: Dict[str, Any], new: Dict[str, Any]) -> Dict[str, Any]:
+    """Return what differs in ``new``, as JSON for ``patched``.
+
+    Of a record the fields that differ, with None for one that is gone; of a list the number of
+    items to ``drop`` at its begin, and those to ``add`` at its end.
+    """
+    found = {name: _change(old.get(name), value) for name, value in new.items()
+             if name not in old or old[name] != value}
+    found.update(dict.fromkeys(old.keys() - new.keys()))
+    return found
+
+
+def _change(old: Any, new: Any) -> Any:
+    if isinstance(old, dict) and isinstance(new, dict):
+        return changes(old, new)
+    if isinstance(old, list) and isinstance(new, list):
+        drop = next(count for count in range(len(old) + 1) if old[count:] == new[:len(old) - count])
+        return {"drop": drop, "add": new[len(old) - drop:]}
+    return new
+
+
+def patched(old: Any, change: Any) -> Any:
+    """Return what ``changes`` were made of. Raises ValueError for changes that do not fit."""
+    if not isinstance(change, dict):
+        return change
+    if isinstance(old, list):
+        drop, add = change.get("drop"), change.get("add")
+        if not isinstance(drop, int) or not isinstance(add, list):
+            raise ValueError("a list is changed without drop and add")
+        return old[drop:] + add
+    known = old if isinstance(old, dict) else {}
+    return dict(known, **{name: patched(known.get(name), value) for name, value in change.items()})

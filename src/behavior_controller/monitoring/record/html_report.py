@@ -1,0 +1,367 @@
+"""A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes,
+the mission file."""
+import collections
+import itertools
+import json
+import os
+import re
+from time import localtime, strftime
+from types import SimpleNamespace
+from typing import (
+    Counter, DefaultDict, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union)
+
+from msgspec.structs import replace
+from tornado.template import Template
+
+from behavior_controller import leaves
+from behavior_controller.bt.engine.node import label
+from behavior_controller.bt.loader.document import parse
+from behavior_controller.bt.registry import Registry
+from behavior_controller.bt.status import NAMES
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.execution.events import (
+    LETTERS, Event, LeafFinished, Line, Retried, RunStarted, TreeNode, TreeShown)
+from behavior_controller.execution.run import with_nodes
+from behavior_controller.execution.state import UNDER_WAY, NodeResult, State, Step, Visit
+from behavior_controller.robot.gateway import Cause
+from behavior_controller.missions.load import build_tree
+from behavior_controller.monitoring.moment import robot_line
+from behavior_controller.monitoring.story import (
+    Sentence, Story, cause, completed, counted, how_it_ended, step_words, title, why)
+from behavior_controller.monitoring.board import is_bare, port_texts
+from behavior_controller.monitoring.record.timeline import Bar, Lanes
+from behavior_controller.monitoring.record.moments import Moments
+from behavior_controller.monitoring.report_frame import encodable, file_text, framed
+from behavior_controller.monitoring.view import View, clock
+
+SECTIONS = {"then": "Moment", "story": "Story", "timeline": "Timeline", "tree": "Tree",
+            "files": "Mission file", "settings": "Configuration"}
+SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
+LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
+NO, RETRY, DONE = "n", "r", "d"
+"""Kinds of bars in addition to the statuses: a condition that does not hold, a retry that failed, a
+step."""
+
+LEGEND = {
+    "S": "success", "F": "failure", "h": "halted", NO: "not yet true", RETRY: "a retry failed",
+    "w": "waiting for a visitor", "warning": "warning", "error": "error"}
+
+DEEPEST = 100
+"""Levels of nested lists; browsers accept no more than about 170, so deeper nodes are shown beside
+their parent."""
+
+
+class Written(NamedTuple):
+    """How the file writes a node: the number of a document of the record, the line in it, and the
+    ports.
+
+    A port is its name, its text, and whether that text stands in the file; otherwise it is the
+    default.
+    """
+
+    document: int
+    line: int
+    ports: List[Tuple[str, str, bool]]
+
+
+class Drawn:
+    """What the report shows of one mission of a record, processed line by line."""
+
+    def __init__(self, began: float, started: RunStarted, nodes: List[TreeNode]):
+        self.began = self.ended = began
+        self.started = started
+        self.nodes = nodes
+        self.visits: Dict[int, Visit] = {}
+        self.told: Dict[int, List[Sentence]] = {}  # by visit; 0 is what was before the first
+        self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # results of each node
+        # kinds of results of each mission leaf
+        self.finished: List[Counter[str]] = [Counter() for _ in nodes]
+        self.steps: List[Bar] = []
+        self.lanes = Lanes()  # results of mission leaves, from their events
+        self.changes = Lanes()  # results of other nodes, from their changes of status
+        self.moments = Moments()
+        self._view = View()
+        self._view.take(began, TreeShown("", nodes))
+        self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
+
+    @property
+    def run(self) -> State:
+        """What was so at the end."""
+        return self._view.state
+
+    def take(self, time: float, event: Event) -> None:
+        """Process the next line."""
+        self.ended = max(self.ended, time)
+        for sentence in self._view.take(time, event):
+            self.told.setdefault(sentence.visit, []).append(sentence)
+        visit = self.run.visit
+        if visit is not None:
+            self.visits[visit.number] = visit
+            self.told.setdefault(visit.number, [])
+        if self._view.step_over is not None:
+            self._end_step(self._view.step_over)
+        for ended in self.run.concluded(NodeResult):
+            self._end(ended)
+        self._draw(time, event)
+        self.moments.take(self._view, self._since(self.ended))
+
+    def _end(self, ended: NodeResult) -> None:
+        self.counts[ended.uid - 1][ended.letter] += 1
+        if ended.uid not in self.lanes:
+            self.changes.add(ended.uid,
+                             Bar(self._since(ended.began), self._since(ended.ended), ended.letter))
+
+    def _end_step(self, step: Step) -> None:
+        end = self._since(step.ended or step.began)
+        self.steps.append(Bar(self._since(step.began), end, DONE, step_words(step)))
+        self.lanes.end_wait(step.uid, NO, end)  # a condition tells that it does not hold once
+
+    def _draw(self, time: float, event: Event) -> None:
+        end = self._since(time)
+        if isinstance(event, Retried):
+            self.lanes.add(self._uids.get(event.path, 0), Bar(end, end, RETRY,
+                                                              cause(event.failure)))
+        elif isinstance(event, LeafFinished) and 0 < event.uid <= len(self.nodes):
+            is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
+            kind = NO if is_no else LETTER_OF.get(event.status, "-")
+            self.finished[event.uid - 1][kind] += 1
+            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind,
+                      cause(event.failure) if event.failure else "")
+            self.lanes.add(event.uid, bar, is_asked_again=is_no)
+
+    def _since(self, time: float) -> float:
+        return max(0.0, time - self.began)
+
+    def finish(self) -> "Drawn":
+        """Draw what was under way when the record ended."""
+        if self.run.step is not None:
+            self._end_step(replace(self.run.step, ended=self.ended))
+        return self
+
+
+def to_html(lines: Iterable[Line], verdict: str = "") -> str:
+    """Return the page of a record (its last mission, if the mission was changed while it ran).
+
+    ``verdict`` is a text that stands before the story.
+    """
+    earlier, run = _last(lines)
+    written, doubt = _written(run)
+    told = {number: _grouped(part) for number, part in run.told.items()}
+    visits: List[Tuple[Optional[Visit], List[Tuple[int, Sentence]]]] = [(None, told[0])]
+    visits += [(visit, told[visit.number]) for visit in run.visits.values()]
+    documents = [(encodable(file), re.split("\r\n?|\n", encodable(text)))
+                 for file, text in run.started.sources.documents]
+    live = file_text("page_files", "index.html")
+    content = Template(file_text("report_files", "report.html")).generate(
+        clock=clock, seconds=_seconds, sign=_sign, why=why, how_it_ended=how_it_ended,
+        letter_of=_letter, completed=completed, verdict=verdict, choices=_choices(run),
+        legend=LEGEND, lanes=run.lanes, visits=visits, rows=_rows(run, written),
+        doubt=encodable(doubt),
+        settings={encodable(key): encodable(value) for key, value in run.started.settings.items()},
+        documents=documents, moment=_between(live, '<div id="card">', "</section>"),
+        robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
+    heads = ["; ".join(_heads(run)), "Robot at the end: " + robot_line(run.run).text]
+    sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
+    return framed("Mission " + title(run.started.mission), heads + list(_lacks(run, earlier)),
+                  sections, content.decode(), _script(), _data(run, written))
+
+
+def _last(lines: Iterable[Line]) -> Tuple[List[RunStarted], Drawn]:
+    """Return the missions before the last one, and the last one's run."""
+    runs: List[RunStarted] = []
+    run: Optional[Drawn] = None
+    for line, nodes in with_nodes(lines):
+        event = line.event
+        if isinstance(event, RunStarted):
+            run = Drawn(line.time, event, nodes)
+            runs.append(event)
+        if run is not None:
+            run.take(line.time, event)
+    assert run is not None  # ``decode`` has seen to it
+    return runs[:-1], run.finish()
+
+
+def _written(run: Drawn) -> Tuple[Dict[str, Written], str]:
+    """Return how the file writes the nodes, by path, and why that is not known, if it is not."""
+    sources = run.started.sources.documents
+    try:
+        tree = build_tree([parse(text, file) for file, text in sources])
+    except BehaviorControllerError as error:
+        return {}, ("No lines and ports of the nodes are known: this release cannot read the "
+                    f"mission ({error}).")
+    number = {source.file: place for place, source in enumerate(sources)}
+    return {node.full_path: Written(number[node.element.document.file], node.element.place()[0], [
+        (name, text, name in node.element.attributes) for name, text in port_texts(node).items()])
+            for node in tree.nodes if node.element is not None}, ""
+
+
+def _script() -> str:
+    """Return the script; what shows moments has names of its own."""
+    common, report = file_text("page_files", "common.js"), file_text("report_files", "report.js")
+    moments = file_text("page_files", "moment.js") + file_text("report_files", "moments.js")
+    return f"{common}{report}{{\n{moments}}}\n"
+
+
+def _between(text: str, begin: str, end: str) -> str:
+    """Return a part of a page that another page has too, with its begin."""
+    place = text.index(begin)
+    return text[place:text.index(end, place)]
+
+
+# ---------------------------------------------------------------------------------- parts of a page
+
+
+def _seconds(seconds: float) -> str:
+    """Return a duration as text, such as ``2 min 5 s``."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else "{} h {} min".format(*divmod(minutes, 60))
+
+
+def _sign(letter: str, word: str) -> str:
+    return '<b class="{}" title="{}">{}</b>'.format(letter, word, SIGNS[letter])
+
+
+def _letter(visit: Visit) -> str:
+    return LETTER_OF.get(visit.outcome, "R" if visit.ended is None else "-")
+
+
+def _heads(run: Drawn) -> List[str]:
+    """Return when the mission ran, and how it ended."""
+    finished = run.run.finished
+    return [f"{strftime('%Y-%m-%d', localtime(run.began))} {clock(run.began)} to "
+            f"{clock(run.ended)}, {_seconds(run.ended - run.began)}", counted(run.run.outcomes),
+            "the record ends before the run: the node was killed, or the record full"
+            if finished is None else "ended: " + finished.outcome]
+
+
+def _lacks(run: Drawn, earlier: List[RunStarted]) -> Iterator[str]:
+    """Yield what the report does not have."""
+    if earlier:
+        yield "Before it the record has {}, which this report leaves out.".format(
+            ", ".join(mission.mission for mission in earlier))
+    if run.run.lost:
+        yield f"The record lacks {run.run.lost} lines, which the disk was too slow for."
+
+
+# -------------------------------------------------------------------------------------------- story
+
+
+def _choices(run: Drawn) -> List[Tuple[str, str, str, Counter[str]]]:
+    """Return the lists by which sentences are found: title, id, first choice, and the values."""
+    told = [each for part in run.told.values() for each in part]
+    return [("About", "kind", "everything", Counter(each.kind for each in told)),
+            ("Severity", "severity", "all", Counter(each.severity for each in told)),
+            ("Cause", "cause", "any", Counter(each.cause for each in told if each.cause))]
+
+
+def _grouped(told: List[Sentence]) -> List[Tuple[int, Sentence]]:
+    """Return sentences; one that is repeated within a second comes once, with its count."""
+    groups = itertools.groupby(told, lambda each: each._replace(at=int(each.at)))
+    alike = (list(group) for _, group in groups)
+    return [(len(group), group[0]) for group in alike]
+
+
+# ----------------------------------------------------------------------------------------- timeline
+
+
+def _numbers(lanes: Iterable[Tuple[int, List[Bar]]],
+             notes: Dict[str, int]) -> List[List[Union[int, str]]]:
+    """Return for each lane its key, and for each bar its begin and length (ms), kind, count and
+    number of its note."""
+    found: List[List[Union[int, str]]] = []
+    for key, bars in lanes:
+        found.append([key])
+        for bar in bars:
+            found[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind,
+                          bar.count, notes.setdefault(bar.note, len(notes))]
+    return found
+
+
+def _data(run: Drawn, written: Dict[str, Written]) -> str:
+    """Return what the script draws, as JSON that may stand in HTML: milliseconds from the begin of
+    the run."""
+    notes: Dict[str, int] = {}
+    lanes = _numbers(itertools.chain([(0, run.steps)], run.lanes), notes)
+    types = {node.type for node in run.nodes}
+    visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (
+        visit.began, visit.arrived or visit.began,
+        run.ended if visit.ended is None else visit.ended)] for visit in run.visits.values()]
+    outcomes = [_letter(visit) for visit in run.visits.values()]
+    data = {
+        "began": round(1000 * run.began), "offset": 1000 * localtime(run.began).tm_gmtoff,
+        "length": round(1000 * (run.ended - run.began)), "visits": visits, "outcomes": outcomes,
+        "lanes": lanes, "changes": _numbers(run.changes, notes), "notes": list(notes),
+        "nodes": [[node.type, written[node.path].ports if node.path in written else []]
+                  for node in run.nodes],
+        "types": {spec.id: spec.summary for spec in leaves.registry().all() if spec.id in types},
+        "moments": run.moments.packed(), "words": dict(LEGEND, **{"R": UNDER_WAY, DONE: ""}),
+        "signs": SIGNS}
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+
+
+# --------------------------------------------------------------------------------------------- tree
+
+
+class ResultRow(NamedTuple):
+    """A node with its results; what never ran is grey."""
+
+    uid: int
+    path: str
+    name: str
+    kind: str
+    is_bare: bool
+    has_run: bool
+    results: List[Tuple[str, str, int]]
+    place: Optional[Written]
+    file: str
+
+
+def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[ResultRow, str]]:
+    """Yield the nodes of the tree in order, and between them the tags that nest their lists."""
+    nodes = run.nodes
+    children: DefaultDict[int, List[int]] = collections.defaultdict(list)
+    for number, node in enumerate(nodes, 1):
+        children[node.parent].append(number)
+    registry = leaves.registry()
+    # a node, or what closes one, and its level
+    waiting: List[Tuple[Union[int, str], int]] = [(1, 1)]
+    while waiting:
+        item, level = waiting.pop()
+        if isinstance(item, str):
+            yield item
+            continue
+        is_nested = bool(children[item]) and level < DEEPEST
+        yield _row(run, item, written, registry)
+        yield "<ul>" if is_nested else "</li>"
+        closing = "</ul></li>" if is_nested else ""
+        waiting += [(closing, level)] + [(child, level + 1) for child in reversed(children[item])]
+
+
+def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) -> ResultRow:
+    node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
+    name, kind = label(
+        SimpleNamespace(uid=uid, full_path=node.path, registration_id=node.type, name=node.name))
+    # a condition that does not hold has not failed
+    failed = finished["F"] if finished[NO] else count["F"]
+    results = (("S", "success", count["S"]), ("F", "failure", failed),
+               (NO, LEGEND[NO], count["F"] - failed))
+    place = written.get(node.path)
+    file = "" if place is None else run.started.sources.documents[place.document].file
+    return ResultRow(
+        uid, encodable(node.path), encodable(name), encodable(kind),
+        bool(node.parent) and is_bare(registry.find(node.type), node.name),
+        bool(count) or uid in run.run.running,
+        [result for result in results if result[2] > 0], place, encodable(os.path.basename(file)))
+
+
+# ------------------------------------------------------------------------------------ on a terminal
+
+
+def story_lines(lines: Iterable[Line]) -> Iterator[str]:
+    """Yield the sentences of a record, each with the time of day."""
+    story = Story()
+    for line in lines:
+        for sentence in story.take(line.time, line.event):
+            yield f"{clock(sentence.at)} {sentence.text}"

@@ -1,0 +1,286 @@
+"""The record of a run: all inputs and actions of the mission, one JSON object a line, complete
+enough to replay.
+
+A line for each event, each traversal of the tree with the statuses and the entries that it changed,
+each request, each answer in the traversal that saw it, and each message in the traversal that
+looked at it. The tick thread only queues what happened; a separate thread formats the lines a
+little later, so that this delays nothing that the robot waits for.
+"""
+import collections
+import os
+import shutil
+import threading
+import time
+from functools import partial
+from typing import Any, BinaryIO, Callable, Deque, Dict, List, Optional, Tuple
+
+from behavior_controller import folders
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.node import PRE_CONDITIONS
+from behavior_controller.bt.engine.tree import Change, Tree
+from behavior_controller.bt.engine.blackboard import Entry as EntryOfTree
+from behavior_controller.execution.events import (
+    LETTERS, EntriesWritten, Event, Lost, Message, StillHearing, Tick, TreeNode, TreeShown)
+from behavior_controller.robot.gateway import Sample, Topics
+from behavior_controller.robot.declarations import Topic
+from behavior_controller.robot.requests import Location, Point
+from behavior_controller.text import clean
+from behavior_controller.monitoring.record.codec import encode, header
+
+FILE_NAME = "mission.jsonl"
+
+MOST_BYTES = 50_000_000
+"""The most bytes of a record; the rest of a longer run is not recorded."""
+
+MOST_RUNS = 20
+"""Number of runs that are kept in the default folder."""
+
+LONGEST_VALUE = 120
+"""The most characters of the value of an entry."""
+
+MOST_WAITING = 100_000
+"""The most lines that wait for a slow disk."""
+
+OPENING = 0.5
+"""The most seconds that ``open`` waits for the file."""
+
+REST = 0.05
+"""Seconds between two rounds of formatting lines."""
+
+
+def new_folder(logs: str) -> str:
+    """Return the folder of a new run below ``logs``, and remove all others but the newest
+    ``MOST_RUNS - 1``."""
+    place = os.path.join(logs, folders.RECORDS)
+    runs = sorted(os.listdir(place)) if os.path.isdir(place) else []
+    for name in runs[:max(0, len(runs) - MOST_RUNS + 1)]:
+        shutil.rmtree(os.path.join(place, name), ignore_errors=True)
+    return os.path.join(place, f"{time.strftime('%Y%m%d-%H%M%S')}_{os.getpid()}")
+
+
+def shown(tree: Tree) -> TreeShown:
+    """Return the event for a tree that is going to run."""
+    return TreeShown(tree.id, [TreeNode(
+        node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
+        _pause(node), any(node.attributes.get(name) for name in PRE_CONDITIONS))
+        for node in tree.nodes])
+
+
+def _pause(node: Any) -> float:
+    """Return how many seconds a node pauses; 0 if it does not, or the file does not say it."""
+    text = node.attributes.get(node.spec.pause, "")
+    return int(text) / 1000.0 if text.isdecimal() else 0.0
+
+
+def traversed(at: float, is_first: Optional[bool], changes: List[Change]) -> Tick:
+    """Return the event for a traversal ``at`` that time of the clock, as a follower of its tree is
+    told of it."""
+    return Tick(at, is_first, [(node.uid, LETTERS[new]) for node, _, new in changes])
+
+
+def entry_text(value: Any) -> str:
+    """Return the value of an entry as one line for people, short enough for a table."""
+    if isinstance(value, list):
+        text = ", ".join(getattr(item, "name", str(item)) for item in value)
+    elif isinstance(value, Location):
+        text = "x {:g} m, y {:g} m, {:g}°".format(*value)
+    elif isinstance(value, Point):
+        text = "x {:g} m, y {:g} m, z {:g} m".format(*value)
+    else:
+        is_whole = isinstance(value, float) and value.is_integer()
+        text = f"{value:.0f}" if is_whole else str(value)
+    return clean(text, LONGEST_VALUE)
+
+
+def written(*entries: Tuple[str, Any]) -> EntriesWritten:
+    """Return the event for entries with these values."""
+    return EntriesWritten([(name, None if value is None else entry_text(value))
+                           for name, value in entries])
+
+
+class Entries:
+    """Which entries of a tree's blackboards were written since the last call of ``news``."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+        self._writes = 0
+        self._known: Dict[str, Tuple[EntryOfTree, int]] = {}
+
+    def news(self) -> List[Tuple[str, Any]]:
+        """Return name and value of each entry that was written; None for one that was removed. On
+        the tick thread."""
+        if self._writes == self._tree.blackboard.writes:
+            return []
+        self._writes = self._tree.blackboard.writes
+        before, self._known = self._known, {}
+        found: List[Tuple[str, Any]] = []
+        for path, board in self._tree.blackboards.items():
+            for key, entry in board.local.items():
+                name = f"{path}/{key}" if path else key
+                self._known[name] = entry, entry.sequence
+                if before.pop(name, None) != self._known[name]:
+                    found.append((name, entry.value))
+        return found + [(name, None) for name in before]
+
+
+class Record(Topics):
+    """Writes ``<directory>/mission.jsonl``. A sink of events, and the robot's topics as the mission
+    reads them. A failure to write is reported once; the run goes on.
+
+    The file is opened, written and closed on a separate thread: a disk may be slow, or hang.
+    """
+
+    def __init__(self, directory: str, clock: Clock, complain: Callable[[str], None]):
+        self._clock = clock
+        self.path = os.path.join(directory, FILE_NAME)
+        self._complain = complain
+        self._lost = 0  # notes that did not fit since the last one that did
+        self._notes: Deque[Tuple[float, Callable[..., Event], Tuple[Any,
+                                                                    ...]]] = collections.deque()
+        self._is_over = threading.Event()
+        self._reads: Dict[Topic, int] = {}  # in this traversal
+        self._seen: Dict[Topic, Tuple[Sample, ...]] = {}
+        self._is_open = threading.Event()  # or has failed
+        self._thread: Optional[threading.Thread] = threading.Thread(target=self._write,
+                                                                    name="record", daemon=True)
+
+    def open(self) -> "Record":
+        """Write from now on, also what has happened before; return itself.
+
+        Until then the disk is as it was. Waits ``OPENING`` for the disk, for ``is_kept`` to say
+        more.
+        """
+        if self._thread is not None:
+            self._thread.start()
+            self._is_open.wait(OPENING)
+        return self
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the record has been written without a failure so far."""
+        return self._thread is not None
+
+    def _tell(self, reason: Any) -> None:
+        self._complain(f"no record is written to {self.path}: {reason}; the mission goes on")
+
+    def close(self) -> None:
+        """Write the waiting lines, for a second at most."""
+        thread = self._thread
+        if thread is not None and thread.is_alive():
+            self._note_loss()
+            self._is_over.set()
+            thread.join(1.0)
+
+    # -------------------------------------------------------------------------------------- writing
+
+    def __call__(self, event: Event) -> None:
+        """Record an event."""
+        self._note(lambda: event)
+
+    def _note(self, make: Callable[..., Event], *values: Any) -> None:
+        """Queue what happened, without waking a thread: the event is made of ``values`` and written
+        later."""
+        if self._thread is None:
+            return
+        if len(self._notes) >= MOST_WAITING:
+            self._lost += 1
+            return
+        self._note_loss()
+        self._notes.append((time.time(), make, values))
+
+    def _note_loss(self) -> None:
+        """Put a ``Lost`` line where lines are missing."""
+        if self._lost:
+            self._notes.append((time.time(), Lost, (self._lost,)))
+            self._lost = 0
+
+    def _write(self) -> None:
+        """Format and write lines until the end, on a separate thread, as a disk may be slow."""
+        try:
+            os.makedirs(os.path.dirname(self.path), exist_ok=True)
+            # O_NONBLOCK: else open() would wait on a FIFO of that name
+            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK
+            with open(os.open(self.path, flags, 0o666), "wb") as file:
+                self._is_open.set()
+                self._fill(file)
+        except (OSError, ValueError) as error:
+            self._tell(getattr(error, "strerror", None) or error)
+        finally:
+            self._thread = None
+            self._notes.clear()
+            self._is_open.set()
+
+    def _fill(self, file: BinaryIO) -> None:
+        is_last = False
+        written = file.write(header(os.getpid(), time.time()))
+        while not is_last:
+            is_last = self._is_over.wait(REST)
+            while self._notes:
+                line = self._line(*self._notes.popleft())
+                written += len(line)
+                if written > MOST_BYTES:
+                    self._tell(f"it has reached {MOST_BYTES} bytes and ends here")
+                    return
+                file.write(line)
+            file.flush()
+
+    def _line(self, when: float, make: Callable[..., Event], values: Tuple[Any, ...]) -> bytes:
+        event = make(*values)
+        if isinstance(event, Lost):
+            self._complain(f"the record {self.path} lacks {event.lines} lines, because the disk is "
+                           "too slow; the mission goes on")
+        return encode(when, event)
+
+    # --------------------------------------------------------------------------------- what happens
+
+    def show(self, tree: Tree) -> None:
+        """Record ``tree`` from now on, with each message that it reads."""
+        self._seen.clear()
+        tree.follow(partial(self._follow, Entries(tree)))
+        self._note(shown, tree)
+
+    def _follow(self, entries: Entries, is_first: Optional[bool], changes: List[Change]) -> None:
+        self._reads.clear()
+        news = entries.news()
+        if news:
+            self._note(written, *news)
+        # what is halted or reset between two traversals follows from what is recorded
+        if is_first is not None:
+            self._note(traversed, self._clock.now(), is_first, changes)
+
+    # --------------------------------------------------------------------------- the robot's topics
+
+    def topics(self, inner: Topics) -> Topics:
+        """Return itself: topics like ``inner``, of which the messages that are read are recorded.
+        """
+        self._inner = inner
+        return self
+
+    def recent(self, topic: Topic) -> Tuple[Sample, ...]:
+        """Record those messages of a topic that the mission had not read before."""
+        samples = self._inner.recent(topic)
+        read = self._reads[topic] = self._reads.get(topic, 0) + 1
+        before = self._seen.get(topic, ())
+        if samples is not before:
+            self._seen[topic] = samples
+            known = set(map(id, before))
+            for sample in samples:
+                if id(sample) not in known:
+                    self._note(Message, topic.name, read, sample.value, sample.arrived)
+        return samples
+
+    def is_hearing(self, topic: Topic) -> bool:
+        """Record that the robot still hears something on a topic."""
+        is_so = self._inner.is_hearing(topic)
+        if is_so:
+            self._note(StillHearing, topic.name)
+        return is_so
+
+    def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
+        self._inner.wake_when(key, topic, wanted)
+
+    def listen(self, topic: Topic, seconds: float) -> None:
+        self._inner.listen(topic, seconds)
+
+    def ignore(self, topic: Topic, reason: str, missed: Callable[[Any], bool]) -> None:
+        self._inner.ignore(topic, reason, missed)

@@ -1,0 +1,337 @@
+"""Runs a recorded mission again, without ROS, on the recorded answers and messages: does it take
+the same path?"""
+import glob
+import itertools
+import os
+import sys
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, TypeVar, Union
+
+from behavior_controller import exit_codes, folders, leaves, ros_arguments
+from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
+from behavior_controller.bt.engine.clock import ManualClock
+from behavior_controller.bt.loader.document import parse
+from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
+from behavior_controller.errors import (
+    BehaviorControllerError, ConfigurationError, Fault, FaultsFound, MissionError)
+from behavior_controller.execution.events import (
+    LETTERS, Answered, Asked, Event, Events, HealthChanged, Line, Lost, Message, PassFinished,
+    PassStarted, RunStarted, StillHearing, Tick, TreeNode)
+from behavior_controller.execution.run import with_nodes
+from behavior_controller.robot.gateway import Call, Failure, Gateway, Sample, Topics
+from behavior_controller.execution.health import Health
+from behavior_controller.robot.declarations import Interface, Topic
+from behavior_controller.robot.requests import Answer, Request
+from behavior_controller.robot.interfaces import INTERFACES
+from behavior_controller.config.knowledge_files import Knowledge
+from behavior_controller.missions.load import Mission, build_tree, load_tree
+from behavior_controller.text import Source, Unreadable, clean, count, read_bytes
+from behavior_controller.monitoring.record.codec import decode
+from behavior_controller.monitoring.record.recorder import FILE_NAME, MOST_BYTES
+from behavior_controller.monitoring.record.html_report import story_lines, to_html
+
+Part = TypeVar("Part")
+
+LATEST = "latest"
+"""The argument that means the newest record of the default folder."""
+
+
+class Replayed(NamedTuple):
+    """The result of a replay. ``divergence`` says where the runs diverge; empty: nowhere."""
+
+    passes: int
+    changes: int
+    divergence: str = ""
+
+    def __str__(self) -> str:
+        """Return the line for the operator."""
+        if self.divergence:
+            return f"the runs diverge {clean(self.divergence)}"
+        changes = count(self.changes, "change of status", "changes of status")
+        return f"the same path: {count(self.passes, 'pass', 'passes')}, {changes}"
+
+
+class Diverged(Exception):
+    """The replay differs from the record; the text says where."""
+
+
+def find_record(name: str) -> str:
+    """Return the path of a record, given that, the folder of one run, or ``latest``: the newest of
+    the default folder."""
+    if name == LATEST and not os.path.exists(name):
+        paths = _records_below(folders.records())
+        if not paths:
+            raise MissionError([Fault(os.path.join(folders.records(), "*", FILE_NAME), 0, 0,
+                                      "there is no record yet", "name a record or its folder")])
+        return paths[-1]
+    path = os.path.join(name, FILE_NAME)
+    below = _records_below(name)
+    if not below or os.path.exists(path):
+        return path if os.path.isdir(name) else name
+    if len(below) > 1:
+        raise MissionError([Fault(name, 0, 0, f"the folder has the records of {len(below)} runs",
+                                  f"name one, the newest is {os.path.dirname(below[-1])}")])
+    return below[0]
+
+
+def _records_below(folder: str) -> List[str]:
+    return sorted(
+        filter(os.path.isfile, glob.glob(os.path.join(glob.escape(folder), "*", FILE_NAME))))
+
+
+def read_record(path: str) -> List[Line]:
+    """Return the lines of a record. Raises MissionError if it cannot be read or is invalid."""
+    return list(stream_record(path))
+
+
+def stream_record(path: str) -> Iterator[Line]:
+    """Yield the lines of ``read_record`` one by one: a fault is raised when its line is reached."""
+    try:
+        data = read_bytes(path, MOST_BYTES)
+    except Unreadable as error:
+        raise MissionError([Fault(path, 0, 0, f"the record cannot be read: {error}")]) from error
+    return decode(data, path)
+
+
+def replay(lines: List[Line], mission: Optional[str] = None) -> Replayed:
+    """Run the record again, with the file ``mission`` in place of each mission in it if one is
+    given.
+
+    Raises BehaviorControllerError if that file, or the content of the record, cannot be run.
+    """
+    replaying: Optional[_Replay] = None
+    passes, changes = 0, 0
+    for line, nodes in with_nodes(lines):
+        event = line.event
+        if isinstance(event, RunStarted):
+            replaying = _Replay(event, nodes, mission)
+        elif replaying is not None:
+            passes += isinstance(event, PassFinished)
+            try:
+                changes += replaying.take(event)
+            except Diverged as diverged:
+                return Replayed(passes, changes, f"in pass {passes + 1}, {diverged}")
+    return Replayed(passes, changes)
+
+
+def _restored(what: str, read: Callable[[], Part]) -> Part:
+    """Return the result of ``read``, a part of a record. Raises MissionError, in one line, if this
+    release cannot use it."""
+    try:
+        return read()
+    except FaultsFound as found:
+        more = len(found.faults) - 1
+        raise _unusable("its {} cannot be used: {}{}".format(
+            what, found.faults[0], f"; and {more} more" if more else "")) from found
+
+
+def _unusable(text: str) -> MissionError:
+    return MissionError(
+        [Fault("the record", 0, 0, text, "replay it with the release that wrote it")])
+
+
+class _Replay:
+    """One mission of a record, and the recorded answers and messages."""
+
+    def __init__(self, started: RunStarted, nodes: List[TreeNode], mission: Optional[str]):
+        sources = started.sources
+        if sources.interface not in INTERFACES:
+            raise _unusable(
+                f"its interface is {sources.interface}; this release has {', '.join(INTERFACES)}")
+        self.clock = ManualClock()
+        self.tree = load_tree(mission, clock=self.clock) if mission is not None else _restored(
+            "mission", lambda: build_tree([parse(text, file)
+                                           for file, text in sources.documents], clock=self.clock))
+        self._nodes = nodes  # of the record, by uid - 1
+        self._world = _World(INTERFACES[sources.interface])
+        self._health = Health()
+        self._began: Optional[float] = None
+        self._now: List[Tuple[str, str]] = []
+        chosen = _restored("configuration", lambda: settings.recorded(started.settings, "settings"))
+        spoken = _restored("phrases", lambda: phrases.recorded(sources.phrases))
+        rules = _restored("recovery policy",
+                          lambda: recovery_policy.read(sources.policy, leaves.mission_specs()))
+        known = _restored("knowledge",
+                          lambda: _knowledge(sources.knowledge, INTERFACES[sources.interface]))
+        self.tree.subscribe(lambda node, old, new: self._now.append((node.full_path, LETTERS[new])))
+        restored = Mission(chosen, started.mission, spoken, rules, self.tree, known)
+        self._mission = restored.context(self._world, self._world, Events(), self._health)
+        self.tree.setup(mission=self._mission)
+
+    def take(self, event: Event) -> int:
+        """Process one event; a traversal is repeated and compared. Return how many statuses it
+        changed."""
+        if isinstance(event, (Asked, Answered, Message, StillHearing)):
+            self._world.take(event)
+        elif isinstance(event, Lost):
+            raise Diverged(f"the record lacks {event.lines} lines")
+        elif isinstance(event, PassStarted):
+            self._mission.begin_visit(self.tree.blackboard, event.at)
+        elif isinstance(event, HealthChanged):
+            self._health.report(event.respect, event)
+            self._health.publish(Events())
+        elif isinstance(event, Tick):
+            return self._traverse(event)
+        return 0
+
+    def _traverse(self, tick: Tick) -> int:
+        self.clock.set_to(tick.at)
+        self._began = tick.at if self._began is None else self._began
+        self._now.clear()
+        self._world.begin()
+        result: Any = None
+        try:
+            if tick.first:
+                self.clock.run_due()
+            result = self.tree.root.execute()
+        except BehaviorControllerError:
+            pass  # it ended a pass of the recorded run too
+        self._compare([(self._nodes[uid - 1].path, letter) for uid, letter in tick.changes],
+                      tick.at - self._began)
+        if result is SUCCESS or result is FAILURE:
+            self.tree.root.reset()
+        elif result is not RUNNING:
+            self.tree.halt()
+        return len(tick.changes)
+
+    def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
+        """Raise ``Diverged`` at the first difference."""
+        status = next((f"recorded is {_words(was)}, now it is {_words(now)}"
+                       for was, now in itertools.zip_longest(recorded, self._now) if was != now),
+                      "")
+        differences = "; ".join(filter(None, (status, self._world.difference())))
+        if differences:
+            raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")
+
+
+def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:
+    if interface.has_knowledge_files != (len(sources) == 2):
+        raise ConfigurationError([Fault(
+            "sources.knowledge", 0, 0,
+            f"{len(sources)} files do not fit the robot {interface.name}")])
+    return knowledge_files.read(sources[0], sources[1]) if sources else None
+
+
+def _words(change: Optional[Tuple[str, str]]) -> str:
+    words: Dict[str, str] = {letter: NAMES[status] for status, letter in LETTERS.items()}
+    return "no further change" if change is None else f"{change[0]} {words[change[1]]}"
+
+
+class _World(Gateway, Topics):
+    """The recorded answers and messages: those that a traversal read precede it in the record."""
+
+    def __init__(self, interface: Interface) -> None:
+        self._interface = interface
+        self._calls: List[Call] = []  # each has its result from the traversal on that read it
+        self._wanted: List[Request] = []  # requests that the traversal must make
+        self._results: Dict[int, Union[Answer, Failure]] = {}
+        self._messages: List[Tuple[Topic, int, Sample]] = []
+        self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
+        self._reads: Dict[Topic, int] = {}
+        self._heard: List[str] = []  # on which topics the robot still hears something
+        self._difference = ""  # between the requests that are made and the recorded ones
+
+    def take(self, event: Union[Asked, Answered, Message, StillHearing]) -> None:
+        """Store a request, an answer, a message or a state of the robot for the next traversal."""
+        if isinstance(event, Asked):
+            self._wanted.append(event.request)
+        elif isinstance(event, Answered):
+            self._results[event.call] = event.result
+        elif isinstance(event, StillHearing):
+            self._heard.append(event.topic)
+        else:
+            sample = Sample(event.value, event.arrived)
+            self._messages.append((self._interface.topic(event.topic), event.read, sample))
+
+    def begin(self) -> None:
+        """A traversal begins."""
+        self._reads.clear()
+        for number, result in list(self._results.items()):
+            if number <= len(self._calls):
+                self._calls[number - 1].finish(self._results.pop(number))
+
+    def start(self, request: Request) -> Call:
+        """Compare a request with the recorded one; its answer is the recorded one's."""
+        call = Call(request, lambda: None)
+        self._calls.append(call)
+        recorded = self._wanted.pop(0) if self._wanted else None
+        if not self._difference and recorded != request:
+            self._difference = "recorded is {}, now it asks {} for {}".format(
+                "no request" if recorded is None else f"the request {recorded}",
+                self._interface.resource(type(request)), request)
+        if len(self._calls) in self._results:
+            call.finish(self._results.pop(len(self._calls)))
+        return call
+
+    def difference(self) -> str:
+        """Return how the requests of the traversal differ from the recorded ones; empty if they do
+        not."""
+        if self._wanted and not self._difference:
+            return f"recorded is the request {self._wanted[0]}, now there is none"
+        return self._difference
+
+    def recent(self, topic: Topic) -> Tuple[Sample, ...]:
+        """Return the recorded messages for this read of a topic."""
+        self._reads[topic] = self._reads.get(topic, 0) + 1
+        for entry in list(self._messages):
+            if entry[0] is topic and entry[1] <= self._reads[topic]:
+                self._recent[topic] = topic.kept(self._recent.get(topic, ()), entry[2])
+                self._messages.remove(entry)
+        return self._recent.get(topic, ())
+
+    def is_hearing(self, topic: Topic) -> bool:
+        """Return whether it is recorded for this traversal, once for each time it was asked."""
+        if topic.name not in self._heard:
+            return False
+        self._heard.remove(topic.name)
+        return True
+
+    def wake_when(self, key: Any, topic: Topic, wanted: Any) -> None:
+        """Do nothing: the record decides when the tree is traversed."""
+
+
+# -------------------------------------------------------------------------------------- the command
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    """Return the exit code of ``replayMission``: 0 the same path, 3 another path, 2 the record
+    cannot be replayed."""
+    parser = ros_arguments.CommandParser(
+        "replayMission", "Runs a recorded mission again and says whether it takes the same path.",
+        "0 if it takes the same path or the report is written, 3 if it takes another one, "
+        "2 if the record cannot be replayed or the call is wrong, 1 if there is no output")
+    parser.add_argument("record", help=f"mission.jsonl of a run, its folder, or {LATEST}: the "
+                                       f"newest in {folders.records()}")
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument(
+        "--mission", metavar="FILE",
+        help="run this file, such as the edited mission, instead of the mission in the record")
+    instead.add_argument("--report", metavar="OUT.html",
+                         help="write a report of the recorded run as a web page instead")
+    instead.add_argument("--story", action="store_true",
+                         help="print what happened instead, a line each")
+    chosen = ros_arguments.parse(parser, arguments)
+    try:
+        path = find_record(chosen.record)
+        if chosen.report:
+            _write(chosen.report, to_html(stream_record(path)))
+            print(f"{clean(chosen.report)}: the report of {clean(path)}")
+            return exit_codes.SUCCESS
+        if chosen.story:
+            print("\n".join(story_lines(stream_record(path))))
+            return exit_codes.SUCCESS
+        outcome = replay(read_record(path), chosen.mission)
+    except BehaviorControllerError as error:
+        print(error, file=sys.stderr)
+        return exit_codes.WRONG_INPUT
+    print(outcome)
+    return exit_codes.FAILURE if outcome.divergence else exit_codes.SUCCESS
+
+
+def _write(path: str, text: str) -> None:
+    try:
+        with open(path, "w", encoding="utf-8", errors="replace") as file:
+            file.write(text)
+    except (OSError, ValueError) as error:
+        raise MissionError([Fault(path, 0, 0,
+                                  "the report cannot be written: "
+                                  f"{getattr(error, 'strerror', None) or error}")]) from error

@@ -1,0 +1,108 @@
+"""Shared by the servers of the page and of Groot2: a thread with an event loop, and a limit on
+connections.
+
+The robot needs the process's file descriptors: a server holds a limited number of them, whatever
+connects to its port.
+"""
+import asyncio
+import contextlib
+import socket
+import threading
+import time
+from typing import Any, Callable, Coroutine, Dict, List, Optional
+
+from tornado.iostream import IOStream
+from tornado.netutil import bind_sockets
+
+SHORTEST_IDLE = 2.0
+"""Seconds for which an idle connection keeps its place."""
+
+
+class Connections:
+    """The open connections of one server, ``most`` at the same time."""
+
+    def __init__(self, most: int):
+        self._most = most
+        # the connection that was idle longest comes first
+        self._last_used: Dict[IOStream, float] = {}
+
+    def admit(self, stream: IOStream) -> bool:
+        """Give ``stream`` a place and return whether it has one; a stream without a place is
+        closed.
+
+        When all places are taken, it gets the place of the connection that was idle longest, if
+        that was 2 s or more.
+        """
+        for known in [known for known in self._last_used if known.closed()]:
+            del self._last_used[known]
+        if len(self._last_used) >= self._most:
+            idle, last_used = next(iter(self._last_used.items()))
+            if time.monotonic() - last_used < SHORTEST_IDLE:
+                stream.close()
+                return False
+            del self._last_used[idle]
+            idle.close()
+        # so that a computer that vanished frees its place
+        stream.socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self.use(stream)
+        return True
+
+    def use(self, stream: IOStream) -> None:
+        """Note that ``stream`` is active now."""
+        self._last_used.pop(stream, None)
+        self._last_used[stream] = time.monotonic()
+
+
+def opened(address: str, port: int, consequence: str, key: str,
+           warn: Callable[[str], None]) -> List[socket.socket]:
+    """Return the sockets of a port; if it cannot be opened none, and ``warn`` gets a line that says
+    what follows from it, and with which key of the configuration it is changed."""
+    try:
+        return bind_sockets(port, address)
+    except OSError as error:
+        warn(f"{consequence}: {address}:{port} cannot be opened ({error.strerror or error}); set "
+             f"{key} to another port, or to 0")
+        return []
+
+
+class LoopThread:
+    """A thread on which an event loop runs until ``close``."""
+
+    def __init__(self, name: str, begin: Callable[[], None], end: Callable[[], None]):
+        """``begin`` is called in the running loop, ``end`` when the loop ends, for any reason."""
+        self._loop = asyncio.new_event_loop()
+        self._loop.call_soon(begin)
+        self._end = end
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Have the loop call ``function`` soon, unless the loop has ended. Any thread may call
+        this; it does not wait."""
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(function, *arguments)
+
+    def close(self, finish: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
+        """End the loop after ``finish``, and wait for its end for a second at most."""
+        self.call(self._loop.stop if finish is
+                  None else lambda: self._loop.create_task(self._end_after(finish)))
+        self._thread.join(1.0)
+
+    async def _end_after(self, finish: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        try:
+            await finish()
+        finally:
+            self._loop.stop()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_forever()
+        finally:
+            self._end()
+            tasks = asyncio.all_tasks(self._loop)
+            for task in tasks:
+                task.cancel()
+            if tasks:
+                self._loop.run_until_complete(asyncio.wait(tasks))
+            self._loop.close()

@@ -1,0 +1,252 @@
+"""Bounded queues to threads that write: a terminal or log that blocks stops its own thread and
+nothing else."""
+import collections
+import contextlib
+import io
+import logging
+import os
+import re
+import select
+import sys
+import textwrap
+import threading
+import time
+import unicodedata
+from typing import Any, Callable, Deque, Iterable, List
+
+from behavior_controller.text import LONGEST, clean
+
+COLOURS = re.compile(r"(?:\x1b\[[\d;]*m)*")
+"""The control sequences with which rospy begins a coloured line."""
+
+RESET = "\x1b[0m"
+"""Their end. rospy writes it after the line's end, where it would stay in the buffer until the next
+line."""
+
+LONGEST_LINE = 2 * LONGEST
+"""The most characters of a line: a text from outside, and the message around it."""
+
+MOST_WAITING = 1000
+"""The most items that wait for a blocked sink."""
+
+AT_ONCE = 100
+"""The most items that a sink with a rest writes before it rests again."""
+
+FLOOD = 1000
+"""The number of waiting items from which such a sink does not try to keep up, because that would
+slow down the robot."""
+
+AT_ONCE_IN_FLOOD = 10
+"""The most items that it then writes before it rests again."""
+
+INDENT = "    "
+"""The indentation of continued lines, where a line is broken to fit the terminal."""
+
+class Sink:
+    """A daemon thread that writes the items of its queue. ``put`` never waits; items that do not
+    fit are counted."""
+
+    def __init__(self, name: str, write: Callable[[Any], object], item: Callable[[str], Any],
+                 most: int = MOST_WAITING, rest: float = 0.0):
+        """``item`` makes an item of the text that reports how many were lost. Raises RuntimeError
+        if no thread can be started.
+
+        With a ``rest`` in seconds ``put`` wakes no thread: the sink checks its queue at that
+        interval and writes at most ``AT_ONCE`` items each time, ``AT_ONCE_IN_FLOOD`` in a flood, so
+        that it delays nothing that the robot waits for.
+        """
+        self._write = write
+        self._name = name
+        self._item = item
+        self._most = most
+        self._rest = rest
+        self._since_rest = 0  # items written
+        self._is_drained = False  # a thread waits until everything is written
+        self._waiting: Deque[Any] = collections.deque()
+        self._lost = 0
+        self._is_busy = False
+        self._news = threading.Condition()
+        threading.Thread(target=self._work, name=name, daemon=True).start()
+
+    def put(self, item: Any) -> None:
+        """Queue ``item`` for writing; if the queue is full, count it as lost."""
+        with self._news:
+            if self._lost or len(self._waiting) >= self._most:
+                self._lost += 1
+            else:
+                self._waiting.append(item)
+                if not self._rest:
+                    self._news.notify_all()
+
+    def drain(self, seconds: float) -> None:
+        """Return when everything is written, after ``seconds`` at the latest; the sink does not
+        rest meanwhile."""
+        with self._news:
+            self._is_drained = True
+            self._news.notify_all()
+            self._news.wait_for(lambda: not (self._waiting or self._is_busy), seconds)
+            self._is_drained = False
+
+    def _work(self) -> None:
+        while True:
+            self._write(self._next())
+
+    def _next(self) -> Any:
+        """Wait for the next item and return it."""
+        with self._news:
+            self._is_busy = False
+            self._news.notify_all()
+            if self._rest:
+                self._wait_for_look()
+            else:
+                self._news.wait_for(lambda: self._waiting)
+            self._is_busy = True
+            item = self._waiting.popleft()
+            if self._lost and len(self._waiting) <= self._most // 2:
+                self._waiting.append(self._item(
+                    f"{self._lost} lines left out: {self._name} did not take them in time"))
+                self._lost = 0
+            return item
+
+    def _wait_for_look(self) -> None:
+        """Return when there is an item, and it is time to write it."""
+        while not self._waiting or self._since_rest >= (AT_ONCE if len(self._waiting) < FLOOD else
+                                                        AT_ONCE_IN_FLOOD):
+            self._news.wait_for(lambda: self._is_drained and self._waiting, self._rest)
+            self._since_rest = 0
+        self._since_rest += 1
+
+
+def drain(sinks: Iterable[Sink], seconds: float) -> None:
+    """Drain all of ``sinks``, within ``seconds`` together."""
+    ends = time.monotonic() + seconds
+    for sink in sinks:
+        sink.drain(max(0.0, ends - time.monotonic()))
+
+
+# ----------------------------------------------------------------------------- the standard streams
+
+
+class LineStream(io.TextIOBase):
+    """A text stream whose whole lines go into a sink as bytes."""
+
+    def __init__(self, sink: Sink, original: Any):
+        """``original`` is the stream that this one replaces."""
+        self._sink = sink
+        self._original = original
+        self._is_terminal = original.isatty()
+        self._lock = threading.Lock()
+        self._part = ""  # of a line that has not ended
+
+    def write(self, text: str) -> int:
+        """Queue ``text``; characters that the terminal lacks, or that would control it, are
+        escaped."""
+        with self._lock:
+            whole, newline, self._part = (self._part + text).rpartition("\n")
+            for line in whole.split("\n") if newline else []:
+                colours = COLOURS.match(line).group()  # type: ignore[union-attr]
+                text = clean(line[len(colours):], LONGEST_LINE)
+                colours = colours.replace(RESET, "")
+                line = colours + text + (RESET if colours else "") + newline
+                self._sink.put(line.encode(self._original.encoding, "backslashreplace"))
+        return len(text)
+
+    def isatty(self) -> bool:
+        """Whether this is a terminal, so that lines may have colours: see https://no-color.org."""
+        return self._is_terminal and not os.environ.get("NO_COLOR")
+
+    def fileno(self) -> int:
+        """Return the descriptor of the original."""
+        return self._original.fileno()
+
+
+NAMED = "]: behaviorController: "
+"""What a terminal, which shows one program, does without; other readers get the node's name."""
+
+HEARTBEAT = ": running.\n"
+"""The end of the only line that keeps it (D3.2)."""
+
+
+def take_over_streams() -> List[Sink]:
+    """Redirect ``sys.stdout`` and ``sys.stderr`` to sinks, and return these: a single one if both
+    are the same file."""
+    out, err = sys.stdout, sys.stderr
+    sinks = [_stream_sink(out)]
+    if not os.path.sameopenfile(out.fileno(), err.fileno()):
+        sinks.append(_stream_sink(err))
+    sys.stdout, sys.stderr = LineStream(sinks[0], out), LineStream(sinks[-1], err)
+    return sinks
+
+
+def _stream_sink(stream: Any) -> Sink:
+    descriptor = stream.fileno()
+
+    def line(text: str) -> bytes:
+        return f"[WARN] [{time.strftime('%H:%M:%S')}]: behaviorController: {text}\n".encode()
+
+    def write(data: bytes) -> None:
+        if stream.isatty():
+            line = data.decode(stream.encoding)
+            if not line.endswith(HEARTBEAT):
+                line = line.replace(NAMED, "]: ", 1)
+            data = fitted(line, columns(descriptor)).encode(stream.encoding)
+        _write_all(descriptor, data)
+
+    return Sink("the terminal", write, line)
+
+
+def columns(descriptor: int) -> int:
+    """Return the width of a terminal in characters; 0 if it is unknown."""
+    try:
+        return os.get_terminal_size(descriptor).columns
+    except OSError:
+        return 0
+
+
+def fitted(line: str, width: int) -> str:
+    """Return a line with its end, broken between words into lines of at most ``width`` characters;
+    0: as it is."""
+    colours = COLOURS.match(line).group()  # type: ignore[union-attr]
+    text = line[len(colours):].rstrip("\n")
+    end = RESET if colours and text.endswith(RESET) else ""
+    text = text[:len(text) - len(end)]
+    if any(unicodedata.east_asian_width(letter) in "WF" for letter in text):
+        width //= 2  # such letters take two columns
+    if len(text) <= width or width <= len(INDENT):
+        return line
+    is_path = "/" in max(text.split(), key=len)  # which is copied: the terminal breaks it
+    lines = textwrap.wrap(text, width, subsequent_indent=INDENT, break_on_hyphens=False,
+                          break_long_words=not is_path)
+    return colours + "\n".join(lines) + end + "\n"
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    """Write ``data`` without a time limit; nothing if the terminal is gone."""
+    with contextlib.suppress(OSError):
+        while data:
+            try:
+                data = data[os.write(descriptor, data):]
+            except BlockingIOError:  # another process has made the terminal non-blocking
+                select.select([], [descriptor], [])
+
+
+# ------------------------------------------------------------------------------------------ logging
+
+
+class Detached(logging.Handler):
+    """Passes records to another handler on a separate thread."""
+
+    def __init__(self, handler: logging.Handler) -> None:
+        super().__init__(handler.level)
+        self.path: str = getattr(handler, "baseFilename", "")
+        """The stream of the log file, if ``handler`` writes one."""
+
+        def warning(text: str) -> logging.LogRecord:
+            return logging.LogRecord("rosout", logging.WARNING, __file__, 0,
+                                     "behaviorController: %s", (text,), None)
+
+        self.sink = Sink(self.path or "/rosout", handler.handle, warning)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Queue ``record``."""
+        self.sink.put(record)

@@ -1,0 +1,287 @@
+"""``missionStatus``: prints the running mission's tree in the terminal, once or again at every
+change."""
+import argparse
+import http.client
+import os
+import queue
+import sys
+import textwrap
+import threading
+import time
+from typing import Any, Dict, Iterator, List, Optional, Union
+
+import msgspec
+from msgspec import Struct
+from msgspec.structs import replace
+
+from behavior_controller import exit_codes, ros_arguments
+from behavior_controller.monitoring.parts import (
+    Alive, MissionPart, NodeRow, Now, Offer, SentenceRow, Statuses, StoryPart, card_line, patched)
+from behavior_controller.text import clean
+
+SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
+WORDS = {"R": "running", "S": "success", "F": "failure", "s": "was success", "f": "was failure",
+         "r": "was halted", "-": ""}
+TOP, END_OF_LINE, BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
+"""Control sequences: move to the first line, clear the rest of a line, clear the rest of the
+window."""
+
+LATE = 2.0
+"""Seconds without a message after which the display may be outdated; the node sends one every
+second."""
+
+LIMIT = 5.0
+"""Seconds within which the first answer must be complete."""
+
+GIVEN_UP = 30.0
+"""Seconds without a message after which ``--watch`` ends."""
+
+MOST_BYTES = 10_000_000
+"""Bytes of a message; 2,000 nodes are about 300,000."""
+
+DEEPEST = 30
+"""Levels of the tree that are indented."""
+
+MOST_WAITING = 100
+"""The most messages that wait for a blocked terminal."""
+
+
+class ShownState(Struct, frozen=True):
+    """The parts of the board that are printed; ``silent``: seconds since the last message."""
+
+    mission: MissionPart
+    statuses: Statuses
+    now: Now
+    story: StoryPart
+    health: Dict[str, Offer]
+    alive: Alive
+    silent: float = 0.0
+
+
+EXIT_CODES = """0: the mission was shown (with --watch: until it ended); 1: no mission answers there, what
+answers is not a mission, the connection is lost, or nothing can be printed; 2: wrong arguments"""
+
+class NoMission(Exception):
+    """No mission can be shown, or no longer; the text says why."""
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    """Return the exit code, see ``EXIT_CODES``."""
+    chosen = _read_arguments(arguments)
+    place = f"http://{chosen.address}:{chosen.port}"
+    messages = _Messages(chosen.address, chosen.port, "/events" if chosen.watch else "/state")
+    shown: List[str] = []
+    try:
+        for state in _states(messages, chosen.watch):
+            is_window = chosen.watch and sys.stdout.isatty()
+            text = lines(state, chosen.all)
+            if is_window:
+                size = os.get_terminal_size(sys.stdout.fileno())
+                text = fitted(text, size.columns or 80, size.lines or 24)
+            if text != shown:
+                shown = text
+                _print(text, is_window)
+            if chosen.watch and state.now.ended:
+                print("missionStatus: the mission has ended: " + clean(state.now.ended))
+                return exit_codes.SUCCESS
+    except NoMission as reason:
+        what = "missionStatus: the connection to {} is lost ({})" if shown else (
+            "missionStatus: no mission answers at {} ({}): does behaviorController run, with this "
+            "monitorPort?")
+        print(what.format(place, clean(str(reason))), file=sys.stderr)
+        return exit_codes.UNAVAILABLE
+    except OSError as error:
+        print(f"missionStatus: cannot print: {error.strerror}", file=sys.stderr)
+        return exit_codes.UNAVAILABLE
+    return exit_codes.SUCCESS
+
+
+def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
+    parser = ros_arguments.CommandParser(
+        "missionStatus", "Prints the tree of the running mission.", EXIT_CODES)
+    parser.add_argument("--watch", action="store_true",
+                        help="go on, at every change, until the mission ends or Ctrl-C")
+    parser.add_argument("--all", action="store_true",
+                        help="also the nodes that have not been ticked in this pass")
+    parser.add_argument("--address", default="127.0.0.1",
+                        help="monitorAddress of the node (default %(default)s)")
+    parser.add_argument("--port", type=_port, default=8080,
+                        help="monitorPort of the node (default %(default)s)")
+    return ros_arguments.parse(parser, arguments)
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port: 1 to 65535")
+    return int(text)
+
+
+def _print(found: List[str], is_window: bool) -> None:
+    """Print; in a window, replace the text that was printed before."""
+    end = END_OF_LINE + "\n"
+    print(TOP + end.join(found) + end + BELOW if is_window else "\n".join(found) + "\n", end="",
+          flush=True)
+
+
+# ----------------------------------------------------------------------------------------- the node
+
+
+class _Messages:
+    """The node's messages, read on a separate thread: a server may hang or send slowly at any
+    moment."""
+
+    def __init__(self, address: str, port: int, path: str):
+        self._found: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
+        self._path = path
+        threading.Thread(target=self._read, args=(address, port), name="messages",
+                         daemon=True).start()
+
+    def get(self, seconds: float) -> Optional[ShownState]:
+        """Return the board as of the next message, or None after ``seconds``. Raises NoMission if
+        no further message comes."""
+        try:
+            found = self._found.get(timeout=seconds)
+        except queue.Empty:
+            return None
+        if isinstance(found, NoMission):
+            raise found
+        return found
+
+    def _read(self, address: str, port: int) -> None:
+        reason = "the connection was closed"
+        try:
+            connection = http.client.HTTPConnection(address, port)
+            connection.request("GET", self._path)
+            answer = connection.getresponse()
+            if answer.status != http.client.OK:
+                raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
+            parts: Any = {}
+            for message in self._texts(answer):
+                parts = patched(parts, _json(message))
+                self._found.put(_read(parts))
+        except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
+            reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
+        self._found.put(NoMission(reason))
+
+    def _texts(self, answer: http.client.HTTPResponse) -> Iterator[bytes]:
+        """Yield each message as JSON text."""
+        if self._path == "/state":
+            yield _bounded(answer.read(MOST_BYTES + 1))
+            return
+        for line in iter(lambda: _bounded(answer.readline(MOST_BYTES + 1)), b""):
+            if line.startswith(b"data: "):
+                yield line[6:]
+
+
+def _bounded(data: bytes) -> bytes:
+    if len(data) > MOST_BYTES:
+        raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
+    return data
+
+
+def _json(text: bytes) -> Any:
+    try:
+        return msgspec.json.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        raise ValueError("the answer is not JSON")
+
+
+def _read(parts: Any) -> ShownState:
+    try:
+        return msgspec.convert(parts, ShownState)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"the answer is not a mission's: {error}")
+
+
+def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:
+    """Yield the whole board after each message and, while none comes, again, with ``silent``:
+    seconds since the last one."""
+    state = messages.get(LIMIT)
+    if state is None:
+        raise NoMission(f"no complete answer within {LIMIT:g} s")
+    heard = time.monotonic()
+    while True:
+        silent = time.monotonic() - heard
+        if silent >= GIVEN_UP:
+            raise NoMission(f"no message for {silent:.0f} s")
+        yield replace(state, silent=silent)
+        if not is_watching:
+            return
+        news = messages.get(LATE if silent < LATE else 1.0)
+        if news is not None:
+            state, heard = news, time.monotonic()
+
+
+# ----------------------------------------------------------------------------------------- the text
+
+
+def lines(state: ShownState, is_all: bool) -> List[str]:
+    """Return the board as text: the card, the robot, what is wrong, the tree with a symbol for each
+    node.
+    """
+    now, mission = state.now, state.mission
+    doing = card_line(now.card, state.alive.at + state.silent) or now.card.what
+    head = [f"mission {os.path.basename(mission.file)}: {doing}", "robot: " + now.robot.text]
+    head += list(_why_outdated(state)) + list(_troubles(state))
+    return [clean(line) for line in head] + list(_tree(mission.nodes, state.statuses.letters,
+                                                       is_all))
+
+
+def fitted(text: List[str], width: int, height: int) -> List[str]:
+    """Return the lines of a window: the heads wrapped, the rows of the tree cut, and of these the
+    ones around the running leaf.
+    """
+    is_row = [line.lstrip()[:1] in SIGNS.values() for line in text]
+    heads = [part for line, row in zip(text, is_row) if not row
+             for part in textwrap.wrap(line, width, break_on_hyphens=False)]
+    rows = [line for line, row in zip(text, is_row) if row]
+    room = max(0, height - 1 - len(heads))
+    here = max((at for at, row in enumerate(rows) if row.lstrip()[0] == SIGNS["R"]), default=0)
+    first = max(0, min(here - room // 2, len(rows) - room))
+    shown = [row if len(row) <= width else row[:width - 1] + "…"
+             for row in rows[first:first + room]]
+    return (heads + shown)[:max(1, height - 1)]
+
+
+def _troubles(state: ShownState) -> Iterator[str]:
+    """Yield what is wrong with the robot, and what went wrong last."""
+    for part in state.health.values():
+        if not part.well:
+            yield f"{part.kind} {part.name}: {part.status}; {part.consequence}"
+    entries: Dict[Any, List[SentenceRow]] = {}  # as on the page: one for each incident
+    for told in state.story.sentences:
+        entries.setdefault((told.visit, told.incident or -told.number), []).append(told)
+    for entry in [some for some in entries.values() if any(map(_is_wrong, some))][-5:]:
+        first = next(filter(_is_wrong, entry))
+        last = "; " + entry[-1].text if entry[-1] is not first else ""
+        yield f"{first.time}  {first.text}{last}"
+
+
+def _is_wrong(told: SentenceRow) -> bool:
+    return told.severity != "info" and told.kind != "health"
+
+
+def _why_outdated(state: ShownState) -> Iterator[str]:
+    """Yield the reasons why the display may be outdated."""
+    if state.silent >= LATE:
+        yield f"no message for {state.silent:.0f} s: what is shown may be old"
+    elif state.alive.hangs:
+        yield f"the controller hangs: no sign of its tick thread for {state.alive.age} s"
+
+
+def _tree(nodes: List[NodeRow], letters: str, is_all: bool) -> Iterator[str]:
+    """Yield the rows of the nodes that were ticked, indented; without ``is_all`` not those that
+    only group others.
+    """
+    depths = [0]
+    tip = letters.rfind("R") + 1
+    for number, node in enumerate(nodes, 1):
+        parent = node.parent if 0 < node.parent < number else 0
+        letter = letters[number - 1:number] or "-"
+        is_shown = is_all or letter != "-" and (not node.bare or number == tip) or number == 1
+        depths.append(depths[parent] + (is_shown and number > 1))
+        if is_shown:
+            label = clean(" ".join(filter(None, (node.name, node.kind))))
+            words = ": " + WORDS[letter] if WORDS.get(letter) else ""
+            indent = "  " * min(depths[number], DEEPEST)
+            yield f"{indent}{SIGNS.get(letter, '·')} {label}{words}"

@@ -1,0 +1,179 @@
+"""What is shown of a run: the same for now, for an earlier moment, and for each moment of a record.
+"""
+import collections
+import time
+from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
+
+from behavior_controller.execution.events import Event, PassStarted, TreeShown
+from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
+from behavior_controller.leaves import data
+from behavior_controller.monitoring.moment import card, robot_line
+from behavior_controller.monitoring.parts import (
+    Now, SentenceRow, Statuses, StepRow, StopRow, StoryPart, VisitRow, Visits)
+from behavior_controller.monitoring.story import (
+    Sentence, Story, cause, counted, how_it_ended, safe_state, step_words, why)
+
+TOLD = 100
+"""Number of the newest sentences of the story that are kept."""
+
+STEPS = 200
+"""Number of the newest steps of a visit that are kept for its timeline."""
+
+RESULTS = 5
+"""Number of the newest results of a node that are kept."""
+
+INSTANT = 0.01
+"""Seconds; alike results of a node that each took less are joined."""
+
+TIMES = (data.QUESTION_ASKED_AT.name, data.ATTENTION_SET_AT.name)
+"""The entries with a time of the mission's clock."""
+
+
+class View:
+    """Folds a run's events from the state ``before`` on, and keeps what is shown of what has ended.
+
+    ``newest`` is the number of the newest sentence, ``step_over`` the step that the last event has
+    ended, if it was the newest one.
+    """
+
+    def __init__(self, before: State = State()):
+        self.newest = 0
+        self.step_over: Optional[Step] = None
+        self._story = Story(before)
+        self._told: Deque[Tuple[int, Sentence]] = collections.deque(maxlen=TOLD)
+        self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
+        self._results: Dict[int, Deque[Tuple[NodeResult, int]]] = {}  # and how often in a row
+
+    @property
+    def state(self) -> State:
+        """What is so now."""
+        return self._story.state
+
+    def show(self, state: State) -> None:
+        """Have ``state`` be what is so now."""
+        self._story.state = state
+
+    def take(self, at: float, event: Event) -> Tuple[Sentence, ...]:
+        """Fold the next event, and return the sentences about it."""
+        before = self.state
+        sentences = self._story.take(at, event)
+        for sentence in sentences:
+            self.newest += 1
+            self._told.append((self.newest, sentence))
+        if isinstance(event, PassStarted):
+            self._steps.clear()
+        elif isinstance(event, TreeShown):  # the results are those of an earlier tree's nodes
+            self._results.clear()
+        self.step_over = step_over(before, self.state)
+        if self.step_over is not None:
+            self._steps.append(self.step_over)
+        for ended in self.state.concluded(NodeResult):
+            self._end(ended)
+        return sentences
+
+    def _end(self, ended: NodeResult) -> None:
+        results = self._results.setdefault(ended.uid, collections.deque(maxlen=RESULTS))
+        is_alike = results and ended.ended - ended.began < INSTANT and (
+            results[-1][0].letter, results[-1][0].failure) == (ended.letter, ended.failure)
+        results.append((ended, results.pop()[1] + 1 if is_alike else 1))
+
+    # ------------------------------------------------------------------------------------ the parts
+
+    def changed(self, before: State) -> List[str]:
+        """Return the parts that may have changed since ``before``; to make one takes longer than to
+        fold an event."""
+        now = self.state
+        names = [name for name, fields in MADE_OF.items() if any(
+            getattr(now, field) is not getattr(before, field) and
+            getattr(now, field) != getattr(before, field) for field in fields)]
+        # without a step, the card shows the statuses
+        return names + (["now"] if "statuses" in names and now.step is None else [])
+
+    def part(self, name: str) -> Any:
+        """Return one of ``MOMENT``."""
+        return _PARTS[name](self)
+
+    def _statuses(self) -> Statuses:
+        # the last in depth-first order: a running leaf, or what waits above it
+        return Statuses(self.state.letters, self.state.letters.rfind("R") + 1)
+
+    def _story_part(self) -> StoryPart:
+        visit = self.state.visit
+        return StoryPart(_visit(visit) if visit is not None else None,
+                         [_sentence(number, sentence) for number, sentence in self._told])
+
+    def _visits(self) -> Visits:
+        ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
+        return Visits(counted(self.state.outcomes), self.state.outcomes, ended)
+
+    def _timeline(self) -> List[StepRow]:
+        """Return the steps of the visit that ended."""
+        return [StepRow(step_words(step), step.began, step.uid, step.is_wait, round(
+            (step.ended or step.began) - step.began, 2)) for step in self._steps]
+
+    def _blackboard(self) -> Dict[str, str]:
+        return {name: self._value(name, text) for name, text in sorted(self.state.entries.items())}
+
+    def _value(self, name: str, text: str) -> str:
+        """Return the value of an entry; a time of the mission's clock as the time of day."""
+        visit = self.state.visit
+        if name not in TIMES or visit is None:
+            return text
+        try:
+            return clock(visit.began + float(text) - self.state.course.pass_began)
+        except (ValueError, OverflowError):  # a script of the mission wrote something else
+            return text
+
+    def results(self, uid: int) -> List[Dict[str, Any]]:
+        """Return how a node ended, the newest first."""
+        return [_result(*result) for result in reversed(self._results.get(uid, ()))]
+
+
+_PARTS: Dict[str, Callable[[View], Any]] = {
+    "statuses": View._statuses, "now": lambda view: now_of(view.state), "story": View._story_part,
+    "visits": View._visits, "timeline": View._timeline, "blackboard": View._blackboard}
+
+MADE_OF: Dict[str, Tuple[str, ...]] = {
+    "mission": ("started", "nodes"), "statuses": ("letters",), "story": ("visits",),
+    "visits": ("outcomes", "finished"), "timeline": ("steps", "visit_count"),
+    "blackboard": ("entries",), "health": ("robot",),
+    "now": ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",
+            "visits", "safe_state", "nodes", "failures")}
+"""The fields of the model that each part of the board shows."""
+
+MOMENT = tuple(_PARTS)
+"""The parts of the board that are known for each moment."""
+
+
+def now_of(state: State) -> Now:
+    """Return the card, the robot, and how the run ended."""
+    ended = how_it_stopped(state, state.finished.outcome) if state.finished is not None else ""
+    return Now(card(state), robot_line(state), state.visit_count, ended)
+
+
+def how_it_stopped(state: State, outcome: str) -> str:
+    """Return how the run ended, and what was reached of the safe state."""
+    return "; ".join(filter(None, (outcome, safe_state(state))))
+
+
+def clock(at: float) -> str:
+    """Return the time of day, as sentences show it."""
+    return time.strftime("%H:%M:%S", time.localtime(at))
+
+
+def _sentence(number: int, sentence: Sentence) -> SentenceRow:
+    return SentenceRow(number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind,
+                       sentence.severity, sentence.text, sentence.uid, sentence.incident)
+
+
+def _result(last: NodeResult, times: int) -> Dict[str, Any]:
+    return {"time": clock(last.ended), "letter": last.letter, "times": times,
+            "seconds": last.ended - last.began,
+            "why": cause(last.failure) if last.failure is not None else ""}
+
+
+def _visit(visit: Visit) -> VisitRow:
+    stops = [StopRow(stop.number, stop.of, stop.name, stop.state, why(stop.why), stop.noun)
+             for stop in visit.stops]
+    return VisitRow(visit.number, clock(visit.arrived or visit.began), visit.began, visit.arrived,
+                    visit.outcome, stops, how_it_ended(visit))

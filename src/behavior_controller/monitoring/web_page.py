@@ -1,0 +1,271 @@
+"""The live page: serves the running mission to browsers and pushes every change; it is read-only.
+
+tornado, which rosbridge uses on robots too, serves; changes travel as server-sent events, for which
+every browser connects again by itself. The page needs nothing from elsewhere: HTML, CSS and script
+lie beside this module.
+"""
+import asyncio
+import ipaddress
+import os
+import re
+import socket
+import time
+from typing import Any, Callable, Dict, Optional, Set, cast
+
+import msgspec
+from tornado.http1connection import HTTP1Connection
+from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPServerRequest
+from tornado.iostream import IOStream, StreamClosedError
+from tornado.web import Application, RequestHandler, StaticFileHandler
+
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.parts import PARTS, changes
+from behavior_controller.monitoring.server import Connections, LoopThread, opened
+
+FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
+PUSH_INTERVAL = 0.05
+"""Seconds between two pushes: changes in between are sent together, and the tick thread wakes no
+other thread."""
+
+FAREWELL = 0.3
+"""Seconds that browsers have at the end to receive the last changes."""
+
+MOST_BROWSERS = 20
+MOST_CONNECTIONS = 64
+LONGEST_IDLE = 30.0
+"""Seconds after which an idle connection is closed, or a browser's that receives nothing."""
+
+
+class Page:
+    """Serves ``board`` at ``http://address:port/`` on a separate thread."""
+
+    def __init__(self, address: str, port: int, board: Board, warn: Callable[[str], None]):
+        """Start to serve; if the port is taken, ``warn`` gets one line and nothing is served."""
+        self.board = board
+        self.streams: Set[_Stream] = set()
+        self.hosts = _Hosts(address)
+        self.connections = Connections(MOST_CONNECTIONS)
+        self._thread: Optional[LoopThread] = None
+        self.is_closing = False
+        self._sockets = opened(address, port, "no page in the browser", "monitorPort", warn)
+        if self._sockets:
+            self._thread = LoopThread("page", self._begin, self._end)
+
+    @property
+    def is_served(self) -> bool:
+        """Whether the port could be opened."""
+        return self._thread is not None
+
+    def show(self, tree: Tree) -> None:
+        """Show ``tree`` from now on, also to browsers already connected."""
+        self.board.show(tree)
+
+    def close(self) -> None:
+        """Send every browser the end of the mission, and stop serving."""
+        self.board.close()
+        if self._thread is not None:
+            self._thread.close(self._part)
+
+    async def _part(self) -> None:
+        self.is_closing = True
+        ends = time.monotonic() + FAREWELL
+        while self.streams and time.monotonic() < ends:
+            await asyncio.sleep(0.01)
+        # a browser must not send another request on a connection that is no longer served
+        await asyncio.wait([asyncio.ensure_future(self._server.close_all_connections())],
+                           timeout=0.1)
+
+    def _begin(self) -> None:
+        data = [(path, _Data, {"find": find}) for path, find in DATA.items()]
+        application = Application(
+            [(r"/events", _Stream), *data,
+             (r"/(.*)", _File, {"path": FILES, "default_filename": "index.html"})],
+            log_function=lambda handler: None, compress_response=True, page=self)
+        self._server = _Server(application, max_body_size=1024, max_buffer_size=64 * 1024,
+                               max_header_size=16 * 1024, idle_connection_timeout=LONGEST_IDLE,
+                               body_timeout=LONGEST_IDLE)
+        self._server.connections = self.connections
+        self._server.add_sockets(self._sockets)
+        asyncio.ensure_future(self._keep_board_current())
+
+    async def _keep_board_current(self) -> None:
+        """Have the board process events also while no browser is connected."""
+        while True:
+            self.board.look()
+            await asyncio.sleep(PUSH_INTERVAL)
+
+    def _end(self) -> None:
+        for sock in self._sockets:
+            sock.close()
+
+
+class _Server(HTTPServer):
+    """Serves the connections that have a place among the page's ``connections``."""
+
+    connections: Connections
+
+    def handle_stream(self, stream: IOStream, address: Any) -> None:
+        """Serve a connection if there is a place for it."""
+        if self.connections.admit(stream):
+            super().handle_stream(stream, address)
+
+
+class _Hosts:
+    """The names under which a browser may ask for the page.
+
+    A foreign site can point a name of its own at this computer and then read, in the operator's
+    browser, whatever answers to that name (DNS rebinding). So the page answers to no name that it
+    does not know to be this computer's.
+    """
+
+    def __init__(self, address: str):
+        own = socket.gethostname().lower()
+        self._names = {"localhost"}
+        if _ip(address) is None:
+            self._names.add(address.lower())
+        if not _is_loopback(address):
+            self._names.update((own, own + ".local"))
+
+    def __contains__(self, request: HTTPServerRequest) -> bool:
+        """Whether the host that a request asks for is the address that it came to, or a name of
+        this computer."""
+        match = re.fullmatch(r"\[?([0-9A-Za-z.:_-]+?)\]?(:[0-9]+)?",
+                             request.headers.get("Host", ""))
+        if match is None:
+            return False
+        host = match.group(1).lower()
+        if host in self._names or _is_loopback(host):
+            return True
+        stream = _stream(request)
+        return _ip(host) is not None and not stream.closed() and _ip(host) == _ip(
+            stream.socket.getsockname()[0])
+
+
+def _stream(request: HTTPServerRequest) -> IOStream:
+    """Return the connection that a request came on."""
+    return cast(HTTP1Connection, request.connection).stream
+
+
+def _ip(text: str) -> Any:
+    """Return an IP address, or None for a name; an IPv4 address that came to an IPv6 socket is one
+    of IPv4."""
+    try:
+        address = ipaddress.ip_address(text.split("%")[0])
+    except ValueError:
+        return None
+    return getattr(address, "ipv4_mapped", None) or address
+
+
+def _is_loopback(text: str) -> bool:
+    address = _ip(text)
+    return text.lower() == "localhost" if address is None else address.is_loopback
+
+
+class _Quiet(RequestHandler):
+    """The common part of all answers."""
+
+    @property
+    def page(self) -> Page:
+        return self.settings["page"]
+
+    def note_use(self) -> None:
+        """Keep the connection's place."""
+        self.page.connections.use(_stream(self.request))
+
+    def prepare(self) -> None:
+        """Refuse a request for another computer's name."""
+        self.note_use()
+        if self.request not in self.page.hosts:
+            self.set_status(403)
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+            self.finish("This page answers to the address of its computer and to localhost, and to "
+                        "the name that monitorAddress gives, but not to the name that was asked "
+                        "for.\n")
+
+    def set_default_headers(self) -> None:
+        """Forbid content from other sites, caching, and frames of other pages around this one."""
+        self.set_header("Content-Security-Policy", "default-src 'self'; frame-ancestors 'none'")
+        self.set_header("X-Frame-Options", "DENY")
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Cache-Control", "no-store")
+
+
+class _File(_Quiet, StaticFileHandler):
+    """The page itself."""
+
+
+class _Data(_Quiet):
+    """Answers with what ``find`` knows of the board, as JSON; None: there is no such thing."""
+
+    def initialize(self, find: Callable[..., Optional[Dict[str, Any]]]) -> None:
+        self._find = find
+
+    def get(self, *arguments: str) -> None:
+        found = self._find(self.page.board, *arguments)
+        if found is None:
+            self.set_status(404)
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        self.write(_text(found))
+
+
+DATA: Dict[str, Callable[..., Optional[Dict[str, Any]]]] = {
+    r"/state": lambda board: {name: board.part(name) for name in PARTS},  # the whole board at once
+    r"/node/([0-9]{1,6})": lambda board, uid: board.node(int(uid)),
+    # what was so at that time, in Unix seconds
+    r"/at/([0-9]{1,12}(?:\.[0-9]{1,6})?)": lambda board, moment: board.at(float(moment))}
+"""What is answered as JSON, by path."""
+
+
+class _Stream(_Quiet):
+    """``/events``: all parts at first, then what has changed in them. A slow browser gets the
+    newest state, not a backlog."""
+
+    _is_gone = False
+
+    async def get(self) -> None:
+        """Send until the browser disconnects, or everything was sent at the end."""
+        if len(self.page.streams) >= MOST_BROWSERS:
+            self.set_status(503)
+            return
+        self.set_header("Content-Type", "text/event-stream; charset=utf-8")
+        self.page.streams.add(self)
+        self._versions: Dict[str, int] = {}
+        self._parts: Dict[str, Any] = {}  # as they were sent
+        try:
+            while not self._is_gone:
+                is_last, news = self.page.is_closing, self._news()
+                if news:
+                    self.write(f"data: {_text(news)}\n\n")
+                    await asyncio.wait_for(self.flush(), LONGEST_IDLE)
+                if is_last:
+                    return
+                self.note_use()
+                await asyncio.sleep(PUSH_INTERVAL)
+        except StreamClosedError:
+            pass
+        except asyncio.TimeoutError:
+            _stream(self.request).close()
+        finally:
+            self.page.streams.discard(self)
+
+    def on_connection_close(self) -> None:
+        """End the loop above."""
+        self._is_gone = True
+
+    def _news(self) -> Dict[str, Any]:
+        """Return what has changed since the last message."""
+        board = self.page.board
+        board.look()
+        versions = dict(board.versions)
+        parts = {name: board.part(name) for name, version in versions.items()
+                 if self._versions.get(name) != version}
+        self._versions = versions
+        news = changes({name: part for name, part in self._parts.items() if name in parts}, parts)
+        self._parts.update(parts)
+        return news
+
+
+def _text(found: Any) -> str:
+    return msgspec.json.encode(found).decode()

@@ -1,0 +1,1 @@
+"""What a robot offers and how it is asked; the seam between leaves and ROS."""

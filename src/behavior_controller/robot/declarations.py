@@ -1,0 +1,305 @@
+"""What a robot offers, one declaration for each service, action and topic.
+
+The ROS edge, the start-up check, the monitoring, the configuration's deadlines and the simulated
+robot use only these declarations for their knowledge of a service or topic.
+"""
+import enum
+from dataclasses import dataclass, replace
+from typing import (Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional,
+                    Protocol, Tuple, Type, TypeVar, Union)
+
+from behavior_controller.robot.requests import Answer, Listen, QueryKnowledge, Request
+
+
+Message = Any  # type: ignore
+"""A ROS message or response; these classes are generated and have no types."""
+
+Asked = TypeVar("Asked", bound=Request)
+Value = TypeVar("Value")
+Kept = TypeVar("Kept", bound="HasValue")
+Plain = Union[bool, int, float, str]
+
+KNOWLEDGE_FILES = "the knowledge files"
+"""The name of the source that answers ``QueryKnowledge`` if the robot has no such service."""
+
+
+MOST_EVENTS = 100
+"""Number of events of a topic that are kept; a visitor says less within the window of a question.
+"""
+
+
+class Unusable(ValueError):
+    """A positive answer has unusable content; the text says which."""
+
+
+class Success(NamedTuple):
+    """The response's field with the outcome, and its values for done and refused. Any other value
+    is unusable."""
+
+    field: str
+    done: Plain
+    refused: Plain
+
+
+class HasValue(Protocol):
+    """A message of a topic, as it is kept."""
+
+    @property
+    def value(self) -> Message:
+        """Its plain data."""
+
+
+@dataclass(frozen=True, eq=False)
+class Service(Generic[Asked]):
+    """A service of the robot.
+
+    ``request`` is the kind of record that it carries out, ``fields`` returns the values of the srv
+    request in order; ``answer`` reads a positive response and raises ``Unusable``. ``name`` is the
+    canonical name, ``node`` the robot's node that offers it, ``type`` its ``package/Type``.
+    ``deadline`` is the default, in seconds. ``absence`` says what the robot cannot do without it;
+    ``is_optional``: a mission starts on a robot without it, where its leaves then succeed, unless
+    ``fails_without``. ``rehearsed`` is the robot's answer in a rehearsal of a service that the test
+    package does not simulate. ``answers_early``: whether a request is answered when it begins to be
+    carried out, and not when it is done.
+    """
+
+    request: Type[Asked]
+    name: str
+    node: str
+    type: str
+    fields: Callable[[Asked], Tuple[object, ...]]
+    success: Optional[Success]
+    deadline: float
+    absence: str
+    answer: Callable[[Message], Answer] = lambda response: Answer()
+    is_optional: bool = False
+    fails_without: bool = False
+    rehearsed: Callable[[Asked], Answer] = lambda request: Answer()
+    answers_early: Callable[[Asked], bool] = lambda request: False
+
+    kind = "service"
+
+    def __post_init__(self) -> None:
+        """Raise TypeError, which names it, if a piece is missing, so that the next one stands in
+        its place."""
+        may_lack = self.success is None and self.kind != Service.kind
+        fits = {"fields": callable(self.fields),
+                "success": may_lack or isinstance(self.success, Success),
+                "deadline": isinstance(self.deadline, (int, float)),
+                "absence": isinstance(self.absence, str), "answer": callable(self.answer)}
+        for piece, is_there in fits.items():
+            if not is_there:
+                raise TypeError(f"the declaration of {self.name} has no {piece}, but "
+                                f"{getattr(self, piece)!r} in its place")
+
+    @property
+    def deadline_key(self) -> str:
+        """The configuration's key for the deadline."""
+        return self.node + "Deadline"
+
+
+@dataclass(frozen=True, eq=False)
+class Action(Service[Asked]):
+    """An action of the robot, declared as a service: a request is carried out as one goal.
+
+    ``name`` is the action's namespace, ``type`` the ``package/Type`` of its file; ``fields``
+    returns the values of the goal's fields, those of a nested message as a dict or a list, as
+    ``rostopic pub`` takes them. ``answer`` reads the result. ``success`` None: the goal's status
+    alone says whether it is done. ``feedback`` puts a feedback message into words for people.
+    """
+
+    feedback: Callable[[Message], str] = lambda message: ""
+
+    kind = "action"
+
+
+@dataclass(frozen=True, eq=False)
+class Publication(Service[Asked]):
+    """A topic that the robot's ``node`` subscribes to, declared as a service: a request is carried
+    out as one message, and is done when that is sent. ``fields``: see ``Action``; ``success`` is
+    None."""
+
+    kind = "topic"
+
+
+@dataclass(frozen=True, eq=False)
+class Topic(Generic[Value]):
+    """A topic of the robot. ``read`` turns a message into plain data of the kind ``value``.
+
+    ``is_continuous``: its messages are a state that is published all the time: the newest alone
+    counts, an old one counts as absent, and silence is a fault. Otherwise they are events, of which
+    none is skipped. ``action``: an action that a robot may offer instead, for ``Listen``: the
+    response of its answer is a message, its deadline the seconds after those of the request within
+    which the result comes. ``is_event``: whether a value of a state is an event, which the robot
+    may publish only once: the newest one counts too.
+    ``rehearsed`` returns what a rehearsal publishes on a topic that the test package does not
+    simulate, by the seconds since its beginning; None: nothing. The other fields: see ``Service``.
+    """
+
+    name: str
+    node: str
+    type: str
+    value: Type[Value]
+    read: Callable[[Message], Value]
+    absence: str
+    is_continuous: bool
+    action: Optional[Action[Listen]] = None
+    is_event: Optional[Callable[[Value], bool]] = None
+    rehearsed: Optional[Callable[[float], Optional[Value]]] = None
+
+    kind = "topic"
+    is_optional = False
+
+    def kept(self, messages: Tuple[Kept, ...], newest: Kept) -> Tuple[Kept, ...]:
+        """Return what is kept when ``newest`` has come after ``messages``: state or last events."""
+        if not self.is_continuous:
+            return messages[1 - MOST_EVENTS:] + (newest,)
+        if self.is_event is None or self.is_event(newest.value):
+            return (newest,)
+        return tuple(message for message in messages if self.is_event(message.value)) + (newest,)
+
+
+Offer = Union[Service, Topic]
+"""What a robot offers."""
+
+
+class Sense(enum.Enum):
+    """A kind of information about the visitor that a mission can get while it runs.
+
+    ``awaiting`` is a phrase for a robot that waits for it; ``given`` and ``absent`` are the marks
+    of ``events.Told`` for a visit in which it was observed, or not.
+    """
+
+    awaiting: str
+    given: str
+    absent: str
+
+    @property
+    def noun(self) -> str:
+        """What the robot reports, in words."""
+        return "a visitor" if self is Sense.VISITOR else "the visitor's " + self.value
+
+    VISITOR = "visitor", "waiting for a visitor", "arrived", "left"
+    PRESENCE = "presence", "waiting for the visitor to be seen", "arrived", "left"
+    GAZE = "gaze", "waiting for the visitor to look at the robot", "engaged"
+    UTTERANCE = "utterance", "listening to the visitor"
+
+    def __new__(cls, word: str, awaiting: str, given: str = "", absent: str = "") -> "Sense":
+        """Make the sense called ``word``."""
+        sense = object.__new__(cls)
+        sense._value_ = word
+        sense.awaiting, sense.given, sense.absent = awaiting, given, absent
+        return sense
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence(Generic[Value]):
+    """The evidence for a sense: a message of ``topic`` for which ``is_given`` holds.
+
+    ``is_given`` takes the message's value and the value of /overtAttention/mode that means mutual
+    gaze. ``wait`` is the seconds that a condition waits for the evidence, infinity for no limit;
+    None: those of ``conditionWait``. ``is_given_up``: the robot has stopped looking, so a condition
+    stops waiting. ``mode`` is the mode of attention without which the robot does not look; empty:
+    any.
+    """
+
+    topic: Topic[Value]
+    is_given: Callable[[Value, int], bool] = lambda value, gaze_value: True
+    wait: Optional[float] = None
+    is_given_up: Callable[[Value], bool] = lambda value: False
+    mode: str = ""
+
+
+@dataclass(eq=False)
+class Interface:
+    """All services and topics of one robot, their evidence about a visitor, and the requests that
+    make the robot safe.
+
+    ``name`` identifies it in the configuration and in a record; ``senses`` has the evidence of each
+    sense. ``gaze_value`` is the value of
+    /overtAttention/mode that means mutual gaze; None: the configuration says it.
+    ``has_knowledge_files``: files answer ``QueryKnowledge`` and hold the language and the phrases.
+    ``tells_pressed``: the tablet's answer says which button was pressed. Raises ValueError if two
+    services carry out the same kind of request.
+    """
+
+    name: str
+    services: Tuple[Service, ...]
+    topics: Tuple[Topic, ...]
+    safe_state: Tuple[Request, ...]
+    senses: Mapping[Sense, Evidence]
+    gaze_value: Optional[int] = None
+    has_knowledge_files: bool = False
+    tells_pressed: bool = True
+
+    def __post_init__(self) -> None:
+        self._by_request: Dict[type, Service] = {}
+        deadlines: Dict[str, Service] = {}
+        for service in self.services:
+            other = self._by_request.setdefault(service.request, service)
+            if other is not service:
+                raise ValueError(f"{other.name} and {service.name} are both declared for "
+                                 f"{service.request.__name__}")
+            other = deadlines.setdefault(service.deadline_key, service)
+            if other.deadline != service.deadline:
+                raise ValueError(f"{other.name} and {service.name} of the node {service.node} "
+                                 "share one deadline, and declare different ones")
+        for request in self.safe_state:
+            self.service(type(request))
+
+    @property
+    def offers(self) -> Tuple[Offer, ...]:
+        """All services and topics."""
+        return self.services + self.topics
+
+    def service(self, request: type) -> Service:
+        """Return the service for a kind of request. Raises LookupError, which names it, if none is
+        declared."""
+        try:
+            return self._by_request[request]
+        except KeyError:
+            raise LookupError(f"no service is declared for the request {request.__name__}: declare "
+                              "it in behavior_controller.robot.declarations") from None
+
+    def serves(self, request: type) -> bool:
+        """Return whether a kind of request is answered, by a service of the robot or from files."""
+        return request in self._by_request or self.has_knowledge_files and request is QueryKnowledge
+
+    def resource(self, request: type) -> str:
+        """Return the canonical name of the service for a kind of request, or ``FILES``. Raises
+        LookupError as ``service``."""
+        if self.has_knowledge_files and request is QueryKnowledge:
+            return KNOWLEDGE_FILES
+        return self.service(request).name
+
+    def tells(self, sense: Union[Sense, Topic]) -> bool:
+        """Return whether the robot has evidence of ``sense``, or publishes that topic."""
+        return sense in self.topics if isinstance(sense, Topic) else sense in self.senses
+
+    def evidence(self, sense: Sense) -> Evidence:
+        """Return the evidence of ``sense``. Raises LookupError if this robot has none."""
+        try:
+            return self.senses[sense]
+        except KeyError:
+            raise LookupError(f"the robot {self.name} does not tell of {sense.noun}") from None
+
+    def used(self, requests: Collection[type],
+             senses: Collection[Union[Sense, Topic]]) -> Tuple[Offer, ...]:
+        """Return the services and topics that these kinds of requests, senses and topics need, in
+        their order."""
+        topics = [sense if isinstance(sense, Topic) else self.evidence(sense).topic
+                  for sense in senses if self.tells(sense)]
+        return tuple(service for service in self.services if service.request in requests) + tuple(
+            topic for topic in self.topics if topic in topics)
+
+    def with_more(self, services: Tuple[Service, ...], topics: Tuple[Topic, ...]) -> "Interface":
+        """Return the interface of the same robot with these services and topics too. Raises
+        ValueError."""
+        return replace(self, services=self.services + services, topics=self.topics + topics)
+
+    def topic(self, name: str) -> Topic:
+        """Return the topic of that canonical name. Raises LookupError if none is declared."""
+        for topic in self.topics:
+            if topic.name == name:
+                return topic
+        raise LookupError(f"no topic {name} is declared")

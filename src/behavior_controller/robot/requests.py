@@ -1,0 +1,217 @@
+"""Requests of leaves to the robot, its answers and messages, as plain records without ROS types."""
+from typing import NamedTuple, Optional, Tuple
+
+from msgspec import Struct
+
+
+class Location(NamedTuple):
+    """A place on the floor: metres and degrees in the map frame."""
+
+    x: float
+    y: float
+    theta_deg: float
+
+
+class Point(NamedTuple):
+    """A point in space, metres in the map frame."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Exhibit(NamedTuple):
+    """One place of the knowledge base (D5.4.3 section 3.2.5)."""
+
+    name: str
+    description1: str
+    description2: str
+    location: Location
+    gesture: Point
+
+
+# ------------------------------------------------------------------------------- requests (table 3)
+
+
+class Words(NamedTuple):
+    """Phrases for a step: what the robot is ``doing``, what it has ``done``, and with what, if that
+    matters.
+
+    ``kind`` is that of the sentence at the end: see ``story.KINDS``. Without ``done`` there is no
+    sentence at the end.
+    """
+
+    doing: str
+    done: str = ""
+    what: str = ""
+    kind: str = "notice"
+
+
+class Request(Struct, frozen=True, tag=True, tag_field="_type"):
+    """A request to a service of the robot.
+
+    ``switches`` is the name for people of what it switches on or off; empty: nothing.
+    """
+
+    switches = ""
+
+    @property
+    def words(self) -> Optional[Words]:
+        """Phrases for the operator; None: the name of the node is used."""
+        return None
+
+
+class SetAnimation(Request, frozen=True):
+    """Switch lifelike movement: ``enabled`` or ``disabled``."""
+
+    switches = "lifelike movement"
+    state: str
+
+    @property
+    def words(self) -> Words:
+        """The end of switching lifelike movement has no sentence."""
+        doing = "starting" if self.state == "enabled" else "stopping"
+        return Words(doing + " lifelike movement")
+
+
+class PerformGesture(Request, frozen=True):
+    """``iconic`` or ``deictic`` gesture number ``id``; ``target`` matters to deictic ones only."""
+
+    type: str
+    id: int
+    duration_ms: int
+    target: Point = Point(0.0, 0.0, 0.0)
+    bow_nod_angle_deg: int = 0
+
+    @property
+    def words(self) -> Words:
+        """Phrases with the target, or with the number of an iconic gesture."""
+        if self.type == "deictic":
+            return Words("pointing", "pointed", "at {:g}, {:g}, {:g}".format(*self.target), "moved")
+        return Words("making", "made", f"{self.type} gesture {self.id}", "moved")
+
+
+class QueryKnowledge(Request, frozen=True):
+    """Ask for ``exhibits`` (all, in their order), ``entrance`` or ``home`` (one)."""
+
+    what: str
+
+    @property
+    def words(self) -> Words:
+        """Phrases with the subject."""
+        return Words(f"looking up the {self.what}")
+
+
+class SetAttention(Request, frozen=True):
+    """``disabled``, ``social``, ``scanning``, ``seeking`` or ``location`` (the only one that uses
+    ``target``)."""
+
+    switches = "attention"
+    state: str
+    target: Point = Point(0.0, 0.0, 0.0)
+
+    @property
+    def words(self) -> Words:
+        """Phrases with the target, or with the mode of attention."""
+        if self.state == "location":
+            return Words("looking", "looked", "at {:g}, {:g}, {:g}".format(*self.target), "moved")
+        if self.state == "disabled":
+            return Words("switching attention off")
+        return Words(f"setting attention to {self.state}")
+
+
+class GoTo(Request, frozen=True):
+    """Drive to ``goal``."""
+
+    goal: Location
+
+    @property
+    def words(self) -> Words:
+        """Phrases with the goal."""
+        return Words("driving", "drove", "to {:g}, {:g}, {:g}°".format(*self.goal), "moved")
+
+
+class Prompt(Request, frozen=True):
+    """Show ``options`` on the tablet and wait for one to be pressed."""
+
+    options: Tuple[str, ...]
+
+    @property
+    def words(self) -> Words:
+        """Phrases with the options."""
+        return Words("asking", "asked", f"on the tablet: {' or '.join(self.options)}", "asked")
+
+
+class Say(Request, frozen=True):
+    """Speak ``text``; answered when it has been spoken. A robot of release 1.0 needs its
+    ``language``."""
+
+    text: str
+    language: str = "English"
+
+    @property
+    def words(self) -> Words:
+        """Phrases with the text."""
+        return Words("saying", "said", f"“{self.text}”", "said")
+
+
+# -------------------------------------------------------------------------- requests of release 1.0
+
+
+class SetPose(Request, frozen=True):
+    """Set the robot's pose at the localization."""
+
+    words = Words("telling the localization where the robot stands")
+    pose: Location
+
+
+class SetRecognition(Request, frozen=True):
+    """Switch speech recognition on or off."""
+
+    is_enabled: bool
+
+    @property
+    def words(self) -> Words:
+        return Words("switching speech recognition " + ("on" if self.is_enabled else "off"))
+
+
+class SetRecognitionLanguage(Request, frozen=True):
+    """Recognise speech of ``language``."""
+
+    language: str
+
+    @property
+    def words(self) -> Words:
+        return Words(f"having {self.language} recognised")
+
+
+class Listen(Request, frozen=True):
+    """Hear the next utterance, which has to begin within ``seconds``."""
+
+    seconds: float
+
+
+class Answer(Struct, frozen=True, tag=True, tag_field="_type"):
+    """A server's usable, positive answer. ``response`` is the tablet's; ``exhibits`` the knowledge
+    base's."""
+
+    response: str = ""
+    exhibits: Tuple[Exhibit, ...] = ()
+
+
+# --------------------------------------------------------------------------------- topics (table 2)
+
+
+class Faces(NamedTuple):
+    """One message of face detection: a label for each face, and whether that face looks at the
+    robot."""
+
+    labels: Tuple[str, ...]
+    mutual_gaze: Tuple[bool, ...]
+
+
+class AttentionStatus(NamedTuple):
+    """One message of overt attention: the mode, and the status of ``seeking``."""
+
+    state: str
+    value: int

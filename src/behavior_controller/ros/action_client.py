@@ -1,0 +1,248 @@
+"""The client of an action: carries one goal after the other to a server that may come, go, refuse
+or hang.
+
+actionlib's client registers with the master and may wait for it, so it is only used on a separate
+thread.
+"""
+import math
+import threading
+import time
+from typing import Any, Callable, Optional, Union
+
+import actionlib
+import rospy
+from actionlib import CommState
+from actionlib_msgs.msg import GoalStatus
+
+from behavior_controller.foreign_code import described
+from behavior_controller.robot.declarations import Action, Message
+from behavior_controller.robot.gateway import Cause, Failure, NO_ACTION, result_of
+from behavior_controller.robot.requests import Answer, Request
+from behavior_controller.ros.master import DIRECTORY
+from behavior_controller.ros.request_thread import Job, RequestThread
+from behavior_controller.ros.tcpros import CONNECT_LIMIT, Trouble, ask_master
+from behavior_controller.ros.types import TYPES, filled
+from behavior_controller.text import clean
+
+PATIENCE = 2.0
+"""Seconds within which a server acknowledges a goal, and sends the result of one whose status says
+that it was done.
+
+Status and result come by two connections, in any order.
+"""
+
+FAILED = (GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.PREEMPTED, GoalStatus.RECALLED)
+"""The statuses of a goal that has ended without being done."""
+
+PARAMETERS = ("actionlib_client_pub_queue_size", "actionlib_client_sub_queue_size")
+"""Parameters that actionlib reads, unchecked; of a wrong type it makes half a client."""
+
+PARTS = (("status", "actionlib_msgs/GoalStatusArray"), ("result", "{}ActionResult"),
+         ("feedback", "{}ActionFeedback"))
+"""The topics of an action's server, and their types."""
+
+ROUND = 0.5
+"""Seconds between two looks for a server, or after a goal under way."""
+
+ROUND_WHEN_CONNECTING = 0.02
+"""The same while a request waits for its server."""
+
+FEEDBACK_GAP = 0.5
+"""Seconds between two reports of feedback: each wakes the tree, and a server may send it often."""
+
+
+class ActionClient:
+    """Carries one goal at a time. ``go_on``, ``send`` and ``cancel`` belong to one thread."""
+
+    def __init__(self, action: Action, ended: Callable[[Union[Message, Trouble]], None],
+                 reported: Optional[Callable[[Message], None]] = None):
+        """``ended`` gets a goal's result, or why there is none: ``REFUSED`` by the server,
+        ``CONNECTION_LOST`` with it, ``NO_ANSWER`` if it does not acknowledge the goal, and
+        ``UNUSABLE_ANSWER`` if the result of one that was done does not come. It and ``reported``,
+        which gets feedback, may be called on rospy's threads."""
+        self.name = rospy.resolve_name(action.name)
+        self._action = action
+        self._type = TYPES[action]
+        self._ended = ended
+        self._reported = reported
+        self._client: Optional[actionlib.ActionClient] = None
+        self._goal: Any = None  # the handle of the goal under way
+        self._sent_at = -math.inf
+        self._result_due = math.inf  # known once the goal's status says that it was done
+        self._lock = threading.Lock()  # of ``_goal``
+        for part, kind in PARTS:
+            DIRECTORY.subscribe(f"{self.name}/{part}", kind.format(action.type))
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the client is connected to a server, for feedback too if that is read."""
+        client = self._client
+        if client is None:
+            return False
+        ends = [client.pub_goal, client.pub_cancel, client.status_sub, client.result_sub]
+        ends += [client.feedback_sub] if self._reported is not None else []
+        return all(end.get_num_connections() for end in ends)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a goal is under way."""
+        return self._goal is not None
+
+    def go_on(self) -> None:
+        """Connect when there is a server; end a goal that the server can no longer end. Raises
+        ``Trouble``, and what rospy raises."""
+        if self._client is None:
+            if DIRECTORY.is_published(f"{self.name}/status"):
+                _check_parameters()
+                self._client = actionlib.ActionClient(self._action.name, self._type)
+        elif self._goal is not None:
+            trouble = self._trouble(self._goal)
+            if trouble is not None:
+                self._end(self._goal, trouble)
+
+    def send(self, request: Request) -> None:
+        """Send a goal. Raises ``Trouble`` if it does not fit, or the client was never connected."""
+        goal = filled(self._type().action_goal.goal, self._action.fields(request), request)
+        if self._client is None:
+            raise Trouble(Cause.NOT_ADVERTISED, NO_ACTION)
+        self._sent_at, self._result_due = time.monotonic(), math.inf
+        with self._lock:  # a result may come before ``_goal`` is set
+            self._goal = self._client.send_goal(goal, self._moved, self._report)
+
+    def cancel(self) -> None:
+        """Cancel the goal under way; ``ended`` is not called for it."""
+        goal = self._goal
+        if self._forget(goal):
+            goal.cancel()
+
+    def _trouble(self, goal: Any) -> Optional[Trouble]:
+        """Return why the server can no longer end a goal, or has ended it without a result."""
+        state, now = goal.get_comm_state(), time.monotonic()
+        has_ended = state == CommState.WAITING_FOR_RESULT
+        if has_ended:
+            self._result_due = min(self._result_due, now + PATIENCE)
+        if not self.is_there:
+            return Trouble(Cause.CONNECTION_LOST, "its server is gone")
+        if has_ended and goal.get_goal_status() in FAILED:
+            return _refusal(goal)  # the status says why: no result is needed
+        if now > self._result_due:
+            return Trouble(Cause.UNUSABLE_ANSWER, "its result did not come")
+        if state == CommState.WAITING_FOR_GOAL_ACK and now > self._sent_at + PATIENCE:
+            # rospy may have sent it to a server that has ended, and counts that as a success
+            goal.cancel()
+            return Trouble(Cause.NO_ANSWER, f"the goal was not acknowledged in {PATIENCE:g} s")
+        return None
+
+    def _forget(self, goal: Any) -> bool:
+        """Forget ``goal``; return whether it was the one under way."""
+        with self._lock:
+            if goal is None or goal != self._goal:
+                return False
+            self._goal = None
+            return True
+
+    def _end(self, goal: Any, result: Union[Message, Trouble]) -> None:
+        if self._forget(goal):
+            self._ended(result)
+
+    def _moved(self, goal: Any) -> None:
+        """Process the end of a goal; on one of rospy's threads."""
+        if goal.get_comm_state() == CommState.DONE:
+            result = goal.get_result()
+            is_done = goal.get_goal_status() == GoalStatus.SUCCEEDED and result is not None
+            self._end(goal, result if is_done else _refusal(goal))
+
+    def _report(self, goal: Any, feedback: Message) -> None:
+        if self._reported is not None and goal == self._goal:
+            self._reported(feedback)
+
+
+def _check_parameters() -> None:
+    """Raise ``Trouble`` if actionlib cannot use a parameter."""
+    for name in map(rospy.resolve_name, PARAMETERS):
+        value = ask_master("getParam", name)
+        if value is not None and type(value) is not int:
+            raise Trouble(Cause.TYPE_MISMATCH, f"the parameter {name} is {value!r}, and must be a "
+                                               f"whole number: set it, or rosparam delete {name}")
+
+
+def _refusal(goal: Any) -> Trouble:
+    """Return in words how a goal ended, and why if its server says so."""
+    how, why = GoalStatus.to_string(goal.get_goal_status()).lower(), goal.get_goal_status_text()
+    return Trouble(Cause.REFUSED, f"{how} ({why})" if why else how)
+
+
+class GoalThread(RequestThread):
+    """A thread that carries requests as goals of one action."""
+
+    IDLE = ROUND
+
+    def __init__(self, name: str, action: Action):
+        self._action = action
+        self._news = threading.Event()
+        self._result: Union[Message, Trouble, None] = None
+        self._job: Optional[Job] = None
+        self._reported, self._reported_at = "", -math.inf
+        self._client = ActionClient(action, self._end, self._report)
+        super().__init__(name, action)
+
+    def cut(self) -> bool:
+        """Cancel the goal under way."""
+        is_reusable = super().cut()
+        self._news.set()
+        return is_reusable
+
+    def idle(self) -> None:
+        """Connect to the server before the first request."""
+        self._client.go_on()
+
+    def exchange(self, job: Job) -> Union[Answer, Failure]:
+        """Send a goal, and wait for its end."""
+        self._job, self._result = job, None
+        self._reported, self._reported_at = "", -math.inf
+        self._connect(job)
+        self._client.send(job.request)
+        self.is_asked = True
+        while self._result is None:
+            if job.cut.is_set():
+                self._client.cancel()
+                raise Trouble(Cause.NO_ANSWER, "cancelled")
+            self._client.go_on()
+            self._wait(ROUND)
+        if isinstance(self._result, Trouble):
+            raise self._result
+        return result_of(self._action, self._result, self.name)
+
+    def _connect(self, job: Job) -> None:
+        """Return when the server is there. Raises ``Trouble``."""
+        ends = time.monotonic() + CONNECT_LIMIT
+        self._client.go_on()
+        if not self._client.is_there:
+            DIRECTORY.server(self.name, CONNECT_LIMIT)
+        while not self._client.is_there:
+            if job.cut.is_set() or time.monotonic() > ends:
+                raise Trouble(Cause.NOT_REACHABLE,
+                              "the master lists it, but not all of its topics connect")
+            self._wait(ROUND_WHEN_CONNECTING)
+            self._client.go_on()
+
+    def _wait(self, seconds: float) -> None:
+        self._news.wait(seconds)
+        self._news.clear()
+
+    def _end(self, result: Union[Message, Trouble]) -> None:
+        self._result = result
+        self._news.set()
+
+    def _report(self, feedback: Message) -> None:
+        """Pass on what the server reports, if it is new; on one of rospy's threads."""
+        now, job = time.monotonic(), self._job
+        if job is None or now < self._reported_at + FEEDBACK_GAP:
+            return
+        try:
+            text = self._action.feedback(feedback)
+        except BaseException as error:  # another package may raise anything
+            text = clean(described(error))
+        if text and text != self._reported:
+            self._reported, self._reported_at = text, now
+            job.feedback(text)

@@ -1,0 +1,90 @@
+"""Builds the mission for the node: its files, overridden by the node's parameters and arguments."""
+import sys
+from typing import Any, Callable, Dict
+
+import rospy
+
+from behavior_controller import folders, ros_arguments
+from behavior_controller.config import settings
+from behavior_controller.missions import load
+from behavior_controller.bt.engine.clock import Clock
+from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.errors import FaultsFound, NodesMissing
+from behavior_controller.robot.requests import Prompt
+from behavior_controller.missions.load import Mission
+from behavior_controller.config.node_facts import MissionSpec
+from behavior_controller.ros.tcpros import Trouble, ask_master
+
+LAUNCH_FILE = "behaviorController.launch"
+
+Tell = Callable[[str, str], None]
+
+_PRESSED = "the tablet of this robot does not say which button was pressed, and tabletSuccessIs is "
+TABLET = {
+    "done": _PRESSED + "done: no press counts as yes, so that only visitors who say yes get what "
+                       "the mission offers; tabletSuccessIs yes takes any for yes",
+    "yes": _PRESSED + "yes: any press counts as yes, No too"}
+"""What the tablet's success means for the mission, by ``tabletSuccessIs``."""
+
+
+def read_plan(clock: Clock, wake: WakeUp, tell: Tell) -> Mission:
+    """Read everything and announce the run. Raises FaultsFound with every fault, or NodesMissing.
+    """
+    parameters, given = _private_parameters(), settings.split_arguments(sys.argv)[1]
+    given = dict(_unknown_to_the_launch_file(), **given)
+    chosen = settings.load(folders.config(settings.FILE_NAME), parameters, given)
+    overrides = {**parameters, **given}
+    overriding = [f"{key} {overrides[key]}" for key in chosen.values if key in overrides]
+    if overriding:
+        tell("info", f"parameters of the node override the configuration: {', '.join(overriding)}")
+    plan = load.load(chosen, clock, wake)
+    _announce(plan, tell)
+    return plan
+
+
+def _unknown_to_the_launch_file() -> Dict[str, str]:
+    """Return the arguments of our launch file that it does not declare: roslaunch does not refuse
+    them."""
+    words = ros_arguments.given_to_roslaunch(ros_arguments.parent_command(), "cssr_system",
+                                             LAUNCH_FILE)
+    known = [key.name for key in settings.KEYS]
+    given = [word.split(ros_arguments.ASSIGNMENT, 1) for word in words]
+    return {name: value for name, value in given if name not in known}
+
+
+def tell_faults(found: FaultsFound, tell: Tell, consequence: str) -> None:
+    """Report each fault, and their number with the consequence."""
+    for fault in found.faults:
+        tell("warning" if fault.is_warning else "error", str(fault))
+    count = sum(not fault.is_warning for fault in found.faults)
+    tell("error", f"{consequence}: {count} mistake{'' if count == 1 else 's'}, see above")
+
+
+def _private_parameters() -> Dict[str, Any]:
+    """Return the parameters below our own name; they override the configuration file.
+
+    Raises NodesMissing if the master does not answer: without the parameters the file's values may
+    be wrong.
+    """
+    try:
+        values = ask_master("getParam", rospy.get_name())
+    except Trouble as trouble:
+        raise NodesMissing(f"the parameters of {rospy.get_name()} cannot be read: {trouble}")
+    return values if isinstance(values, dict) else {}
+
+
+def _announce(plan: Mission, tell: Tell) -> None:
+    """Announce the run, and warn of unusual settings."""
+    chosen = plan.settings
+    tell("info", "mission {}: {} nodes; language {}; speech recognition {}; verbose mode {}".format(
+        plan.file, len(plan.tree.nodes), plan.language, *("on" if switch else "off" for switch in (
+            chosen.asr_enabled, chosen.verbose_mode))))
+    if plan.knowledge is not None:
+        tell("info", "robot interface {}; knowledge: {}".format(
+            chosen.robot_interface, ", ".join(source.file for source in plan.knowledge.sources)))
+    has_prompt = any(isinstance(node.spec, MissionSpec) and Prompt in node.spec.calls
+                     for node in plan.tree.nodes)
+    if has_prompt and not chosen.interface.tells_pressed:
+        tell("info", TABLET[chosen.tablet_success_is])
+    for warning in plan.warnings:
+        tell("warning", str(warning))

@@ -1,0 +1,106 @@
+"""The thread that carries requests to one service, action or topic of the robot."""
+import queue
+import threading
+import time
+from typing import Callable, NamedTuple, Optional, Union
+
+import rosgraph
+import rospy
+
+from behavior_controller.foreign_code import described
+from behavior_controller.robot.declarations import Service
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import Answer, Request
+from behavior_controller.ros.tcpros import Trouble
+
+Done = Callable[[Union[Answer, Failure], float], None]
+
+
+class Job(NamedTuple):
+    """A request under way. ``done`` gets the result and its time (monotonic), ``feedback`` what is
+    reported meanwhile, in words; ``cut`` is set when neither is awaited any more."""
+
+    request: Request
+    done: Done
+    feedback: Callable[[str], None]
+    cut: threading.Event
+
+
+class RequestThread:
+    """A daemon thread that carries one request at a time."""
+
+    IDLE: Optional[float] = None
+    """Seconds between two calls of ``idle`` while there is no request; None: it is not called."""
+
+    def __init__(self, name: str, service: Service):
+        """``name`` is the resolved name of the service."""
+        self.name = name
+        self.service = service
+        self._jobs: "queue.SimpleQueue[Optional[Job]]" = queue.SimpleQueue()
+        self._newest: Optional[Job] = None
+        self.is_asked = False
+        """Whether the request under way may have reached the server."""
+        threading.Thread(target=self._work, name=service.kind + " " + name, daemon=True).start()
+
+    def carry(self, request: Request, done: Done,
+              feedback: Callable[[str], None] = lambda text: None) -> None:
+        """Send ``request``; ``done`` and ``feedback`` are called on another thread."""
+        self.is_asked = False
+        self._newest = Job(request, done, feedback, threading.Event())
+        self._jobs.put(self._newest)
+
+    def cut(self) -> bool:
+        """Abort the request under way; return whether this thread can carry another. Any thread may
+        call it."""
+        if self._newest is not None:
+            self._newest.cut.set()
+        return True
+
+    def end(self) -> None:
+        """Let the thread end after the request under way."""
+        self._jobs.put(None)
+
+    def exchange(self, job: Job) -> Union[Answer, Failure]:
+        """Carry out a request, and return the result. May raise ``Trouble``."""
+        raise NotImplementedError
+
+    def idle(self) -> None:
+        """Prepare for the next request. May raise."""
+
+    def close(self) -> None:
+        """Free what the thread holds, at its end."""
+
+    def _prepare(self) -> None:
+        try:
+            self.idle()
+        except Exception:  # the request that meets it reports it
+            pass
+
+    def _work(self) -> None:
+        while True:
+            try:
+                job = self._jobs.get(timeout=self.IDLE)
+            except queue.Empty:
+                self._prepare()
+                continue
+            if job is None:
+                self.close()
+                return
+            result = self._carried_out(job)
+            job.done(result, time.monotonic())
+
+    def _carried_out(self, job: Job) -> Union[Answer, Failure]:
+        """Return the answer, or why there is none. An optional service that no node offers counts
+        as done."""
+        try:
+            return self.exchange(job)
+        except Trouble as trouble:
+            service = self.service
+            may_lack = service.is_optional and not service.fails_without
+            if trouble.cause is Cause.NOT_ADVERTISED and may_lack:
+                return Answer()
+            return Failure(trouble.cause, str(trouble), self.name)
+        except (rospy.ROSException, rosgraph.MasterException, OSError) as error:
+            return Failure(Cause.NOT_REACHABLE, f"it cannot be connected to: {error}", self.name)
+        except BaseException as error:  # the declaration of another package may raise anything
+            return Failure(Cause.UNUSABLE_ANSWER, f"its declaration: {described(error)}", self.name)

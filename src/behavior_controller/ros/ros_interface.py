@@ -1,0 +1,160 @@
+"""What ROS tools see and steer of a run (``rosInterface``): /diagnostics, ~state, and the services.
+
+Both topics are made from the model of the run, on a thread of their own. A service only notes what
+the operator wants, at a bounded rate; the tick thread obeys.
+"""
+import socket
+import threading
+import time
+from typing import Any, Callable, Iterable, Mapping, Optional, Tuple
+
+import msgspec
+import roslib.message
+import rospy
+from rospy.impl import tcpros_base
+from std_msgs.msg import String
+
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.monitoring.board import Board
+from behavior_controller.monitoring.diagnostics import Status, statuses
+from behavior_controller.robot.declarations import Offer
+
+ROUND = 0.1
+"""Seconds between two looks for events: ``~state`` is published no more often."""
+
+DIAGNOSTICS_EVERY = 1.0
+"""Seconds between two messages of /diagnostics, as REP 107 has it."""
+
+REST = 0.02
+"""Seconds that a call of a service takes at least, one after the other, however many callers there
+are: a flood of them must not take the processor from the robot."""
+
+HANDSHAKE = 3.0
+"""Seconds that a caller has to say what it wants: rospy alone would wait for it for ever, and let
+nobody else in."""
+
+MOST_HANDSHAKES = 64
+"""The most callers at a time that have not said it; a further one is sent away."""
+
+CLOSING = 0.3
+"""Seconds to publish how the run ended."""
+
+Command = Callable[[], Tuple[bool, str]]
+"""What a service does; returns whether it is done, and a line for the caller. Must not wait."""
+
+
+MESSAGES = ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
+"""The types of the diagnostics."""
+
+
+def types() -> Tuple[Any, ...]:
+    """Return the generated classes of ``std_srvs/Trigger`` and of ``MESSAGES``. Raises
+    ConfigurationError if they are not installed."""
+    found = (roslib.message.get_service_class("std_srvs/Trigger"), *(
+        roslib.message.get_message_class("diagnostic_msgs/" + name) for name in MESSAGES))
+    if None in found:
+        raise ConfigurationError([Fault(
+            "rosInterface", 0, 0, "it needs the ROS packages std_srvs and diagnostic_msgs",
+            "install them, or set rosInterface false")])
+    return found
+
+
+def bound_handshakes() -> None:
+    """Have rospy's server take each connection on a thread of its own, for a bounded time."""
+    server, room = tcpros_base._tcpros_server, threading.BoundedSemaphore(MOST_HANDSHAKES)
+    accept = server.tcp_ros_server.inbound_handler
+
+    def shake(sock: socket.socket, address: Any) -> None:
+        try:
+            accept(sock, address)
+        finally:
+            room.release()
+
+    def start(sock: socket.socket, address: Any) -> None:
+        if not room.acquire(blocking=False):
+            sock.close()
+            return
+        sock.settimeout(HANDSHAKE)
+        threading.Thread(target=shake, args=(sock, address), daemon=True).start()
+
+    def unlimited(handle: Callable[..., Any]) -> Callable[..., Any]:
+        def go_on(sock: socket.socket, address: Any, header: Any) -> Any:
+            sock.settimeout(None)
+            return handle(sock, address, header)
+
+        return go_on
+
+    server.topic_connection_handler = unlimited(server.topic_connection_handler)
+    server.service_connection_handler = unlimited(server.service_connection_handler)
+    server.tcp_ros_server.inbound_handler = start
+
+
+class RosInterface:
+    """Publishes ``board``, which nothing else shows, and serves until ``close``."""
+
+    def __init__(self, board: Board, offers: Callable[[], Iterable[Offer]],
+                 commands: Mapping[str, Command]):
+        """Registers at the master, which may hang. ``offers`` returns what the mission uses."""
+        self._trigger, self._array, self._status, self._value = types()
+        self._offers = offers
+        self._board = board
+        self._shown: Optional[bytes] = None  # as published last
+        self._diagnosed: Tuple[float, Any] = (0.0, None)
+        self._rest = threading.Lock()
+        self._closed = threading.Event()
+        self._topic = rospy.Publisher("~state", String, queue_size=10, latch=True)
+        self._diagnostics = rospy.Publisher("/diagnostics", self._array, queue_size=10)
+        bound_handshakes()
+        for name, command in commands.items():
+            rospy.Service("~" + name, self._trigger, self._handler(command))
+        # who sees a state can call the services
+        self._thread = threading.Thread(target=self._work, daemon=True, name="ROS interface")
+        self._thread.start()
+
+    def show(self, tree: Tree) -> None:
+        """Publish what ``tree`` does from now on. On the tick thread."""
+        self._board.show(tree)
+
+    def close(self) -> None:
+        """Publish how the run ended; the topics and services end with the node."""
+        self._board.close()
+        self._closed.set()
+        self._thread.join(CLOSING)
+
+    def _handler(self, command: Command) -> Callable[[Any], Any]:
+        def handle(request: Any) -> Any:
+            with self._rest:
+                time.sleep(REST)
+                outcome = (False, "the node ends") if self._closed.is_set() else command()
+                return self._trigger._response_class(*outcome)
+
+        return handle
+
+    def _work(self) -> None:
+        is_over = False
+        while not is_over:
+            is_over = self._closed.wait(ROUND)
+            try:
+                self._publish()
+            except rospy.ROSException:
+                return  # ROS has shut down
+
+    def _publish(self) -> None:
+        """Publish the state if it has changed, and the diagnostics if they have, or are due."""
+        shown = msgspec.json.encode(self._board.part("now"))
+        if shown != self._shown:
+            self._shown = shown
+            self._topic.publish(String(shown.decode()))
+        now, found = time.monotonic(), statuses(self._board.state, self._offers())
+        if (found != self._diagnosed[1]) or now >= self._diagnosed[0] + DIAGNOSTICS_EVERY:
+            self._diagnosed = now, found
+            array = self._array(status=list(map(self._message, found)))
+            array.header.stamp = rospy.get_rostime()
+            self._diagnostics.publish(array)
+
+    def _message(self, status: Status) -> Any:
+        values = [self._value(key, text) for key, text in status.values.items() if text]
+        name = f"{rospy.get_name()[1:]}: {status.name}"
+        return self._status(level=status.level, name=name, message=status.message,
+                            hardware_id="none", values=values)

@@ -1,0 +1,306 @@
+"""The robot's services, actions and commanded topics: a request record goes out as a message, and
+comes back as an Answer or a Failure.
+
+Each call under way has its own daemon thread, for a service with one persistent connection. After
+an answer it waits for the next call to that service. When its call is dropped (deadline passed,
+leaf halted) it is cut: thread and socket are freed at once, a goal is cancelled. So a server that
+hangs costs nothing, blocks no later call and does not hold the process. A request is sent once:
+only a connection found dead before the sending is opened again.
+"""
+import io
+import struct
+import time
+from functools import partial
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple, Type, Union
+
+import genpy
+import rospy
+
+from behavior_controller.bt.engine.clock import Clock, Timer
+from behavior_controller.robot.gateway import (
+    Call, Cause, Failure, Gateway, NO_SUBSCRIBER, result_of, waited)
+from behavior_controller.execution.health import Health, SLOW_SHARE
+from behavior_controller.robot.declarations import (Action, Interface, Offer, Publication, Service)
+from behavior_controller.robot.requests import Answer, Request
+from behavior_controller.ros.action_client import GoalThread
+from behavior_controller.ros.tcpros import CONNECT_LIMIT, Connection, STEP_LIMIT, Trouble
+from behavior_controller.ros.master import DIRECTORY, Place
+from behavior_controller.ros.request_thread import Job, RequestThread
+from behavior_controller.ros.types import TYPES, filled
+
+HURRY = 0.3
+"""Seconds that the lookup of a known service at the master may take; then the last address is used.
+
+The safe state has one second, in which the master may freeze. ``Monitor`` looks up restarted
+services without haste.
+"""
+
+PREPARE = 0.05
+"""Seconds until a topic is registered that is published to, and between two looks for its
+subscribers."""
+
+
+# ------------------------------------------------------------------------------- finding the server
+
+
+def open_service(place: Place, connection: Connection, name: str, md5sum: str, seconds: float,
+                 **more: str) -> Dict[str, str]:
+    """Connect to the server of the service ``name`` (resolved) at ``place``, and return its
+    handshake: ``type`` and ``md5sum``.
+
+    ``md5sum`` is the one of the wanted type, ``*`` for any. ``more`` goes into our half of the
+    handshake. Raises ``Trouble``: not reachable, type mismatch, or no answer.
+    """
+    host, port = _address(place.uri)
+    header = {"service": name, "md5sum": md5sum, "callerid": rospy.get_name()}
+    header.update(more)
+    try:
+        answer = connection.open(host, port, header, seconds)
+    except Trouble as trouble:
+        if trouble.cause is not Cause.NOT_REACHABLE:
+            raise
+        raise Trouble(trouble.cause, "{}, but {}".format(
+            "the master lists it" if place.is_listed else "it was there when the master listed it",
+            trouble))
+    _check_handshake(connection, answer, md5sum)
+    return answer
+
+
+def _address(uri: str) -> Tuple[str, int]:
+    """Return host and port of ``rosrpc://host:port``."""
+    host, _, port = uri[len(rospy.core.ROSRPC):].rstrip("/").rpartition(":")
+    if not (uri.startswith(rospy.core.ROSRPC) and host and port.isdigit()):
+        raise Trouble(Cause.NOT_REACHABLE,
+                      f"the master lists it at {uri!r}, which is not an address of a service")
+    return host, int(port)
+
+
+def _check_handshake(connection: Connection, answer: Dict[str, str], md5sum: str) -> None:
+    """Raise ``Trouble`` if the server refuses the connection, or serves another type than the
+    wanted one."""
+    error = answer.get("error", "")
+    if not error and md5sum not in ("*", answer.get("md5sum", md5sum)):
+        error = f"md5sums do not match: [{md5sum}] vs. [{answer['md5sum']}]"
+    if error:
+        connection.hang_up()
+        mismatch = "md5sum" in error  # rospy and roscpp word it differently, both with this word
+        raise Trouble(Cause.TYPE_MISMATCH if mismatch else Cause.NOT_REACHABLE,
+                      "the server says: " + error)
+
+
+# ----------------------------------------------------------------------------- requests and answers
+
+
+def encode(service: Service, request: Request) -> bytes:
+    """Return ``request`` as TCPROS carries it: its length, then its fields. Raises ``Trouble`` if
+    it does not fit."""
+    buffer = io.BytesIO()
+    try:
+        TYPES[service]._request_class(*service.fields(request)).serialize(buffer)
+    except (genpy.SerializationError, struct.error, UnicodeError, TypeError) as error:
+        raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {service.type}: {error}")
+    return struct.pack("<I", buffer.tell()) + buffer.getvalue()
+
+
+def receive_response(service: Service, connection: Connection) -> genpy.Message:
+    """Read the server's answer: a byte for success of its handler, a length, a message or an error.
+    """
+    ok, length = struct.unpack("<BI", connection.receive(5))
+    body = connection.receive(length)
+    if not ok:
+        raise Trouble(Cause.HANDLER_EXCEPTION,
+                      body.decode("utf-8", "replace") or "its handler failed without a reason")
+    try:
+        return TYPES[service]._response_class().deserialize(body)
+    except (genpy.DeserializationError, struct.error, UnicodeError) as error:
+        connection.hang_up()
+        raise Trouble(Cause.UNUSABLE_ANSWER, f"not a {service.type}: {error}")
+
+
+# ------------------------------------------------------------------------------------------ threads
+
+
+class ServiceThread(RequestThread):
+    """A thread with one connection to one service, which ends with it when it is cut."""
+
+    def __init__(self, name: str, service: Service):
+        self._connection = Connection()
+        super().__init__(name, service)
+
+    def cut(self) -> bool:
+        """Free the thread and the socket at once."""
+        self._connection.close()
+        self.end()
+        return False
+
+    def close(self) -> None:
+        """Free the socket, which ``cut`` has shut down."""
+        self._connection.hang_up()
+
+    def exchange(self, job: Job) -> Union[Answer, Failure]:
+        """Ask the server."""
+        data = encode(self.service, job.request)
+        if not self._connection.is_open:
+            open_service(DIRECTORY.service(self.name, CONNECT_LIMIT, HURRY), self._connection,
+                            self.name, TYPES[self.service]._md5sum, CONNECT_LIMIT, persistent="1")
+            self._connection.wait_without_limit()
+        self.is_asked = True
+        self._connection.send(data)
+        return result_of(self.service, receive_response(self.service, self._connection), self.name)
+
+
+class PublisherThread(RequestThread):
+    """A thread that publishes to one topic."""
+
+    IDLE: Optional[float] = PREPARE
+    _publisher: Optional[rospy.Publisher] = None
+
+    def idle(self) -> None:
+        """Register the topic, so that its subscribers connect before the first message."""
+        self._registered()
+
+    def _registered(self) -> rospy.Publisher:
+        if self._publisher is None:
+            self._publisher = rospy.Publisher(self.name, TYPES[self.service], queue_size=10)
+            self.IDLE = None
+        return self._publisher
+
+    def exchange(self, job: Job) -> Answer:
+        """Publish, once there is a subscriber."""
+        message = filled(TYPES[self.service](), self.service.fields(job.request), job.request)
+        publisher, ends = self._registered(), time.monotonic() + STEP_LIMIT
+        while not publisher.get_num_connections():
+            if job.cut.wait(PREPARE) or time.monotonic() > ends:
+                raise Trouble(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
+        publisher.publish(message)
+        return Answer()
+
+
+THREADS: Dict[type, Type[RequestThread]] = {
+    Service: ServiceThread, Action: GoalThread, Publication: PublisherThread}
+"""What carries requests, by the kind of declaration."""
+
+
+class _UnderWay(NamedTuple):
+    """The resources of a call until it ends."""
+
+    service: Service
+    thread: RequestThread
+    timers: Tuple[Timer, ...]
+    since: float
+
+    def end(self) -> None:
+        """Cancel the timers."""
+        for timer in self.timers:
+            timer.cancel()
+
+
+class RosGateway(Gateway):
+    """Calls the robot's services. ``start`` and ``Call.drop`` belong to the tick thread, and
+    neither waits."""
+
+    def __init__(self, interface: Interface, deadline: Callable[[Service], float], clock: Clock,
+                 wake: Callable[[], None], health: Optional[Health] = None):
+        """``deadline`` returns the seconds that a service may take; ``wake`` is called for each
+        result.
+
+        ``health`` gets reports about the services.
+        """
+        self.deadline = deadline
+        self._interface = interface
+        self._health = health or Health()
+        self._clock = clock
+        self._wake = wake
+        self._names = {service: rospy.resolve_name(service.name) for service in interface.services}
+        self._spare: Dict[Service, List[RequestThread]] = {
+            service: [] for service in interface.services}
+        self._under_way: Dict[Call, _UnderWay] = {}
+
+    def start(self, request: Request) -> Call:
+        """Send ``request``; the call ends with the answer, with a failure, or at the deadline of
+        its service."""
+        service = self._interface.service(type(request))
+        name, deadline = self._names[service], self.deadline(service)
+        call = Call(request, self._wake, lambda: self._give_up(call))
+        try:
+            thread = self._spare[service].pop() if self._spare[service] else self._thread(service)
+        except RuntimeError as error:
+            call.finish(Failure(Cause.NOT_REACHABLE, f"no thread to ask with ({error})", name))
+            return call
+        after, health = self._clock.call_after, self._health
+        timers = (
+            after(deadline, lambda: self._expire(call)),
+            after(deadline * SLOW_SHARE, lambda: health.slow(name, deadline, service.kind)))
+        self._under_way[call] = _UnderWay(service, thread, timers, time.monotonic())
+        thread.carry(request, partial(self._hand_over, self._end, call),
+                     partial(self._hand_over, self._report, call))
+        return call
+
+    def _thread(self, service: Service) -> RequestThread:
+        return THREADS[type(service)](self._names[service], service)
+
+    def prepare(self, offers: Iterable[Offer]) -> None:
+        """Connect to those of these that take longer to connect to than a service."""
+        for offer in offers:
+            if isinstance(offer, (Action, Publication)) and not self._spare[offer]:
+                self._spare[offer].append(self._thread(offer))
+
+    def _hand_over(self, callback: Callable[..., None], *arguments: Any) -> None:
+        """Let the tick thread go on with ``callback``; on the request's thread."""
+        self._clock.post(partial(callback, *arguments))
+        self._wake()
+
+    def _report(self, call: Call, feedback: str) -> None:
+        if call in self._under_way:
+            call.on_feedback(feedback)
+
+    def cut(self) -> None:
+        """Abort every call under way, and cancel its goal. Any thread may call this."""
+        for held in list(self._under_way.values()):
+            held.thread.cut()
+
+    def close(self) -> None:
+        """Drop every call under way and free every thread and connection."""
+        for call in list(self._under_way):
+            self._give_up(call)
+        for threads in self._spare.values():
+            while threads:
+                thread = threads.pop()
+                thread.cut()
+                thread.end()
+
+    def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
+        """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
+        held = self._under_way.pop(call, None)
+        if held is not None:
+            held.end()
+            self._spare[held.service].append(held.thread)
+            self._finish(call, held, result, at)
+
+    def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure],
+                at: float) -> None:
+        """Finish ``call``, which ended ``at`` that time, and report it to the health."""
+        service = held.service
+        self._health.ended(self._names[service], at - held.since, self.deadline(service),
+                           isinstance(result, Failure), service.kind)
+        call.finish(result)
+
+    def _give_up(self, call: Call) -> Optional[_UnderWay]:
+        """Cut the thread of ``call`` and return its resources; None if the call has ended already.
+        """
+        held = self._under_way.pop(call, None)
+        if held is None:
+            return None
+        held.end()
+        if held.thread.cut():
+            self._spare[held.service].append(held.thread)
+        return held
+
+    def _expire(self, call: Call) -> None:
+        """End ``call`` at its deadline."""
+        held = self._give_up(call)
+        if held is not None:
+            where = "" if held.thread.is_asked else ", still connecting: nothing was asked"
+            late = Failure(Cause.NO_ANSWER, waited(self.deadline(held.service)) + where,
+                           self._names[held.service])
+            self._finish(call, held, late, time.monotonic())

@@ -1,0 +1,433 @@
+"""The messages of the robot's topics that count, as plain data with their arrival, at very low
+cost.
+
+The real overtAttention publishes the same status thousands of times per second. So messages are
+decoded only when their bytes differ from the last ones. In such a flood the receiving thread pauses
+a moment after each message: the messages that arrive meanwhile are read at once, and of a state
+only the newest is used.
+"""
+import contextlib
+import math
+import struct
+import threading
+import time
+from itertools import groupby
+from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
+
+import rospy
+
+from behavior_controller.foreign_code import described
+from behavior_controller.robot.gateway import Cause, Sample, Topics, since
+from behavior_controller.robot.declarations import Interface, Topic
+from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
+from behavior_controller.ros.master import DIRECTORY
+from behavior_controller.ros.speech_action_client import Hearing
+from behavior_controller.ros.types import TYPES
+from behavior_controller.text import clean
+
+ROUND = 0.5
+"""Seconds between two reads of the master's state."""
+
+RETRY = 0.5
+"""Seconds between an attempt to connect to a publisher and the next one."""
+
+AGAIN = 0.05
+"""Seconds between a broken connection and the next attempt: a publisher may end each at once."""
+
+BUFFER_BYTES = 65536
+"""The most bytes of one read; far more than arrive during a pause."""
+
+FLOOD_GAP = 0.006
+"""Seconds: the same message repeated within this time is a flood."""
+
+PAUSE = 0.004
+"""Seconds of pause in a flood after a message without an alarm."""
+
+PAUSE_WHEN_AWAITED = 0.001
+"""The same while an alarm is set: the longest delay of the message that triggers it."""
+
+
+def split(buffer: bytearray) -> List[bytes]:
+    """Remove the complete messages from ``buffer`` and return them without their lengths."""
+    found, start = [], 0
+    while len(buffer) - start >= 4:
+        length, = struct.unpack_from("<I", buffer, start)
+        if length > MOST_BYTES:
+            raise Trouble(Cause.CONNECTION_LOST, f"{length} bytes announced")
+        if len(buffer) - start - 4 < length:
+            break
+        found.append(bytes(buffer[start + 4:start + 4 + length]))
+        start += 4 + length
+    del buffer[:start]
+    return found
+
+
+class Link:
+    """A daemon thread with the connection to one publisher, made again whenever it breaks, until
+    ``end``.
+
+    ``rospy.Subscriber`` cannot do this: it keeps a connection whose other end is gone until TCP's
+    timeout, retries with pauses of up to half a minute, and contacts the master without a limit.
+    """
+
+    def __init__(self, uri: str, latch: "Latch"):
+        """``uri`` is the publisher's node. ``latch`` is called on the link's thread."""
+        self._uri = uri
+        self._latch = latch
+        self._connection = Connection()
+        self._ended = threading.Event()
+        self.header: Optional[Dict[str, str]] = None
+        """The publisher's handshake, while connected."""
+        self.is_right = False
+        """Whether there is a connection whose messages are used."""
+        self.is_garbled = False
+        """Whether its newest message could not be used."""
+        self.has_tried = False
+        """Whether an attempt to connect has ended."""
+        threading.Thread(target=self._work, daemon=True, name="topic " + latch.name).start()
+
+    def end(self) -> None:
+        """Close the connection and end the thread."""
+        self._ended.set()
+        self._connection.close()
+
+    def reconnect(self) -> None:
+        """End the current connection, and make a new one."""
+        if self.header is not None:
+            self._connection.close()
+
+    def _work(self) -> None:
+        while not self._ended.is_set():
+            self._connection = Connection()
+            has_stood = False
+            try:
+                self._open()
+                has_stood = True
+                self._listen()
+            except Trouble:
+                pass  # the monitor reports it if it lasts
+            finally:
+                self.is_right, self.is_garbled, self.header = False, False, None
+                self.has_tried = True
+                self._connection.hang_up()
+            self._ended.wait(AGAIN if has_stood else RETRY)
+
+    def _open(self) -> None:
+        """Connect and shake hands."""
+        message_type = self._latch.message_type
+        header = open_publisher(self._connection, self._uri, self._latch.name, {
+            "type": message_type._type, "message_definition": message_type._full_text,
+            "tcp_nodelay": "1", "callerid": rospy.get_name()})
+        if "error" in header:
+            raise Trouble(Cause.NOT_REACHABLE, header["error"])
+        self._connection.notice_a_dead_host()
+        self._connection.wait_without_limit()
+        self.header = header
+        self.is_right = self._latch.accepts(header)
+        self.has_tried = True
+
+    def _listen(self) -> None:
+        """Read messages until the connection ends.
+
+        The first message of a latching publisher may be as old as the publisher: it is not used as
+        evidence.
+        """
+        header = self.header or {}
+        is_old = header.get("latching") == "1"
+        buffer = bytearray()
+        while not self._ended.is_set():
+            buffer += self._connection.receive_some(BUFFER_BYTES)
+            messages = split(buffer)
+            if not self.is_right:
+                # read all the same: a publisher that is not read from would block
+                time.sleep(RETRY)
+                continue
+            if messages and is_old:
+                is_old = False
+                self._latch.pass_over(header, messages.pop(0))
+            if messages:
+                self.is_garbled = not self._latch.receive(messages)
+
+
+class Latch:
+    """The messages of one topic that count, and the alarms that wait for one.
+
+    Messages arrive on the threads of its links.
+    """
+
+    def __init__(self, topic: Topic, wake: Callable[[], None], warn: Callable[[str], None]):
+        """``wake`` is called when an alarm is triggered; ``warn`` once for each publisher of
+        unusable messages."""
+        self._topic = topic
+        self.message_type = TYPES[topic]
+        self._wake = wake
+        self._warn = warn
+        self._warned: Set[str] = set()
+        self.name = rospy.resolve_name(topic.name)
+        self._links: Dict[str, Link] = {}  # by the publisher's address; replaced as a whole
+        self._is_met = False
+        self.count = 0  # messages since there is a connection
+        self.last_arrival = self._since = time.monotonic()  # of the last of them, and of the first
+        self._lock = threading.Lock()
+        self._bytes: Optional[bytes] = None
+        self._alarms: Dict[Any, Callable[[Any], bool]] = {}
+        self._is_alarm_new = False
+        self._recent: Tuple[Sample, ...] = ()
+        self._seen_at = -math.inf  # arrival of the newest message that was read
+        self.ignoring: Tuple[str, Callable[[Any], bool]] = ("", bool)
+        """Why messages are ignored, and which; each reason is reported once."""
+        self.hearing = None if topic.action is None else Hearing(
+            topic.action, lambda: self._is_published, self.hear, wake, warn)
+
+    # ----------------------------------------------------------------------------------- publishers
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether any node publishes the expected type to us, or offers the action that replaces
+        the topic."""
+        return self._is_published or self.hearing is not None and self.hearing.is_there
+
+    @property
+    def is_looked_for(self) -> bool:
+        """Whether the topic's publishers were looked up, and each was tried."""
+        return self._is_met and all(link.has_tried for link in self._links.values())
+
+    @property
+    def _is_published(self) -> bool:
+        return any(link.is_right and not link.is_garbled for link in self._links.values())
+
+    @property
+    def garbled_publishers(self) -> List[str]:
+        """The nodes that publish the expected type, but nothing that can be decoded."""
+        return [_sender(link.header or {}) for link in self._links.values() if link.is_garbled]
+
+    @property
+    def wrong_publishers(self) -> List[str]:
+        """The nodes that are connected and publish another type, each with that type."""
+        headers = [link.header for link in self._links.values() if not link.is_right]
+        return [f"{_sender(header)} as {header.get('type')}" for header in headers if header]
+
+    @property
+    def unreachable(self) -> List[str]:
+        """The addresses of the known publishers that are not connected."""
+        return [uri for uri, link in self._links.items() if link.header is None]
+
+    @property
+    def connected_nodes(self) -> Dict[str, str]:
+        """The addresses of the nodes that are connected, by their names."""
+        headers = [(uri, link.header) for uri, link in self._links.items()]
+        return {_sender(header): uri for uri, header in headers if header}
+
+    def meet(self, uris: Sequence[str]) -> None:
+        """Connect to the publishers at ``uris``, and stop trying to reach others. Only one thread
+        calls this."""
+        links = {uri: link for uri, link in self._links.items()
+                 if uri in uris or link.header is not None}
+        for uri in set(self._links).difference(links):
+            self._links[uri].end()
+        for uri in set(uris).difference(links):
+            links[uri] = Link(uri, self)
+        self._links = links
+        self._is_met = True
+
+    def reconnect(self) -> None:
+        """Replace the connections: the other side may have dropped one that looks alive."""
+        for link in self._links.values():
+            link.reconnect()
+
+    def accepts(self, header: Dict[str, str]) -> bool:
+        """Return whether the publisher behind a handshake sends the expected type; only then are
+        its messages used."""
+        wanted = self.message_type
+        if header.get("md5sum") == wanted._md5sum:
+            if not self._is_published:
+                # the rate of the topic is measured again, without the silence before
+                self.count = 0
+            return True
+        sender = _sender(header)
+        self._warn_once(sender, f"ignoring what {sender} publishes on {self.name}: it is "
+                                f"{header.get('type')} (md5 {header.get('md5sum')}), expected is "
+                                f"{wanted._type} (md5 {wanted._md5sum})")
+        return False
+
+    def _warn_once(self, subject: str, text: str) -> None:
+        if subject not in self._warned:
+            self._warned.add(subject)
+            self._warn(text)
+
+    # ------------------------------------------------------------------------------------- messages
+
+    @property
+    def usual_gap(self) -> float:
+        """Mean seconds between two messages since there is a connection."""
+        return (self.last_arrival - self._since) / max(1, self.count - 1)
+
+    def receive(self, messages: List[bytes]) -> bool:
+        """Process messages that came together; return whether the newest could be decoded.
+
+        In a flood, slow down.
+        """
+        arrived = time.monotonic()
+        if not self.count:
+            self._since = arrived
+        self.count += 1
+        gap, self.last_arrival = arrived - self.last_arrival, arrived
+        if self._topic.is_continuous:
+            is_skipped = self._topic.is_event is None
+            messages = messages[-1:] if is_skipped else [data for data, _ in groupby(messages)]
+        news = [self._store(data) for data in messages]
+        if gap < FLOOD_GAP and not any(news):
+            time.sleep(PAUSE_WHEN_AWAITED if self._alarms else PAUSE)
+        return news[-1] is not None
+
+    def _store(self, data: bytes) -> Optional[bool]:
+        """Keep a message and trigger its alarms; return whether it is new, None: it cannot be
+        decoded."""
+        with self._lock:
+            is_news = data != self._bytes
+            value = self._decode(data) if is_news else self._recent[-1].value
+            if value is None:
+                return None
+            self._bytes = data
+            self._keep(value)
+            if self._alarms and (is_news or self._is_alarm_new):
+                self._ring(value)
+        reason, is_missed = self.ignoring
+        if reason and is_missed(value):
+            self._tell_ignored(reason, value, reason)
+        return is_news
+
+    def _keep(self, value: Any) -> None:
+        self._recent = self._topic.kept(self._recent, Sample(value, time.monotonic()))
+
+    def hear(self, value: Any) -> None:
+        """Use the action's result as the newest message. Any thread may call this."""
+        with self._lock:
+            self._bytes = None
+            self._keep(value)
+            self._ring(value)
+
+    def pass_over(self, header: Dict[str, str], data: bytes) -> None:
+        """Report that the first message of a latching publisher is not used; a state is sent again.
+        """
+        value = None if self._topic.is_continuous else self._decode(data)
+        if value:
+            self._tell_ignored("latching", value, (
+                f"{_sender(header)} publishes it latched, so it may be old; publish it without "
+                f"latching: rostopic pub -r 1 {self.name} …"))
+
+    def _tell_ignored(self, cause: str, value: Any, text: str) -> None:
+        self._warn_once(cause, f"ignoring {value!r} on {self.name}: {text}")
+
+    def _decode(self, data: bytes) -> Any:
+        """Return the plain data of a message, or None if the bytes are not one of its type."""
+        try:
+            return self._topic.read(self.message_type().deserialize(data))
+        except BaseException as error:  # of genpy, or of another package's declaration
+            self._warn_once("broken", f"ignoring a message on {self.name} that cannot be decoded: "
+                                      f"{clean(described(error), 200)}")
+            return None
+
+    def _ring(self, value: Any) -> None:
+        """Wake the tree for each alarm that waited for ``value``."""
+        self._is_alarm_new = False
+        for key, wanted in list(self._alarms.items()):
+            if _is_wanted(wanted, value):
+                del self._alarms[key]
+                self._wake()
+
+    def recent(self) -> Tuple[Sample, ...]:
+        """Return the messages that count; the next alarm counts them as seen."""
+        recent = self._recent
+        if recent:
+            self._seen_at = recent[-1].arrived
+        return recent
+
+    def set_alarm(self, key: Any, wanted: Callable[[Any], bool]) -> None:
+        """Wake the tree at the next ``wanted`` message; it may have come since the last ``recent``.
+        """
+        with self._lock:
+            self._alarms[key] = wanted
+            self._is_alarm_new = True
+            for sample in since(self._recent, self._seen_at):
+                self._ring(sample.value)
+
+    def clear_alarm(self, key: Any) -> None:
+        """Forget the alarm ``key``, if there is one."""
+        with self._lock:
+            self._alarms.pop(key, None)
+
+
+def _is_wanted(wanted: Callable[[Any], bool], value: Any) -> bool:
+    """Return whether the tree is to look at ``value``; if the check fails, the tick reports whose
+    it is."""
+    try:
+        return wanted(value)
+    except BaseException:  # SystemExit would end the thread of the messages
+        return True
+
+
+def _sender(header: Dict[str, str]) -> str:
+    return header.get("callerid", "an unknown node")
+
+
+class RosTopics(Topics):
+    """The robot's topics. From ``subscribe`` on they are subscribed, on a separate thread."""
+
+    def __init__(self, interface: Interface, wake: Callable[[], None], warn: Callable[[str], None]):
+        """See ``Latch``."""
+        self.latches = {topic: Latch(topic, wake, warn) for topic in interface.topics}
+
+    def subscribe(self) -> None:
+        """Subscribe to the topics; this registers the node at the master."""
+        for topic, latch in self.latches.items():
+            DIRECTORY.subscribe(latch.name, topic.type)
+        rospy.on_shutdown(DIRECTORY.sign_off)
+        threading.Thread(target=self._keep_up, daemon=True, name="publishers of topics").start()
+
+    def _keep_up(self) -> None:
+        """Follow the master's list of publishers; without a master, the links reconnect by
+        themselves."""
+        while not rospy.is_shutdown():
+            try:
+                with DIRECTORY.round():
+                    DIRECTORY.look()
+                    for latch in self.latches.values():
+                        self._follow(latch)
+            except (Trouble, RuntimeError):
+                # the directory has noted it; or a link got no thread, and may get one next time
+                pass
+            time.sleep(ROUND)
+
+    @staticmethod
+    def _follow(latch: Latch) -> None:
+        """Meet the listed publishers; without an answer about one topic the others are met all the
+        same."""
+        with contextlib.suppress(Trouble):  # the directory has noted it
+            latch.meet(DIRECTORY.publishers(latch.name, latch.connected_nodes))
+
+    def recent(self, topic: Topic) -> Tuple[Sample, ...]:
+        """See ``Topics``."""
+        return self.latches[topic].recent()
+
+    def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
+        """Set the alarm ``key``. ``wanted`` must depend on the value alone: it is not called again
+        for the same value."""
+        for latch in self.latches.values():
+            latch.clear_alarm(key)
+        self.latches[topic].set_alarm(key, wanted)
+
+    def listen(self, topic: Topic, seconds: float) -> None:
+        """See ``Topics``."""
+        hearing = self.latches[topic].hearing
+        if hearing is not None:
+            hearing.listen(seconds)
+
+    def is_hearing(self, topic: Topic) -> bool:
+        """See ``Topics``."""
+        hearing = self.latches[topic].hearing
+        return hearing is not None and hearing.is_under_way
+
+    def ignore(self, topic: Topic, reason: str, missed: Callable[[Any], bool]) -> None:
+        """See ``Topics``."""
+        self.latches[topic].ignoring = reason, missed

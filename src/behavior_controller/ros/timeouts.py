@@ -1,0 +1,74 @@
+"""Runs work that may hang (a frozen master, a dead disk) on a separate thread, and waits for it
+with a limit."""
+import sys
+import threading
+import time
+from concurrent.futures import Future
+from types import FrameType
+from typing import Any, Callable, Iterable, Optional
+
+from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.errors import BehaviorControllerError
+
+
+class Stopped(BehaviorControllerError):
+    """A stop was requested while the work was under way."""
+
+
+class Late(BehaviorControllerError):
+    """The work did not end in time; its thread goes on. ``frame`` is where it was then, if that is
+    known."""
+
+    def __init__(self, text: str, frame: Optional[FrameType]):
+        super().__init__(text)
+        self.frame = frame
+
+
+PATIENCE = 2.0
+"""Seconds after which ``is_slow`` is called for work that has not ended."""
+
+
+def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bool], seconds: float,
+              is_slow: Callable[[], None] = lambda: None) -> Any:
+    """Return what ``work()`` returns on another thread, or raise what it raises.
+
+    ``is_slow`` is called, on this thread, if it has not ended after ``PATIENCE`` seconds. Raises
+    ``Stopped`` as soon as ``wake`` is signalled and ``is_stopped()``, ``Late`` after ``seconds``,
+    and RuntimeError if no thread can be started.
+    """
+    outcome: "Future[Any]" = Future()
+
+    def run() -> None:
+        try:
+            outcome.set_result(work())
+        except BaseException as error:  # raised again in the waiting thread
+            outcome.set_exception(error)
+        wake.emit()
+
+    thread = threading.Thread(target=run, name="apart", daemon=True)
+    thread.start()
+    ends = time.monotonic() + seconds
+    told_at = time.monotonic() + PATIENCE
+    while not outcome.done():
+        now = time.monotonic()
+        if is_stopped():
+            raise Stopped("stopped")
+        if now >= ends:
+            raise Late(f"not done in {seconds:g} s", sys._current_frames().get(thread.ident or 0))
+        if now >= told_at:
+            is_slow()
+            told_at = ends
+        wake.wait(min(ends, told_at) - now)
+        wake.test_and_clear()
+    return outcome.result()
+
+
+def run_together(works: Iterable[Callable[[], Any]], seconds: float) -> None:
+    """Run ``works`` side by side and return when all have ended, after ``seconds`` at the latest.
+    """
+    threads = [threading.Thread(target=work, daemon=True) for work in works]
+    ends = time.monotonic() + seconds
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(max(0.0, ends - time.monotonic()))

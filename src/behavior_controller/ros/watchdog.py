@@ -1,0 +1,266 @@
+"""Monitors the robot while the mission runs: nodes that go or return, silent topics, the master.
+
+Each service, and the status of each action, has a thread with a connection to its server: the end
+of the connection shows at once that the server is gone, and the wait costs next to nothing. Topics
+and master are judged four times a second by the state of ``RosTopics`` and ``Directory``, so that
+no judgement waits for a master. Changes go to ``Health``.
+"""
+import contextlib
+import threading
+import time
+from typing import Callable, Dict, FrozenSet, Iterable, Set, Tuple
+
+import rosgraph
+import rospy
+
+from behavior_controller.execution.events import HealthChanged
+from behavior_controller.execution.health import (
+    GONE, Health, NEW, SILENT, SLOW, available_again, gone)
+from behavior_controller.robot.declarations import (
+    Action, Interface, Offer, Publication, Sense, Topic)
+from behavior_controller.ros.tcpros import CHUNK, Connection, Trouble, STEP_LIMIT, open_publisher
+from behavior_controller.ros.master import DIRECTORY
+from behavior_controller.ros.startup_check import not_published, resolved
+from behavior_controller.ros.service_client import open_service
+from behavior_controller.ros.subscriber import Latch, RosTopics
+
+LOOK = 0.25
+"""Seconds between two checks of topics and master: their changes must be reported within two
+seconds."""
+
+ROUND = 0.5
+"""Seconds between two attempts to reach a server that is gone."""
+
+SILENCE = 1.25
+"""Seconds without a message after which a continuous topic is silent, unless its messages are rare.
+"""
+
+GAPS = 12
+"""A topic is silent only after this many times its usual gap: with random arrivals a single gap may
+be long."""
+
+FIRST_SILENCE = 10.0
+"""The same as ``SILENCE`` until ``ENOUGH`` messages have shown the topic's rate."""
+
+ENOUGH = 5
+
+LONELY = 0.9
+"""Seconds without a connection after which a topic is gone: a broken connection is first made
+again.
+
+Over a link of 100 ms that takes 0.85 s.
+"""
+
+RECONNECT = 3.0
+"""Seconds between two new connections to a continuous topic that is silent although its publisher
+is connected."""
+
+RETURN_LIMIT = 1.3
+"""Seconds for each step of a connection to a server whose last one broke; then it is gone.
+
+It is long enough for one lost packet. The connection to an unreachable host breaks after three and
+a half seconds, so that is reported within five.
+"""
+
+RETRY = 0.05
+"""Seconds between a broken connection and the next one: a server may end each at once."""
+
+NO_MASTER = (
+    "the mission goes on with the nodes where they were last, but finds none that is started now")
+
+SLOW_MASTER = "nodes that are started, or started again, are found later"
+
+NEW_MASTER = ("the mission goes on with them where they were last, as long as they run; start them "
+              "again as soon as the robot is free, or no node that starts from now on finds them")
+
+
+class Monitor:
+    """Monitors the ``include``d services and topics, and the master, until ``close``."""
+
+    def __init__(self, interface: Interface, topics: RosTopics, health: Health,
+                 is_asr_enabled: Callable[[], bool]):
+        """While ``is_asr_enabled()`` is false, speech is not used, and its topic is not monitored.
+        """
+        self._offers: Tuple[Offer, ...] = ()
+        self._topics = topics
+        self._speech = interface.evidence(Sense.UTTERANCE).topic
+        self._health = health
+        self._is_asr_enabled = is_asr_enabled
+        self._connections: Dict[Offer, Connection] = {}
+        # whether it was all right, by name and respect
+        self._reported: Dict[Tuple[str, str], bool] = {}
+        self._closed = threading.Event()
+        self._was_there: Set[Offer] = set()  # the services that the robot has
+        self._may_lack: FrozenSet[Offer] = frozenset()
+        self._lonely: Dict[Topic, float] = {}  # since when a topic has had no connection
+        # of a silent topic: time of its last message, and the silence after which to reconnect
+        self._silent: Dict[Topic, Tuple[float, float]] = {}
+
+    def include(self, offers: Iterable[Offer], may_lack: bool = False) -> None:
+        """Monitor these services and topics too. ``may_lack``: those that never existed are not
+        reported."""
+        added = [offer for offer in offers if offer not in self._offers]
+        self._offers += tuple(added)
+        self._may_lack = self._may_lack.union(added) if may_lack else self._may_lack.difference(
+            offers)
+        for offer in added:
+            # a subscriber has no address to connect to
+            if not isinstance(offer, (Topic, Publication)):
+                threading.Thread(target=self._watch, args=(offer,), daemon=True,
+                                 name="monitor " + offer.name).start()
+
+    def start(self) -> None:
+        """Start monitoring topics and the master."""
+        threading.Thread(target=self._look_around, daemon=True,
+                         name="monitor topics and master").start()
+
+    def close(self) -> None:
+        """Let the threads end; does not wait for them."""
+        self._closed.set()
+        for connection in list(self._connections.values()):
+            connection.close()
+
+    # ------------------------------------------------------------------------------------- services
+
+    def _watch(self, offer: Offer) -> None:
+        """Keep a connection to a server and report its loss and return."""
+        while not self._closed.is_set():
+            try:
+                self._hold(offer)
+            except Trouble as trouble:
+                if offer in self._was_there or not (offer.is_optional or offer in self._may_lack):
+                    self._tell_gone(offer, f"{trouble.cause.text}: {trouble}")
+                self._closed.wait(ROUND)
+
+    def _hold(self, offer: Offer) -> None:
+        """Stay connected to a server. Raises ``Trouble`` if it cannot be connected to, at first or
+        after a break."""
+        connect, limit = _connect_to(offer), STEP_LIMIT
+        while not self._closed.is_set():
+            connection = self._connections[offer] = Connection()
+            connect(connection, limit)
+            self._was_there.add(offer)
+            self._tell_back(offer)
+            self._wait_for_end(connection)
+            self._closed.wait(RETRY)
+            limit = RETURN_LIMIT
+
+    def _wait_for_end(self, connection: Connection) -> None:
+        """Return when the connection has ended."""
+        connection.notice_a_dead_host()
+        connection.wait_without_limit()
+        with contextlib.suppress(Trouble):
+            while not self._closed.is_set():
+                connection.receive_some(CHUNK)
+        connection.hang_up()
+
+    def _report(self, respect: str, change: HealthChanged) -> None:
+        """Report a changed state to the health; only changes, since each wakes the tree. Each
+        thread reports on its own."""
+        if self._reported.get((change.name, respect), True) is not change.is_well:
+            self._reported[change.name, respect] = change.is_well
+            self._health.report(respect, change)
+
+    def _tell_gone(self, offer: Offer, reason: str) -> None:
+        self._report(GONE, gone(offer.kind, resolved(offer), offer.node, reason, offer.absence))
+
+    def _tell_back(self, offer: Offer) -> None:
+        self._report(GONE, available_again(offer.kind, resolved(offer), offer.node))
+
+    # ---------------------------------------------------------------------------- topics and master
+
+    def _look_around(self) -> None:
+        while not self._closed.wait(LOOK):
+            self._look_at_master()
+            for offer in self._offers:
+                is_unused = offer is self._speech and not self._is_asr_enabled()
+                if isinstance(offer, Topic) and not is_unused:
+                    self._look_at(offer, self._topics.latches[offer])
+
+    def _look_at_master(self) -> None:
+        """Report whether the master answers, and whether it has forgotten the robot's nodes."""
+        def report(respect: str, status: str, consequence: str = "") -> None:
+            self._report(respect, HealthChanged(
+                "master", rosgraph.get_master_uri(), "", not consequence, status, consequence))
+
+        forgotten = DIRECTORY.forgotten
+        if DIRECTORY.is_lost:
+            report(GONE, DIRECTORY.fault, NO_MASTER)
+            return
+        if DIRECTORY.is_slow:
+            report(SLOW, "answers slowly", SLOW_MASTER)
+        else:
+            report(SLOW, "answers in time again")
+        nodes = sorted({offer.node for offer in self._offers if resolved(offer) in forgotten})
+        report(GONE, "another one answers" if nodes else "answers again")
+        if nodes:
+            report(NEW, "is a new one, or its memory was cleared: it does not know "
+                        f"{', '.join(nodes)}", NEW_MASTER)
+        else:
+            report(NEW, "knows the robot's nodes again")
+
+    def _look_at(self, topic: Topic, latch: Latch) -> None:
+        """Report whether a topic is published, and whether it has been silent for too long."""
+        if latch.count:
+            self._health.hear(latch.name, latch.last_arrival)
+        now = time.monotonic()
+        if not latch.is_connected and not latch.is_looked_for:
+            return
+        if not latch.is_connected:
+            if now - self._lonely.setdefault(topic, now) > LONELY:
+                self._tell_gone(topic, _absence(topic, latch))
+            return
+        self._lonely.pop(topic, None)
+        self._tell_back(topic)
+        if topic.is_continuous:
+            self._look_at_silence(topic, latch, now - latch.last_arrival)
+
+    def _look_at_silence(self, topic: Topic, latch: Latch, silence: float) -> None:
+        """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""
+        heard, again_at = self._silent.get(topic, (0.0, 0.0))
+        if heard == latch.last_arrival:  # still silent: a new connection alone proves nothing
+            if silence >= again_at:
+                self._silent[topic] = heard, silence + RECONNECT
+                latch.reconnect()
+            return
+        is_well = silence <= patience(latch.count, latch.usual_gap)
+        if is_well:
+            self._silent.pop(topic, None)
+        else:
+            self._silent[topic] = latch.last_arrival, silence + RECONNECT
+        self._report(SILENT, HealthChanged(
+            topic.kind, latch.name, topic.node, is_well,
+            "heard again" if is_well else f"silent for {silence:.1f} s",
+            "" if is_well else "until it is heard again, " + topic.absence))
+
+
+def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
+    """Return what connects to a server, which is looked up now: of an action, to its status. Raises
+    ``Trouble``."""
+    name = resolved(offer)
+    if not isinstance(offer, Action):
+        place = DIRECTORY.service(name, STEP_LIMIT)
+        return lambda connection, limit: open_service(place, connection, name, "*", limit,
+                                                      persistent="1")
+    uri = DIRECTORY.server(name, STEP_LIMIT)
+    # under another name: a publisher drops the older of two connections from the same node
+    header = {"type": "*", "callerid": rospy.get_name() + "_monitor"}
+    return lambda connection, limit: open_publisher(connection, uri, name + "/status", header)
+
+
+def _absence(topic: Topic, latch: Latch) -> str:
+    """Return why a topic is not connected, if that is known."""
+    if latch.wrong_publishers:
+        return f"published by {', '.join(latch.wrong_publishers)}; expected is {topic.type}"
+    if latch.garbled_publishers:
+        return (f"no message of {', '.join(latch.garbled_publishers)} can be decoded: build both "
+                "from the same msg files")
+    if latch.unreachable:
+        return f"its publisher at {', '.join(latch.unreachable)} cannot be reached"
+    return not_published(topic)
+
+
+def patience(count: int, usual_gap: float) -> float:
+    """Return the seconds of silence that are normal for a topic with so many messages at that mean
+    distance."""
+    return FIRST_SILENCE if count < ENOUGH else max(SILENCE, GAPS * usual_gap)

@@ -1,1 +1,0 @@
-"""Monitoring of a running mission: Groot2, the page in the browser, the record."""

@@ -1,0 +1,47 @@
+"""The types as mypy.ini says, and what needs no ROS on the other supported interpreter."""
+import os
+import subprocess
+import sys
+
+import pytest
+
+from rostest_items import BUILD, OTHER_PYTHON, REPOSITORY
+
+ENGINE_AND_LEAVES = [
+    "test/unit/test_{}.py".format(module)
+    for module in ("blackboard", "codec", "conditions", "document", "leaves", "outcomes",
+                   "own_types", "ports", "py_trees", "recovery", "registry", "runner", "script",
+                   "tree", "values", "wakeup")
+]
+LIMIT = 900.0  # seconds
+
+
+def run(*command, **environment):
+    """Run a command in the repository; a test that fails shows the end of what it printed."""
+    done = subprocess.run(command, cwd=str(REPOSITORY), env=dict(os.environ, **environment),
+                          timeout=LIMIT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          universal_newlines=True)
+    assert done.returncode == 0, done.stdout[-5000:]
+
+
+def run_on_other(*arguments):
+    """Run pytest on the other interpreter, which collects every module and has no ROS."""
+    python = BUILD / "venv-{}".format(OTHER_PYTHON) / "bin" / "python"
+    if not python.exists():
+        pytest.skip("python{} is not installed".format(OTHER_PYTHON))
+    cache = "cache_dir={}/pytest_cache-{}".format(BUILD, OTHER_PYTHON)
+    run(str(python), "-m", "pytest", "-q", "-rfE", "-o", cache, *arguments, PYTHONPATH="")
+
+
+def test_the_types_agree():
+    run(sys.executable, "-m", "mypy")
+
+
+def test_the_engine_and_the_leaves_on_the_other_python():
+    run_on_other("test/conformance", *ENGINE_AND_LEAVES)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("folder", ["test/unit", "unit_tests/test/unit"])
+def test_the_rest_on_the_other_python(folder):
+    run_on_other(folder, *("--ignore=" + path for path in ENGINE_AND_LEAVES))

@@ -1,0 +1,542 @@
+"""What an operator sees in the moments for which the page is opened: card and robot line, against
+the model of the run and against the truth of each situation."""
+import re
+import time
+import types
+import urllib.request
+
+import pytest
+from msgspec.structs import replace
+
+from behavior_controller.execution.events import (
+    BreakpointChanged, HealthChanged, Line, PassStarted)
+from behavior_controller.execution.health import FAILING, GONE, SILENT
+from behavior_controller.execution.run import Run
+from behavior_controller.leaves.recovery import RETURN_LIMIT
+from behavior_controller.monitoring import board as board_module
+from behavior_controller.monitoring.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
+from behavior_controller.monitoring.moment import card, robot_line
+from behavior_controller.monitoring.parts import card_line
+from behavior_controller.monitoring.record.recorder import (
+    Entries, shown as tree_shown, traversed, written)
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say, SetAttention
+from browser import reset_screen, set_screen
+from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
+from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
+from test_story import refusing, walks_off
+
+def use_time_of(rig, monkeypatch):
+    """Have the board tell the time of day by the clock of a rig."""
+    known = board_module.time
+    monkeypatch.setattr(board_module, "time", types.SimpleNamespace(
+        time=rig.clock.now, monotonic=known.monotonic, strftime=known.strftime,
+        localtime=known.localtime))
+
+
+class Situation:
+    """A mission that is played to a moment: ``run`` is the model of all that happened."""
+
+    def __init__(self, rig):
+        self.rig = rig
+        self.run = Run([Line(rig.clock.now(), tree_shown(rig.tree))])
+        rig.mission.events.subscribe(self._take)
+        self.entries = Entries(rig.tree)
+        rig.tree.follow(self._follow)
+
+    def _follow(self, is_first, changes):
+        self._take(written(*self.entries.news()))
+        if changes:
+            self._take(traversed(0.0, is_first, changes))
+
+    def _take(self, event):
+        self.run.take(Line(self.rig.clock.now(), event))
+
+    def play(self, visitor, is_there, runs=1, **options):
+        """Run until ``is_there()``; the mission is then as it was."""
+        def act(rig):
+            if is_there():
+                raise Stop
+            visitor(rig)
+
+        with pytest.raises(Stop):
+            self.rig.run(act, runs=runs, **options)
+
+    def report(self, respect, change):
+        self.rig.mission.health.report(respect, change)
+        self.rig.mission.health.publish(self.rig.mission.events)
+
+    @property
+    def asked(self):
+        return self.rig.requests[-1] if self.rig.requests else None
+
+    @property
+    def card(self):
+        return card(self.run.at(self.run.lines[-1].time))
+
+    @property
+    def robot(self):
+        return robot_line(self.run.at(self.run.lines[-1].time))
+
+
+def gone(respect=GONE):
+    status = "gone: connection refused" if respect == GONE else "failing: 3 calls in a row"
+    return HealthChanged("service", service_of(GoTo), "robotNavigation" if respect == GONE else "",
+                         False, status, "until it is back, the robot cannot drive", respect)
+
+
+def engages():
+    played = Situation(Rig(answer=lambda request: None if (
+        isinstance(request, Say) and request.text == "second text 1") else NotImplemented))
+    played.play(visitor_who("yes"), lambda: getattr(played.asked, "text", "") == "second text 1")
+    now, robot = played.card, played.robot
+    assert (now.kind, now.until - now.since) == ("step", 60.0)
+    assert "second text 1" in now.what and "exhibit 1 of 2" in now.where
+    assert service_of(Say) in now.waits_for and now.next == "IsListWithExhibit"
+    assert robot.is_well and (robot.place, robot.movement) == ("at exhibit 1", "off")
+    return played, ["nothing runs", "gone"]
+
+
+def leaves():
+    played = Situation(Rig(answer=lambda request: None if (
+        isinstance(request, GoTo) and request.goal.x == 0.5) else NotImplemented))
+    played.play(walks_off, lambda: isinstance(played.asked, GoTo) and played.asked.goal.x == 0.5)
+    assert (played.card.kind, played.card.what) == ("step", "driving home")
+    assert played.robot.place == "driving home" and played.robot.is_well
+    visit = played.run.state.visit
+    assert visit.stops[-1].why.kind == "left" and visit.stops[-1].why.blind is None
+    return played, ["nothing runs", "could not be seen"]
+
+
+def node_killed_in_a_drive():
+    played = Situation(Rig(answer=lambda request: None if (
+        isinstance(request, GoTo)) else NotImplemented))
+    played.play(visitor_who("yes"), lambda: isinstance(played.asked, GoTo))
+    assert played.robot.place == "driving to exhibit 1"
+    played.rig.clock.advance(4.0)
+    lost = Failure(Cause.CONNECTION_LOST, "the connection broke", service_of(GoTo))
+    played.rig.gateway.calls[-1].finish(lost)
+    played.report(GONE, gone())
+    played.rig.tick()
+    played.rig.clock.advance(6.0)  # the pause before the retry, and the wait for the node
+    played.rig.tick()
+    played.report(FAILING, gone(FAILING))
+    now, robot = played.card, played.robot
+    assert (now.kind, now.what) == ("wait", "waiting for /robotNavigation to return")
+    assert now.until - now.since == RETURN_LIMIT and (now.attempt, now.attempts) == (2, 3)
+    assert robot.alive == service_of(GoTo) + " is gone"
+    assert "at the start" in robot.place and "to exhibit 1" in robot.place
+    assert re.match("Restart /robotNavigation; take the robot home$", robot.instruction)
+    return played, ["nothing runs", "failing", "in use answer"]
+
+
+def topic_frozen():
+    played = Situation(Rig())
+    frozen = HealthChanged("topic", "/overtAttention/mode", "overtAttention", False,
+                           "silent for 1.3 s",
+                           "until it is heard again, mutual gaze is not noticed", SILENT)
+    played.report(SILENT, frozen)
+    played.play(visitor_who("yes", gazes=False), lambda: len(played.run.visits) == 1, runs=2)
+    why = played.run.visits[0].why
+    assert (why.kind, why.blind) == ("failed", frozen)
+    assert "overtAttention" in played.robot.instruction and not played.robot.is_well
+    return played, ["did not look", "nothing runs"]
+
+
+def breakpoint_of_groot2():
+    rig = one_leaf("<Sequence><WelcomeSpeech/><SayGoodByeSpeech/></Sequence>")
+    played = Situation(rig)
+    hooks = Hooks(rig.tree, lambda uid: None, lambda text: None, rig.mission.events.emit)
+    hooks.insert([Hook(3, BEFORE, BREAKPOINT, False, True, "SKIPPED")])
+    rig.clock.run_posted()
+    rig.tick()
+    rig.clock.advance(7.0)
+    rig.tick()
+    assert [event.is_held for event in rig.of(BreakpointChanged)] == [True]
+    assert (played.card.kind, played.card.uid) == ("held", 3)
+    assert "SayGoodByeSpeech" in played.card.what and played.card.since == 1000.0
+    return played, ["nothing runs", "saying"]
+
+
+def sleep():
+    rig = one_leaf("<Sequence><Sleep msec='30000'/><WelcomeSpeech/></Sequence>")
+    played = Situation(rig)
+    rig.tick()
+    rig.clock.advance(7.0)
+    now = played.card
+    assert (now.kind, now.since, now.until, now.next) == ("asleep", 1000.0, 1030.0, "WelcomeSpeech")
+    return played, ["nothing runs"]
+
+
+def budget_spent():
+    played = Situation(Rig(answer=refusing(Say, PerformGesture)))
+    played.play(visitor_who("yes"), lambda: played.card.kind == "paused", runs=9)
+    now = played.card
+    assert now.until > now.since and "recoveries" in now.what
+    assert played.robot.instruction.startswith("Repair what fails: ")
+    return played, ["nothing runs", "between two"]
+
+
+def stopped():
+    played = Situation(Rig(answer=lambda request: None if (
+        isinstance(request, GoTo)) else NotImplemented))
+    played.rig.run(visitor_who("yes"), is_stopped=lambda: isinstance(played.asked, GoTo))
+    assert played.card.kind == "ended" and "last pass" in played.card.what
+    robot, visit = played.robot, played.run.visits[-1]
+    assert robot.safe == "safe state reached"
+    assert (robot.attention, robot.movement) == ("off", "off")
+    assert robot.instruction == "Take the robot home" and "on the way to exhibit 1" in robot.place
+    assert (visit.outcome, visit.why.kind) == ("", "stopped")
+    return played, ["nothing runs", "driving to"]
+
+
+SITUATIONS = [engages, leaves, node_killed_in_a_drive, topic_frozen, breakpoint_of_groot2, sleep,
+              budget_spent, stopped]
+FIELDS = """
+const text = id => document.getElementById(id).innerText;
+return {what: text("now"), waits: text("waits"), next: text("next"), elapsed: text("elapsed"),
+        kind: byId("card").dataset.kind,
+        robot: ["alive", "place", "attention", "movement", "safe", "instruction"].map(text),
+        all: text("card") + text("robot") + text("alarms")}"""
+
+
+@pytest.mark.parametrize("situation", SITUATIONS)
+def test_card_and_robot_line_say_what_is_so(situation, monkeypatch, browser):  # noqa: F811
+    shows = []
+
+    def rig_on_page(rig):
+        use_time_of(rig, monkeypatch)
+        shows.append(Show(rig))
+
+    def init(self, rig, begin=Situation.__init__):
+        begin(self, rig)
+        rig_on_page(rig)
+
+    monkeypatch.setattr(Situation, "__init__", init)
+    try:
+        played, wrong = situation()
+        now, robot = played.card, played.robot
+        open_page(browser, shows[-1])
+        wait_until(lambda: browser.execute_script(FIELDS)["kind"] == now.kind)
+        seen = browser.execute_script(FIELDS)
+        assert seen["what"] == now.what
+        assert seen["next"] == ("next: " + now.next if now.next else "")
+        assert now.waits_for in seen["waits"] and now.trouble in seen["waits"]
+        assert seen["robot"] == [robot.alive, robot.place, "attention " + robot.attention,
+                                 "lifelike movement " + robot.movement, robot.safe,
+                                 robot.instruction]
+        assert [words for words in wrong if words in seen["all"]] == []
+        left = now.until - played.rig.clock.now() if now.until is not None else 0.0
+        if now.kind in ("wait", "asleep", "paused"):
+            assert abs(float(re.search(r"(\d+) s more", seen["elapsed"])[1]) - left) <= 2.0
+        line = card_line(now, played.rig.clock.now())
+        assert now.kind in ("idle", "ended") or now.what in line
+        assert robot.instruction in robot.text
+        assert browser.execute_script("return byId('visits-list').childElementCount") == len(
+            played.run.visits)
+    finally:
+        for each in shows:
+            each.page.close()
+
+
+def ticked(mission, seconds, answer=lambda request: NotImplemented):
+    """Return the situation of a mission after so many seconds."""
+    played = Situation(one_leaf(mission, answer))
+    tick(played.rig, seconds)
+    return played
+
+
+def tick(rig, seconds):
+    for _ in range(int(2 * seconds)):
+        rig.tick()
+        rig.clock.advance(0.5)
+
+
+DRIVE_WITH_RECOVERY = "<Fallback><Navigate/><HandleFallBack/></Fallback>"
+
+
+def test_a_retry_ends_when_its_recovery_is_halted():
+    drives = []
+
+    def refuse_once(request):
+        if not isinstance(request, GoTo):
+            return NotImplemented
+        drives.append(request)
+        return refusal(request) if len(drives) == 1 else None
+
+    played = ticked("<Sequence><LookUpHome/><ForceSuccess><Timeout msec='5000'>{}</Timeout>"
+                    "</ForceSuccess><Sleep msec='60000'/></Sequence>".format(DRIVE_WITH_RECOVERY),
+                    4, refuse_once)
+    assert (played.card.kind, played.card.attempt) == ("step", 2)
+    tick(played.rig, 3)
+    assert played.card.kind == "asleep" and not played.run.state.steps
+    assert played.run.state.robot.goal is None and not played.run.state.exchanges
+
+
+def test_a_recovery_that_asks_for_the_safe_state_says_so():
+    def answer(request):
+        if isinstance(request, SetAttention):
+            return None
+        return refusal(request) if isinstance(request, GoTo) else NotImplemented
+
+    played = ticked("<Sequence><LookUpHome/>{}</Sequence>".format(DRIVE_WITH_RECOVERY), 8, answer)
+    now = played.card
+    assert (now.kind, now.what) == ("step", SetAttention("disabled").words.doing)
+    assert (now.since, now.attempt) == (1003.0, 1) and service_of(SetAttention) in now.waits_for
+
+
+def test_the_safe_state_is_reported_until_something_of_it_is_asked_for():
+    other = ("<Sequence><Sleep msec='5000'/>{}<EnableAnimateBehavior/>"
+             "<Sleep msec='9000'/></Sequence>")
+    played = ticked("<Sequence><LookUpHome/><Fallback>{}{}</Fallback></Sequence>".format(
+        DRIVE_WITH_RECOVERY, other.format("<WelcomeSpeech/>")), 5, refusing(GoTo))
+    assert played.card.kind == "asleep" and played.robot.safe == "safe state reached"
+    tick(played.rig, 5)
+    assert (played.robot.movement, played.robot.safe) == ("on", "")
+
+
+def test_a_wait_is_over_when_its_time_is():
+    played = ticked("<Sequence><ForceSuccess><ReactiveFallback><IsVisitorDiscovered/><ForceFailure>"
+                    "<Sleep msec='2000'/></ForceFailure></ReactiveFallback></ForceSuccess>"
+                    "<Sleep msec='30000'/></Sequence>", 1)
+    assert (played.card.kind, played.card.until) == ("wait", 1002.0)
+    tick(played.rig, 4)
+    assert (played.card.kind, played.card.since) == ("asleep", 1002.0)
+
+
+def test_a_wait_says_what_is_wrong_with_its_topic():
+    played = ticked("<ReactiveFallback><IsVisitorDiscovered/><Sleep msec='90000'/>"
+                    "</ReactiveFallback>", 1)
+    assert (played.card.kind, played.card.trouble) == ("wait", "")
+    played.report(SILENT, HealthChanged("topic", "/faceDetection/data", "faceDetection", False,
+                                        "silent for 1.3 s", "visitors are not noticed", SILENT))
+    assert played.card.trouble == "/faceDetection/data is silent"
+
+
+@pytest.mark.parametrize("following, expected", [
+    ("<Sequence><SayGoodByeSpeech/></Sequence>", "SayGoodByeSpeech"),
+    ("<DescribeExhibitSpeech name='1'/>", "1 (DescribeExhibitSpeech)"),
+    ("<Script code='x := 2'/><SayGoodByeSpeech/>", "SayGoodByeSpeech"),
+    ("<Sequence _skipIf='false'><SayGoodByeSpeech/></Sequence>", ""),
+    ("<Sequence><SayGoodByeSpeech _while='true'/></Sequence>", ""),
+    ("<Switch2 variable='{x}' case_1='1' case_2='2'><WelcomeGesture/><AlwaysSuccess/>"
+     "<SayGoodByeSpeech/></Switch2>", ""),
+])
+def test_what_comes_next_is_said_if_it_is_certain(following, expected):
+    played = ticked("<Sequence><Script code='x := 1'/><WelcomeSpeech/>{}</Sequence>".format(
+        following), 1, lambda request: None)
+    assert played.card.next == expected
+
+
+def test_a_robot_that_could_not_drive_home_is_to_be_fetched_until_it_drives():
+    drives = []
+
+    def cannot_return(request):
+        if not isinstance(request, GoTo):
+            return NotImplemented
+        drives.append(request)
+        return refusal(request) if len(drives) > 1 and played.run.state.visit_count == 1 else None
+
+    played = Situation(Rig(answer=cannot_return))
+    seen = []
+
+    def visitor(rig):
+        if rig.gateway.calls[-1].result is None and len(drives) == 1:
+            rig.gateway.calls[-1].finish(Answer())
+        seen.append((played.run.state.visit_count, played.robot.instruction))
+        visitor_who("yes")(rig)
+
+    played.play(visitor, lambda: played.run.state.visit_count == 2 and
+                isinstance(played.asked, GoTo), runs=2)
+    assert {told for visit, told in seen if visit == 1} == {""}
+    assert {told for visit, told in seen if visit == 2} == {"Take the robot home"}
+    assert played.robot.instruction == "" and played.robot.place == "driving to exhibit 1"
+
+
+def test_what_a_node_was_asked_for_is_unknown_when_it_comes_back():
+    played = ticked("<Sequence><SeekOvertAttentionMode/><EnableAnimateBehavior/>"
+                    "<Sleep msec='60000'/></Sequence>", 1)
+    assert (played.robot.attention, played.robot.movement) == ("on (seeking)", "on")
+    lost = replace(gone(), name=service_of(SetAttention), node="overtAttention")
+    played.report(GONE, lost)
+    played.report(GONE, replace(lost, is_well=True, consequence=""))
+    assert (played.robot.attention, played.robot.movement) == ("unknown", "on")
+
+
+def test_retries_of_one_incident_are_one_entry(browser):  # noqa: F811
+    rig = Rig(answer=refusing(PerformGesture))
+    shown = Show(rig)
+    try:
+        open_page(browser, shown)
+        shown.run_until(lambda request: isinstance(request, Say) and request.text ==
+                        "second text 1")
+        sentences = shown.page.board.part("story")["sentences"]
+        incidents = {told["incident"] for told in sentences if told["incident"]}
+        assert len(incidents) == 2 and len([told for told in sentences if told["incident"]]) > 4
+        wait_until(lambda: browser.execute_script(
+            "return document.querySelectorAll('#transcript [data-incident]').length") == 2)
+        assert browser.execute_script(
+            "return document.querySelectorAll('#transcript details').length") == 2
+    finally:
+        shown.page.close()
+
+
+SHIFTS = """
+window.shift = 0; window.shifted = [];
+new PerformanceObserver(list => { for (const entry of list.getEntries()) {
+  if (entry.hadRecentInput) continue;
+  shift += entry.value;
+  if (entry.value > 0.01)
+    shifted.push(entry.sources.map(({node}) => node && (node.id || node.nodeName)));
+} }).observe({type: "layout-shift", buffered: true});"""
+
+
+@pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
+def test_nothing_jumps_during_a_tour_with_failures(browser, width, height):  # noqa: F811
+    rig = Rig(answer=refusing(PerformGesture))
+    shown = Show(rig)
+    set_screen(browser, width, height)
+    try:
+        open_page(browser, shown)
+        time.sleep(0.5)
+        browser.execute_script(SHIFTS)
+        visitor, waits = visitor_who("yes"), []
+
+        def seen_by_the_page(rig):
+            waits.append(time.sleep(0.15))
+            if len(waits) == 6:
+                rig.mission.health.report(GONE, gone())
+            elif len(waits) == 9:
+                rig.mission.health.report(GONE, replace(gone(), is_well=True, consequence=""))
+            visitor(rig)
+
+        rig.run(seen_by_the_page, runs=2)
+        time.sleep(0.5)
+        shift, places = browser.execute_script("return [shift, shifted]")
+        print("layout shift at {} px: {:.3f} {}".format(width, shift, places[:20]))
+        assert len(waits) > 10 and shift < 0.1
+    finally:
+        reset_screen(browser)
+        shown.page.close()
+
+
+SCRUB = """
+const [at, done] = arguments, began = performance.now(), scrub = byId("scrub"), show = travels.show;
+travels.show = parts => {
+  show(parts);
+  travels.show = show;
+  requestAnimationFrame(() => setTimeout(() => done(performance.now() - began)));
+};
+[scrub.min, scrub.max, scrub.value] = [0, 2 * at, at];
+scrub.dispatchEvent(new Event("input"))"""
+SEEN = """
+const rows = [...document.querySelectorAll("#transcript [data-number]")].map(one => Number(one.dataset.at));
+const entries = [...byId("blackboard").tBodies[0].rows].map(row => [...row.cells].map(cell => cell.textContent));
+const ill = document.querySelectorAll("#health .ill").length, alarms = byId("alarms").childElementCount;
+return {ill: ill && alarms, letters, stops: byId("stops").childElementCount, told: rows, entries: Object.fromEntries(entries)}"""
+
+
+def scrub(browser, at):  # noqa: F811
+    """Choose a moment, and return in how many milliseconds it is on the screen."""
+    return browser.execute_async_script(SCRUB, at)
+
+
+def test_any_moment_can_be_shown_again_and_now_comes_back(browser, monkeypatch):  # noqa: F811
+    rig = Rig(answer=refusing(PerformGesture))
+    use_time_of(rig, monkeypatch)
+    played, shown, moments = Situation(rig), Show(rig), []
+
+    def loses_a_node(rig):
+        moments.append(rig.clock.now())
+        if len(moments) == 6:
+            rig.mission.health.report(GONE, gone())
+        visitor_who("yes")(rig)
+
+    try:
+        rig.run(loses_a_node)
+        lost = moments[5]
+        open_page(browser, shown)
+        wait_until(lambda: "ended" in browser.execute_script("return document.body.className"))
+        times = sorted({line.time for line in played.run.lines})
+        assert len(times) > 8
+        for at in times[1:-1:3]:
+            scrub(browser, at)
+            state = played.run.at(at)
+            fields, seen = browser.execute_script(FIELDS), browser.execute_script(SEEN)
+            assert (fields["kind"], fields["what"]) == (card(state).kind, card(state).what)
+            assert fields["robot"][1] == robot_line(state).place
+            assert seen["letters"] == state.letters
+            assert seen["stops"] == len(state.visit.stops)
+            assert seen["told"] and max(seen["told"]) <= at
+            assert seen["entries"].get("currentExhibit") == state.entries.get("currentExhibit")
+            assert seen["ill"] == len(state.robot.ill) == (0 if at < lost else 1)
+        assert "currentExhibit" in played.run.state.entries
+        chosen = browser.execute_script("""
+            const one = document.querySelectorAll("#transcript time")[2];
+            const at = Number(one.parentElement.dataset.at);
+            one.click();
+            return at""")
+        wait_until(lambda: browser.execute_script(SEEN)["letters"] == played.run.at(chosen).letters)
+        assert browser.execute_script("return frozen") == chosen
+        browser.execute_script("byId('live').click()")
+        assert browser.execute_script(FIELDS)["kind"] == "ended"
+        assert browser.execute_script(SEEN)["letters"] == played.run.state.letters
+    finally:
+        shown.page.close()
+
+
+@pytest.mark.timing
+def test_a_run_of_a_day_stays_quick(browser, monkeypatch):  # noqa: F811
+    rig, visits = Rig(answer=refusing(PerformGesture)), 200
+    use_time_of(rig, monkeypatch)
+    visit = Situation(rig)
+    rig.run(visitor_who("yes"))
+    began, length = visit.run.lines[0].time, rig.clock.now() - visit.run.lines[0].time
+    other = Rig()
+    use_time_of(other, monkeypatch)
+    shown = Show(other)
+    try:
+        for number in range(visits):
+            for line in visit.run.lines[2:-1]:
+                other.clock.set_to(began + number * length + line.time - began)
+                event = line.event
+                if isinstance(event, PassStarted):
+                    event = replace(event, number=number + 1)
+                other.mission.events.emit(event)
+        open_page(browser, shown)
+        wait_until(lambda: text(browser, "#visitor").startswith("Visitor {}".format(visits)), 60.0)
+        took = []
+        for number in range(0, visits, 7):
+            took.append(scrub(browser, began + (number + 0.9) * length))
+            assert text(browser, "#visitor").startswith("Visitor {}".format(number + 1))
+        print("{} events; a scrub takes {:.0f} ms, at most {:.0f}".format(
+            visits * len(visit.run.lines), sorted(took)[len(took) // 2], max(took)))
+        assert sorted(took)[len(took) // 2] < 100.0
+    finally:
+        shown.page.close()
+
+
+def test_the_stream_of_a_tour_weighs_little():
+    shown = Show(Rig(answer=refusing(PerformGesture)))
+    request = urllib.request.Request(shown.url + "events", headers={"Accept-Encoding": "gzip"})
+    try:
+        with urllib.request.urlopen(request, timeout=5) as stream:
+            wait_until(lambda: shown.page.streams)
+            first, visitor = len(stream.read1(1_000_000)), visitor_who("yes")
+
+            def slowly(rig):
+                time.sleep(0.02)
+                visitor(rig)
+
+            began = time.monotonic()
+            shown.rig.run(slowly, runs=3)
+            took, sent = time.monotonic() - began, 0
+            shown.page.close()
+            for part in iter(lambda: stream.read1(1_000_000), b""):
+                sent += len(part)
+        told = len(shown.page.board.part("story")["sentences"])
+        print("{} bytes at first, then {} for {} sentences in {:.1f} s".format(
+            first, sent, told, took))
+        assert told > 50 and sent < 150 * told
+    finally:
+        shown.page.close()

@@ -1,0 +1,136 @@
+"""The reference of all mistakes as docs/faults.md has it, with their examples; ``make derived``
+writes it."""
+import os
+import re
+import textwrap
+from typing import Dict, Iterator, List, NamedTuple
+
+from behavior_controller.config import settings
+from behavior_controller.bt.loader.document import parse, with_includes
+from behavior_controller.bt.linter.rules import RULES, LintRule
+from behavior_controller.errors import Fault, MissionError
+from behavior_controller.missions.load import build_tree, on_robot
+
+EXAMPLE_NAME = "example.xml"
+"""The name of the file that an example is."""
+
+_EXAMPLES = os.path.join(
+    os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "test", "fixtures", "mistakes.txt")
+_MARK = "▸"
+_STANDS_FOR = {"␤": "\n", "␀": "\0", "␁": "\x01", "⟨long⟩": "a" * 100_001, "⟨many⟩": " ".join(
+    f'_a{number}=""' for number in range(500))}
+_LONGEST = 600  # characters of an example
+_HEAD = """# What validateMission tells
+
+Every kind of mistake has a code that stays the same. `error`: the file is not run. `warning`: it
+is run, but hardly does what its author means; `validateMission --ignore CODE` leaves out the
+warnings with a code. What is an error may be a warning in a tree that the mission does not use.
+This page is written by `make derived`; a test checks each example.
+
+## The JSON of an editor
+
+`validateMission --json FILE…` prints an array with an object for each mistake, ordered by file,
+place, code and text:
+
+| member | type | meaning |
+|---|---|---|
+| `file` | string | the path, as it was given or included |
+| `range` | object or null | `start` and `end`, with `line` and `column` from 1; null: unknown |
+| `severity` | string | `error` or `warning` |
+| `code` | string | one of the codes below; empty for a file that is not a mission |
+| `text` | string | what is wrong, on one line |
+| `hint` | string | what to do, or what is allowed; may be empty |
+
+`end` is after the last character. With `--watch` an array follows at each change.
+
+## The codes
+"""
+
+
+class Example(NamedTuple):
+    """A mission with a mistake at ``line`` and ``column``, or without one: both are 0 then.
+
+    ``beside`` is the code of a mistake that it has too.
+    """
+
+    text: str
+    line: int
+    column: int
+    beside: str
+
+
+def examples() -> Dict[str, List[Example]]:
+    """Return the examples of each rule by its code, from test/fixtures/mistakes.txt."""
+    with open(_EXAMPLES, encoding="utf-8") as file:
+        sections = re.split("^=== ", file.read(), flags=re.MULTILINE)[1:]
+    found = {}
+    for section in sections:
+        head, body = section.rstrip("\n").split("\n", 1)
+        code, _, what = head.partition(" (")
+        beside = what[len("with "):-1] if what.startswith("with ") else ""
+        parts = re.split(r"\n(---|\+\+\+)\n", body)
+        found[code] = [_example_of(text, kind != "+++", what == "file)", beside)
+                       for kind, text in zip(["---"] + parts[1::2], parts[::2])]
+    return found
+
+
+def _example_of(text: str, is_bad: bool, is_file: bool, beside: str) -> Example:
+    assert text.count(_MARK) == is_bad, text
+    for sign, meaning in _STANDS_FOR.items():
+        text = text.replace(sign, meaning)
+    if not is_file and "<root" not in text:
+        if "<BehaviorTree" not in text:
+            text = '<BehaviorTree ID="Main">\n{}\n</BehaviorTree>'.format(
+                textwrap.indent(text, "  "))
+        text = '<root BTCPP_format="4">\n{}\n</root>'.format(textwrap.indent(text, "  "))
+    if not is_bad:
+        return Example(text, 0, 0, beside)
+    before = text[:text.index(_MARK)]
+    return Example(text.replace(_MARK, ""), before.count("\n") + 1,
+                   len(before) - before.rfind("\n"), beside)
+
+
+def page() -> str:
+    """Return the page as Markdown."""
+    lines = [_HEAD, "| code | severity | meaning |", "|---|---|---|"]
+    lines += [f"| [{rule.code}](#{rule.code}) | {_severity(rule)} | {_escaped(rule.meaning)} |"
+              for rule in RULES.values()]
+    shown = examples()
+    for rule in RULES.values():
+        lines += ["", f"### {rule.code}", "", f"{_severity(rule)}: {_escaped(rule.meaning)}"]
+        for example in shown.get(rule.code, [])[:1]:
+            lines += list(_example(example))
+    return "\n".join(lines) + "\n"
+
+
+def _severity(rule: LintRule) -> str:
+    return "warning" if rule.is_warning else "error"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace("_", "\\_")
+
+
+def _example(example: Example) -> Iterator[str]:
+    place = (example.line, example.column)
+    found = [str(fault) for fault in told(example.text) if (fault.line, fault.column) == place]
+    yield from ("", "```xml", _shown(example.text), "```", "")
+    yield from (f"`{_cut(words)}`" for words in found)
+
+
+def told(text: str) -> List[Fault]:
+    """Return the messages about an example on the robot of the default configuration."""
+    try:
+        tree = build_tree(with_includes(parse(text, EXAMPLE_NAME)))
+    except MissionError as error:
+        return list(error.faults)
+    return tree.warnings + on_robot(tree, settings.defaults())
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST else text[:_LONGEST // 2] + "…" + text[-40:]
+
+
+def _shown(text: str) -> str:
+    return "".join(letter if letter.isprintable() or letter == "\n" else ascii(letter)[1:-1]
+                   for letter in _cut(text))

@@ -1,0 +1,1 @@
+"""Judges a test from the controller's record and the simulated nodes' journal."""

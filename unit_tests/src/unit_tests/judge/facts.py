@@ -1,0 +1,34 @@
+"""What is known at the end of a test: the controller's record and the journal of the simulated
+nodes."""
+from typing import FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar
+
+from behavior_controller.execution import events
+from behavior_controller.execution.run import Run
+from behavior_controller.missions.load import Mission
+
+from unit_tests.robot.journal import JournalEntry
+from unit_tests.robot.options import Configuration
+from unit_tests.robot.world import World
+from unit_tests.rehearsal.faultless_play import Rehearsal
+
+Kind = TypeVar("Kind")
+
+
+class Facts(NamedTuple):
+    """Everything that a verdict is based on."""
+
+    run: Run  # from the controller's record
+    journal: Sequence[JournalEntry]
+    exit_code: Optional[int]  # of the controller; None: it did not end
+    test: Configuration
+    world: World  # that of the simulated nodes, before the robot's first request
+    mission: Optional[Mission] = None  # as the test has read it; None: it has a fault
+    cut_off: str = ""  # why the test did not wait for the end
+    rehearsal: Optional[Rehearsal] = None  # the same mission on a robot without faults
+    real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
+    errors: Tuple[str, ...] = ()  # that the controller reported on its terminal
+
+
+def of(record: Iterable[events.Line], kind: Type[Kind]) -> List[Tuple[float, Kind]]:
+    """Return the events of one kind, each with its time."""
+    return [(line.time, line.event) for line in record if isinstance(line.event, kind)]

@@ -1,0 +1,164 @@
+"""The failures of a run as rows: visitor, stop, node, call, what the recovery did about it, the
+time that it cost."""
+import bisect
+import textwrap
+from typing import Dict, List, NamedTuple, Sequence, Tuple
+
+from behavior_controller.execution.events import PassFinished
+from behavior_controller.execution.state import LeafFailure, RecoveryRound
+from behavior_controller.robot.gateway import Failure
+from behavior_controller.text import clean
+
+from unit_tests.judge.facts import Facts, of
+from unit_tests.judge.reference import DONE, HANDLERS
+from unit_tests.judge.witness import Pair, Witness
+
+AGAIN = "tried again"
+"""What the recovery did about a failure whose next attempt failed too."""
+
+NO_RECOVERY, IN_SAFE_STATE, HALTED, NOT_ON_RECORD = (
+    "none", "on the way to the safe state", "halted", "not on record")
+"""The text if no recovery dealt with the failure."""
+
+
+class FailureRow(NamedTuple):
+    """One failure. ``call`` is as plannedFaults names it and ``kind`` one of ``faults.KINDS``, if
+    it was injected.
+
+    Of another failure ``call`` is the service, and ``kind`` the cause on record.
+    """
+
+    at: float  # unix seconds
+    visitor: int  # counts from 1
+    stop: str  # that was under way; empty: none
+    node: str  # empty: it is not on record
+    call: str
+    kind: str
+    recovery: str
+    lost: float  # seconds until the step was done, tried again or given up
+    is_injected: bool
+
+
+class Rows:
+    """Makes the rows of a run."""
+
+    def __init__(self, facts: Facts, witness: Witness):
+        self._facts = facts
+        self._passes = [time for time, _ in of(facts.run.lines, PassFinished)]
+        self._open: List[Pair] = [
+            pair for pair in witness.pairs if pair.line is not None and pair.line.fault
+        ]
+        # id() of a failure -> the recovery from it, and those around that one
+        self._rounds: Dict[int, List[RecoveryRound]] = {}
+        for each in facts.run.recoveries:
+            if each.recovered is not None and not each.is_halted:
+                for failed in each.failures + each.instead:
+                    self._rounds.setdefault(id(failed), []).append(each)
+
+    def all(self) -> List[FailureRow]:
+        """Return a row for each injected fault, and for each failure beside them that is no false
+        condition."""
+        found = [self._of_failure(failed) for failed in self._facts.run.failures
+                 if not failed.is_false_condition and failed.node not in HANDLERS]
+        return sorted(found + list(map(self._of_rest, self._open)), key=lambda row: row.at)
+
+    def _of_failure(self, failed: LeafFailure) -> FailureRow:
+        recovery, until = self._recovery(failed)
+        pair = next((pair for pair in self._open if _explains(pair, failed)), None)
+        if pair is None or pair.line is None:
+            return self._row(failed.at, failed.node, failed.failure.resource or "-",
+                             failed.failure.cause.value, recovery, until, False)
+        self._open.remove(pair)
+        return self._row(pair.line.time, failed.node, _call(pair), pair.line.fault or "", recovery,
+                         until, True)
+
+    def _of_rest(self, pair: Pair) -> FailureRow:
+        """Return the row of a fault that is no failure of a node."""
+        query, line = pair
+        assert line is not None
+        recovery = NOT_ON_RECORD
+        if query is not None:
+            recovery = HALTED if query.result is None else IN_SAFE_STATE
+        return self._row(line.time, query.node if query is not None else "", _call(pair),
+                         line.fault or "", recovery, line.time, True)
+
+    def _row(self, at: float, node: str, call: str, kind: str, recovery: str, until: float,
+             is_injected: bool) -> FailureRow:
+        stop = self._facts.run.at(at).stop
+        return FailureRow(at, 1 + bisect.bisect_left(self._passes, at),
+                          stop.name if stop is not None else "", node, call, kind, recovery,
+                          until - at, is_injected)
+
+    def _recovery(self, failed: LeafFailure) -> Tuple[str, float]:
+        """Return what the recovery did about a failure, and when the step was done, tried again or
+        given up."""
+        rounds = self._rounds.get(id(failed))
+        if not rounds:
+            return NO_RECOVERY, failed.at
+        later = [other for other in rounds[0].failures + rounds[0].instead if other.at > failed.at]
+        if later:
+            is_other = any(other is later[0] for other in rounds[0].instead)
+            return "{} instead".format(later[0].node) if is_other else AGAIN, later[0].at
+        # an outer HandleFallBack goes on with the failure that an inner one gave up
+        rounds = self._rounds[id((rounds[0].failures + rounds[0].instead)[0])]
+        return ", then ".join(dict.fromkeys(map(_outcome, rounds))), rounds[-1].decided
+
+
+def _explains(pair: Pair, failed: LeafFailure) -> bool:
+    """Return whether a fault is that of a failure on record: the same service and cause, the newest
+    before it."""
+    query, cause = pair.query, failed.failure.cause
+    if query is None or query.service != failed.failure.resource or query.node not in ("",
+                                                                                       failed.node):
+        return False
+    if (query.answered or 0.0) > failed.at:
+        return False
+    result = query.result
+    return isinstance(
+        result,
+        Failure) and result.cause is cause or pair.line is not None and pair.line.fault == "wrong"
+
+
+def _call(pair: Pair) -> str:
+    return "{}:{}".format(pair.line.node, pair.line.call) if pair.line is not None else "-"
+
+
+def _outcome(recovery: RecoveryRound) -> str:
+    tries = " by retry {}".format(recovery.attempts) if recovery.outcome == DONE else ""
+    reason = recovery.recovered.reason if recovery.recovered is not None else ""
+    return recovery.outcome + tries + (": " + reason if reason else "")
+
+
+# ---------------------------------------------------------------------------------------- the table
+
+HEAD = ("time", "visitor", "stop", "node", "call", "kind", "recovery", "lost")
+NUMBERS = (0, 1, 7)
+"""Columns that are set to the right."""
+
+ON_FIRST_LINE = 4
+"""The number of columns on the first of two lines, if one line is not wide enough."""
+
+
+def table(rows: Sequence[FailureRow], began: float, width: int) -> List[str]:
+    """Return the rows as lines of text of at most ``width``; times are in seconds from ``began``
+    on."""
+    cells = [HEAD] + [_cells(row, began) for row in rows]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(HEAD))]
+    padded = [[cell.rjust(size) if column in NUMBERS else cell.ljust(size)
+               for column, (cell, size) in enumerate(zip(row, widths))] for row in cells]
+    lines = ["  ".join(row).rstrip() for row in padded]
+    if max(map(len, lines)) <= width:
+        return lines
+    indent = " " * (widths[0] + 2)
+    return [
+        line for row in padded for line in ["  ".join(row[:ON_FIRST_LINE]).rstrip()] +
+        textwrap.wrap("  ".join(row[ON_FIRST_LINE:]).strip(), width, initial_indent=indent,
+                      subsequent_indent=indent, break_on_hyphens=False)
+    ]
+
+
+def _cells(row: FailureRow, began: float) -> Tuple[str, ...]:
+    return tuple(
+        clean(cell) for cell in ("{:.1f}".format(row.at - began), str(row.visitor),
+                                 row.stop or "-", row.node or "-", row.call, row.kind,
+                                 row.recovery, "{:.1f} s".format(row.lost)))

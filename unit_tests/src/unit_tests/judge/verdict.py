@@ -1,0 +1,247 @@
+"""The verdict of a test: did what had to happen happen?
+
+Two things are asked of a run. ``execution`` does the mission again, with the reference's nodes and
+the answers and messages on record, and says where the record first differs from what had to happen.
+``witness`` asks the journal of the simulated nodes whether each request reached its node, each
+answer and message was given, and no sign was missed. Start, end and exit code are the third thing.
+Nothing is excused otherwise: a pass that ended in FAILURE did so because the mission, done again,
+ends in FAILURE.
+"""
+from typing import Callable, Iterable, Iterator, List, NamedTuple, Optional, Set, Tuple, Union
+
+from behavior_controller import exit_codes
+from behavior_controller.execution.events import (
+    LeafFinished, Lost, Noticed, PassFinished, Recovered, RunStarted)
+from behavior_controller.monitoring.story import why
+from behavior_controller.text import clean, count
+
+from unit_tests.judge.execution import CannotRepeat, Execution, execute
+from unit_tests.judge.facts import Facts, of
+from unit_tests.judge.witness import Witness
+from unit_tests.rehearsal.play import TIMED_OUT
+from unit_tests.robot.visitor import DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR
+
+DOES = {
+    ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
+    LEAVES: "leaves", NO_GAZE: "never looks back"
+}
+
+
+class Verdict(NamedTuple):
+    """The result: PASSED without objections. ``answers``: each question and its objections.
+    ``differences``: where the record first differs from the mission, by its time."""
+
+    answers: Tuple[Tuple[str, Tuple[str, ...]], ...]
+    praise: str
+    differences: Tuple[Tuple[float, str], ...] = ()
+
+    @property
+    def objections(self) -> Tuple[str, ...]:
+        """The objections to all questions."""
+        return tuple(objection for _, objections in self.answers for objection in objections)
+
+    @property
+    def passed(self) -> bool:
+        return not self.objections
+
+    def __str__(self) -> str:
+        """Return the verdict as lines of text."""
+        if self.passed:
+            return "PASSED: {}".format(self.praise)
+        return "FAILED: {}".format("\n        ".join(self.objections))
+
+
+class Case:
+    """The facts of a test, and the mission done again."""
+
+    def __init__(self, facts: Facts):
+        self.facts = facts
+        self.executions: List[Execution] = []
+        self.unrepeatable = ""
+        try:
+            self.executions = execute(facts)
+        except CannotRepeat as error:
+            self.unrepeatable = str(error)
+        self.witness = Witness(facts, self.executions)
+
+    @property
+    def waiting_for(self) -> str:
+        """The node that has long waited for a sign of the visitor, which never came; empty: none.
+
+        A visitor comes after ``LONG_WAIT`` at the latest: a test that ends earlier is too short.
+        """
+        last = self.executions[-1] if self.executions else None
+        if last is None or last.offset is None:
+            return ""
+        end = self.witness.end - last.offset
+        if self.overdue:
+            return ""
+        long = [search.node.registration_id for search in last.waiting.values()
+                if end - search.at > LONG_WAIT]
+        return long[0] if long else ""
+
+    @property
+    def overdue(self) -> str:
+        """What was due long before the end of a test that was cut off; empty: nothing."""
+        last = self.executions[-1] if self.executions and self.facts.cut_off else None
+        return last.overdue(self.witness.end) if last is not None else ""
+
+    @property
+    def is_out_of_time(self) -> bool:
+        """Whether the test was cut off while the mission had to wait."""
+        is_paused = bool(self.executions) and self.executions[-1].is_paused and not self.overdue
+        return self.facts.cut_off.startswith(TIMED_OUT.split("{")[0]) and bool(
+            self.waiting_for or is_paused)
+
+
+def judge(of_test: Union[Facts, Case]) -> Verdict:
+    """Return the verdict."""
+    case = of_test if isinstance(of_test, Case) else Case(of_test)
+    answers = tuple((question, tuple(dict.fromkeys(map(clean, answer(case)))))
+                    for question, answer in QUESTIONS)
+    differences = tuple((execution.differs_at, clean(execution.difference))
+                        for execution in case.executions if execution.difference)
+    return Verdict(answers, "; ".join(_praise(case)), differences)
+
+
+# ------------------------------------------------------------------------------------ the questions
+
+
+def _start(case: Case) -> Iterator[str]:
+    """Object to a controller that did not start, or raised an exception."""
+    facts = case.facts
+    if facts.run.state.started is None and not facts.cut_off:
+        yield "the controller {}{} before it started its mission{}".format(
+            _ending(facts.exit_code), WHY.get(facts.exit_code or 0, ""), ":" * bool(facts.errors))
+    if facts.run.state.started is None:
+        yield from facts.errors
+    yield from _not_as_given(facts)
+    for _, event in of(facts.run.lines, Noticed):
+        if event.level == "error":
+            yield "the controller reports an error: {}".format(event.text)
+
+
+def _not_as_given(facts: Facts) -> Iterator[str]:
+    """Object to settings and files that are not those which the controller was given."""
+    begun, mission = of(facts.run.lines, RunStarted)[:1], facts.mission
+    for _, event in begun if mission is not None else ():
+        assert mission is not None
+        for name, value in mission.settings.values.items():
+            if name not in OF_THE_TEST and event.settings.get(name) != value:
+                yield "the controller has {} {}; it was given {}".format(
+                    name, event.settings.get(name), value)
+        known = mission.knowledge.sources if mission.knowledge is not None else ()
+        files = event.sources
+        for what, its, given in (
+                ("mission", files.documents, mission.tree.sources),
+                ("phrases", [files.phrases], [mission.phrases.source]),
+                ("recovery policy", [files.policy], [mission.policy.source]),
+                ("knowledge", files.knowledge, known)):
+            if [source.text for source in its] != [source.text for source in given]:
+                yield "the controller has another {} than it was given: {}".format(
+                    what, ", ".join(source.file for source in its))
+
+
+OF_THE_TEST = {"missionRuns", "recordDirectory", "startupTimeout", "verboseMode"}
+"""Keys of the controller that the test decides by itself."""
+
+
+def _end(case: Case) -> Iterator[str]:
+    """Object to a controller that did not end as it should."""
+    facts = case.facts
+    finished = facts.run.state.finished
+    outcomes = [event.outcome for _, event in of(facts.run.lines, PassFinished)]
+    if facts.cut_off:
+        if not case.is_out_of_time:
+            last = case.executions[-1].under_way() if case.executions else ""
+            yield facts.cut_off + ("; {} goes on".format(last) if last else "")
+    elif facts.run.state.started is None:
+        return
+    elif finished is None:
+        yield "the controller {} in the middle of its mission, in pass {}".format(
+            _ending(facts.exit_code), len(outcomes) + 1)
+    elif facts.exit_code != finished.exit_code:
+        yield "the controller {}, but announced exit code {}".format(_ending(facts.exit_code),
+                                                                     finished.exit_code)
+    elif len(outcomes) != facts.test.mission_runs:
+        yield "the controller made {} instead of {}".format(count(len(outcomes), "pass", "passes"),
+                                                            facts.test.mission_runs)
+    elif facts.exit_code != (exit_codes.SUCCESS
+                             if outcomes[-1] == "SUCCESS" else exit_codes.FAILURE):
+        yield "the last pass ended with {}, and the controller {}".format(
+            outcomes[-1], _ending(facts.exit_code))
+
+
+WHY = {exit_codes.WRONG_INPUT: " (a fault of its files or arguments)",
+       exit_codes.UNAVAILABLE: " (a service or topic is missing)"}
+"""What an exit code says of a start; the errors that the controller has reported say more."""
+
+
+def _ending(exit_code: Optional[int]) -> str:
+    if exit_code is not None and exit_code < 0:
+        return "was ended by signal {}".format(-exit_code)
+    return "ended with exit code {}".format(exit_code)
+
+
+def _mission(case: Case) -> Iterator[str]:
+    """Object to the first thing that is not as the mission, done again, has it."""
+    if case.unrepeatable:
+        yield case.unrepeatable
+    for execution in case.executions:
+        if execution.difference:
+            yield execution.difference
+        yield from execution.late_retries
+    if case.overdue:
+        yield case.overdue
+    lost = sum(event.lines for _, event in of(case.facts.run.lines, Lost))
+    if lost:
+        yield "the record lacks {}, so the mission cannot be done again".format(
+            count(lost, "line", "lines"))
+
+
+QUESTIONS: Tuple[Tuple[str, Callable[[Case], Iterable[str]]], ...] = (
+    ("the controller started, without an exception", _start),
+    ("the mission went as its tree, its visitor and the recovery policy have it", _mission),
+    ("each request, answer and message on record is in the journal, and no sign was missed",
+     lambda case: case.witness.objections()),
+    ("the controller ran the mission to its end", _end),
+)
+"""All that decides."""
+
+
+# --------------------------------------------------------------------------------------- the praise
+
+
+def _praise(case: Case) -> Iterator[str]:
+    """Yield what a test that passed has shown."""
+    facts = case.facts
+    calls = [line for line in facts.journal if line.call]
+    ended = [event for _, event in of(facts.run.lines, PassFinished)]
+    whole = sum(event.outcome == "SUCCESS" for event in ended)
+    if whole:
+        yield "{} as a visitor who {} should".format(
+            count(whole, "pass ended", "passes ended"), DOES[facts.test.visitor_behaviour])
+    elif not ended:
+        yield "no pass ended"
+    reasons = {visit.number: why(visit.why) for visit in facts.run.visits}
+    for event in ended:
+        if event.outcome != "SUCCESS":
+            yield "pass {} ended early, as it had to: {}".format(
+                event.number, reasons.get(event.number, "-"))
+    yield "{} of {} calls were made to fail, and all of these are on record".format(
+        sum(line.fault is not None for line in calls), len(calls))
+    if any("budget" in event.reason for _, event in of(facts.run.lines, Recovered)):
+        yield "the budget of recoveries was spent, which calls that take no time do in seconds"
+    if case.is_out_of_time:
+        told = "{} waited for a sign of the visitor that never came".format(
+            case.waiting_for
+        ) if case.waiting_for else "it waited for the end of a cause that persists"
+        yield "at last {}: {}".format(told, facts.cut_off)
+    if facts.real:
+        yield "not simulated, so that the record is the only witness: {}".format(", ".join(
+            sorted(facts.real)))
+
+
+def reached(facts: Facts) -> Set[str]:
+    """Return the paths of the mission leaves that ran."""
+    return {event.path for _, event in of(facts.run.lines, LeafFinished)}

@@ -1,0 +1,351 @@
+"""What the journal of the simulated nodes says of a run: each request, answer and message on record
+needs its witness.
+
+Nothing is excused that the journal does not show: a failed call needs its fault, a node that is
+away its crash, a wait without an end the silence of its topic. What a real node was asked and said
+has the record as its only witness.
+"""
+import bisect
+import itertools
+import math
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+from behavior_controller.execution.events import HealthChanged, Message
+from behavior_controller.execution.health import GONE
+from behavior_controller.robot.declarations import Action, Service, Topic
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import Answer, Prompt
+
+from unit_tests.judge.execution import (
+    EARLY, Execution, Holding, LATE, Query, SignWait, described)
+from unit_tests.judge.facts import Facts, of
+from unit_tests.judge.reference import FIELDS, HANDLERS, SAFE_STATE
+from unit_tests.robot import journal
+from unit_tests.robot.behaviour import SERVICES, TOPICS, usual_seconds
+from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
+from unit_tests.robot.visitor import Visitor
+
+CAUSE_OF = {REFUSED: Cause.REFUSED, EXCEPTION: Cause.HANDLER_EXCEPTION, UNANSWERED: Cause.NO_ANSWER,
+            CRASH: Cause.CONNECTION_LOST, WRONG: Cause.UNUSABLE_ANSWER}
+"""How the controller must record each kind of fault."""
+
+AWAY = {Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.CONNECTION_LOST}
+"""How calls fail between the crash of a node and its return."""
+
+RETURN = 15.0
+"""Seconds after a node's crash in which it may be away: its process and its connections have to
+come back."""
+
+
+THE_END = "the safe state"
+"""What asks at the end of a run, without a node."""
+
+
+class Pair(NamedTuple):
+    """A request on record and the line of the node that got it; one of them may be missing."""
+
+    query: Optional[Query]
+    line: Optional[journal.JournalEntry]
+
+
+class Witness:
+    """The journal beside the record."""
+
+    def __init__(self, facts: Facts, executions: Sequence[Execution]):
+        self._facts, self._interface = facts, facts.world.settings.interface
+        self._executions = executions
+        self._crashes = [line for line in facts.journal if line.fault == CRASH]
+        lines = list(facts.journal) + facts.run.lines[-1:]
+        self.end = max((line.time for line in lines), default=0.0)
+        self._answers = self._answers_of_nodes()
+        deadlines = executions[0].settings.deadlines if executions else {}
+        self._safe_limit = max((deadlines[self._interface.service(type(request)).deadline_key]
+                                for request in SAFE_STATE if deadlines), default=0.0)
+        self.pairs: List[Pair] = []
+        for service in self._interface.services:
+            self.pairs += self._pair(service)
+        self.pairs.sort(key=lambda pair: pair.line.time if pair.line is not None else
+                        pair.query.asked if pair.query is not None else 0.0)
+
+    def _pair(self, service: Service) -> Iterator[Pair]:
+        """Yield the requests to a service, each with its line: the next one while it was under way.
+        """
+        lines = [
+            line for line in self._facts.journal if line.call and line.resource == service.name
+        ]
+        queries = [query for execution in self._executions for query in execution.queries.values()
+                   if query.service == service.name]
+        queries.sort(key=lambda query: query.asked)
+        for query, following in itertools.zip_longest(queries, queries[1:]):
+            while lines and lines[0].time < query.asked - EARLY:
+                yield Pair(None, lines.pop(0))
+            is_its = bool(lines) and self._is_of(lines, query, following, service)
+            yield Pair(query, lines.pop(0) if is_its else None)
+        for line in lines:
+            yield Pair(None, line)
+
+    def _is_of(self, lines: Sequence[journal.JournalEntry], query: Query,
+               following: Optional[Query], service: Service) -> bool:
+        """Return whether the next line may be that of a request: the node got it while it was under
+        way, or soon after. One that was dropped need not have reached its node."""
+        line = lines[0]
+        if not _reaches(query, line):
+            return False
+        if query.answered is not None:
+            return line.time <= query.answered + EARLY
+        if following is None or line.time <= following.asked:
+            return True
+        if line.time > following.asked + LATE or line.content != self._fields(query, line, service):
+            return False
+        has_another = len(lines) > 1 and lines[1].time <= (following.answered or math.inf)
+        return has_another or not _reaches(following, line) or line.content != self._fields(
+            following, line, service)
+
+    def objections(self) -> Iterator[str]:
+        """Object to what has no witness."""
+        node = "the beginning"
+        for pair in self.pairs:
+            service = self._service(pair)
+            if pair.query is not None:
+                node = pair.query.node or THE_END
+            if service.node not in self._facts.real:
+                yield from self._of_pair(pair, service, node)
+        yield from self._of_health()
+        for execution in self._executions:
+            yield from self._of_messages(execution)
+
+    def _service(self, pair: Pair) -> Service:
+        query, line = pair
+        name = query.service if query is not None else line.resource if line is not None else ""
+        return next(service for service in self._interface.services if service.name == name)
+
+    def _of_pair(self, pair: Pair, service: Service, node: str) -> Iterator[str]:
+        query, line = pair
+        if query is None and line is not None:
+            yield "after {}, {} was asked {}, and no such request is on record".format(
+                node, line.resource, line.content)
+        elif query is not None and line is None:
+            yield from self._unheard(query, service)
+        elif query is not None and line is not None:
+            name = query.node or THE_END
+            sent = self._fields(query, line, service)
+            if sent != line.content:
+                yield "{}: {} was asked {} instead of {}".format(name, line.resource, line.content,
+                                                                 sent)
+            if line.objection is not None:
+                yield "{}: {} received a request that makes no sense: {}".format(
+                    name, line.resource, line.objection)
+            yield from self._of_result(query, line, service)
+
+    def _fields(self, query: Query, line: journal.JournalEntry, service: Service) -> Dict[str, Any]:
+        """Return the fields of a request as they have to be sent."""
+        encode = FIELDS.get(type(query.request))
+        if encode is None:  # of another package
+            return dict(zip(line.content, service.fields(query.request)))
+        return encode(query.request, not self._interface.tells_pressed)
+
+    def _unheard(self, query: Query, service: Service) -> Iterator[str]:
+        """Object to a request that reached no node, unless the node was away."""
+        cause = query.result.cause if isinstance(query.result, Failure) else None
+        if service.name in self._facts.test.absent_services:
+            is_well = cause is Cause.NOT_ADVERTISED if service.fails_without else cause is None
+        elif query.result is None:  # it may have been dropped on its way
+            is_well = self._until(query) - query.asked < LATE - EARLY or self._is_away(
+                service.node, query.asked)
+        else:
+            is_well = cause in AWAY and self._is_away(service.node, query.asked)
+        if not is_well:
+            yield "{}: {} never got the request {}, and on record is {}".format(
+                query.node or THE_END, service.name, described(query.request), _outcome(query))
+
+    def _until(self, query: Query) -> float:
+        """Return until when an answer was awaited."""
+        return next((at for at in (query.answered, query.dropped) if at is not None), self.end)
+
+    def _is_away(self, node: str, at: float) -> bool:
+        """Return whether a node had crashed and was perhaps not back."""
+        crash = max((line.time
+                     for line in self._crashes if line.node == node and line.time <= at + LATE),
+                    default=None)
+        return crash is not None and (at < crash + RETURN or not any(
+            line.node == node and crash < line.time < at for line in self._facts.journal))
+
+    def _of_result(
+            self, query: Query, line: journal.JournalEntry, service: Service) -> Iterator[str]:
+        """Object to a result that is not that of the node."""
+        name, result, fault = query.node or THE_END, query.result, line.fault
+        if line.time > query.asked + LATE:
+            yield "{}: {} got the request {:.1f} s late".format(name, service.name,
+                                                                line.time - query.asked)
+        until, deadline = self._until(query), query.asked + self._executions[
+            0].settings.deadlines[service.deadline_key]
+        takes = self._facts.test.takes_time and (line.done or fault in (REFUSED, WRONG))
+        due = line.time + (usual_seconds(service, line.content) if takes else 0.0)
+        due = deadline if fault == UNANSWERED else min(due, deadline)
+        # of the safe state all results are read when the last one is there
+        latest = query.asked + self._safe_limit if query.node in HANDLERS else due
+        if until > latest + LATE or result is not None and until < due - EARLY:
+            yield "{}: {} was waited for {:.1f} s; it was due after {:.1f} s, its deadline is " \
+                "{:g} s".format(name, service.name, until - query.asked, due - query.asked,
+                                deadline - query.asked)
+        cause = result.cause if isinstance(result, Failure) else None
+        is_too_late = cause is Cause.NO_ANSWER and due > deadline - LATE
+        if result is None or is_too_late or line.objection is not None and fault is None:
+            return
+        if not (self._fits(query, line, result) if fault in (None, WRONG)
+                else cause is _cause(fault, service)):
+            yield "call {} of {} for {} was {}; on record is {}".format(
+                line.call, line.resource, name, "carried out" if fault is None
+                else "made to fail ({})".format(fault), _outcome(query))
+
+    def _fits(self, query: Query, line: journal.JournalEntry, result: Any) -> bool:
+        """Return whether a result is what the node has to say."""
+        is_prompt, is_answer = isinstance(query.request, Prompt), isinstance(result, Answer)
+        if line.fault == WRONG and not is_prompt:
+            return not is_answer and result.cause is Cause.UNUSABLE_ANSWER
+        if (line.node, line.call) not in self._answers:
+            return is_answer  # of another package
+        due = self._answers[line.node, line.call]
+        if is_prompt and not self._interface.tells_pressed:
+            return is_answer is (due is not None) and (is_answer or result.cause is Cause.REFUSED)
+        return bool(result == due)
+
+    def _answers_of_nodes(self) -> Dict[Tuple[str, int], Optional[Answer]]:
+        """Return what each call was answered that was not made to fail, by node and call: no answer
+        is no."""
+        world = self._facts.world
+        world = world._replace(visitor=Visitor(world.visitor.manners))
+        services = {service.name: SERVICES[service.request]
+                    for service in self._interface.services if service.request in SERVICES}
+        found: Dict[Tuple[str, int], Optional[Answer]] = {}
+        for line in self._facts.journal:
+            world.visitor.notice(line)
+            simulated = services.get(line.resource) if line.call else None
+            if simulated is not None and line.fault == WRONG:
+                found[line.node, line.call] = simulated.nonsense
+            elif simulated is not None and line.done:
+                found[line.node, line.call] = simulated.answer(line.content, world)
+        return found
+
+    # --------------------------------------------------------------------------------------- health
+
+    def _of_health(self) -> Iterator[str]:
+        """Object to services that were taken for gone, and to a loss that was not noticed."""
+        test, changes = self._facts.test, [
+            (time, event) for time, event in of(self._facts.run.lines, HealthChanged)
+            if event.kind == "service" and event.respect == GONE and not event.is_well]
+        for time, event in changes:
+            is_known = event.node in self._facts.real or event.name in test.absent_services
+            if not is_known and not self._is_away(event.node, time):
+                yield "{} was taken for gone, and /{} was running".format(event.name, event.node)
+        for query, _ in self.pairs:
+            at = query.answered if query is not None and isinstance(
+                query.result, Failure) and query.result.cause in AWAY else None
+            if query is None or at is None or at + LATE > self._facts.run.lines[-1].time:
+                continue
+            if query.service not in test.absent_services and not any(
+                    event.name == query.service and at - RETURN < time < at + LATE
+                    for time, event in changes):
+                yield "{}: {} was gone, and that was not noticed".format(query.node, query.service)
+
+    # ------------------------------------------------------------------------------------- messages
+
+    def _of_messages(self, execution: Execution) -> Iterator[str]:
+        """Object to messages that nobody published, and to signs that were not seen."""
+        offset = execution.offset
+        if offset is None:
+            return
+        lines = {topic: self._lines(topic) for topic in self._interface.topics
+                 if topic.name in TOPICS and topic.node not in self._facts.real}
+        for event in execution.read:
+            topic = execution.interface.topic(event.topic)
+            if topic in lines and not _is_published(lines[topic], event, offset):
+                yield "the controller read {!r} from {}, and nobody published that".format(
+                    event.value, event.topic)
+        waiting = [search._replace(until=max(search.until, self.end - offset))
+                   for search in execution.waiting.values()]
+        for search in execution.searches + waiting:
+            if search.topic in lines:
+                yield from self._missed(search, lines[search.topic], offset,
+                                        execution.settings.topic_max_age)
+
+        for holding in execution.holdings:
+            if holding.topic in lines:
+                yield from _outdated(holding, lines[holding.topic], offset)
+
+    def _lines(self, topic: Topic) -> List[Tuple[float, Any]]:
+        """Return time and value of the messages of a topic."""
+        return [(line.time, TOPICS[topic.name].value(line.content)) for line in self._facts.journal
+                if line.node == topic.node and line.call == 0]
+
+    def _missed(self, search: SignWait, lines: Sequence[Tuple[float, Any]], offset: float,
+                age: float) -> Iterator[str]:
+        """Object to a sign that was there for ``LATE`` and was not seen."""
+        began = next(execution.began for execution in self._executions
+                     if search.node.course is execution)
+        after = max(search.after + offset, began)
+        at, until = search.at + offset, search.until + offset
+        unread = bisect.bisect_right(lines, (at - LATE, )) - 1
+        if search.topic.is_continuous and unread >= 0 and self._is_heard(
+                search.topic, lines[unread][0]) and lines[unread][0] > max(
+                    began + LATE, search.newest + offset + EARLY):
+            yield "{} did not read what {} said {:.1f} s before: {!r}".format(
+                search.node.registration_id, search.topic.name, at - lines[unread][0],
+                lines[unread][1])
+            return
+        first = after if not search.topic.is_continuous else max(after, at - age + EARLY)
+        for place in range(bisect.bisect_right(lines, (first, )), len(lines)):
+            time, value = lines[place]
+            if time > until - LATE:
+                return
+            if not search.is_sign(value) or not self._is_heard(search.topic, time):
+                continue
+            if search.topic.is_continuous and not _holds(lines, place, max(at, time + LATE),
+                                                         search):
+                continue
+            yield "{} did not see what {} said {:.1f} s before: {!r}".format(
+                search.node.registration_id, search.topic.name, until - time, value)
+            return
+
+    def _is_heard(self, topic: Topic, time: float) -> bool:
+        return not any(crash.node == topic.node and crash.time < time < crash.time + RETURN
+                       for crash in self._crashes)
+
+
+def _reaches(query: Query, line: journal.JournalEntry) -> bool:
+    """Return whether a request with that result can have reached its node, as that line."""
+    cause = query.result.cause if isinstance(query.result, Failure) else None
+    return cause is not Cause.TYPE_MISMATCH and cause not in AWAY or (
+        cause is Cause.CONNECTION_LOST and line.fault == CRASH)
+
+
+def _cause(fault: str, service: Service) -> Cause:
+    """Return the cause of a call's failure; the server of an action aborts a goal that raises."""
+    return Cause.REFUSED if fault == EXCEPTION and isinstance(service, Action) else CAUSE_OF[fault]
+
+
+def _is_published(lines: Sequence[Tuple[float, Any]], event: Message, offset: float) -> bool:
+    arrived = event.arrived + offset
+    first = bisect.bisect_left(lines, (arrived - journal.REPEAT - LATE, ))
+    last = bisect.bisect_right(lines, (arrived + LATE, ))
+    return any(value == event.value for _, value in lines[first:last])
+
+
+def _holds(lines: Sequence[Tuple[float, Any]], place: int, until: float, search: SignWait) -> bool:
+    """Return whether a state stayed a sign until then."""
+    last = bisect.bisect_right(lines, (until, ))
+    return all(search.is_sign(value) for _, value in lines[place + 1:last])
+
+
+def _outdated(holding: Holding, lines: Sequence[Tuple[float, Any]], offset: float
+              ) -> Iterator[str]:
+    """Object to a sign that was over ``LATE`` before it was read."""
+    last = bisect.bisect_right(lines, (holding.at + offset - LATE, )) - 1
+    time, value = lines[last] if last >= 0 else (-math.inf, None)
+    if time > holding.arrived + offset + EARLY and not holding.is_sign(value):
+        yield "{} held, {:.1f} s after {} said {!r}".format(
+            holding.node.registration_id, holding.at + offset - time, holding.topic.name, value)
+
+
+def _outcome(query: Query) -> str:
+    return query.result.cause.value if isinstance(query.result, Failure) else "an answer"

@@ -1,0 +1,164 @@
+"""What an arrival rate means for a mission: how often the messages that a condition needs come
+while it waits.
+
+Messages come at Poisson times, so this is arithmetic; nothing is run.
+"""
+import math
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+from behavior_controller.missions import load as missions
+from behavior_controller.bt.engine.controls import Fallback
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.execution.events import Events
+from behavior_controller.robot.gateway import FakeGateway, FakeTopics
+from behavior_controller.robot.requests import Answer, Say, SetAttention
+from behavior_controller.leaves.conditions import TopicCondition
+from behavior_controller.leaves.waits import is_asked_again, wait_for
+from behavior_controller.text import count
+
+from unit_tests.robot.journal import JournalEntry
+from unit_tests.robot.behaviour import TOPICS
+from unit_tests.robot.world import World
+from unit_tests.robot.visitor import Visitor
+
+ENOUGH = 0.95
+"""The share of waits in which messages should come in time; a lower share is reported before the
+start."""
+
+MESSAGES = range(1, 21)
+"""Evidence that has not come in so many messages does not come from this visitor, whatever the
+rate."""
+
+
+class Wait(NamedTuple):
+    """A condition of a mission, with the number of messages that it needs and the seconds for them.
+
+    ``after``: it is asked only if one of these has failed, as in a Fallback; empty: it is always
+    asked.
+    """
+
+    node: str
+    topic: str
+    messages: int
+    seconds: float
+    after: Tuple["Wait", ...] = ()
+
+    def chance(self, rate: float) -> float:
+        """Return the chance that the messages come in time at ``rate`` per minute."""
+        if math.isinf(rate):
+            return 1.0
+        mean = rate / 60 * self.seconds
+        return 1 - sum(math.exp(-mean) * mean**number / math.factorial(number)
+                       for number in range(self.messages))
+
+    def missed(self, rate: float) -> float:
+        """Return in which share of the visits the condition is asked, and the messages come too
+        late."""
+        asked = min(1.0, sum(1 - wait.chance(rate) for wait in self.after)) if self.after else 1.0
+        return asked * (1 - self.chance(rate))
+
+    def told(self, rate: float) -> str:
+        """Return in a line what ``rate`` means for it."""
+        share = 100 * self.chance(rate)
+        often = f"about {share:.0f}" if share >= 1 else "less than 1"
+        messages = count(self.messages, "message", "messages")
+        return (f"arrivalRate {rate:g}: {self.node} needs {messages} within {self.seconds:g} s, "
+                f"which happens in {often} % of waits")
+
+
+def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
+    """Return a line for each condition whose messages often come too late at ``rate``, and from
+    which rate on none does."""
+    worst: Dict[str, Wait] = {}
+    for wait in waits:
+        if wait.missed(rate) > max(1 - ENOUGH,
+                                   worst[wait.node].missed(rate) if wait.node in worst else 0.0):
+            worst[wait.node] = wait
+    return [wait.told(rate) for wait in worst.values()] + ([sufficient(waits)] if worst else [])
+
+
+def sufficient(waits: Sequence[Wait]) -> str:
+    """Return in a line from which rate on messages come in time."""
+    return (f"from arrivalRate {lowest_rate(waits)} on, all that this mission waits for comes in "
+            f"time in {100 * ENOUGH:.0f} % of waits")
+
+
+def lowest_rate(waits: Sequence[Wait]) -> int:
+    """Return the lowest whole number of messages per minute of which enough come in time, at least
+    1."""
+    def is_enough(rate: int) -> bool:
+        return all(wait.missed(rate) <= 1 - ENOUGH for wait in waits)
+
+    high = 1
+    while not is_enough(high):
+        high *= 2
+    low = high // 2  # not enough, or 0
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if is_enough(middle) else (middle, high)
+    return high
+
+
+# -------------------------------------------------------------------------------------- the mission
+
+
+def of_mission(world: World) -> List[Wait]:
+    """Return the waits of the configured mission that have a bound; none if the mission cannot be
+    loaded."""
+    try:
+        loaded = missions.load(world.settings)
+    except BehaviorControllerError:
+        return []  # the controller reports it
+    tree = loaded.tree
+    gateway = FakeGateway(lambda: None, lambda request: Answer())
+    tree.setup(mission=loaded.context(gateway, FakeTopics(tree.clock.now), Events()))
+    found: Dict[Any, Wait] = {}
+    for node in tree.nodes:  # those of a Fallback that come before stand before
+        if isinstance(node, TopicCondition):
+            seconds, messages = _seconds(node), _messages(node, world)
+            if seconds is not None and messages is not None:
+                after = tuple(found[before] for before in _asked_before(node) if before in found)
+                found[node] = Wait(node.registration_id, node.topic.name, messages, seconds, after)
+    return list(found.values())
+
+
+def _asked_before(node: Any) -> Iterator[Any]:
+    """Yield the nodes that have failed when ``node`` is asked: those before it in the Fallbacks
+    around it."""
+    while node.parent is not None:
+        if isinstance(node.parent, Fallback):
+            for sibling in node.parent.children[:node.parent.children.index(node)]:
+                yield from sibling.iterate()
+        node = node.parent
+
+
+def _seconds(node: TopicCondition) -> Optional[float]:
+    """Return how long messages may take to come; None: without a limit, or the mission file does
+    not say."""
+    seconds = wait_for(node)
+    if seconds is None:
+        if is_asked_again(node):
+            return None
+        seconds = node.wait
+    if node.topic.is_continuous:  # a message that came before the question still counts for so long
+        seconds = max(seconds, node.mission.settings.topic_max_age)
+    return seconds if 0 < seconds < math.inf else None
+
+
+def _messages(node: TopicCondition, world: World) -> Optional[int]:
+    """Return how many messages it takes until this visitor, who is there and was asked, gives the
+    evidence."""
+    if node.topic.name not in TOPICS:
+        return None
+    visitor = Visitor(world.visitor.manners)
+    robot = world.settings.interface
+    for question in visitor.manners.questions:
+        visitor.notice(JournalEntry(0.0, robot.service(Say).node, "", 1, {"message": question}))
+    if node.evidence.mode:
+        visitor.notice(JournalEntry(0.0, robot.service(SetAttention).node, "", 1,
+                                    {"state": node.evidence.mode}))
+    for number in MESSAGES:
+        value = TOPICS[node.topic.name].content(world._replace(visitor=visitor))
+        if value is not None and node.is_evidence(value):
+            return number
+    return None

@@ -1,0 +1,450 @@
+"""``rehearseMission``: plays a mission in virtual time with each visitor and each fault, and
+reports what it finds."""
+import argparse
+import json
+import os
+import signal
+import sys
+import textwrap
+import time
+from typing import (
+    Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple)
+
+from behavior_controller import exit_codes
+from behavior_controller.errors import BehaviorControllerError, ConfigurationError, Fault
+from behavior_controller.missions.load import find
+from behavior_controller.robot.declarations import Topic
+from behavior_controller.ros_arguments import CommandParser
+from behavior_controller.text import clean, count, did_you_mean
+
+from unit_tests.rehearsal import html_report, plays
+from unit_tests.rehearsal.play import Stage
+from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
+from unit_tests.rehearsal.search import Search
+from unit_tests.rehearsal.summary import Found, VisitorRow, Share, Survey, planned
+from unit_tests.robot.behaviour import rehearsed_topics
+from unit_tests.robot.faults import KINDS, PlannedFault
+from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES
+from unit_tests.robot.options import CONTROLLER, load_controller
+
+NONE, SINGLE, PAIRS = "none", "single", "pairs"
+FAULTS = (NONE, SINGLE, PAIRS)
+
+RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
+"""The default failure rates."""
+
+LIMIT = 3600.0
+"""Seconds of the mission's time after which a pass counts as one that does not end."""
+
+BAR = 30
+"""Letters of the progress bar."""
+
+WIDTH = 110
+"""Letters of a line."""
+
+ASR = "asrEnabled"
+
+
+class Plan(NamedTuple):
+    """The plays of a rehearsal. ``is_complete``: each visitor and each fault, so that something can
+    be said of a node that is not reached."""
+
+    arguments: Tuple[Any, ...]  # of a Theatre
+    theatre: Theatre
+    options: argparse.Namespace
+    calm: List[Scene]
+    kinds: Sequence[str]
+    is_complete: bool
+    chosen: List[str]  # the arguments of the command that are the same for all scenes
+
+    @property
+    def stage(self) -> Stage:
+        """The stage of the first scene."""
+        return self.theatre.stage(self.calm[0].by_voice)
+
+    @property
+    def silent(self) -> List[str]:
+        """The topics that the mission uses and that nothing simulates."""
+        published = rehearsed_topics(self.stage.settings.interface)
+        return [offer.name for offer in self.stage.mission.offers
+                if isinstance(offer, Topic) and offer not in published]
+
+    def rounds(self, outcomes: List[Outcome], search: Search) -> Iterator[List[Scene]]:
+        """Yield the scenes of one round after the other; the ``outcomes`` of each are known before
+        the next one is planned."""
+        options = self.options
+        if options.runs:
+            yield plays.random(self.calm, options.runs, options.failureRate or RATES,
+                               options.seed or 1, self.kinds)
+        elif options.planned or options.silent:
+            given = options.planned or ()
+            yield [
+                scene._replace(is_traced=True, silent=tuple(options.silent or ()), planned=tuple(
+                    fault for fault, is_lasting in given if not is_lasting), lasting=tuple(
+                        fault for fault, is_lasting in given if is_lasting)) for scene in self.calm
+            ]
+        else:
+            yield self.calm
+            if options.faults != NONE:
+                yield from self._faulty(list(outcomes), outcomes)
+            # what comes after a pass that does not end is not known
+            if self.is_complete and all(each.outcome for each in outcomes if each.scene.is_calm):
+                yield from search.rounds()
+
+    def _faulty(self, calm: List[Outcome], outcomes: List[Outcome]) -> Iterator[List[Scene]]:
+        is_pairs = self.options.faults == PAIRS
+        silent = [topic.name for topic in rehearsed_topics(self.stage.settings.interface)]
+        yield list(plays.single(calm, self.kinds, silent, is_pairs))
+        if is_pairs:
+            yield list(plays.pairs(outcomes, self.kinds))
+
+
+# ---------------------------------------------------------------------------------------- arguments
+
+
+def _one_of(*words: str) -> Callable[[str], str]:
+    def read(text: str) -> str:
+        if text not in words:
+            raise argparse.ArgumentTypeError("there is no {} ({})".format(
+                text or "empty word",
+                did_you_mean(text, words) or "allowed: {}".format(", ".join(words))))
+        return text
+    return read
+
+
+def _list_of(read: Callable[[str], Any]) -> Callable[[str], List[Any]]:
+    return lambda text: [read(item.strip()) for item in text.split(",")]
+
+
+def _visitor(text: str) -> str:
+    return ALIASES.get(text) or _one_of(*BEHAVIOURS)(text)
+
+
+def _number(least: float, most: float, kind: Callable[[str], Any] = float) -> Callable[[str], Any]:
+    def read(text: str) -> Any:
+        try:
+            number = kind(text)
+        except ValueError:
+            number = None
+        if number is None or not least <= number <= most:
+            raise argparse.ArgumentTypeError(
+                f"it cannot be {text} (allowed: {least:g} to {most:g})")
+        return number
+    return read
+
+
+def _planned(text: str) -> Tuple[PlannedFault, bool]:
+    """Parse ``node:call:kind``, or ``node:call+:kind`` for a fault that lasts; whether the robot
+    has the node is checked later."""
+    node, _, rest = text.partition(":")
+    call, _, kind = rest.partition(":")
+    is_lasting = call.endswith("+")
+    number = call[:-1] if is_lasting else call
+    if not node or not number.isdigit() or int(number) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not of the form node:call:kind")
+    return PlannedFault(node, int(number), _one_of(*KINDS)(kind or KINDS[0])), is_lasting
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = CommandParser(
+        "rehearseMission",
+        "Play a mission without ROS, in virtual time, with the simulated robot and each kind of "
+        "visitor: without faults, with each single fault, or with random ones, and print the "
+        "mistakes that this shows.", "0 if nothing was found, 4 if something was, 2 if the mission "
+        "or the call is wrong, 1 if it was stopped or something is missing")
+    parser.add_argument("mission", metavar="MISSION", help="the file of a mission, or its name")
+    parser.add_argument(
+        "settings", nargs="*", default=[], metavar="KEY:=VALUE",
+        help="a key of the controller's configuration, such as robotInterface:=release-1.0")
+    parser.add_argument("--faults", type=_one_of(*FAULTS), metavar="|".join(FAULTS),
+                        help="each single fault (every call in every way, every service for good, "
+                        "every topic silent; the default), also each two of them, or none")
+    parser.add_argument("--visitors", type=_list_of(_visitor), metavar="NAMES",
+                        help=f"some of {', '.join(BEHAVIOURS)}, with commas between them; "
+                        f"all if not given, with --runs {ENGAGES}")
+    parser.add_argument("--kinds", type=_list_of(_one_of(*KINDS)), metavar="NAMES",
+                        help=f"in which ways calls go wrong: some of {', '.join(KINDS)}")
+    parser.add_argument(
+        "--planned", type=_list_of(_planned), metavar="NODE:CALL:KIND",
+        help="calls that go wrong, with commas between them, instead of --faults; with a "
+        "plus after the call, each later call too")
+    parser.add_argument("--silent", type=_list_of(str), metavar="TOPICS",
+                        help="topics that are silent, as --planned")
+    parser.add_argument(
+        "--runs", type=_number(1, 1e6, int), metavar="N",
+        help="play N passes for each failure rate, with random faults, instead of --faults")
+    rates = ", ".join(f"{rate:g}" for rate in RATES)
+    parser.add_argument(
+        "--failureRate", type=_list_of(_number(0, 1)), metavar="P",
+        help=f"failure rates for --runs, with commas between them; {rates} if not given")
+    parser.add_argument("--seed", type=_number(1, 1e9, int), metavar="N",
+                        help="the first seed for --runs; 1 if not given")
+    parser.add_argument(
+        "--limit", type=_number(1, 1e6), default=LIMIT, metavar="SECONDS",
+        help=f"of the mission's time, after which a pass does not end; {LIMIT:g} if not given")
+    parser.add_argument("--jobs", type=_number(1, 1024, int), default=len(os.sched_getaffinity(0)),
+                        metavar="N", help="processes; one for each core if not given")
+    parser.add_argument("--json", action="store_true", help="print all as JSON")
+    parser.add_argument("--html", metavar="FILE", help="write all as a web page, too")
+    return parser
+
+
+def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Exit with one line if options contradict each other."""
+    ways = [name for name in ("faults", "planned", "silent", "runs") if getattr(options, name)]
+    if len(ways) > 1 and ways != ["planned", "silent"]:
+        parser.error(f"--{ways[0]} and --{ways[-1]} exclude each other")
+    for name in ("failureRate", "seed"):
+        if getattr(options, name) is not None and not options.runs:
+            parser.error(f"--{name} is for --runs")
+    if options.kinds and (options.planned or options.silent or options.faults == NONE):
+        parser.error("--kinds is for --faults and --runs")
+
+
+def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
+    """Return the options of the command. Exits with one line if they are wrong."""
+    parser = _parser()
+    options = parser.parse_intermixed_args(argv)
+    _check(parser, options)
+    return options
+
+
+def plan(options: argparse.Namespace) -> Plan:
+    """Return the plays that the options ask for. Raises FaultsFound."""
+    given = _settings(options.settings)
+    path = options.mission if os.path.exists(options.mission) or options.mission.endswith(".xml") \
+        else find(options.mission)
+    controller = load_controller(given)
+    made = dict(controller.values), path, options.limit
+    theatre = Theatre(*made)
+    ways = [controller.asr_enabled] if ASR in given else [True, False]
+    visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
+    _check_robot(theatre.stage(ways[0]).settings.interface, options)
+    is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and options.limit >= LIMIT \
+        and options.faults in (None, SINGLE, PAIRS) \
+        and not (options.runs or options.planned or options.silent or options.kinds)
+    chosen = [options.mission
+              ] + [word for word in options.settings if not word.startswith(ASR + ":=")]
+    return Plan(made, theatre, options, plays.calm(visitors, ways), options.kinds or KINDS,
+                is_complete, chosen)
+
+
+def _settings(words: Sequence[str]) -> Dict[str, str]:
+    """Return key -> value. Raises ConfigurationError with every key that the controller does not
+    have."""
+    given, faults = {}, []
+    for word in words:
+        name, is_assignment, value = word.partition(":=")
+        if is_assignment and name in CONTROLLER:
+            given[name] = value
+        else:
+            faults.append(Fault("argument " + clean(word), 0, 0,
+                                "this is not a key of the controller's configuration",
+                                did_you_mean(name, CONTROLLER) or "the form is key:=value"))
+    if faults:
+        raise ConfigurationError(faults)
+    return given
+
+
+def _check_robot(interface: Any, options: argparse.Namespace) -> None:
+    """Raise ConfigurationError with every node and topic that the robot does not have."""
+    nodes = {service.node for service in interface.services}
+    heard = {topic.name for topic in rehearsed_topics(interface)}
+    faults = [Fault("argument --planned", 0, 0,
+                    f"the robot {interface.name} has no node {clean(fault.node)}",
+                    did_you_mean(fault.node, nodes) or f"there are: {', '.join(sorted(nodes))}")
+              for fault, _ in options.planned or () if fault.node not in nodes]
+    faults += [Fault("argument --silent", 0, 0,
+                     f"the robot {interface.name} has no topic {clean(name)}",
+                     did_you_mean(name, heard) or f"there are: {', '.join(sorted(heard))}")
+               for name in options.silent or () if name not in heard]
+    if faults:
+        raise ConfigurationError(faults)
+
+
+# --------------------------------------------------------------------------------------------- main
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Play, print the findings, and return the exit code."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    options = read(argv)
+    page = open(options.html, "w", encoding="utf-8") if options.html else None
+    try:
+        todo = plan(options)
+    except BehaviorControllerError as error:
+        print(error)
+        return exit_codes.WRONG_INPUT
+    except KeyboardInterrupt:
+        return exit_codes.UNAVAILABLE
+    result = rehearse(todo, options.jobs)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    print(json.dumps(as_json(result), indent=1) if options.json else as_text(result))
+    if page is not None:
+        with page:
+            page.write(
+                html_report.to_html(heading(result), result.rows, result.shares, result.found))
+    if result.found:
+        return exit_codes.FOUND
+    return exit_codes.SUCCESS if result.plays == result.planned else exit_codes.UNAVAILABLE
+
+
+def rehearse(todo: Plan, jobs: int) -> "Result":
+    """Play all scenes, or those until Ctrl-C, and return what they show."""
+    began = time.monotonic()
+    survey = Survey(todo.theatre, todo.calm[0].by_voice, todo.chosen)
+    outcomes: List[Outcome] = []
+    search = Search(todo.stage.mission.tree.nodes, survey.reached, outcomes, todo.kinds[0])
+    scenes: List[Scene] = []
+    planned = 0
+    try:
+        with plays.players(todo.theatre, todo.arguments, jobs) as play_all:
+            for scenes in todo.rounds(outcomes, search):
+                planned += len(scenes)
+                progress = PlayProgress(len(scenes))
+                for outcome in play_all(scenes):
+                    survey.take(outcome)
+                    if outcome.calls or outcome.scene.is_calm:
+                        outcomes.append(outcome)
+                    progress.show()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if sys.stderr.isatty():
+            sys.stderr.write("\r\x1b[K")  # takes the line away
+    is_whole = todo.is_complete and survey.plays == planned
+    story = survey.story(scenes[0]) if planned == survey.plays == 1 else ()
+    return Result(todo, survey.rows(), survey.shares(), survey.found(search if is_whole else None),
+                  survey.plays, planned, time.monotonic() - began, tuple(_story_lines(story)),
+                  _unmet(todo, outcomes))
+
+
+def _unmet(todo: Plan, outcomes: Iterable[Outcome]) -> Tuple[PlannedFault, ...]:
+    """Return the planned faults whose calls no play has made."""
+    made = {(call.node, call.number) for outcome in outcomes for call in outcome.calls}
+    return tuple(fault for fault, _ in todo.options.planned or ()
+                 if (fault.node, fault.call) not in made)
+
+
+class PlayProgress:
+    """A line on the terminal that shows how many plays of a round are done, and the time left."""
+
+    def __init__(self, of: int):
+        self._of, self._done, self._began = of, 0, time.monotonic()
+
+    def show(self) -> None:
+        """Count a further play, and show it if this is a terminal."""
+        self._done += 1
+        if sys.stderr.isatty():
+            bar = ("#" * (BAR * self._done // self._of)).ljust(BAR, ".")
+            passed = time.monotonic() - self._began
+            left = html_report.duration(passed / self._done * (self._of - self._done))
+            sys.stderr.write(
+                f"\r[{bar}] {self._done} of {self._of} simulated runs, {left} left\x1b[K")
+            sys.stderr.flush()
+
+
+class Result(NamedTuple):
+    """The result of a rehearsal."""
+
+    plan: Plan
+    rows: List[VisitorRow]
+    shares: List[Share]
+    found: List[Found]
+    plays: int
+    planned: int
+    seconds: float
+    story: Tuple[str, ...]  # of the only play
+    unmet: Tuple[PlannedFault, ...] = ()  # planned, and no play makes that call
+
+
+# --------------------------------------------------------------------------------------------- text
+
+
+def heading(result: Result) -> str:
+    """Return a line with the numbers of plays and their time."""
+    others = result.planned - result.plays
+    stopped = ", stopped before the other {}".format(others) if others else ""
+    mission = clean(os.path.basename(result.plan.arguments[1]))
+    robot = result.plan.stage.settings.interface.name
+    runs = count(result.plays, "simulated run", "simulated runs")
+    return f"{mission}, robot {robot}: {runs} in {result.seconds:.1f} s{stopped}"
+
+
+def as_text(result: Result) -> str:
+    """Return the result as lines of text."""
+    lines = [heading(result)] + [
+        f"silent: {name}, since its declaration does not say what it publishes in a rehearsal "
+        "(rehearsed)" for name in result.plan.silent] + [
+            f"planned in vain: {fault}, since no play makes that call" for fault in result.unmet]
+    if result.rows:
+        lines += [""] + _columns(html_report.ROW_HEAD,
+                                 [html_report.row_cells(row) for row in result.rows])
+    if result.shares:
+        lines += [""] + _columns(html_report.SHARE_HEAD,
+                                 [html_report.share_cells(share) for share in result.shares])
+    if result.story and not result.found:
+        lines += [""] + list(result.story)
+    told = ""
+    for found in result.found:
+        lines += _found_lines(found, found.kind.name != told)
+        told = found.kind.name
+    kinds = count(len({found.kind for found in result.found}), "kind of mistake",
+                  "kinds of mistakes")
+    places = count(len(result.found), "place", "places")
+    return "\n".join([*lines, "", f"found: {kinds} at {places}" if result.found else
+                      "nothing was found"])
+
+
+def _found_lines(found: Found, is_first: bool) -> List[str]:
+    """Return a finding in lines; the first of its kind with its meaning and its story."""
+    lines = [""] + [
+        f"{found.kind.name}: {line}" if number == 0 else "  " + line
+        for number, line in enumerate(textwrap.wrap(found.kind.means, WIDTH))] if is_first else []
+    lines.append(f"  {found.where} ({found.place}): {found.what}")
+    lines += [
+        f"    as a consequence, {other.kind.name} at {other.where} ({other.place}): {other.what}"
+        for other in found.consequences]
+    if found.scene is None:
+        return lines
+    runs = count(found.plays, "simulated run", "simulated runs")
+    lines.append(f"    in {runs}, the shortest: {words(found.scene)}")
+    if is_first:
+        lines += ["      " + line for line in _story_lines(found.story)]
+    return lines + ["    again: " + found.command]
+
+
+def _story_lines(story: Sequence[Any]) -> List[str]:
+    return [f"{sentence.at:7.1f} s  {sentence.text}" for sentence in story]
+
+
+def words(scene: Scene) -> str:
+    """Return how a scene differs from the others, in one line."""
+    wrong = planned(scene) + [f"{name} silent" for name in scene.silent]
+    wrong += [f"failure rate {scene.rate:g}, seed {scene.seed}"] if scene.seed else []
+    way = "voice" if scene.by_voice else "tablet"
+    return f"visitor {scene.visitor}, by {way}, {', '.join(wrong) or 'no fault'}"
+
+
+def _columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> List[str]:
+    widths = [max(len(row[column]) for row in [head, *rows]) for column in range(len(head))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
+            for row in [head, *rows]]
+
+
+def as_json(result: Result) -> Dict[str, Any]:
+    """Return the result as data for JSON."""
+    return {
+        "mission": result.plan.arguments[1], "plays": result.plays, "planned_plays": result.planned,
+        "silent_topics": result.plan.silent,
+        "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],
+        "shares": [dict(share._asdict(), share=share.share, interval=list(share.interval))
+                   for share in result.shares], "found": list(map(_found_as_json, result.found))}
+
+
+def _found_as_json(found: Found) -> Dict[str, Any]:
+    scene = found.scene
+    return dict(found._asdict(), kind=found.kind.name, means=found.kind.means,
+                scene=None if scene is None else {**scene._asdict(), "planned": planned(scene)},
+                story=[sentence._asdict() for sentence in found.story],
+                consequences=list(map(_found_as_json, found.consequences)))

@@ -1,0 +1,58 @@
+"""Plays a mission without ROS, with a robot that never fails and the visitor of the test: what
+should be reached.
+
+The mission is played by the engine itself, but not by the node under test: not its ROS edge, its
+clock or its process.
+"""
+import dataclasses
+from typing import FrozenSet, NamedTuple, Optional, Tuple
+
+from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.leaves.base import MissionLeaf
+
+from unit_tests.rehearsal.play import CALM, Stage
+
+STEP = 0.5
+"""Seconds between two messages of each topic."""
+
+LONGEST = 3600.0
+"""A rehearsal that has not ended after so many seconds of the mission's time does not end."""
+
+
+class Rehearsal(NamedTuple):
+    """How the mission should go: its outcome, the paths of the leaves that it reaches, and its
+    branches.
+
+    A branch is a child of a node with several children; it is given as the paths of the mission
+    leaves below it.
+    """
+
+    outcome: str
+    reached: FrozenSet[str]
+    branches: Tuple[FrozenSet[str], ...]
+
+
+def rehearse(stage: Stage, behaviour: str) -> Optional[Rehearsal]:
+    """Return how one pass of the mission goes with a visitor of that behaviour; None if that cannot
+    be told."""
+    test = dataclasses.replace(CALM, visitor_behaviour=behaviour, test_timeout=LONGEST)
+    played = stage.play(test, shortest_gap=STEP)
+    visits = played.run().visits
+    if not visits:
+        return None
+    tree = stage.mission.tree
+    reached = frozenset(node.full_path for node in tree.nodes
+                        if isinstance(node, MissionLeaf) and node.uid in played.reached)
+    return Rehearsal(visits[-1].outcome, reached, branches(tree))
+
+
+def branches(tree: Tree) -> Tuple[FrozenSet[str], ...]:
+    """Return the branches of a tree that have mission leaves."""
+    found = (_leaves_below(child) for node in tree.nodes if len(node.children) > 1
+             for child in node.children)
+    return tuple(paths for paths in found if paths)
+
+
+def _leaves_below(node: Node) -> FrozenSet[str]:
+    return frozenset(below.full_path for below in node.iterate() if isinstance(below, MissionLeaf))

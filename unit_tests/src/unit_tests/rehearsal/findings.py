@@ -1,0 +1,609 @@
+"""The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
+detected in a play."""
+import bisect
+from functools import lru_cache
+from typing import (
+    Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple)
+
+from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.engine.ports import reference
+from behavior_controller.bt.registry import Direction, Kind
+from behavior_controller.config.node_facts import MissionSpec
+from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
+from behavior_controller.execution.state import Exchange, NodeResult
+from behavior_controller.leaves import data
+from behavior_controller.leaves.base import MissionLeaf
+from behavior_controller.robot.declarations import Sense, Topic
+from behavior_controller.robot.gateway import Cause, Failure
+from behavior_controller.robot.requests import (
+    Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say)
+from behavior_controller.text import clean, count
+
+from unit_tests.rehearsal.play import BUSY, Played, START, Stage
+from unit_tests.robot.visitor import DECLINES, ENGAGES
+
+LAST_SHARE = 0.2
+"""A mission that sends requests in this last share of its time repeats itself; any other is
+waiting."""
+
+SHOWN_AT_THE_PLACE = {"@" + datum.name for datum in (data.GESTURE_TARGET, data.DESCRIPTION_1,
+                                                     data.DESCRIPTION_2)}
+"""The entries whose readers need the robot to stand at the place that it was sent to."""
+
+ROOT = 1
+"""The uid of the root, which stands for the whole mission."""
+
+Place = Tuple[int, str]
+"""The uid of the node at which something is wrong, and what is wrong, in words."""
+
+
+class Finding(NamedTuple):
+    """What is wrong in a play, and at which node."""
+
+    kind: str
+    uid: int
+    what: str
+
+
+class RobotCall(NamedTuple):
+    """A call that reached a node of the robot: the node, the number of the call there, the leaf
+    that made it, the fields of the request, whether it was carried out, and what it met
+    (``play.situation``)."""
+
+    node: str
+    number: int
+    uid: int
+    fields: str
+    is_done: bool
+    situation: bytes = b""
+
+
+class Play:
+    """One visitor's pass, played, with the model of its run.
+
+    ``faults`` is the number of injected faults and silent topics; ``calm`` is the same pass without
+    them.
+    """
+
+    def __init__(self, stage: Stage, played: Played, behaviour: str, faults: int = 0,
+                 calm: "Optional[Play]" = None):
+        self.stage, self.played, self.behaviour = stage, played, behaviour
+        self.faults, self.calm = faults, calm
+        self.nodes = stage.mission.tree.nodes
+        self.run = played.run()
+        visit = self.run.state.visit
+        self.outcome = visit.outcome if visit is not None else ""  # empty: the pass did not end
+        asked = [*self.run.exchanges, *self.run.state.exchanges]
+        # what is asked after the end is the safe state
+        self.exchanges = sorted((each for each in asked if each.asked <= played.ended),
+                                key=lambda exchange: exchange.call)
+        self.drives = [each for each in self.exchanges if isinstance(each.request, GoTo)]
+        goals = {goal(drive)[:2] for drive in self.drives}
+        self.visited = [place for place in stage.knowledge.exhibits
+                        if place.location[:2] in goals]
+        self.leaves = [result for result in self.run.results
+                       if isinstance(self.nodes[result.uid - 1], MissionLeaf)]
+        self.succeeded = frozenset(each.uid for each in self.leaves if each.letter == "S")
+
+    def spec(self, uid: int) -> MissionSpec:
+        """Return the node type of a mission leaf."""
+        spec = self.nodes[uid - 1].spec
+        assert isinstance(spec, MissionSpec)
+        return spec
+
+    def name(self, uid: int) -> str:
+        """Return the type of a node."""
+        return clean(self.nodes[(uid or ROOT) - 1].registration_id)
+
+    @property
+    def is_cut_off(self) -> bool:
+        """Whether the pass had not ended when its time, or the number of its requests, was used up.
+        """
+        return self.played.exit_code is None and self.played.cut_off != BUSY
+
+    @property
+    def late(self) -> List[Exchange]:
+        """The requests of the last share of the time."""
+        since = START + self.played.seconds * (1 - LAST_SHARE)
+        return [exchange for exchange in self.exchanges if exchange.asked > since]
+
+    @property
+    def goodbyes(self) -> List[NodeResult]:
+        """How the nodes ended that say goodbye."""
+        return [result for result in self.leaves
+                if self.spec(result.uid).says_goodbye(self.nodes[result.uid - 1].name)]
+
+    def is_visitor_here(self, at: float) -> bool:
+        """Return whether a visitor was present at that time."""
+        return next((is_here for since, is_here in reversed(self.played.presence) if since <= at),
+                    False)
+
+    def faulty(self) -> FrozenSet[str]:
+        """Return the services of which a call went wrong on purpose."""
+        return frozenset(line.resource for line in self.played.journal if line.fault is not None)
+
+    def calls(self) -> List[RobotCall]:
+        """Return the mission's calls that reached a node."""
+        by_service: Dict[str, List[Exchange]] = {}
+        for exchange in self.exchanges:
+            by_service.setdefault(exchange.service, []).append(exchange)
+        times = {service: [exchange.asked for exchange in exchanges]
+                 for service, exchanges in by_service.items()}
+        calls = []
+        for line in self.played.journal:
+            if line.call and line.time <= self.played.ended:
+                index = bisect.bisect(times[line.resource], line.time) - 1
+                calls.append(RobotCall(line.node, line.call, by_service[line.resource][index].uid,
+                                  str(sorted(line.content.items())), line.done,
+                                  self.played.situations.get((line.node, line.call), b"")))
+        return calls
+
+
+def goal(drive: Exchange) -> Tuple[float, ...]:
+    """Return where a drive leads."""
+    assert isinstance(drive.request, GoTo)
+    return drive.request.goal
+
+
+class FindingKind(NamedTuple):
+    """A kind of finding. ``detect`` yields its places in a play; ``means`` explains it to the
+    author of the mission."""
+
+    name: str
+    means: str
+    detect: Callable[[Play], Iterator[Place]] = lambda play: iter(())
+
+
+# ------------------------------------------------------------------------------------------- no end
+
+
+def _busy(play: Play) -> Iterator[Place]:
+    if play.played.cut_off == BUSY:
+        yield _waiting(play), "it is ticked again and again and waits for nothing"
+
+
+def _retries_for_ever(play: Play) -> Iterator[Place]:
+    if not play.is_cut_off or play.calm is None or not play.calm.outcome:
+        return
+    failed = [each for each in play.late if isinstance(each.result, Failure)]
+    if failed:
+        number = sum(exchange.uid == failed[-1].uid for exchange in play.exchanges)
+        yield failed[-1].uid, (
+            f"after {count(number, 'request', 'requests')} in {play.played.seconds:.0f} s it still "
+            "tries again")
+
+
+def _endless(play: Play) -> Iterator[Place]:
+    if play.is_cut_off and play.late and not any(_retries_for_ever(play)):
+        yield play.late[-1].uid, f"after {play.played.seconds:.0f} s it still repeats itself"
+
+
+def _waits(play: Play) -> Iterator[Place]:
+    if play.is_cut_off and not play.late and not waits_for_a_visitor(play):
+        yield _waiting(play), f"after {play.played.seconds:.0f} s it still waits here"
+
+
+def waits_for_a_visitor(play: Play) -> bool:
+    """Return whether no visitor has been seen to the end: a robot may wait for a visitor without a
+    limit."""
+    if not play.is_cut_off or play.late:
+        return False
+    seekers = [each for each in play.leaves if Sense.VISITOR in play.spec(each.uid).listens]
+    if any(result.letter == "S" for result in seekers):
+        return False
+    waiting = [play.nodes[uid - 1].spec for uid in play.played.waiting]
+    return bool(seekers) or any(
+        isinstance(spec, MissionSpec) and Sense.VISITOR in spec.listens for spec in waiting)
+
+
+def _waiting(play: Play) -> int:
+    return play.played.waiting[-1] if play.played.waiting else ROOT
+
+
+# ---------------------------------------------------------------------------------- what goes wrong
+
+
+def _exceptions(play: Play) -> Iterator[Place]:
+    for text in filter(None, [play.played.error, *(error.text for error in play.run.errors)]):
+        named = [node.uid for node in play.nodes if f"'{node.full_path}'" in text]
+        yield named[0] if named else ROOT, text
+
+
+def _missing_data(play: Play) -> Iterator[Place]:
+    for failed in play.run.failures:
+        # pressing nothing is the visitor's answer
+        if failed.failure.cause is Cause.MISSING_DATA and not failed.attempt \
+                and Prompt not in play.spec(failed.uid).calls:
+            yield failed.uid, failed.failure.message
+    for recovery in play.run.recoveries:
+        if recovery.is_idle and recovery.recovered is not None:
+            yield recovery.uid, recovery.recovered.failure.message
+
+
+def _senseless(play: Play) -> Iterator[Place]:
+    for line in play.played.journal:
+        if line.objection is not None:
+            asked = [exchange.uid for exchange in play.exchanges
+                     if exchange.service == line.resource and exchange.asked <= line.time]
+            yield asked[-1] if asked else ROOT, f"{line.resource} refuses it: {line.objection}"
+
+
+def _shares_a_body(play: Play) -> Iterator[Place]:
+    """Find a request that is made while another leaf's to the same service is under way."""
+    under_way: Dict[str, Exchange] = {}
+    for exchange in play.exchanges:
+        if not exchange.uid or play.nodes[exchange.uid - 1].spec.is_recovery:
+            continue  # a recovery's safe state
+        before = under_way.get(exchange.service)
+        is_open = before is not None and before.answered is not None \
+            and before.answered > exchange.asked
+        if before is not None and is_open and before.uid != exchange.uid \
+                and not isinstance(exchange.request, QueryKnowledge):
+            yield exchange.uid, (f"{exchange.service} is asked while it still carries out the "
+                                 f"request of {play.name(before.uid)}")
+        if not is_open:
+            under_way[exchange.service] = exchange
+
+
+def _cut_short(play: Play) -> Iterator[Place]:
+    """Find speech and gestures that are halted before they are over, with the visitor still there.
+    """
+    steps = {step.call: step for step in play.run.steps}
+    for exchange in play.run.exchanges:
+        is_cut = exchange.result is None and isinstance(exchange.request, (Say, PerformGesture))
+        step = steps.get(exchange.call)
+        if is_cut and not play.faults and play.is_visitor_here(exchange.asked) \
+                and step is not None and step.ended is not None:
+            seconds = step.ended - step.began
+            yield exchange.uid, f"it is halted after {seconds:.1f} s, before the robot is done"
+
+
+def _abandoned(play: Play) -> Iterator[Place]:
+    """Find a drive that was halted and not followed by another drive."""
+    last = play.drives[-1] if play.drives else None
+    if last is not None and last.result is None and last in play.run.exchanges:
+        yield last.uid, "it is halted while the robot drives, which no service can stop"
+
+
+# ------------------------------------------------------------------------------ failures, swallowed
+
+
+@lru_cache(maxsize=None)
+def entries(node: Node, is_written: bool) -> FrozenSet[str]:
+    """Return the entries that a node writes, or those that it reads; an entry of a SubTree with the
+    path of that SubTree."""
+    found = set()
+    for port in node.spec.ports:
+        if port.direction is (Direction.IN if is_written else Direction.OUT):
+            continue
+        entry = reference(node.attributes.get(port.name, port.default or ""), port.name)
+        if entry is not None:
+            found.add(entry if entry.startswith("@") else
+                      node.full_path.rpartition("/")[0] + "/" + entry)
+    return frozenset(found)
+
+
+def _swallowed(play: Play) -> Iterator[Place]:
+    """Find a request that builds on a step whose failure nothing has dealt with: it uses what an
+    earlier step has left on the blackboard, or shows what the robot has not driven to."""
+    failed: Dict[str, NodeResult] = {}  # by entry: the failure of its last writer
+    steps = sorted([(each.ended, 0, each) for each in play.leaves if each.letter in "SF"] +
+                   [(each.ended or 0.0, 1, each) for each in play.run.recoveries] +
+                   [(each.asked, 2, each) for each in play.exchanges if each.uid],
+                   key=lambda step: step[:2])
+    last_drive: Optional[Exchange] = None
+    for _, _, step in steps:
+        if isinstance(step, NodeResult):
+            _note_result(play, step, failed)
+        elif isinstance(step, Exchange):
+            node = play.nodes[step.uid - 1]
+            if not isinstance(node, MissionLeaf) or node.spec.is_recovery:
+                continue
+            read = entries(node, False)
+            for entry in sorted(read & set(failed)):
+                if step.uid != failed[entry].uid:
+                    old = entry.rpartition("/")[2].lstrip("@")
+                    yield failed[
+                        entry].uid, f"it fails, and {play.name(step.uid)} uses the old {old}"
+            if isinstance(step.request, GoTo):
+                last_drive = step
+            elif isinstance(step.request, (Say, PerformGesture)) and read & SHOWN_AT_THE_PLACE \
+                    and last_drive is not None and isinstance(last_drive.result, Failure):
+                yield last_drive.uid, (f"the drive fails, and {play.name(step.uid)} goes on as if "
+                                       "the robot were there")
+        elif step.has_helped:
+            for entry in [entry for entry, each in failed.items()
+                          if play.nodes[each.uid - 1].full_path == step.path]:
+                del failed[entry]
+
+
+def _note_result(play: Play, result: NodeResult, failed: Dict[str, NodeResult]) -> None:
+    """Note for each entry that a leaf writes whether its last writer has failed to replace it."""
+    node = play.nodes[result.uid - 1]
+    if Prompt in play.spec(result.uid).calls or node.spec.kind is Kind.CONDITION:
+        return
+    for entry in entries(node, True):
+        if result.letter == "F" and not entries(node, False) & {entry}:
+            failed[entry] = result
+        else:
+            failed.pop(entry, None)
+
+
+def _unrecovered(play: Play) -> Iterator[Place]:
+    """Find a single fault that ended the pass without a HandleFallBack dealing with it."""
+    if play.outcome != "FAILURE" or play.faults != 1 or play.run.recoveries:
+        return
+    if play.calm is None or play.calm.outcome != "SUCCESS":
+        return
+    faulty = play.faulty()
+    for failed in play.run.failures:
+        if failed.failure.resource in faulty:
+            yield failed.uid, "its failure ends the pass, and no recovery handles it"
+            return
+
+
+def _budget(play: Play) -> Iterator[Place]:
+    """Find a budget of recoveries that is spent, most of it on failures that no fault caused."""
+    policy, faulty = play.stage.mission.policy, play.faulty()
+    rounds = sorted((each for each in play.run.recoveries if each.recovered is not None),
+                    key=lambda recovery: recovery.decided)
+    own = sum(each.recovered is not None and each.recovered.failure.resource not in faulty
+              for each in rounds)
+    for late, early in zip(rounds[policy.most:], rounds):
+        if late.decided - early.decided < policy.seconds and 2 * own > policy.most:
+            yield late.uid, (f"more than {policy.most} recoveries in {policy.seconds:g} s: "
+                             "whatever fails from here on is given up")
+            return
+
+
+# ---------------------------------------------------------------------------------------- the stops
+
+
+def _unwanted_drive(play: Play) -> Iterator[Place]:
+    visit = play.run.state.visit
+    is_declined = play.behaviour == DECLINES and visit is not None and visit.asked is not None
+    if is_declined and not play.faults and play.visited:
+        places = {place.location[:2] for place in play.visited}
+        first = next(drive for drive in play.drives if goal(drive)[:2] in places)
+        yield first.uid, "the visitor says no, and the robot drives to a stop"
+
+
+def _left_out(play: Play) -> Iterator[Place]:
+    """Find a stop that the robot did not reach, without a recorded reason.
+
+    A mission that does not take one stop after the other may be meant to show only some; so may
+    one that asks the visitor meanwhile.
+    """
+    if play.outcome != "SUCCESS" or play.behaviour != ENGAGES or not play.visited:
+        return
+    if any(recovery.outcome in (SKIPPED, GIVEN_UP) for recovery in play.run.recoveries):
+        return
+    taken = _done(play, data.CURRENT_EXHIBIT)
+    if len(taken) == len({each.uid for each in taken}):
+        return
+    if any(each.began > taken[0].began for each in _done(play, data.VISITOR_RESPONSE)):
+        return
+    missed = [clean(place.name) for place in play.stage.knowledge.exhibits
+              if place not in play.visited]
+    if missed:
+        yield taken[-1].uid, "the visitor says yes, and the robot does not drive to {}".format(
+            ", ".join(missed))
+
+
+def _done(play: Play, entry: data.Datum) -> List[NodeResult]:
+    """Return the results of the leaves that wrote an entry."""
+    return [each for each in play.leaves
+            if each.letter == "S" and play.spec(each.uid).writes(entry.name)]
+
+
+def _drives_twice(play: Play) -> Iterator[Place]:
+    for before, drive in zip(play.drives, play.drives[1:]):
+        is_there = before.answered is not None and before.answered < drive.asked \
+            and isinstance(before.result, Answer)
+        if is_there and not play.faults and goal(drive) == goal(before):
+            yield drive.uid, "the robot has just arrived there"
+
+
+# ------------------------------------------------------------------------------------------ the end
+
+
+def _goodbye(play: Play) -> Iterator[Place]:
+    for result in play.goodbyes:
+        if result.letter == "S" and not play.is_visitor_here(result.began):
+            seconds = result.began - _left(play, result.began)
+            yield result.uid, f"the visitor had left {seconds:.0f} s before"
+
+
+def _left(play: Play, at: float) -> float:
+    return max((since for since, is_here in play.played.presence if not is_here and since <= at),
+               default=START)
+
+
+def _no_goodbye(play: Play) -> Iterator[Place]:
+    """Find a visitor who gets no goodbye: after several stops, or since another step
+    failed that no recovery has handled."""
+    said = {result.uid for result in play.goodbyes if result.letter == "S"}
+    if not play.outcome or said or play.behaviour != ENGAGES:
+        return
+    if not play.faults and play.outcome == "SUCCESS" and len(play.visited) > 1:
+        yield play.drives[-1].uid, "the last drive ends here, and the visitor is told no goodbye"
+    if play.calm is None or play.faults != 1:
+        return
+    tried = {result.uid for result in play.goodbyes}
+    omitted = [result.uid for result in play.calm.goodbyes if result.uid not in tried]
+    failed = next((each for each in play.run.failures
+                   if not each.attempt and each.failure.resource in play.faulty()), None)
+    if omitted and failed is not None and not any(
+            recovery.path == failed.path for recovery in play.run.recoveries):
+        yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
+
+
+def _left_on(play: Play) -> Iterator[Place]:
+    """Find what a pass leaves switched on; a request to switch it off counts even if it was
+    refused."""
+    if not play.outcome or not play.drives:
+        return
+    for safe in play.stage.settings.interface.safe_state:
+        asked = [each for each in play.exchanges if type(each.request) is type(safe)]
+        if asked and asked[-1].request != safe:
+            last = doing(asked[-1].request)
+            yield asked[-1].uid, f"{safe.switches} is left on: the last request is {last}"
+
+
+def doing(request: Request) -> str:
+    """Return in words what a request makes the robot do."""
+    words = request.words
+    return " ".join(filter(None, (words.doing, words.what))) if words is not None else type(
+        request).__name__
+
+
+def _not_home(play: Play) -> Iterator[Place]:
+    """Find a pass whose last drive does not lead home.
+
+    It may end elsewhere if the way home cannot be looked up, or if a recovery gives up for a
+    service: the robot is then in the safe state, and the operator is told what to repair.
+    """
+    home = play.stage.knowledge.home.location
+    if not play.outcome or not play.drives or goal(play.drives[-1])[:2] == home[:2]:
+        return
+    last = play.drives[-1]
+    is_unknown = any(exchange.request == QueryKnowledge("home") and exchange.asked > last.asked
+                     for exchange in play.exchanges)
+    is_reported = any(
+        each.outcome == GIVEN_UP and each.decided > last.asked and each.recovered is not None
+        and each.recovered.failure.cause is not Cause.CONDITION_FALSE and not each.is_idle
+        for each in play.run.recoveries)
+    if not (is_unknown or is_reported):
+        yield last.uid, "the last drive leads to {:g}, {:g} and not home".format(*goal(last)[:2])
+
+
+NEVER_SUCCEEDS = FindingKind("never-succeeds",
+                             "No visitor's pass ends in SUCCESS, not even without a fault.")
+NEVER_TRUE = FindingKind(
+    "never-true", "The mission comes to this node, and no visitor and no fault makes it succeed.")
+NEVER_OFF = FindingKind(
+    "never-off", "Attention or lifelike movement is switched on, and no pass switches it off.")
+UNREACHED = FindingKind("unreached", "No play brings the mission to this node.")
+
+KINDS = (
+    FindingKind(
+        "busy-loop", "The mission never waits: it takes a whole core, and nothing else of the "
+        "robot gets a turn. Put a Sleep or a Delay into the loop.", _busy),
+    FindingKind("exception", "A node raises an exception, which ends the pass at once.",
+                _exceptions),
+    FindingKind("missing-data", "A node reads an entry or an answer that is not there.",
+                _missing_data),
+    FindingKind(
+        "senseless-request", "A node of the robot is asked for something that it does not know.",
+        _senseless),
+    FindingKind("endless", "The pass never ends: a loop without a bound repeats the same requests.",
+                _endless),
+    FindingKind(
+        "retries-for-ever", "A service fails for good, and the mission makes the same request "
+        "again without a limit: the pass never ends. Give the loop a number of attempts, and each "
+        "attempt a pause.", _retries_for_ever),
+    FindingKind(
+        "waits-for-ever", "The pass never ends: what the robot waits for does not come, and no "
+        "limit ends the wait.", _waits),
+    FindingKind(
+        "swallowed-failure", "A step fails, the mission ignores that, and a later step goes on as "
+        "if it had been done.", _swallowed),
+    FindingKind(
+        "unrecovered", "A single fault ends the pass, because no HandleFallBack stands beside the "
+        "node.", _unrecovered),
+    FindingKind(
+        "shares-a-body", "Two branches use one service of the robot at the same time: it has one "
+        "body. Let one branch wait for the other.", _shares_a_body),
+    FindingKind(
+        "cut-short", "Speech or a gesture is halted before it is over, and the robot goes on "
+        "speaking or moving. Give a Timeout more time than the robot needs.", _cut_short),
+    FindingKind(
+        "abandoned-drive", "The mission stops waiting for a drive, and the robot drives on.",
+        _abandoned),
+    NEVER_TRUE,
+    NEVER_SUCCEEDS,
+    FindingKind(
+        "budget-spent", "Recoveries use up the budget of the policy although hardly a call fails: "
+        "what fails later is given up at once.", _budget),
+    FindingKind("unwanted-drive", "The robot drives to a stop although the visitor says no.",
+                _unwanted_drive),
+    FindingKind("left-out",
+                "The pass succeeds, and a stop is left out without a failure that explains it.",
+                _left_out),
+    FindingKind("drives-twice", "The robot is sent to the place where it stands.", _drives_twice),
+    FindingKind("goodbye-to-nobody", "The robot says goodbye although the visitor has left.",
+                _goodbye),
+    FindingKind("no-goodbye", "A visitor who has followed the robot is told no goodbye.",
+                _no_goodbye),
+    FindingKind("left-on", "Attention or lifelike movement is on after the drives of a pass.",
+                _left_on),
+    FindingKind("not-home", "The last drive of a pass does not lead home.", _not_home),
+    NEVER_OFF,
+    UNREACHED)
+"""All kinds; a kind that follows from others stands after them."""
+
+CAUSES = frozenset(kind.name for kind in KINDS[:KINDS.index(NEVER_SUCCEEDS) + 1])
+"""The kinds of findings that may have others as consequences."""
+
+BY_NAME: Dict[str, FindingKind] = {kind.name: kind for kind in KINDS}
+
+
+def findings(play: Play) -> List[Finding]:
+    """Return the findings of a play."""
+    return list(dict.fromkeys(Finding(kind.name, uid or ROOT, clean(what)) for kind in KINDS
+                              for uid, what in kind.detect(play)))
+
+
+# --------------------------------------------------------------------------------- of all the plays
+
+
+def unreached(nodes: List[Node], reached: Collection[int]) -> List[Node]:
+    """Return the nodes that no play has reached; of a whole branch only the topmost, of nodes that
+    follow one another only the first.
+
+    A tree that is called several times is one part of the file: one call that reaches a node is
+    enough.
+    """
+    known = {node.element for node in nodes if node.uid in reached}
+    return [node for node in nodes if node.element not in known
+            and (node.parent is None or node.parent.uid in reached)
+            and not _follows_another(node, reached)]
+
+
+def _follows_another(node: Node, reached: Collection[int]) -> bool:
+    """Return whether the node is ticked only after a sibling that was not reached either."""
+    before = sibling_before(node)
+    return before is not None and before.uid not in reached
+
+
+def sibling_before(node: Node) -> Optional[Node]:
+    """Return the sibling after which a node is ticked; None if it does not wait for another."""
+    parent = node.parent
+    if parent is None or not parent.spec.next_after or parent.children[0] is node:
+        return None
+    return parent.children[parent.children.index(node) - 1]
+
+
+def never_true(nodes: List[Node], reached: Collection[int],
+               succeeded: Collection[int]) -> List[Finding]:
+    """Return the leaves that were ``reached`` in a pass without faults and have never succeeded.
+
+    A condition on a topic that is not simulated is none of them.
+    """
+    return [Finding(NEVER_TRUE.name, node.uid, "it never succeeds") for node in nodes
+            if node.uid in reached and node.uid not in succeeded and isinstance(node, MissionLeaf)
+            and not node.spec.is_recovery
+            and not any(isinstance(topic, Topic) and topic.rehearsed is None
+                        for topic in node.spec.listens)]
+
+
+def never_off(stage: Stage, switched: Dict[Request, int]) -> List[Finding]:
+    """Return what no play has switched off; ``switched`` are all requests of the kinds that the
+    safe state sends, with the leaf of each."""
+    found = []
+    for safe in stage.settings.interface.safe_state:
+        others = [uid for request, uid in switched.items() if type(request) is type(safe)]
+        if safe not in switched and others:
+            found.append(Finding(NEVER_OFF.name, others[0] or ROOT,
+                                 f"{safe.switches} is never switched off"))
+    return found

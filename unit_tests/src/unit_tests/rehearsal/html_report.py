@@ -1,0 +1,110 @@
+"""A rehearsal as one self-contained web page, and the cells of its tables, which the terminal shows
+too."""
+import html
+from typing import Any, List, Sequence
+
+from behavior_controller.monitoring.report_frame import encodable, framed
+from behavior_controller.text import count
+
+from unit_tests.rehearsal.summary import Found, VisitorRow, Share
+
+ROW_HEAD = ("visitor", "answers by", "outcome", "after", "stops", "with faults")
+SHARE_HEAD = ("failure rate", "runs", "successes", "share", "95 % interval", "pass takes")
+
+PLOT = """<svg class="plot" role="img" aria-label="share of successes over the failure rate"
+width="590" height="260" viewBox="-50 -10 590 260">{0}<polyline points="{1}"/>{2}
+<text x="260" y="246" text-anchor="middle">failure rate</text></svg>"""
+"""The plot's area is 520 pixels wide and 220 high, from the origin on; the axes' labels are outside
+of it."""
+
+
+def row_cells(row: VisitorRow) -> List[str]:
+    """Return the cells for a visitor."""
+    faulty = ", ".join(f"{number} {outcome or 'without an end'}"
+                       for outcome, number in row.with_faults)
+    return [row.visitor, "voice" if row.by_voice else "tablet", row.outcome or "no end",
+            duration(row.seconds), str(row.stops), faulty or "-"]
+
+
+def share_cells(share: Share) -> List[str]:
+    """Return the cells for the runs at one failure rate."""
+    return [f"{share.rate:g}", str(share.runs), str(share.successes), f"{100 * share.share:.1f} %",
+            "{:.1f} to {:.1f} %".format(*(100 * end for end in share.interval)),
+            duration(share.seconds) if share.seconds == share.seconds else "-"]
+
+
+def duration(seconds: float) -> str:
+    """Return a duration as text, such as ``2 min 5 s``."""
+    whole = int(round(seconds))
+    return "{} min {} s".format(*divmod(whole, 60)) if whole >= 60 else f"{whole} s"
+
+
+def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
+            found: Sequence[Found]) -> str:
+    """Return the page."""
+    sections = {}
+    if rows:
+        sections["Visitors"] = _table(ROW_HEAD, [row_cells(row) for row in rows])
+    if shares:
+        sections["Successes"] = plot(shares) + _table(
+            SHARE_HEAD, [share_cells(each) for each in shares])
+    sections["Findings"] = "\n".join(map(_found, found)) or "<p>Nothing was found.</p>"
+    content = "\n".join("<section id=\"{0}\"><h2>{0}</h2>{1}</section>".format(name, part)
+                        for name, part in sections.items())
+    return framed(title, [], {name: name for name in sections}, content)
+
+
+def _text(value: Any) -> str:
+    return html.escape(encodable(value))
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    heads = "".join("<th scope=\"col\">{}</th>".format(_text(cell)) for cell in head)
+    lines = ["<tr>{}</tr>".format(heads)] + [
+        "<tr>{}</tr>".format("".join("<td>{}</td>".format(_text(cell)) for cell in row))
+        for row in rows
+    ]
+    return "<table class=\"cells\">{}</table>".format("\n".join(lines))
+
+
+def _found(found: Found) -> str:
+    story = "".join(f"<tr><td class=\"at\">{each.at:.1f} s</td><td>{_text(each.text)}</td></tr>"
+                    for each in found.story)
+    shown = "" if found.scene is None else (
+        "<details><summary>the shortest of {}</summary><table>{}</table></details>"
+        "<p>Again: <code>{}</code></p>").format(
+            count(found.plays, "simulated run", "simulated runs"), story, _text(found.command))
+    others = "".join(
+        f"<p>As a consequence, {_text(each.kind.name)} at {_text(each.where)} "
+        f"(<code>{_text(each.place)}</code>): {_text(each.what)}</p>"
+        for each in found.consequences)
+    return (f"<h3>{_text(found.kind.name)}: {_text(found.where)}</h3>"
+            f"<p>{_text(found.kind.means)}</p>"
+            f"<p>{_text(found.what)} (<code>{_text(found.place)}</code>)</p>{others}{shown}")
+
+
+def plot(shares: Sequence[Share]) -> str:
+    """Return the shares over the failure rate as SVG: points joined by lines, each with its
+    interval."""
+    axes = [
+        "<path d=\"M0 {1}H520\"/>"
+        "<text x=\"-6\" y=\"{1}\" dy=\"4\" text-anchor=\"end\">{2:.0f} %</text>"
+        "<text x=\"{0}\" y=\"238\" text-anchor=\"middle\">{3:g}</text>".format(
+            _x(at), _y(at), 100 * at, at) for at in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+    ]
+    points = " ".join("{},{}".format(_x(share.rate), _y(share.share)) for share in shares)
+    marks = [
+        "<path class=\"share\" d=\"M{0} {1}V{2}\"/><circle cx=\"{0}\" cy=\"{3}\" r=\"3.5\">"
+        "<title>{4}</title></circle>".format(_x(share.rate), *map(_y, share.interval),
+                                             _y(share.share), _text("; ".join(share_cells(share))))
+        for share in shares
+    ]
+    return PLOT.format("".join(axes), points, "".join(marks))
+
+
+def _x(rate: float) -> str:
+    return f"{520 * rate:g}"
+
+
+def _y(share: float) -> str:
+    return f"{220 * (1 - share):g}"

@@ -1,0 +1,269 @@
+"""The plays of a rehearsal: which visitor, which faults, by voice or tablet; run on all cores, and
+evaluated."""
+import dataclasses
+import multiprocessing
+import multiprocessing.pool
+import signal
+from contextlib import contextmanager
+from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Mapping, NamedTuple,
+                    Optional, Sequence, Set, Tuple)
+
+from behavior_controller.bt.loader.document import garbage_collection_paused
+from behavior_controller.config.settings import defaults
+from behavior_controller.robot.requests import Request
+
+from unit_tests.rehearsal import findings
+from unit_tests.rehearsal.findings import RobotCall, Finding, Play
+from unit_tests.robot.faults import KINDS, PlannedFault
+from unit_tests.robot.options import REAL
+from unit_tests.rehearsal.play import CALM, MOST_REQUESTS, Stage
+
+MESSAGES = 1.0
+"""Seconds between two messages of a topic, or half of ``topicMaxAge`` if less: in a rehearsal no
+message is late."""
+
+FEW = 60
+"""Up to this number of plays run in this process: starting others would take longer."""
+
+CHUNK = 8
+"""Plays that a process receives at once."""
+
+NO_VISITOR = "waiting for a visitor"
+"""The outcome of a pass in which no visitor is seen."""
+
+BROKEN = "exception"
+"""The outcome of a pass that an exception outside the tree ended."""
+
+
+class Scene(NamedTuple):
+    """One play: a visitor, how the visitor answers, and the faults: planned, or random with
+    ``rate`` and ``seed``.
+
+    The faults in ``lasting`` happen at that call of the node and at each later one. Seed 0: no
+    random faults.
+    """
+
+    visitor: str
+    by_voice: bool = True
+    planned: Tuple[PlannedFault, ...] = ()
+    silent: Tuple[str, ...] = ()
+    rate: float = 0.0
+    seed: int = 0
+    kinds: Tuple[str, ...] = KINDS
+    lasting: Tuple[PlannedFault, ...] = ()
+    is_traced: bool = False  # its calls are wanted, however many faults it has
+
+    @property
+    def is_calm(self) -> bool:
+        """Whether the scene has no faults."""
+        return not (self.planned or self.silent or self.seed or self.lasting)
+
+    @property
+    def is_listed(self) -> bool:
+        """Whether its calls are wanted."""
+        return self.is_traced or len(self.planned) < 2 and not self.seed
+
+    @property
+    def calm(self) -> "Scene":
+        """The same without faults."""
+        return Scene(self.visitor, self.by_voice)
+
+    def with_fault(self, fault: PlannedFault) -> "Scene":
+        """Return the scene with a further planned fault."""
+        return self._replace(planned=self.planned + (fault,))
+
+
+class Outcome(NamedTuple):
+    """The result of a scene. ``outcome`` is SUCCESS, FAILURE, NO_VISITOR, BROKEN, or empty if the
+    pass did not end.
+    """
+
+    scene: Scene
+    outcome: str
+    seconds: float
+    stops: int  # that the robot was sent to
+    found: Tuple[Finding, ...]
+    reached: FrozenSet[int]
+    succeeded: FrozenSet[int]  # the leaves
+    # the requests of the kinds that the safe state sends, with a leaf that makes each
+    switched: Tuple[Tuple[Request, int], ...]
+    calls: Tuple[RobotCall, ...] = ()
+
+
+class Theatre:
+    """A mission on its stages, one for visitors who answer by voice and one for the tablet. Each
+    process has its own."""
+
+    def __init__(self, chosen: Mapping[str, Any], mission: str, limit: float):
+        """``chosen`` are the values of the controller's keys; ``limit`` is in seconds of the
+        mission's time."""
+        self._chosen, self._mission = dict(chosen), mission
+        self._limit = limit
+        self._stages: Dict[bool, Stage] = {}
+        self._calm: Dict[Scene, Play] = {}
+
+    def stage(self, by_voice: bool) -> Stage:
+        """Return the stage. Raises FaultsFound if the mission cannot be played."""
+        if by_voice not in self._stages:
+            self._stages[by_voice] = Stage.of_file(
+                defaults(**dict(self._chosen, asrEnabled=by_voice)), self._mission)
+        return self._stages[by_voice]
+
+    def play(self, scene: Scene) -> Play:
+        """Play a scene."""
+        planned = scene.planned + tuple(
+            fault._replace(call=fault.call + later) for fault in scene.lasting
+            for later in range(MOST_REQUESTS))
+        test = dataclasses.replace(CALM, visitor_behaviour=scene.visitor, planned_faults=planned,
+                                   failure_rate=scene.rate, random_seed=scene.seed,
+                                   fault_kinds=scene.kinds, test_timeout=self._limit,
+                                   call_times=REAL)
+        stage = self.stage(scene.by_voice)
+        gap = min(MESSAGES, stage.settings.topic_max_age / 2)
+        played = stage.play(test, scene.silent, gap, scene.is_listed)
+        faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
+        calm = None if scene.is_calm else self._calm_play(scene.calm)
+        return Play(stage, played, scene.visitor, faults, calm)
+
+    def _calm_play(self, scene: Scene) -> Play:
+        if scene not in self._calm:
+            self._calm[scene] = self.play(scene)
+        return self._calm[scene]
+
+    def evaluate(self, scene: Scene) -> Outcome:
+        """Play a scene and find what is wrong in it."""
+        with garbage_collection_paused():
+            return self._evaluated(scene, self.play(scene))
+
+    def _evaluated(self, scene: Scene, play: Play) -> Outcome:
+        kinds = {type(request) for request in play.stage.settings.interface.safe_state}
+        switched = {each.request: each.uid for each in play.exchanges
+                    if type(each.request) in kinds}
+        outcome = play.outcome or (BROKEN if play.played.error else
+                                   NO_VISITOR if findings.waits_for_a_visitor(play) else "")
+        return Outcome(scene, outcome, play.played.seconds, len(play.visited),
+                       tuple(findings.findings(play)), play.played.reached, play.succeeded,
+                       tuple(switched.items()), tuple(play.calls()) if scene.is_listed else ())
+
+
+# ------------------------------------------------------------------------------------- which scenes
+
+
+def calm(visitors: Sequence[str], ways: Sequence[bool]) -> List[Scene]:
+    """Return the scenes without faults. ``ways``: by voice, by tablet, or both."""
+    return [Scene(visitor, by_voice) for by_voice in ways for visitor in visitors]
+
+
+def new_calls(outcomes: Iterable[Outcome]) -> Iterator[Tuple[Outcome, List[RobotCall]]]:
+    """Yield each outcome without faults with its calls that the same visitor does not cause in an
+    earlier one: what is asked by tablet is mostly what is asked by voice.
+
+    A pass that does not end without a fault is not played with one.
+    """
+    known: Dict[str, Set[Tuple[str, str]]] = {}
+    for outcome in outcomes:
+        if outcome.outcome in ("SUCCESS", "FAILURE"):
+            before = known.setdefault(outcome.scene.visitor, set())
+            yield outcome, [
+                call for call in outcome.calls if (call.node, call.fields) not in before]
+            before.update((call.node, call.fields) for call in outcome.calls)
+
+
+def single(outcomes: Sequence[Outcome], kinds: Sequence[str], topics: Sequence[str],
+           is_every: bool = False) -> Iterator[Scene]:
+    """Yield the scenes of the calm ``outcomes`` with each call going wrong in each way, with each
+    leaf's service going wrong for good from its first call on, and with each topic silent.
+
+    ``is_every``: also those calls that are not new.
+    """
+    for outcome, calls in new_calls(outcomes):
+        leaves: Set[int] = set()
+        for call in outcome.calls if is_every else calls:
+            for kind in kinds:
+                yield outcome.scene.with_fault(PlannedFault(call.node, call.number, kind))
+            if call.uid not in leaves:
+                leaves.add(call.uid)
+                yield outcome.scene._replace(
+                    lasting=(PlannedFault(call.node, call.number, kinds[0]),))
+        for topic in topics:
+            yield outcome.scene._replace(silent=(topic,))
+
+
+def pairs(outcomes: Sequence[Outcome], kinds: Sequence[str]) -> Iterator[Scene]:
+    """Yield the scenes with each pair of faults, given the ``outcomes`` of the calm scenes and of
+    all scenes with a single fault.
+
+    The second fault is at any later call of the play with the first one, also at its repetition by
+    a recovery. Left out is a call that meets the same situation as one of another play, without
+    a fault or with another first one: the mission would go on as there.
+    """
+    met = {(outcome.scene, call.node, call.fields, call.situation)
+           for outcome in outcomes if outcome.scene.is_calm for call in outcome.calls}
+    for outcome in outcomes:
+        if len(outcome.scene.planned) != 1 or not outcome.outcome:
+            continue
+        fault, = outcome.scene.planned
+        first = [call[:2] for call in outcome.calls].index((fault.node, fault.call))
+        for call in outcome.calls[first + 1:]:
+            key = outcome.scene.calm, call.node, call.fields, call.situation
+            if key not in met:
+                met.add(key)
+                for kind in kinds:
+                    yield outcome.scene.with_fault(PlannedFault(call.node, call.number, kind))
+
+
+def random(scenes: Sequence[Scene], runs: int, rates: Sequence[float], seed: int,
+           kinds: Sequence[str]) -> List[Scene]:
+    """Return that many scenes for each failure rate, with the visitors in turn and a seed for each
+    run."""
+    return [scenes[run % len(scenes)]._replace(rate=rate, seed=seed + run, kinds=tuple(kinds))
+            for rate in rates for run in range(runs)]
+
+
+# ------------------------------------------------------------------------------------- on all cores
+
+
+_theatre: Optional[Theatre] = None
+
+PlayAll = Callable[[Sequence[Scene]], Iterator[Outcome]]
+
+
+def _open(*arguments: Any) -> None:
+    """Prepare a process for its plays."""
+    global _theatre
+    _theatre = Theatre(*arguments)
+
+
+def _evaluate(scene: Scene) -> Outcome:
+    assert _theatre is not None
+    return _theatre.evaluate(scene)
+
+
+@contextmanager
+def players(theatre: Theatre, arguments: Tuple[Any, ...], jobs: int) -> Iterator[PlayAll]:
+    """Give a function that yields the result of each scene as soon as it is known. ``arguments``
+    make another Theatre of the same mission."""
+    pools: List[multiprocessing.pool.Pool] = []
+
+    def play_all(scenes: Sequence[Scene]) -> Iterator[Outcome]:
+        if jobs <= 1 or len(scenes) <= FEW:
+            return map(theatre.evaluate, scenes)
+        if not pools:
+            pools.append(_pool(jobs, arguments))
+        return pools[0].imap_unordered(_evaluate, scenes, CHUNK)
+
+    try:
+        yield play_all
+    finally:
+        for pool in pools:
+            pool.terminate()
+
+
+def _pool(jobs: int, arguments: Tuple[Any, ...]) -> multiprocessing.pool.Pool:
+    # Ctrl-C is for this process; the others inherit that they ignore it, else each would print a
+    # traceback
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        return multiprocessing.get_context("spawn").Pool(jobs, _open, arguments)
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,129 @@
+"""Plans faults towards nodes that no play has reached."""
+from typing import Any, Dict, Iterable, Iterator, List, Set, Tuple
+
+from behavior_controller.bt.engine.node import Node
+from behavior_controller.text import count
+
+from unit_tests.rehearsal import findings
+from unit_tests.rehearsal.plays import Outcome, Scene
+from unit_tests.robot.faults import PlannedFault
+from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES
+
+MOST_PLAYS = 400
+"""Plays towards all nodes together."""
+
+MOST_BASES = 12
+"""Plays that get a further fault for a node in one round."""
+
+BURSTS = (2, 3, 4)
+"""How many calls in a row go wrong where nothing says which ones have to."""
+
+
+class Search:
+    """Plans plays in rounds, from the ``outcomes`` so far: a play that comes as far as the sibling
+    before a node gets a further fault below that sibling, until the sibling fails.
+
+    ``plays`` is the number of planned plays. ``is_cut``: more could have been tried.
+    """
+
+    def __init__(self, nodes: List[Node], reached: Set[int], outcomes: List[Outcome], kind: str):
+        """``reached`` and ``outcomes`` grow with each round that is played."""
+        self._nodes, self._reached, self._outcomes = nodes, reached, outcomes
+        self._kind = kind
+        self._tried: Set[Scene] = {outcome.scene._replace(is_traced=True) for outcome in outcomes}
+        self._bases: Set[Tuple[int, Scene]] = set()
+        self.plays = 0
+        self.is_cut = False
+
+    def targets(self) -> List[Node]:
+        """Return the nodes to search for; not a recovery from a step that cannot fail."""
+        asked = {call.uid for outcome in self._outcomes for call in outcome.calls}
+        return [node for node in findings.unreached(self._nodes, self._reached)
+                if not node.spec.is_recovery or _below(findings.sibling_before(node)) & asked]
+
+    def rounds(self) -> Iterator[List[Scene]]:
+        """Yield the scenes of each round."""
+        yield from self._towards()
+        if self.targets():
+            yield self._new(self._bursts())
+            yield from self._towards()
+
+    def _towards(self) -> Iterator[List[Scene]]:
+        while True:
+            scenes = self._new(scene for node in self.targets() for scene in self._extended(node))
+            if not scenes:
+                return
+            yield scenes
+
+    def _new(self, scenes: Iterable[Scene]) -> List[Scene]:
+        chosen = []
+        for scene in scenes:
+            if scene in self._tried:
+                continue
+            if self.plays >= MOST_PLAYS:
+                self.is_cut = True
+                break
+            self._tried.add(scene)
+            self.plays += 1
+            chosen.append(scene)
+        return chosen
+
+    def _extended(self, node: Node) -> Iterator[Scene]:
+        """Yield the nearest plays that end before ``node``, with a further fault below its sibling.
+        """
+        before = findings.sibling_before(node)
+        if before is None:
+            return
+        below = _below(before)
+        near = [outcome for outcome in self._outcomes if before.uid in outcome.reached
+                and outcome.calls and (node.uid, outcome.scene) not in self._bases]
+        for outcome in sorted(near, key=_distance)[:MOST_BASES]:
+            self._bases.add((node.uid, outcome.scene))
+            scene = outcome.scene._replace(is_traced=True)
+            for call in outcome.calls:
+                if call.uid in below and call.is_done:
+                    fault = PlannedFault(call.node, call.number, self._kind)
+                    yield scene.with_fault(fault)
+                    yield scene._replace(lasting=scene.lasting + (fault,))
+
+    def _bursts(self) -> Iterator[Scene]:
+        """Yield, for a visitor who engages, several faults in a row from each leaf's first call on,
+        and each two services that go wrong for good."""
+        for outcome in self._outcomes:
+            scene = outcome.scene._replace(is_traced=True)
+            if not outcome.scene.is_calm or scene.visitor != ENGAGES:
+                continue
+            first: Dict[int, PlannedFault] = {}
+            for call in outcome.calls:
+                first.setdefault(call.uid, PlannedFault(call.node, call.number, self._kind))
+            for fault in first.values():
+                for length in BURSTS:
+                    yield scene._replace(planned=tuple(
+                        fault._replace(call=fault.call + later) for later in range(length)))
+            nodes: Dict[str, PlannedFault] = {}
+            for fault in first.values():
+                nodes.setdefault(fault.node, fault)
+            for one in nodes.values():
+                for other in nodes.values():
+                    if one.node < other.node:
+                        yield scene._replace(lasting=(one, other))
+
+
+def _below(node: Any) -> Set[int]:
+    return {below.uid for below in node.iterate()} if node is not None else set()
+
+
+def _distance(outcome: Outcome) -> Tuple[int, int, bool]:
+    scene = outcome.scene
+    faults = len(scene.planned) + len(scene.lasting) + len(scene.silent)
+    return faults, BEHAVIOURS.index(scene.visitor), not scene.by_voice
+
+
+def verdict(search: Search, plays: int) -> str:
+    """Return in words how sure it is that no play reaches a node, after so many plays."""
+    if search.is_cut:
+        return "not reached by {}".format(count(plays, "simulated run", "simulated runs"))
+    return "no visitor and no fault brings the mission here, in {}".format(
+        count(plays, "simulated run", "simulated runs"))
+
+

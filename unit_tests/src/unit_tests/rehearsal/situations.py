@@ -1,0 +1,58 @@
+"""The situation of a play at one moment, as a digest: it tells which faults bring nothing new."""
+import enum
+import hashlib
+from collections import deque
+from typing import Any, Iterator, List, Tuple
+
+from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.execution.events import LETTERS
+from behavior_controller.leaves import data
+
+from unit_tests.robot.virtual_robot import VirtualRobot
+
+_OF_ALL_NODES = vars(Node).keys() | vars(Node("")) | {
+    "element", "mission", "decorated", "interception", "started_at", "attempt", "told", "_told"}
+"""What a node has, apart from its status, that does not say what it does next."""
+
+_PLAIN = (bool, int, str, float, tuple, list, deque, enum.Enum)
+_TIMES = {data.QUESTION_ASKED_AT.name, data.ATTENTION_SET_AT.name}
+
+
+class Situations:
+    """What a call meets: a digest of all that decides how a play goes on. Two plays with the same
+    one go on alike.
+
+    It is made of the statuses of the nodes and what else they keep, the entries, the time that is
+    left to nodes that wait, the visitor, and the nodes of the robot that are away. Left out are
+    moments, and the numbers of failures that a recovery has handled.
+    """
+
+    def __init__(self, tree: Tree, robot: VirtualRobot):
+        self._tree, self._robot = tree, robot
+        self._nodes = [node for node in tree.nodes if not node.spec.is_recovery]
+        self._names: List[Tuple[int, List[str]]] = [(0, [])] * len(self._nodes)
+
+    def now(self) -> bytes:
+        """Return the digest for this moment."""
+        tree, now = self._tree, self._robot.clock.now()
+        entries = [(path, name, str(entry.value)) for path, board in tree.blackboards.items()
+                   for name, entry in board.local.items() if name not in _TIMES]
+        waiting = sorted((timer.owner.uid, round(timer.due - now, 1))
+                         for timer in tree.clock.timers() if timer.owner is not None)
+        visitor = [(name, value) for name, value in vars(self._robot.world.visitor).items()
+                   if name not in ("manners", "_last_request")]
+        letters = "".join(LETTERS[node.status] for node in tree.nodes)
+        found = letters, list(self._kept()), entries, waiting, visitor, self._robot.away()
+        return hashlib.blake2b(repr(found).encode(), digest_size=8).digest()
+
+    def _kept(self) -> Iterator[Tuple[int, str, Any]]:
+        for place, node in enumerate(self._nodes):
+            own = vars(node)
+            number, names = self._names[place]
+            if number != len(own):
+                names = sorted(own.keys() - _OF_ALL_NODES)
+                self._names[place] = len(own), names
+            for name in names:
+                if isinstance(own[name], _PLAIN):
+                    yield node.uid, name, own[name]

@@ -1,0 +1,268 @@
+"""The summary of a rehearsal: outcomes for each visitor, findings with their shortest play, shares
+of success."""
+import math
+import shlex
+from collections import Counter
+from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+
+from behavior_controller.robot.requests import Request
+from behavior_controller.monitoring.story import Sentence, Story
+from behavior_controller.text import clean, count
+
+from unit_tests.rehearsal import findings
+from unit_tests.rehearsal.findings import Finding, FindingKind
+from unit_tests.rehearsal.plays import NO_VISITOR, Outcome, Scene, Theatre
+from unit_tests.rehearsal.search import Search, verdict
+from unit_tests.robot.faults import KINDS
+from unit_tests.rehearsal.play import START
+from unit_tests.robot.visitor import BEHAVIOURS, ENGAGES
+
+Z = 1.96
+"""Standard deviations on each side of an interval that holds the true share in 95 of 100 cases."""
+
+MOST_SENTENCES = 40
+"""Sentences of a story that are shown."""
+
+Key = Tuple[str, str]
+"""The kind of a finding and its place."""
+
+
+class Found(NamedTuple):
+    """A finding: what, where and how often; the shortest play with it, None if only all plays
+    together show it. ``consequences`` are other findings that are gone without this one."""
+
+    kind: FindingKind
+    where: str  # the path of the node
+    place: str  # file:line:column
+    what: str
+    plays: int = 0
+    scene: Optional[Scene] = None
+    seconds: float = 0.0
+    story: Tuple[Sentence, ...] = ()
+    command: str = ""
+    consequences: Tuple["Found", ...] = ()
+
+
+class VisitorRow(NamedTuple):
+    """The outcome of a visitor's pass without faults, and the number of each outcome with faults.
+    """
+
+    visitor: str
+    by_voice: bool
+    outcome: str
+    seconds: float
+    stops: int
+    with_faults: Tuple[Tuple[str, int], ...]
+
+
+class Share(NamedTuple):
+    """The runs at one failure rate and how many of them succeeded."""
+
+    rate: float
+    runs: int
+    successes: int
+    seconds: float  # of a pass that ended, on average
+
+    @property
+    def share(self) -> float:
+        return self.successes / self.runs
+
+    @property
+    def interval(self) -> Tuple[float, float]:
+        """Wilson's interval: 95 of 100 such intervals contain the true share."""
+        p, n = self.share, self.runs
+        centre = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
+        half = Z / (1 + Z * Z / n) * math.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n))
+        return max(0.0, centre - half), min(1.0, centre + half)
+
+
+class Survey:
+    """Collects the results of the plays."""
+
+    def __init__(self, theatre: Theatre, by_voice: bool = True, chosen: Sequence[str] = ()):
+        """``by_voice``: the stage whose tree gives the nodes their places; ``chosen`` are the
+        arguments of the command that are the same for all plays."""
+        self.theatre = theatre
+        self._stage = theatre.stage(by_voice)
+        self._nodes = self._stage.mission.tree.nodes
+        self._chosen = chosen
+        self.plays = 0
+        self._outcomes: List[Tuple[Scene, str, float, int]] = []
+        self._shortest: Dict[Key, Tuple[Outcome, Finding]] = {}
+        self._plays_of: Dict[Key, Set[int]] = {}
+        self.reached: Set[int] = set()  # the uids of nodes
+        self._calmly: Set[int] = set()  # reached without a fault
+        self._succeeded: Set[int] = set()
+        self._switched: Dict[Request, int] = {}
+
+    def take(self, outcome: Outcome) -> None:
+        """Add the result of a scene."""
+        self._outcomes.append((outcome.scene, outcome.outcome, outcome.seconds, outcome.stops))
+        self.reached |= outcome.reached
+        self._calmly |= outcome.reached if outcome.scene.is_calm else set()
+        self._succeeded |= outcome.succeeded
+        self._switched.update(outcome.switched)
+        for finding in outcome.found:
+            key = finding.kind, self.place(finding.uid)
+            self._plays_of.setdefault(key, set()).add(self.plays)
+            known = self._shortest.get(key)
+            if known is None or _length(outcome) < _length(known[0]):
+                self._shortest[key] = outcome, finding
+        self.plays += 1
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether each pass without faults ended: else nothing is known of what comes after."""
+        return all(outcome for scene, outcome, _, _ in self._outcomes if scene.is_calm)
+
+    def whole(self, search: Optional[Search]) -> List[Finding]:
+        """Return what only all plays together show, if each visitor and each fault was played, and
+        ``search`` has planned faults towards the nodes that they do not reach."""
+        if not self.has_ended:
+            return []
+        if search is None:
+            return self._never_succeeds()
+        return self._never_succeeds() + findings.never_true(
+            self._nodes, self._calmly, self._succeeded) + findings.never_off(
+                self._stage, self._switched) + [
+                    Finding(findings.UNREACHED.name, node.uid, verdict(search, self.plays))
+                    for node in search.targets()]
+
+    def _never_succeeds(self) -> List[Finding]:
+        """Return the finding that no visitor's pass succeeds without a fault, if all were played.
+        """
+        calm = {scene: outcome for scene, outcome, _, _ in self._outcomes if scene.is_calm}
+        if {scene.visitor for scene in calm} != set(BEHAVIOURS) or not {
+                "SUCCESS", NO_VISITOR}.isdisjoint(calm.values()):
+            return []
+        return [Finding(findings.NEVER_SUCCEEDS.name, findings.ROOT,
+                        f"each of {count(len(calm), 'pass', 'passes')} fails")]
+
+    def found(self, search: Optional[Search] = None) -> List[Found]:
+        """Return the findings, those of one kind together, each with its consequences."""
+        of_plays = {key: self._of_play(key) for key in self._shortest}
+        whole: Dict[Key, Found] = {}
+        for finding in self.whole(search):
+            key = finding.kind, self.place(finding.uid)
+            if not any(place == key[1] for _, place in of_plays) or finding.uid == findings.ROOT:
+                whole.setdefault(key, Found(findings.BY_NAME[finding.kind], self._path(finding.uid),
+                                            key[1], finding.what))
+        every = {**of_plays, **whole}
+        order = list(findings.BY_NAME)
+        keys = sorted(every, key=lambda key: (order.index(key[0]), every[key].seconds,
+                                              every[key].where))
+        below: Dict[Key, List[Found]] = {key: [] for key in keys}
+        for key in keys:
+            cause = self._cause(key, keys)
+            if cause is not None:
+                below[cause].append(every[key])
+                del below[key]
+        return [every[key]._replace(consequences=tuple(others)) for key, others in below.items()]
+
+    def _cause(self, key: Key, keys: Sequence[Key]) -> Optional[Key]:
+        """Return the finding, earlier in ``keys``, of which this one is a consequence, or None."""
+        for other in keys[:keys.index(key)]:
+            if other[0] in findings.CAUSES and self._follows(key, other) \
+                    and self._cause(other, keys) is None:
+                return other
+        return None
+
+    def _follows(self, key: Key, other: Key) -> bool:
+        """Return whether a finding may be there because of another one: it is at the same place, or
+        in no play without the other."""
+        if key[1] == other[1]:
+            return True
+        if other not in self._plays_of:  # the mission never comes to its proper end
+            return key[0] != other[0]
+        engaged = {number for number, (scene, _, _, _) in enumerate(self._outcomes)
+                   if scene.is_calm and scene.visitor == ENGAGES}
+        plays = self._plays_of.get(key, engaged)
+        return bool(plays) and plays <= self._plays_of.get(other, set())
+
+    def _of_play(self, key: Key) -> Found:
+        outcome, finding = self._shortest[key]
+        return Found(findings.BY_NAME[finding.kind], self._path(finding.uid), key[1], finding.what,
+                     len(self._plays_of[key]), outcome.scene, outcome.seconds,
+                     shortened(self.story(outcome.scene)), self.command(outcome.scene))
+
+    def _path(self, uid: int) -> str:
+        return clean(self._nodes[uid - 1].full_path)
+
+    def place(self, uid: int) -> str:
+        """Return file, line and column of a node."""
+        element = self._nodes[uid - 1].element
+        return "{}:{}:{}".format(clean(element.document.file), *element.place())
+
+    def story(self, scene: Scene) -> Tuple[Sentence, ...]:
+        """Return the sentences of a play; their times are seconds from its beginning."""
+        story = Story()
+        return tuple(sentence._replace(at=sentence.at - START)
+                     for line in self.theatre.play(scene).run.lines
+                     for sentence in story.take(line.time, line.event))
+
+    def command(self, scene: Scene) -> str:
+        """Return the command that plays a scene again."""
+        words = ["rosrun", "unit_tests", "rehearseMission", *self._chosen, "--visitors",
+                 scene.visitor]
+        if scene.seed:
+            words += ["--runs", "1", "--failureRate", f"{scene.rate:g}", "--seed", str(scene.seed)]
+            words += ["--kinds", ",".join(scene.kinds)] if scene.kinds != KINDS else []
+        elif scene.is_calm:
+            words += ["--faults", "none"]
+        if scene.planned or scene.lasting:
+            words += ["--planned", ",".join(planned(scene))]
+        if scene.silent:
+            words += ["--silent", ",".join(scene.silent)]
+        words.append("asrEnabled:=" + ("true" if scene.by_voice else "false"))
+        return " ".join(map(shlex.quote, words))
+
+    def rows(self) -> List[VisitorRow]:
+        """Return the outcomes for each visitor."""
+        rows = []
+        for scene, outcome, seconds, stops in self._outcomes:
+            if scene.is_calm:
+                counted = Counter(other[1] for other in self._outcomes if not other[0].is_calm
+                                  and other[0][:2] == scene[:2])
+                rows.append(VisitorRow(scene.visitor, scene.by_voice, outcome, seconds, stops,
+                                tuple(sorted(counted.items()))))
+        return rows
+
+    def shares(self) -> List[Share]:
+        """Return the share of successes for each failure rate, of the plays with random faults."""
+        return [
+            _share(rate, [(outcome, seconds)
+                          for scene, outcome, seconds, _ in self._outcomes if scene.rate == rate])
+            for rate in sorted({scene.rate for scene, _, _, _ in self._outcomes if scene.seed})
+        ]
+
+
+def planned(scene: Scene) -> List[str]:
+    """Return the planned faults as an option has them; a fault that lasts has a plus."""
+    return list(map(str, scene.planned)) + ["{}:{}+:{}".format(*fault) for fault in scene.lasting]
+
+
+def shortened(story: Sequence[Sentence]) -> Tuple[Sentence, ...]:
+    """Return a story that a person reads: of a long one the beginning and the end."""
+    left_out = len(story) - MOST_SENTENCES
+    if left_out <= 0:
+        return tuple(story)
+    half = MOST_SENTENCES // 2
+    gap = story[half]._replace(text=f"… {count(left_out, 'sentence', 'sentences')} more …")
+    return (*story[:half], gap, *story[-half:])
+
+
+def _length(outcome: Outcome) -> Tuple[Any, ...]:
+    """Return the key by which the shortest play sorts first; of equals, the first declared visitor
+    and kind of fault."""
+    scene = outcome.scene
+    faults = len(scene.planned) + len(scene.lasting) + len(scene.silent) + 99 * bool(scene.rate)
+    return (faults, len(scene.lasting), round(outcome.seconds),
+            BEHAVIOURS.index(scene.visitor), not scene.by_voice,
+            [KINDS.index(fault.kind) for fault in scene.planned + scene.lasting], scene)
+
+
+def _share(rate: float, ended: Iterable[Tuple[str, float]]) -> Share:
+    all_of_them = list(ended)
+    seconds = [seconds for outcome, seconds in all_of_them if outcome]
+    return Share(rate, len(all_of_them), sum(outcome == "SUCCESS" for outcome, _ in all_of_them),
+                 sum(seconds) / len(seconds) if seconds else math.nan)

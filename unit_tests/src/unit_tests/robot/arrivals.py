@@ -1,0 +1,25 @@
+"""Poisson arrivals: messages that arrive independently of each other, at a given average rate."""
+import math
+import random
+from typing import Iterator
+
+
+class Arrivals:
+    """Exponential gaps between messages (document section 6.1). The same seed gives the same gaps.
+    """
+
+    def __init__(self, rate: float, seed: str):
+        """``rate``: messages per minute, more than 0; infinite means no gaps at all."""
+        self._per_second = rate / 60
+        self._random = random.Random(seed)
+
+    def gap(self) -> float:
+        """Return the seconds until the next message; their mean is exactly 60 / rate."""
+        return 0.0 if math.isinf(self._per_second) else self._random.expovariate(self._per_second)
+
+    def times(self, start: float) -> Iterator[float]:
+        """Yield when each message is due. Late delivery of one message does not shift the next."""
+        due = start
+        while True:
+            due += self.gap()
+            yield due

@@ -1,0 +1,273 @@
+"""What the simulated nodes do with each kind of request and what they publish, for every interface.
+"""
+import math
+from typing import Any, Callable, Collection, Dict, List, Mapping, NamedTuple, Optional, Union
+
+from msgspec.structs import asdict
+
+from behavior_controller.config.phrases import YES
+from behavior_controller.robot import d543
+from behavior_controller.robot.declarations import (
+    Interface, Plain, Publication, Sense, Service, Success, Topic)
+from behavior_controller.robot.requests import (
+    Answer, AttentionStatus, Exhibit, Faces, GoTo, Location, PerformGesture, Point, Prompt,
+    QueryKnowledge, Say, SetAnimation, SetAttention, SetPose, SetRecognition,
+    SetRecognitionLanguage)
+from behavior_controller.robot.interfaces import INTERFACES
+
+from unit_tests.robot.faults import REFUSED, WRONG
+from unit_tests.robot.visitor import DETECTED, GAZE_VALUES, SEARCHING, NOTHING_HEARD
+from unit_tests.robot.world import World
+
+Fields = Dict[str, Any]
+
+LANGUAGES = ("English", "IsiZulu", "Kinyarwanda")
+"""The languages of robots that have a service to set it."""
+
+
+# ----------------------------------------------------------------------------------------- services
+
+
+class SimulatedService(NamedTuple):
+    """What the robot does with one kind of request, given the fields of the srv request.
+
+    ``object_to`` says what is wrong with a request. ``answer`` is the content of a positive answer;
+    None: the answer is no, because the visitor's is. ``nonsense`` is content of the right type
+    without a meaning, where an answer has content. ``seconds`` is about how long a real robot
+    takes.
+    """
+
+    object_to: Callable[[Fields], Optional[str]]
+    answer: Callable[[Fields, World], Optional[Answer]] = lambda request, world: Answer()
+    nonsense: Optional[Answer] = None
+    seconds: Callable[[Fields], float] = lambda request: 0.2
+
+
+def _allow(field: str, *values: str) -> Callable[[Fields], Optional[str]]:
+    def object_to(request: Fields) -> Optional[str]:
+        if request[field] in values:
+            return None
+        return "{} is '{}'; allowed: {}".format(field, request[field], ", ".join(values))
+    return object_to
+
+
+def _object_to_gesture(request: Fields) -> Optional[str]:
+    if request["gesture_duration"] <= 0:
+        return "gesture_duration is {} ms; allowed: more than 0".format(request["gesture_duration"])
+    return _allow("gesture_type", "deictic", "iconic", "symbolic", "bow", "nod")(request)
+
+
+def _object_to_place(request: Fields) -> Optional[str]:
+    if all(map(math.isfinite, request.values())):
+        return None
+    return "{} is not a place".format(", ".join(
+        "{} {:g}".format(name, value) for name, value in request.items()))
+
+def _object_to_query(request: Fields) -> Optional[str]:
+    return _object_to_subject({"parameters": request["parameters"].lower()})
+
+
+_object_to_subject = _allow("parameters", "exhibits", "entrance", "home")
+_object_to_language = _allow("language", *LANGUAGES)
+
+
+def _object_to_text(request: Fields) -> Optional[str]:
+    if not request["message"].strip():
+        return "there is no text"
+    return _object_to_language(request) if "language" in request else None
+
+
+def _places(request: Fields, world: World) -> Answer:
+    return Answer(exhibits=world.knowledge.query(request["parameters"]))
+
+
+def _press(request: Fields, world: World) -> Optional[Answer]:
+    """Return what is pressed; a tablet that does not say which reports yes for any press, or for
+    the first option."""
+    options = request["message"].split("|")
+    pressed = world.visitor.press(options)
+    if world.settings.interface.tells_pressed:
+        return Answer(response=pressed)
+    wanted = options[:1] if world.settings.tablet_success_is == YES else options
+    return Answer() if pressed in wanted else None
+
+
+LETTERS_A_SECOND = 14.0
+"""The speed of a robot's speech, in characters a second."""
+
+
+def _seconds_of_speech(request: Fields) -> float:
+    """Return how long speaking takes; the robot of release 1.0 answers at once in English."""
+    return 0.0 if request.get("language") == "English" else len(
+        request["message"]) / LETTERS_A_SECOND
+
+
+NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
+"""A goal that cannot be reached."""
+
+SERVICES: Mapping[type, SimulatedService] = {
+    SetAnimation: SimulatedService(_allow("state", "enabled", "disabled")),
+    SetAttention: SimulatedService(
+        _allow("state", "disabled", "social", "scanning", "seeking", "location")),
+    PerformGesture: SimulatedService(
+        _object_to_gesture, seconds=lambda request: request["gesture_duration"] / 1000),
+    Say: SimulatedService(_object_to_text, seconds=_seconds_of_speech),
+    GoTo: SimulatedService(_object_to_place, seconds=lambda request: 15.0),
+    SetPose: SimulatedService(_object_to_place),
+    QueryKnowledge: SimulatedService(_object_to_query, _places, Answer(exhibits=(NOWHERE,))),
+    Prompt: SimulatedService(
+        _object_to_text, _press, Answer(response="Perhaps"), lambda request: 5.0),
+    SetRecognition: SimulatedService(_allow("status", "true", "false")),
+    SetRecognitionLanguage: SimulatedService(_object_to_language)
+}
+"""Kind of request -> what the robot does with it."""
+
+
+def nonsense(success: Success) -> Optional[Plain]:
+    """Return a value of the outcome field that has no meaning; None if each of its values has one.
+    """
+    if isinstance(success.done, bool):
+        return None
+    return 7 if isinstance(success.done, int) else "perhaps"
+
+
+def usual_seconds(service: Service, request: Fields) -> float:
+    """Return about how long a real robot takes for a request with these fields."""
+    return SERVICES[service.request].seconds(request) if service.request in SERVICES else 1.0
+
+
+def possible(fault: Optional[str], service: Service,
+             response_fields: Collection[str]) -> Optional[str]:
+    """Return the fault of a call whose response has these fields: a refusal where no answer can be
+    nonsense. A message that is published has no answer: it is refused where no node subscribes."""
+    if isinstance(service, Publication):
+        return REFUSED if fault else None
+    simulated = SERVICES.get(service.request)
+    brings = len(response_fields) > 1 and simulated is not None and simulated.nonsense is not None
+    has_nonsense = service.success is not None and nonsense(service.success) is not None
+    if fault == WRONG and not brings and not has_nonsense:
+        return REFUSED
+    return fault
+
+
+def response(service: Service, answer: Optional[Answer], fault: Optional[str] = None) -> Fields:
+    """Return the outcome and the content of the response that carries ``answer``; without it, of a
+    refusal, or of nonsense if that is the ``fault``."""
+    success = service.success
+    if success is None:
+        return asdict(answer or Answer())
+    outcome = success.refused if answer is None else success.done
+    if fault == WRONG:
+        senseless = nonsense(success)
+        outcome = success.done if senseless is None else senseless
+        simulated = SERVICES.get(service.request)
+        answer = simulated.nonsense if simulated is not None else None
+    return dict(asdict(answer or Answer()), **{success.field: outcome})
+
+
+# ------------------------------------------------------------------------------------------- topics
+
+Value = Union[Faces, AttentionStatus, str]
+
+
+class SimulatedTopic(NamedTuple):
+    """A topic. ``content`` is the content of its next message, None without a message; ``fields``
+    are the message's.
+
+    ``value`` is the content of a message with such fields.
+    """
+
+    content: Callable[[World], Optional[Value]]
+    fields: Callable[[Any], Fields]
+    value: Callable[[Fields], Value]
+
+
+def _faces(world: World) -> Faces:
+    is_here = world.visitor.is_here
+    return Faces(("visitor",), (_meets_gaze(world),)) if is_here else Faces((), ())
+
+
+def _face_fields(faces: Faces) -> Fields:
+    return {"face_label_id": list(faces.labels), "mutualGaze": list(faces.mutual_gaze)}
+
+
+def _meets_gaze(world: World) -> bool:
+    return world.visitor.attention == "seeking" and world.visitor.looks_back
+
+
+def _attention(world: World) -> AttentionStatus:
+    visitor = world.visitor
+    if visitor.attention == "seeking":
+        return AttentionStatus("seeking", GAZE_VALUES[world.settings.gaze_value][visitor.gaze()])
+    if visitor.attention in ("scanning", "social") and _is_seen_by_attention(
+            world.settings.interface):
+        return AttentionStatus(visitor.attention, DETECTED if visitor.is_here else SEARCHING)
+    return AttentionStatus(visitor.attention, 0)
+
+
+def _is_seen_by_attention(interface: Interface) -> bool:
+    return interface.evidence(Sense.VISITOR).topic.value is AttentionStatus
+
+
+def _utterance(world: World) -> Optional[str]:
+    """Return the text of speech recognition; where it can be switched off, only what it hears while
+    it is on."""
+    words = world.visitor.utterance()
+    if world.settings.interface.serves(SetRecognition):
+        return words if words and world.visitor.is_listened_to else None
+    return words or NOTHING_HEARD
+
+
+TOPICS: Mapping[str, SimulatedTopic] = {
+    d543.FACES.name: SimulatedTopic(
+        _faces, _face_fields,
+        lambda fields: Faces(tuple(fields["face_label_id"]), tuple(fields["mutualGaze"]))),
+    d543.ATTENTION.name: SimulatedTopic(
+        _attention, lambda status: status._asdict(), lambda fields: AttentionStatus(**fields)),
+    d543.SPEECH.name: SimulatedTopic(
+        _utterance, lambda text: {"data": text}, lambda fields: str(fields["data"]))
+}
+"""Canonical name -> the topic, of any robot."""
+
+
+# -------------------------------------------------------------------------------------------- nodes
+
+
+def services(interface: Interface) -> List[Service]:
+    """Return the services that are simulated: those of this package, not those that other packages
+    declare."""
+    return [service for service in interface.services if service.request in SERVICES]
+
+
+def topics(interface: Interface) -> List[Topic]:
+    """Return the topics that are simulated."""
+    return [topic for topic in interface.topics if topic.name in TOPICS]
+
+
+def rehearsed_topics(interface: Interface) -> List[Topic]:
+    """Return the topics with messages in a rehearsal: also those that declare them."""
+    return [topic for topic in interface.topics
+            if topic.name in TOPICS or topic.rehearsed is not None]
+
+
+def servers(*robots: Interface) -> Dict[str, None]:
+    """Return the simulated nodes that have a service, in the order of their declarations."""
+    return dict.fromkeys(service.node for robot in robots for service in services(robot))
+
+
+def nodes(*robots: Interface) -> Dict[str, None]:
+    """Return the simulated nodes."""
+    return dict.fromkeys(
+        [*servers(*robots), *(topic.node for robot in robots for topic in topics(robot))])
+
+
+NODES = tuple(nodes(*INTERFACES.values()))
+"""All nodes of all robots."""
+
+SERVERS = tuple(servers(*INTERFACES.values()))
+"""The nodes that have a service."""
+
+OPTIONAL = tuple(
+    dict.fromkeys(service.name for robot in INTERFACES.values() for service in services(robot)
+                  if service.is_optional))
+"""Services that some robots do not have."""

@@ -1,0 +1,297 @@
+"""What the nodes of a test register at the master, and which living nodes of others hold any of it.
+
+ROS gives a name to the node that registers it last, and shuts the earlier one down. So a test asks
+first, and again while it runs. A master's entry outlives its node: where no process listens any
+more, nothing is held. A node that does not answer holds what it has: it may be frozen, or its link
+down.
+"""
+import os
+import socket
+import sys
+from functools import partial
+from typing import Any, Dict, FrozenSet, Iterable, List, NamedTuple, Sequence, Tuple
+
+import rosgraph
+import rosgraph.network
+from rosgraph.names import get_ros_namespace, load_mappings, resolve_name
+
+from behavior_controller.ros.timeouts import Late, run_apart, run_together
+from behavior_controller.bt.engine.wakeup import WakeUp
+from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
+from behavior_controller.ros.tcpros import NO_ANSWER, Trouble, ask, ask_master
+
+from unit_tests.robot import behaviour
+from unit_tests.robot.simulated_node import offers_of
+from unit_tests.robot.options import Arguments, Options, USE_REAL
+
+CONTROLLER, REPORT = "behaviorController", "behaviorControllerTest"
+"""The nodes of a test that are not the robot's."""
+
+ANSWER_LIMIT = 3.0
+"""Seconds after which a node counts as unable to answer, and a master as out of order."""
+
+UNKNOWN = 0
+"""The process of a node that does not answer."""
+
+REPLACED = "replaced"
+"""File in the folder of a test's run with a line about the first node that was replaced."""
+
+GONE = (ConnectionRefusedError, socket.gaierror)
+"""What shows that no process of a node is left, or that none was ever here."""
+
+LIMIT = 12.0
+"""Seconds for all answers together."""
+
+
+class Claim(NamedTuple):
+    """What a node of a test registers. ``resources`` are services and topics that only one node may
+    have."""
+
+    node: str  # as the launch files name it
+    name: str  # its resolved name
+    resources: FrozenSet[str] = frozenset()
+
+
+class Holder(NamedTuple):
+    """A node that is not of this launch and holds a part of a claim."""
+
+    claim: Claim
+    name: str
+    resources: Tuple[str, ...]
+    machine: str
+    process: int
+
+    @property
+    def fault(self) -> Fault:
+        """The reason why the claiming node must not start, and what a person can do."""
+        holds = "runs already"
+        if self.name != self.claim.name:
+            holds = "already has " + ", ".join(self.resources)
+        hint = "stop it, or test under a master of its own (ROS_MASTER_URI)"
+        if self.claim.node in behaviour.NODES:
+            hint = "{}:=true leaves the simulated one out; or stop it".format(
+                USE_REAL[self.claim.node])
+        return Fault("node " + self.name, 0, 0, "it {} {}".format(holds, self._place), hint)
+
+    @property
+    def replacement(self) -> str:
+        """A line for a verdict: how it came into a running test."""
+        if self.name == self.claim.name:
+            return "node {} was replaced during the test by another one {}".format(
+                self.name, self._place)
+        return "during the test {} came from node {} {}, not from {} alone".format(
+            ", ".join(self.resources), self.name, self._place, self.claim.name)
+
+    @property
+    def _place(self) -> str:
+        if self.process == UNKNOWN:
+            return "on machine {}, and does not answer (rosnode cleanup if it is gone)".format(
+                self.machine)
+        return "on machine {}, process {}".format(self.machine, self.process)
+
+
+class NoMaster(NodesMissing):
+    """No program listens where the master should be."""
+
+
+class Taken(ConfigurationError):
+    """Living nodes hold what is claimed. ``is_under_way``: other nodes of the launch run, and go on
+    without this one."""
+
+    def __init__(self, holders: Sequence[Holder], is_under_way: bool):
+        super().__init__([holder.fault for holder in holders])
+        self.is_under_way = is_under_way
+
+
+# ---------------------------------------------------------------------------------- what is claimed
+
+
+def of_robot(options: Options) -> List[Claim]:
+    """Return the claims of all simulated nodes of a launch with these options."""
+    return [_claim(node, node, options) for node in behaviour.nodes(options.interface)
+            if node not in options.real_nodes]
+
+
+def of_test(options: Options) -> List[Claim]:
+    """Return the claims of all nodes of a test with these options."""
+    return of_robot(options) + [Claim(node, _resolved(node)) for node in (CONTROLLER, REPORT)]
+
+
+def of_process(node: str, options: Options) -> List[Claim]:
+    """Return the claims of the launch that started this process, or of this node if it was started
+    alone."""
+    if options.arguments.is_launched:
+        return of_test(options)
+    if options.arguments.is_in_launch:
+        return of_robot(options)
+    return [_claim(node, load_mappings(sys.argv).get("__name", node), options)]
+
+
+def _claim(node: str, name: str, options: Options) -> Claim:
+    offers = offers_of(node, options.interface, options.test)
+    resources = [service.name for service in offers.services]
+    if offers.topic is not None:
+        resources.append(offers.publisher + ("/result" if offers.action is not None else ""))
+    return Claim(node, _resolved(name), frozenset(map(_resolved, resources)))
+
+
+def _resolved(name: str) -> str:
+    """Return a name as rospy will resolve it in this process."""
+    node = get_ros_namespace() + "node"  # names are relative to that of a node
+    mappings = {resolve_name(one, node): resolve_name(other, node)
+                for one, other in load_mappings(sys.argv).items() if not one.startswith("__")}
+    return resolve_name(name, node, mappings)
+
+
+# ------------------------------------------------------------------------------------- who holds it
+
+
+def check(node: str, options: Options) -> None:
+    """Raise ``Taken`` if ``node`` must not start in this process.
+
+    In a launch of which nothing runs yet, that is so if any claim of the launch is held; later, if
+    its own is. Raises ``NodesMissing`` without a master that answers.
+    """
+    others, is_under_way = find_others(of_process(node, options), options.arguments)
+    if is_under_way or not options.arguments.is_in_launch:
+        others, is_under_way = [holder for holder in others if holder.claim.node == node], True
+    if others:
+        raise Taken(others, is_under_way)
+
+
+def check_controller(options: Options) -> None:
+    """Do the same for the controller, and delete the parameters below its name: roslaunch would
+    delete them unchecked."""
+    try:
+        check(CONTROLLER, options)
+        _ask_master("deleteParam", _resolved(CONTROLLER))
+    except NodesMissing:
+        pass  # the controller reports a missing master
+
+
+def check_test(options: Options) -> None:
+    """Raise ``Taken`` if a test with these options would displace a node, ``NodesMissing`` if the
+    master is mute."""
+    try:
+        others, _ = find_others(of_test(options), options.arguments)
+    except NoMaster:
+        return  # roslaunch starts one
+    if others:
+        raise Taken(others, False)
+
+
+def note_replacement(node: str, options: Options) -> None:
+    """Write how this process' node was replaced for the report, which asks the master only now and
+    then."""
+    own = [claim for claim in of_process(node, options) if claim.node == node]
+    line = "node {} was replaced during the test by another one, which is gone".format(own[0].name)
+    try:
+        others = find_others(own, options.arguments)[0]
+        line = "".join(holder.replacement for holder in others[:1]) or line
+    except NodesMissing:
+        pass
+    with open(os.path.join(options.arguments.folder, REPLACED), "w") as file:
+        file.write(line)
+
+
+def replacement(claims: Sequence[Claim], arguments: Arguments) -> str:
+    """Return a line about a node that has, or had, the place of one of this launch; empty without
+    any."""
+    try:
+        with open(os.path.join(arguments.folder, REPLACED)) as file:
+            return file.read()
+    except OSError:
+        pass
+    try:
+        # twice: a node of ours that ends between its answer and the check of its process looks like
+        # another's
+        others = find_others(claims, arguments)[0] and find_others(claims, arguments)[0]
+    except NodesMissing:
+        return ""  # the controller's record shows what a master that is away leads to
+    return others[0].replacement if others else ""
+
+
+def find_others(claims: Sequence[Claim], arguments: Arguments) -> Tuple[List[Holder], bool]:
+    """Return the living nodes of others that hold a claim, and whether any node of this launch
+    runs.
+
+    Raises ``NodesMissing`` if the master does not answer as a master does.
+    """
+    try:
+        holders: List[Holder] = run_apart(lambda: _holders(claims), WakeUp(), lambda: False, LIMIT)
+    except Late:
+        raise NodesMissing("the ROS master at {} did not answer all questions within {:g} s".format(
+            rosgraph.get_master_uri(), LIMIT))
+    others = [holder for holder in holders if not _is_of_this_launch(holder, arguments)]
+    return others, len(others) < len(holders)
+
+
+def _holders(claims: Sequence[Claim]) -> List[Holder]:
+    """Return the living nodes that hold a claim, of this launch and of others."""
+    publishers, _, services = _ask_master("getSystemState")
+    listed = dict(publishers + services)
+    held: Dict[Tuple[Claim, str], List[str]] = {(claim, claim.name): [] for claim in claims}
+    for claim in claims:
+        for resource in sorted(claim.resources):
+            for node in listed.get(resource, ()):
+                held.setdefault((claim, node), []).append(resource)
+    living = _living({node for _, node in held})
+    return [Holder(claim, node, tuple(resources), *living[node])
+            for (claim, node), resources in held.items() if node in living]
+
+
+def _living(nodes: Iterable[str]) -> Dict[str, Tuple[str, int]]:
+    """Return machine and process of each of the nodes whose process has not ended."""
+    uris = {node: _ask_master("lookupNode", node) for node in sorted(nodes)}
+    answers: Dict[str, Tuple[str, int]] = {}
+
+    def greet(node: str, uri: str) -> None:
+        process = UNKNOWN
+        for _ in range(2):  # a node that is just ending does not answer either, and is gone then
+            try:
+                process = ask(uri, "getPid", seconds=ANSWER_LIMIT)
+                break
+            except Trouble as trouble:
+                # refused: its entry outlived it; answers otherwise: another program has its port
+                if trouble.fault != NO_ANSWER or isinstance(trouble.__cause__, GONE):
+                    return
+        answers[node] = uri.rpartition(":")[0].partition("//")[2], process
+
+    run_together([partial(greet, node, uri) for node, uri in uris.items() if uri],
+                 2 * ANSWER_LIMIT + 1.0)
+    return dict(answers)
+
+
+def _ask_master(method: str, *values: str) -> Any:
+    """Return the master's answer; None if it reports a failure."""
+    try:
+        return ask_master(method, *values, seconds=ANSWER_LIMIT)
+    except Trouble as trouble:
+        if isinstance(trouble.__cause__, ConnectionRefusedError):
+            raise NoMaster("no ROS master at {}: start roscore, or use the launch file".format(
+                rosgraph.get_master_uri()))
+        raise NodesMissing(str(trouble))
+
+
+def _is_of_this_launch(holder: Holder, arguments: Arguments) -> bool:
+    """Return whether the roslaunch that started this process started that node too."""
+    if not arguments.is_in_launch or holder.name != holder.claim.name:
+        return False
+    is_here = holder.machine == rosgraph.network.get_host_name()
+    # a node of ours may be slow to answer while ten processes start
+    return is_here and (holder.process == UNKNOWN or _descends(holder.process, os.getppid()))
+
+
+def _descends(process: int, ancestor: int) -> bool:
+    while process > 1 and process != ancestor:
+        process = _parent(process)
+    return process == ancestor > 1
+
+
+def _parent(process: int) -> int:
+    """Return the parent of a process, 0 if there is no such process."""
+    try:
+        with open("/proc/{}/stat".format(process)) as file:
+            return int(file.read().rpartition(")")[2].split()[1])
+    except OSError:
+        return 0

@@ -1,0 +1,57 @@
+"""Which service calls of a simulated node go wrong, and how."""
+import random
+from typing import Dict, NamedTuple, Optional, Sequence
+
+REFUSED = "refused"  # the answer says failure
+EXCEPTION = "exception"  # the server's handler raises
+UNANSWERED = "unanswered"  # no answer before any deadline
+CRASH = "crash"  # the node's process dies in the call and is started again
+WRONG = "wrong"  # an answer without a meaning
+KINDS = (REFUSED, EXCEPTION, UNANSWERED, CRASH, WRONG)
+
+
+class PlannedFault(NamedTuple):
+    """A fault of one particular call: ``textToSpeech:3`` or ``textToSpeech:3:unanswered``; calls
+    count from 1."""
+
+    node: str
+    call: int
+    kind: str
+
+    def __str__(self) -> str:
+        """Return it as a configuration has it."""
+        return ":".join(map(str, self))
+
+
+def parse_planned_fault(text: str, nodes: Sequence[str]) -> PlannedFault:
+    """Parse ``node:call[:kind]``. Raises ValueError that says what is allowed."""
+    node, _, rest = text.partition(":")
+    call, _, kind = rest.partition(":")
+    kind = kind or REFUSED
+    if node not in nodes or not call.isdigit() or int(call) < 1 or kind not in KINDS:
+        raise ValueError(
+            "node:call or node:call:kind, with node one of {}, call 1 or more and kind one of {}".
+            format(", ".join(nodes), ", ".join(KINDS)))
+    return PlannedFault(node, int(call), kind)
+
+
+class Faults:
+    """Decides for each call of one node in turn. The same seed gives the same decisions."""
+
+    def __init__(self, rate: float, seed: str, kinds: Sequence[str] = (REFUSED,),
+                 planned: Sequence[PlannedFault] = ()):
+        """``rate``: share of calls that go wrong, 0 to 1; ``planned``: faults of this node that
+        happen in any case."""
+        self._rate = rate
+        self._kinds = kinds
+        self._planned: Dict[int, str] = {fault.call: fault.kind for fault in planned}
+        self._random = random.Random(seed)
+        self.calls = 0
+
+    def next(self) -> Optional[str]:
+        """Return how the next call goes wrong, or None if it does not."""
+        self.calls += 1
+        # both are drawn for every call, so that one decision does not shift the later ones
+        fails = self._random.random() < self._rate
+        kind = self._random.choice(self._kinds)
+        return self._planned.get(self.calls, kind if fails else None)

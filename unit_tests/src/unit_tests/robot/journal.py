@@ -1,0 +1,96 @@
+"""The requests that the simulated nodes received and their answers: one file of JSON lines that all
+nodes share.
+
+A file, because its order of lines is the order of events across processes, a line is there before
+the answer is sent, and none is lost while connections come up.
+"""
+import json
+import math
+import os
+import time
+from typing import Any, Dict, List, NamedTuple, Optional
+
+FILE_NAME = "journal.jsonl"
+
+REPEAT = 0.1
+"""Seconds in which an unchanged message gets no further entry: a topic may publish a thousand
+messages a second."""
+
+
+class JournalEntry(NamedTuple):
+    """One request that a node received (``call`` counts from 1), or, with call 0, a message of a
+    topic: see ``RepeatFilter``."""
+
+    time: float  # unix seconds
+    node: str  # the simulated node, without the slash
+    resource: str  # resolved name of the service or topic
+    call: int
+    content: Dict[str, Any]  # the fields of the request or message
+    fault: Optional[str] = None  # the injected fault: one of faults.KINDS
+    objection: Optional[str] = None  # why the node itself refused the request
+
+    @property
+    def done(self) -> bool:
+        """Whether the node carried out the request."""
+        return self.fault is None and self.objection is None
+
+
+class RepeatFilter:
+    """Decides which messages of a topic get an entry: each changed message, and an unchanged one
+    every ``REPEAT`` seconds."""
+
+    def __init__(self) -> None:
+        self._content: Dict[str, Any] = {}
+        self._at = -math.inf
+
+    def is_due(self, content: Dict[str, Any], at: float) -> bool:
+        """Return whether a message at a time in seconds gets an entry."""
+        if content == self._content and at < self._at + REPEAT:
+            return False
+        self._content, self._at = content, at
+        return True
+
+
+class Tail:
+    """Reads a file of lines while another process writes it."""
+
+    def __init__(self, path: str, skips: bool = False):
+        """``skips``: the lines that are already in the file are left out."""
+        self.path = path
+        self._read = os.path.getsize(path) if skips and os.path.exists(path) else 0  # bytes
+
+    def news(self) -> List[bytes]:
+        """Return the complete lines that were added since the last call."""
+        if not os.path.exists(self.path):
+            return []
+        with open(self.path, "rb") as file:
+            file.seek(self._read)
+            text = file.read()
+        complete = text[:text.rfind(b"\n") + 1]
+        self._read += len(complete)
+        return complete.splitlines(keepends=True)
+
+
+class Journal:
+    """The file. Every process that writes or reads it has its own Journal."""
+
+    def __init__(self, folder: str, skips: bool = False):
+        """``skips``: the entries that are already in the file are left out."""
+        os.makedirs(folder, exist_ok=True)
+        self.path = os.path.join(folder, FILE_NAME)
+        self._tail = Tail(self.path, skips)
+
+    def write(self, entry: JournalEntry) -> None:
+        """Append an entry, in one write to a file opened for appending, so that lines of several
+        processes do not mix."""
+        with open(self.path, "ab", buffering=0) as file:
+            file.write(json.dumps(entry._asdict()).encode() + b"\n")
+
+    def news(self) -> List[JournalEntry]:
+        """Return the entries that were added since the last call."""
+        return [JournalEntry(**json.loads(line)) for line in self._tail.news()]
+
+
+def now() -> float:
+    """Return the time that entries carry: unix seconds, which the controller's record uses too."""
+    return time.time()

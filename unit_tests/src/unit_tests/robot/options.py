@@ -1,0 +1,421 @@
+"""The options of a test: the keys of both configurations, and those of the test as a whole.
+
+They are declared here, and each process of a test reads and checks them once.
+All of them are arguments, which end with the process: parameters on a master would outlive the test
+and change the next one.
+"""
+import dataclasses
+import math
+import os
+import random
+import re
+import shutil
+import sys
+import textwrap
+from dataclasses import dataclass
+from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterable, List, Mapping,
+                    NamedTuple, Optional, Sequence, Tuple, TypeVar)
+
+from behavior_controller import folders as controller_folders, ros_arguments
+from behavior_controller.config import config_file, phrases, settings
+from behavior_controller.config.config_file import (
+    Key, REQUIRED, Reader, boolean, configured, filled, integer, key, keys_of, number, one_of,
+    read_configuration)
+from behavior_controller.config.settings import Settings, split_arguments, unread
+from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.robot.declarations import Interface
+from behavior_controller.ros_arguments import ASSIGNMENT
+from behavior_controller.text import Source, did_you_mean
+
+from unit_tests import folders
+from unit_tests.robot.behaviour import NODES, OPTIONAL, SERVERS, nodes
+from unit_tests.robot.faults import KINDS, PlannedFault, REFUSED, parse_planned_fault
+from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES, RANDOM
+from unit_tests.robot.world import World, world
+
+LAUNCH_FILE = "behaviorControllerTest.launch"
+ROBOT_LAUNCH = "simulatedRobot.launch"
+
+FILE_NAME = "behaviorControllerTestConfiguration.ini"
+
+TOPIC, ACTION = "topic", "action"
+
+AUTO, REAL, NONE = "auto", "real", "none"
+
+VISIT = 300.0
+"""Seconds that are enough for a tour whose calls take as long as on a robot."""
+
+SEEDS = 10 ** 9
+"""How many seeds there are."""
+
+STARTUP_TIMEOUT = 30.0
+"""Default of the seconds that the controller waits for the simulated nodes, which start at the same
+time."""
+
+NO_RECORD = "none"
+"""The value of ``recordDirectory`` with which the controller records nothing."""
+
+Value = TypeVar("Value")
+
+# ------------------------------------------------------------------------------------- declarations
+
+
+def _several(read_one: Callable[[str], Value],
+             least: int = 0) -> Callable[[str], Tuple[Value, ...]]:
+    def read_all(text: str) -> Tuple[Value, ...]:
+        values = tuple(read_one(word) for word in re.split(r"[,\s]+", text) if word)
+        if len(values) < least:
+            raise ValueError(text)
+        return values
+    return read_all
+
+
+_BEHAVIOURS = one_of(*BEHAVIOURS, RANDOM, *ALIASES)
+_SEED = integer(0, SEEDS - 1)
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(map("`{}`".format, names))
+
+
+def _some_of(names: Sequence[str]) -> str:
+    return "some of {}, with commas between them".format(", ".join(names))
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """The checked configuration of the simulated robot. A field is the key of that name in
+    camelCase."""
+
+    failure_rate: float = key(number(0, 1), 0.1, "share of the service calls that go wrong, 0 to 1")
+    arrival_rate: float = key(
+        number(1, infinite=True, of="messages per minute"), REQUIRED,
+        "messages per minute on each topic, on average; 1 or more, `inf` allowed")
+    verbose_mode: bool = key(boolean, REQUIRED,
+                             "`true`: a line for every request and every new message")
+    visitor_behaviour: str = key(
+        Reader(_BEHAVIOURS.allowed, lambda text: ALIASES.get(text) or _BEHAVIOURS(text)), ENGAGES,
+        "what the visitor does: {}, or `{}`: one of them at random".format(
+            _quoted(BEHAVIOURS), RANDOM))
+    mission_runs: int = key(integer(1, 10 ** 6), 1, "visitors until the test ends")
+    random_seed: Optional[int] = key(
+        Reader(_SEED.allowed + ", or nothing", lambda text: _SEED(text) if text else None), None,
+        "the same seed, the same faults and gaps between messages; empty: random, and printed")
+    fault_kinds: Tuple[str, ...] = key(
+        Reader(_some_of(KINDS), _several(one_of(*KINDS), 1)), (REFUSED,),
+        "in which ways calls go wrong: {}, with commas between them".format(_quoted(KINDS)))
+    planned_faults: Tuple[PlannedFault, ...] = key(
+        Reader(
+            "node:call or node:call:kind, with commas between them, where node is one of {}, "
+            "call counts from 1 and kind is one of {}".format(", ".join(SERVERS), ", ".join(KINDS)),
+            _several(lambda word: parse_planned_fault(word, SERVERS))), (),
+        "calls that go wrong in any case, such as `robotNavigation:3, textToSpeech:1:crash`")
+    recognise_by: str = key(
+        one_of(TOPIC, ACTION), TOPIC,
+        "how a robot of release 1.0 reports what it hears: `topic` is "
+        "`/speechEvent/text`, `action` is `/speechEvent/recognise_speech_action`")
+    absent_services: Tuple[str, ...] = key(
+        Reader(_some_of(OPTIONAL), _several(one_of(*OPTIONAL))), (),
+        "what a robot of release 1.0 does not offer: {}, with commas between them".format(
+            _quoted(OPTIONAL)))
+    call_times: str = key(
+        one_of(AUTO, REAL, NONE), AUTO,
+        "how long simulated calls take: `real` as on a robot, `none` no time at all, `auto` as "
+        "on a robot if testTimeout has {:g} s for each visitor".format(VISIT))
+    test_timeout: float = key(number(1, 10 ** 6, of="seconds"), 900.0,
+                              "seconds after which a mission that has not ended has failed")
+
+    @property
+    def takes_time(self) -> bool:
+        """Whether simulated calls take as long as those of a robot."""
+        has_time = self.test_timeout >= VISIT * self.mission_runs
+        return self.call_times == REAL or self.call_times == AUTO and has_time
+
+
+KEYS = tuple(keys_of(Configuration).values())
+
+USE_REAL = {node: "use_real_" + node for node in NODES}
+"""Node -> the key that leaves the simulated one out."""
+
+OWN = (Key("outputFile", Reader("a file", str), "", "where the report is written"),) + tuple(
+    Key(name, boolean, False, "the real {} is running; it is not simulated".format(node))
+    for node, name in USE_REAL.items())
+"""The keys of the test as a whole, which are in neither configuration."""
+
+FOLDER, DRAWN, REPORT = "folder", "drawn", "report"
+INTERNAL = (FOLDER, DRAWN, REPORT)
+"""Internal arguments of the launch file: the run's folder, the seed if none is given, whether there
+is a verdict."""
+
+TEST = {declared.name for declared in KEYS}
+CONTROLLER = {declared.name for declared in settings.KEYS}
+
+ROBOT = tuple(declared.name for declared in KEYS
+              if declared.name not in ("missionRuns", "testTimeout")) + (
+                  "scenarioSpecification", "robotInterface", "tabletSuccessIs", "language",
+                  "mutualGazeValue")
+"""The keys of both configurations that the simulated nodes read."""
+
+SHORT = {"mission": "scenarioSpecification", "scenario": "visitorBehaviour", "seed": "randomSeed",
+         "verbose": "verboseMode"}
+"""Short name -> key."""
+
+
+NAMES = list(dict.fromkeys(declared.name for declared in KEYS + settings.KEYS + OWN)) + list(SHORT)
+"""The names of all arguments that a user may give."""
+
+
+def defaults(**given: object) -> Configuration:
+    """Return a configuration of the required keys alone, changed by ``given`` (camelCase)."""
+    values = {declared.name: declared.default for declared in KEYS}
+    values.update(arrivalRate=math.inf, verboseMode=False)
+    values.update(given)
+    return filled(Configuration, values)
+
+
+# ------------------------------------------------------------------------- what a process was given
+
+
+class Arguments(NamedTuple):
+    """What a process of a test was given; no file is read, and no value is checked."""
+
+    words: List[str]  # for rospy: the program, remapped names
+    values: Mapping[str, str]  # by key
+
+    @property
+    def is_launched(self) -> bool:
+        """Whether behaviorControllerTest.launch started the process, so that a report runs too."""
+        return FOLDER in self.values
+
+    @property
+    def is_in_launch(self) -> bool:
+        """Whether a launch file of this package started the process, so that roslaunch started the
+        other nodes too."""
+        return DRAWN in self.values
+
+    @property
+    def folder(self) -> str:
+        """The folder of this run's journal and record."""
+        return self.values.get(FOLDER) or os.path.join(controller_folders.ros_home(), "unit_tests")
+
+    def simulated(self) -> FrozenSet[str]:
+        """Return the nodes that are simulated for the configured robot, or those of all robots if
+        the configuration is wrong."""
+        try:
+            present = nodes(load_controller(self.values).interface)
+        except ConfigurationError:
+            present = dict.fromkeys(NODES)
+        return frozenset(node for node in present
+                         if self.values.get(USE_REAL[node], "").lower() != "true")
+
+
+def of_process() -> Arguments:
+    """Return the arguments of this process."""
+    return Arguments(*split_arguments(sys.argv))
+
+
+def check_words(arguments: Arguments) -> None:
+    """Raise ConfigurationError for each word of the command line that no simulated node reads."""
+    words = arguments.words[1:]
+    faults = unread(words, [declared.name for declared in KEYS])
+    faults += [Fault("argument " + word, 0, 0, "the node does not read it",
+                     "allowed: _key:=value, /name:=/other_name")
+               for word in words if ASSIGNMENT not in word]
+    declared = list(ROBOT) + list(USE_REAL.values())
+    for word in ros_arguments.given_to_roslaunch(ros_arguments.parent_command(), "unit_tests",
+                                                 ROBOT_LAUNCH):
+        name = word.partition(ASSIGNMENT)[0]
+        if name not in declared:  # roslaunch ignores it
+            faults.append(Fault("argument " + word, 0, 0, "{} does not declare it".format(
+                ROBOT_LAUNCH), did_you_mean(name, declared)))
+    if faults:
+        raise ConfigurationError(faults)
+
+
+def parse(words: Sequence[str], others: Sequence[str] = ()) -> Dict[str, str]:
+    """Return key -> value of arguments of the form name:=value. Raises ConfigurationError with
+    every unknown name.
+
+    ``others`` are accepted in addition to the names that a user may give.
+    """
+    values: Dict[str, str] = {}
+    faults: List[Fault] = []
+    for word in words:
+        name, is_assignment, value = word.partition(ASSIGNMENT)
+        key_name = SHORT.get(name, name)
+        text = hint = ""
+        if not is_assignment:
+            text, hint = "this is not of the form name:=value", "--help lists the names"
+        elif key_name not in NAMES and key_name not in others:
+            text, hint = "unknown", did_you_mean(name.lstrip("_"), NAMES)
+            hint = hint or "rosrun unit_tests runTest --help lists all"
+        elif key_name in values:
+            text, hint = "{} is given twice".format(key_name), "leave out all but one"
+        elif not value:
+            text, hint = "it has no value", "leave it out, and the configuration decides"
+        values[key_name] = value
+        if text:
+            faults.append(Fault("argument " + word, 0, 0, text, hint))
+    if faults:
+        raise ConfigurationError(faults)
+    return values
+
+
+def given_to_roslaunch(command: Sequence[str]) -> List[str]:
+    """Return the arguments that a command line passes to our launch file."""
+    return ros_arguments.given_to_roslaunch(command, "unit_tests", LAUNCH_FILE)
+
+
+def is_by_run_test(command: Sequence[str]) -> bool:
+    """Return whether a command line of roslaunch comes from runTest, which passes the run's folder.
+    """
+    return any(word.startswith(FOLDER + ASSIGNMENT) for word in given_to_roslaunch(command))
+
+
+# ---------------------------------------------------------------------------- what the files decide
+
+
+@dataclass(frozen=True)
+class Options:
+    """All options of a process of a test, checked."""
+
+    arguments: Arguments
+    test: Configuration  # with a seed and a visitor
+    world: World  # with the controller's settings
+    real_nodes: FrozenSet[str]  # those that are not simulated
+
+    @property
+    def interface(self) -> Interface:
+        """What the robot offers."""
+        return self.world.settings.interface
+
+
+def read(arguments: Arguments) -> Options:
+    """Read each file once. Raises ConfigurationError with every fault of files, arguments and of
+    what roslaunch was given."""
+    parse(given_to_roslaunch(ros_arguments.parent_command()), INTERNAL)
+    values = arguments.values
+    faults: List[Fault] = []
+    test = _read(faults, load_test, values)
+    controller = _read(faults, load_controller, values)
+    if test is not None and controller is not None:
+        faults += _not_of_robot(test, controller.interface)
+    language = values.get("language") or (controller.language if controller is not None else "")
+    mission = controller.scenario_specification if controller is not None else ""
+    spoken = _read(faults, phrases.load, language, mission) if language else None
+    own = _read(faults, _load_own, values)
+    if values.get("recordDirectory") == NO_RECORD:
+        faults.append(Fault("argument recordDirectory", 0, 0, "a test needs its record",
+                            "leave it out, or name a folder for a copy"))
+    around = None
+    if test is not None and controller is not None and spoken is not None:
+        test = _drawn(test, values)
+        around = _read(faults, world, test.visitor_behaviour, controller, spoken)
+    if faults or test is None or around is None or own is None:
+        raise ConfigurationError(list(dict.fromkeys(faults)))
+    real = frozenset(node for node in NODES if own[USE_REAL[node]])
+    return Options(arguments, test, around, real)
+
+
+def _read(faults: List[Fault], load: Callable[..., Value], *values: Any) -> Optional[Value]:
+    """Return what is loaded; None if it cannot be, with the reasons added to ``faults``."""
+    try:
+        return load(*values)
+    except ConfigurationError as error:
+        faults += error.faults
+        return None
+
+
+def load_test(values: Mapping[str, str]) -> Configuration:
+    """Return the configuration of the test. Raises ConfigurationError, also for an unknown
+    argument."""
+    others = (CONTROLLER - TEST).union(INTERNAL, (declared.name for declared in OWN))
+    path = os.path.join(folders.share(), "config", FILE_NAME)
+    given = _chosen(values, set(values) - others)
+    return filled(Configuration, read_configuration(path, KEYS, {}, given))
+
+
+def load_controller(values: Mapping[str, str]) -> Settings:
+    """Return the controller's configuration: it decides by which means the robot asks and what a
+    gaze status means."""
+    path = controller_folders.config(settings.FILE_NAME)
+    return settings.load(path, {}, _chosen(values, CONTROLLER - TEST))
+
+
+def _load_own(values: Mapping[str, str]) -> Dict[str, Any]:
+    """Return the values of the keys of the test as a whole. Raises ConfigurationError."""
+    return configured(Source("", ""), OWN, {}, _chosen(values, {declared.name for declared in OWN}))
+
+
+def _chosen(values: Mapping[str, str], names: Collection[str]) -> Dict[str, str]:
+    return {name: value for name, value in values.items() if name in names}
+
+
+def _drawn(test: Configuration, values: Mapping[str, str]) -> Configuration:
+    """Return a configuration with a seed and a visitor for those that are to be random."""
+    if test.random_seed is None:
+        # a node that runs alone needs no common seed
+        seed = int(values.get(DRAWN) or random.randrange(SEEDS))
+        test = dataclasses.replace(test, random_seed=seed)
+    if test.visitor_behaviour == RANDOM:
+        behaviour = random.Random("{}/behaviour".format(test.random_seed)).choice(BEHAVIOURS)
+        test = dataclasses.replace(test, visitor_behaviour=behaviour)
+    return test
+
+
+def _not_of_robot(test: Configuration, interface: Interface) -> List[Fault]:
+    """Return a fault for each key of the test that does not apply to the controller's robot."""
+    reasons = [("absentServices", "does not have {} anyway".format(name))
+               for name in test.absent_services
+               if name not in (service.name for service in interface.services)]
+    if test.recognise_by == ACTION and not any(topic.action for topic in interface.topics):
+        reasons.insert(0, ("recogniseBy", "recognises speech by no action"))
+    return [Fault(name, 0, 0, "the robot {} {}".format(interface.name, why),
+                  "leave it out, or choose another robotInterface") for name, why in reasons]
+
+
+# ----------------------------------------------------------------------------------------- the help
+
+
+USAGE = (
+    "usage: rosrun unit_tests runTest [name:=value ...]", "",
+    "Runs the mission against the simulated robot. The last lines are the verdict and the path of "
+    "its page; exit code 0: "
+    "passed, 1: failed, 2: nothing was tested. The configuration files have the defaults, shown "
+    "here after the names.")
+
+SECTIONS: Mapping[str, Sequence[Key]] = {
+    FILE_NAME: KEYS,
+    settings.FILE_NAME + " (verboseMode and missionRuns, which it has too, are as above)":
+        [declared for declared in settings.KEYS if declared.name not in TEST],
+    "the test as a whole": OWN
+}
+
+
+def usage(remarks: Mapping[str, str]) -> str:
+    """Return the help text: all arguments with their current values. Raises ConfigurationError.
+
+    ``remarks``: key -> text that is added to its meaning.
+    """
+    values = dict(load_controller({}).values, startupTimeout=STARTUP_TIMEOUT, recordDirectory="")
+    values.update(config_file.values_of(load_test({})))
+    remarks = dict({"recordDirectory": "in a test a folder for a copy, and not none"}, **remarks)
+    lines = list(USAGE)
+    for title, keys in SECTIONS.items():
+        lines += ["", title + ":"]
+        for declared in keys:
+            lines += _help(declared, values.get(declared.name, declared.default),
+                           remarks.get(declared.name, ""))
+    lines += ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())]
+    width = shutil.get_terminal_size().columns
+    return "\n".join(line for text in lines for line in textwrap.wrap(
+        text, width, subsequent_indent=" " * (len(text) - len(text.lstrip()))) or [""])
+
+
+def _help(declared: Key, value: object, remark: str) -> Tuple[str, str]:
+    """Return two lines: name and current value; meaning, allowed values, and default."""
+    default = "" if declared.default is REQUIRED else "default "
+    text = "      {} ({}; {}{})".format(declared.plain_meaning, declared.allowed, default,
+                                        declared.default_text)
+    return ("  {:<26} {}".format(declared.name, config_file.to_text(value)).rstrip(),
+            text + ("; " + remark if remark else ""))

@@ -1,0 +1,65 @@
+"""The requests, answers, messages and goals of the simulated robot as ROS has them, for whatever
+node offers them."""
+from typing import Any, Callable, Optional, Sequence
+
+import actionlib
+from cssr_system.msg import exhibitInfoMessage, gestureMessage, locationMessage
+from geometry_msgs.msg import Point
+
+from behavior_controller.robot.declarations import Action, Service, Topic
+from behavior_controller.robot.requests import Answer, Exhibit
+from behavior_controller.ros.types import TYPES
+
+from unit_tests.robot import behaviour
+from unit_tests.robot.behaviour import Fields
+
+FACE_CENTRE = Point(320.0, 240.0, 1.5)
+"""The position of the visitor's face: pixels, and metres from the camera."""
+
+
+def fields_of(request: Any) -> Fields:
+    """Return the fields of a srv request."""
+    return {slot: getattr(request, slot) for slot in request.__slots__}
+
+
+def response(service: Service, answer: Optional[Answer], fault: Optional[str] = None) -> Any:
+    """Return the response that carries ``answer``: see ``behaviour.response``."""
+    content = behaviour.response(service, answer, fault)
+    content["exhibits"] = [_exhibit_message(exhibit) for exhibit in content["exhibits"]]
+    kind = TYPES[service]._response_class
+    return kind(**{slot: content[slot] for slot in kind.__slots__})
+
+
+def _exhibit_message(exhibit: Exhibit) -> exhibitInfoMessage:
+    return exhibitInfoMessage(exhibit.name, exhibit.description1, exhibit.description2,
+                              locationMessage(*exhibit.location), gestureMessage(*exhibit.gesture))
+
+
+def response_fields(service: Service) -> Sequence[str]:
+    """Return the names of the fields of a service's response."""
+    return TYPES[service]._response_class.__slots__
+
+
+def message(topic: Topic, content: Fields) -> Any:
+    """Return the message that ``topic`` publishes: the content, and for each face its position."""
+    fields = dict(content)
+    if "face_label_id" in content:
+        fields["centroids"] = [FACE_CENTRE] * len(content["face_label_id"])
+    return TYPES[topic](**fields)
+
+Listen = Callable[[actionlib.SimpleActionServer, float], None]
+
+
+def serve_action(action: Action, listen: Listen) -> None:
+    """Offer an action; ``listen`` carries out a goal, given the server and the seconds that the
+    goal may take."""
+    server: actionlib.SimpleActionServer = actionlib.SimpleActionServer(
+        action.name, TYPES[action], lambda goal: listen(server, goal.wait), auto_start=False)
+    server.start()
+
+
+def succeed(server: actionlib.SimpleActionServer, heard: str) -> None:
+    """End a goal with what was heard."""
+    result = server.get_default_result()
+    result.transcription = heard
+    server.set_succeeded(result)

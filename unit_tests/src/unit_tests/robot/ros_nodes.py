@@ -1,0 +1,219 @@
+"""The simulated nodes as ROS nodes, each with services, a topic, or both."""
+import os
+import signal
+import sys
+import threading
+import time
+from functools import partial
+from typing import Any, NoReturn, Optional
+
+import actionlib
+import rospy
+
+from behavior_controller import exit_codes
+from behavior_controller.errors import BehaviorControllerError, NodesMissing
+from behavior_controller.robot.declarations import Service, Topic
+from behavior_controller.ros.master import NAME_IS_TAKEN
+from behavior_controller.ros.types import TYPES
+from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
+
+from unit_tests.robot import behaviour, claims, options
+from unit_tests.robot.arrivals import Arrivals
+from unit_tests.robot.behaviour import Fields, NODES
+from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
+from unit_tests.robot.journal import Journal, JournalEntry, now
+from unit_tests.robot.ros_messages import (
+    fields_of, message, response, response_fields, serve_action, succeed)
+from unit_tests.robot.simulated_node import SimulatedNode
+from unit_tests.robot.options import Arguments, Options
+
+CRASHED = 9
+"""Exit code of a node that dies on purpose; the launch file starts it again."""
+
+SHORTEST_GAP = 0.001
+"""The shortest time between two messages of a topic, in seconds: an infinite arrival rate means
+this."""
+
+LONGEST_STEP = 0.1
+"""Seconds until a cancelled goal is noticed."""
+
+ENDING = {signal.SIGINT, signal.SIGTERM}
+"""The signals that end a node."""
+
+CHECK_INTERVAL = 0.2
+"""Seconds until it is noticed that ROS has shut down without a signal, or that roslaunch was
+killed."""
+
+
+def main(name: str) -> int:
+    """Run one simulated node until ROS shuts down, and return its exit code."""
+    explain_node(name, f"The simulated {name}. It reads the keys of the test's configuration as "
+                 "_key:=value (docs/testers_guide.md).",
+                 "0 ROS was shut down, 1 no master answers, 2 the configuration is wrong, or a "
+                 "living node has its name")
+    arguments = options.of_process()
+    try:
+        options.check_words(arguments)
+        own = options.read(arguments)
+        if name not in behaviour.nodes(own.interface):
+            _end_or_wait(name + ": this robot has no such node: choose another robotInterface")
+        claims.check(name, own)
+    except NodesMissing as error:
+        sys.exit("{}: {}".format(name, error))  # and roslaunch tries again
+    except BehaviorControllerError as error:
+        _refuse(name, arguments, error)
+    # before any thread is started: threads inherit it
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    rospy.init_node(name, argv=arguments.words, disable_signals=True)
+    rospy.core.add_preshutdown_hook(partial(_note_replacement, name, own))
+    # no daemon: the process ends after its shutdown of ROS
+    threading.Thread(target=_shut_down_at_a_signal).start()
+    try:
+        RosNode(name, own).run()
+    finally:
+        rospy.signal_shutdown("the node ends")
+    return exit_codes.SUCCESS
+
+
+def _shut_down_at_a_signal() -> None:
+    """Shut ROS down when a signal comes. rospy's own handler, on the main thread, waits for locks
+    which that may hold."""
+    while not rospy.is_shutdown():
+        if signal.sigtimedwait(ENDING, CHECK_INTERVAL):
+            rospy.signal_shutdown("signal")
+
+
+def _refuse(name: str, arguments: Arguments, error: BehaviorControllerError) -> NoReturn:
+    """Do not start. Of a launch that is refused as a whole the last node says why and ends it,
+    unless a report does."""
+    is_under_way = isinstance(error, claims.Taken) and error.is_under_way
+    is_whole = arguments.is_in_launch and not is_under_way
+    if is_roslaunch(parent_command()) and not arguments.is_launched:
+        # roslaunch starts it last: a roslaunch that is ended before that may leave some behind
+        is_last = name == [node for node in NODES if node in arguments.simulated()][-1]
+        if not is_whole or is_last:
+            print(error, flush=True)
+        if is_whole and is_last:
+            os.kill(os.getppid(), signal.SIGINT)
+    _end_or_wait(str(error))
+
+
+def _note_replacement(name: str, own: Options, reason: str) -> None:
+    """Let the report know if the master ends this node because another one has its name."""
+    if NAME_IS_TAKEN in reason and own.arguments.is_launched:
+        claims.note_replacement(name, own)
+
+
+def _end_or_wait(text: str) -> NoReturn:
+    """End with that line; in a launch, wait for its end without a ROS node: roslaunch would restart
+    a process that ends."""
+    launch = os.getppid()
+    if not is_roslaunch(parent_command()):
+        print(text, flush=True)
+        sys.exit(exit_codes.WRONG_INPUT)
+    while os.getppid() == launch:
+        time.sleep(CHECK_INTERVAL)
+    sys.exit(exit_codes.WRONG_INPUT)
+
+
+class RosNode:
+    """Carries one simulated node to the wire."""
+
+    def __init__(self, name: str, own: Options):
+        self._test = own.test
+        # the entries of an earlier run are skipped; in a launch they are of the time before a crash
+        self._journal = Journal(own.arguments.folder, skips=not own.arguments.is_launched)
+        # for the journal and the visitor: each service connection is a thread
+        self._lock = threading.Lock()
+        self._stopped = threading.Event()
+        self._node = SimulatedNode(name, own.test, own.world, now, self._write)
+        self._published: Fields = {}
+        self._read_journal()
+        if not own.arguments.is_launched:  # else the report shows it
+            rospy.loginfo("%s: randomSeed %d", name, own.test.random_seed)
+
+    def run(self) -> None:
+        """Serve and publish until ROS shuts down."""
+        rospy.on_shutdown(self._stopped.set)
+        node, offers = self._node, self._node.offers
+        for service in offers.services:
+            rospy.Service(service.name, TYPES[service], partial(self._handle, service))
+        if offers.action is not None:
+            serve_action(offers.action, partial(self._listen, node.arrivals()))
+        elif offers.topic is not None:
+            self._publish(offers.topic)
+        self._stopped.wait()
+
+    def _write(self, entry: JournalEntry) -> None:
+        """Put an entry into the journal and pass all its new entries to the visitor."""
+        self._journal.write(entry)
+        self._read_journal()
+
+    def _read_journal(self) -> None:
+        for entry in self._journal.news():
+            self._node.world.visitor.notice(entry)
+            self._node.catch_up(entry)
+
+    def _log(self, *words: Any) -> None:
+        if self._test.verbose_mode:
+            rospy.loginfo("%s: %s", self._node.name, " ".join(map(str, words)))
+
+    def _handle(self, service: Service, request: Any) -> Any:
+        """Answer one request; it is in the journal before its answer is sent."""
+        fields = fields_of(request)
+        with self._lock:
+            reply = self._node.reply(service, rospy.resolve_name(service.name), fields,
+                                     response_fields(service))
+        fault = reply.entry.fault
+        self._log("call", reply.entry.call, fields, "->",
+                  fault or reply.entry.objection or reply.answer or "no")
+        if fault == EXCEPTION:
+            raise rospy.ServiceException(reply.exception)
+        if fault == CRASH:
+            os._exit(CRASHED)
+        if fault == UNANSWERED:
+            self._stopped.wait()
+        elif self._test.takes_time and not reply.is_at_once:
+            self._stopped.wait(behaviour.usual_seconds(service, fields))
+        return response(service, reply.answer, fault)
+
+    def _publish(self, topic: Topic) -> None:
+        """Publish at Poisson times until ROS shuts down."""
+        publisher = rospy.Publisher(topic.name, TYPES[topic], queue_size=10, tcp_nodelay=True)
+        for due in self._node.arrivals().times(time.monotonic()):
+            if self._stopped.wait(max(due - time.monotonic(), SHORTEST_GAP)):
+                return
+            fields = self._next_fields()
+            if fields is not None:
+                publisher.publish(message(topic, fields))
+
+    def _listen(self, arrivals: Arrivals, server: actionlib.SimpleActionServer,
+                seconds: float) -> None:
+        """Carry out a goal: return the topic's next message, or an empty result when the goal's
+        time is over."""
+        deadline = time.monotonic() + seconds
+        for due in arrivals.times(time.monotonic()):
+            while time.monotonic() < min(due, deadline):
+                left = min(due, deadline) - time.monotonic()
+                if self._stopped.wait(min(LONGEST_STEP, max(left, SHORTEST_GAP))):
+                    return
+                if server.is_preempt_requested():
+                    server.set_preempted()
+                    return
+            fields = self._next_fields() if due < deadline else {"data": ""}
+            if fields is not None:
+                succeed(server, fields["data"])
+                return
+
+    def _next_fields(self) -> Optional[Fields]:
+        """Return the fields of the next message, which is in the journal; None without one."""
+        with self._lock:
+            self._read_journal()
+            name = rospy.resolve_name(self._node.offers.publisher)
+            produced = self._node.message(name, time.monotonic())
+        if produced is None:
+            return None
+        if produced.fields != self._published:
+            self._published = produced.fields
+            self._log("says", produced.fields)
+        return produced.fields

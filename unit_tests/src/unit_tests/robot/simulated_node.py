@@ -1,0 +1,135 @@
+"""One node of the simulated robot: what it answers and publishes, when, and with which fault.
+
+It uses no clock and no ROS: ``ros_nodes`` carries it to the wire, ``virtual_robot`` to virtual
+time.
+"""
+from typing import Callable, List, NamedTuple, Optional, Sequence
+
+from behavior_controller.robot.declarations import Action, Interface, Service, Topic
+from behavior_controller.robot.requests import Answer, Request
+
+from unit_tests.robot import behaviour
+from unit_tests.robot.arrivals import Arrivals
+from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS, Value
+from unit_tests.robot.faults import CRASH, EXCEPTION, Faults
+from unit_tests.robot.journal import JournalEntry, RepeatFilter
+from unit_tests.robot.world import World
+from unit_tests.robot.options import ACTION, Configuration
+
+
+class Offers(NamedTuple):
+    """What a node offers. ``action``: it takes the place of the topic."""
+
+    services: List[Service]
+    topic: Optional[Topic]
+    action: Optional[Action]
+
+    @property
+    def publisher(self) -> str:
+        """The canonical name of the topic, or of the action in its place; empty: neither."""
+        offer = self.action or self.topic
+        return offer.name if offer is not None else ""
+
+
+def offers_of(node: str, interface: Interface, test: Configuration) -> Offers:
+    """Return what a simulated node of a robot offers in a test."""
+    services = [service for service in behaviour.services(interface)
+                if service.node == node and service.name not in test.absent_services]
+    topic = next((topic for topic in behaviour.topics(interface) if topic.node == node), None)
+    action = topic.action if topic is not None and test.recognise_by == ACTION else None
+    return Offers(services, topic, action)
+
+
+class Reply(NamedTuple):
+    """What a node does with a request. ``answer`` is the content of a positive answer; None: the
+    answer is no."""
+
+    entry: JournalEntry
+    answer: Optional[Answer]
+
+    @property
+    def is_at_once(self) -> bool:
+        """Whether the node does not start what it was asked for."""
+        return self.entry.fault in (EXCEPTION, CRASH) or self.entry.objection is not None
+
+    @property
+    def exception(self) -> str:
+        """The text of the exception of a call that ends with one."""
+        return "call {} of {} fails on purpose".format(self.entry.call, self.entry.node)
+
+
+class Published(NamedTuple):
+    """A message of a topic: its value, and the fields that carry it."""
+
+    value: Value
+    fields: Fields
+
+
+class SimulatedNode:
+    """One node. Its journal entries reach the visitor of its ``world`` by those who ``write``
+    them."""
+
+    def __init__(self, name: str, test: Configuration, world: World,
+                 stamp: Callable[[], float], write: Callable[[JournalEntry], None]):
+        """``stamp`` returns the time of an entry of the journal."""
+        self.name = name
+        self.world = world
+        self.offers = offers_of(name, world.settings.interface, test)
+        self._test, self._stamp, self._write = test, stamp, write
+        planned = [fault for fault in test.planned_faults if fault.node == name]
+        self._faults = Faults(test.failure_rate, self._seed("faults"), test.fault_kinds, planned)
+        self._repeats = RepeatFilter()
+
+    def _seed(self, purpose: str) -> str:
+        return "{}/{}/{}".format(self._test.random_seed, self.name, purpose)
+
+    def arrivals(self) -> Arrivals:
+        """Return the times of the node's messages from its start on."""
+        return Arrivals(self._test.arrival_rate, self._seed("arrivals"))
+
+    def restart(self) -> None:
+        """Be as a new process: the faults of its calls go on where they were."""
+        self._repeats = RepeatFilter()
+
+    def catch_up(self, entry: JournalEntry) -> None:
+        """Process an entry of an earlier process of this node, which has had that fault already."""
+        while entry.node == self.name and self._faults.calls < entry.call:
+            self._faults.next()
+
+    def reply(self, service: Service, resource: str, fields: Fields,
+              response_fields: Sequence[str], request: Optional[Request] = None) -> Reply:
+        """Decide what to do with a request, and write it to the journal, before anything is
+        answered.
+
+        ``resource`` is the resolved name of the service. ``request`` is for a service that another
+        package declares.
+        """
+        fault = behaviour.possible(self._faults.next(), service, response_fields)
+        simulated = SERVICES.get(service.request)
+        objection = simulated.object_to(fields) if simulated is not None else None
+        entry = JournalEntry(self._stamp(), self.name, resource, self._faults.calls, fields, fault,
+                             objection)
+        self._write(entry)
+        answer = None
+        if entry.done and simulated is not None:
+            answer = simulated.answer(fields, self.world)
+        elif entry.done:
+            answer = service.rehearsed(request)
+        return Reply(entry, answer)
+
+    def message(self, resource: str, now: float) -> Optional[Published]:
+        """Return the next message, None if there is none, and write it to the journal.
+
+        ``resource`` is the resolved name of topic or action, ``now`` a time in seconds that only
+        grows.
+        """
+        if self.offers.topic is None:
+            return None
+        simulated = TOPICS[self.offers.topic.name]
+        value = simulated.content(self.world)
+        if value is None:
+            return None
+        fields = simulated.fields(value)
+        if self._repeats.is_due(fields, now):
+            self._write(JournalEntry(self._stamp(), self.name, resource, 0, fields))
+        return Published(value, fields)

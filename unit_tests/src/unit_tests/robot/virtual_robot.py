@@ -1,0 +1,358 @@
+"""The simulated robot in virtual time, without ROS: it ends calls and publishes messages as the
+nodes of a test do, on the clock of a mission's tree.
+
+What its nodes decide is decided by ``simulated_node``, with the same seeds as in a test.
+"""
+import functools
+import math
+import os
+from types import SimpleNamespace
+from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, Union
+
+from msgspec.structs import asdict
+
+from behavior_controller.bt.engine.clock import Timer
+from behavior_controller import extensions, folders
+from behavior_controller.execution.events import Event, Message
+from behavior_controller.execution.health import GONE, Health, SLOW_SHARE, available_again, gone
+from behavior_controller.missions.load import Mission
+from behavior_controller.robot.declarations import Action, Publication, Service, Topic
+from behavior_controller.robot.gateway import (Call, Cause, Failure, FakeTopics, Gateway,
+                                               NOT_OFFERED, NO_SUBSCRIBER, Sample, result_of,
+                                               waited)
+from behavior_controller.robot.requests import Answer, Exhibit, Request
+
+from unit_tests.robot import behaviour
+from unit_tests.robot.behaviour import Fields, SERVICES
+from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
+from unit_tests.robot.journal import JournalEntry
+from unit_tests.robot.simulated_node import Reply, SimulatedNode
+from unit_tests.robot.world import World
+from unit_tests.robot.options import Configuration
+
+HANDLING = 0.005
+"""Seconds that a node takes for a request that takes no time."""
+
+WAY = 0.001
+"""Seconds from the sending of a request to its arrival at the node."""
+
+AWAY = 2.0
+"""Seconds from a node's crash to its return: the launch file waits one, and the node takes another
+to start."""
+
+NOTICED = 0.1
+"""Seconds after which the controller's monitor has noticed a crash or a return."""
+
+SHORTEST_GAP = 0.05
+"""The shortest time between two messages of a topic, in seconds: an infinite arrival rate means
+this."""
+
+CONNECTION_REFUSED = "connection refused"
+NOT_RUNNING = "{}: {}".format(Cause.NOT_REACHABLE.text, CONNECTION_REFUSED)
+
+_ORDER = 1e-6
+"""Seconds between two things that happen at one moment, so that their order shows in their times.
+"""
+
+FILES = {Service: "srv", Action: "action", Publication: "msg"}
+"""The folder and ending of the file of a type."""
+
+class VirtualRobot:
+    """The nodes of one play, and what the ROS edge would report of them."""
+
+    def __init__(self, mission: Mission, world: World, test: Configuration,
+                 note: Callable[[Event], None], shortest_gap: float = SHORTEST_GAP):
+        """``note`` gets requests, answers and messages, as the record has them."""
+        self.mission, self.world, self.test = mission, world, test
+        self.note, self.shortest_gap = note, shortest_gap
+        self.clock, self.wake = mission.tree.clock, mission.tree.wake.emit
+        self.health = Health(self.wake)
+        self.gateway = VirtualGateway(self)
+        self.topics = VirtualTopics(self)
+        self.journal: List[JournalEntry] = []
+        self.asked: List[Tuple[float, Request]] = []
+        self.presence: List[Tuple[float, bool]] = []
+        # called for each call that reaches a node
+        self.called: Callable[[JournalEntry], None] = lambda entry: None
+        self._newest = 0.0
+        self._nodes: Dict[str, VirtualNode] = {}
+
+    def stamp(self) -> float:
+        """Return the time of the current event: later than that of every event before."""
+        self._newest = max(self.clock.now(), self._newest + _ORDER)
+        return self._newest
+
+    def after(self, seconds: float, callback: Callable[[], None]) -> Timer:
+        """Run ``callback`` once, ``seconds`` from now."""
+        return self.clock.call_after(seconds, callback, is_foreign=True)
+
+    def node(self, name: str) -> "VirtualNode":
+        """Return the node of that name."""
+        if name not in self._nodes:
+            self._nodes[name] = VirtualNode(self, name)
+        return self._nodes[name]
+
+    def away(self) -> List[str]:
+        """Return the names of the nodes that are not running."""
+        return sorted(name for name, node in self._nodes.items() if node.is_away)
+
+    def write(self, entry: JournalEntry) -> None:
+        """Add an entry to the journal; the visitor notices it."""
+        self.journal.append(entry)
+        if entry.call:
+            self.called(entry)
+        visitor = self.world.visitor
+        was_here = visitor.is_here
+        visitor.notice(entry)
+        if visitor.is_here is not was_here:
+            self.presence.append((entry.time, visitor.is_here))
+
+
+class VirtualNode:
+    """One node: whether it is running, and the times of its messages."""
+
+    def __init__(self, robot: VirtualRobot, name: str):
+        self._robot = robot
+        self.model = SimulatedNode(name, robot.test, robot.world, robot.stamp, robot.write)
+        self.is_away = False
+        self._is_publisher = False
+        self._listens_until = -math.inf  # an action returns nothing later
+        self._times: Iterator[float] = iter(())
+        self._timer: Optional[Timer] = None
+
+    # ------------------------------------------------------------------------------------- presence
+
+    def crash(self) -> None:
+        """Be unreachable for a while."""
+        after = self._robot.after
+        self.is_away = True
+        if self._timer is not None:
+            self._timer.cancel()
+        after(NOTICED, lambda: self._report(False))
+        after(AWAY, self._return)
+
+    def _return(self) -> None:
+        self.is_away = False
+        self.model.restart()
+        if self._is_publisher:
+            self.publish()
+        self._robot.after(NOTICED, lambda: self._report(True))
+
+    def _report(self, is_well: bool) -> None:
+        name = self.model.name
+        for offer in self._robot.mission.offers:
+            if offer.node == name and isinstance(offer, Service):
+                change = available_again(offer.kind, offer.name, name)
+                if not is_well:
+                    change = gone(offer.kind, offer.name, name, NOT_RUNNING, offer.absence)
+                self._robot.health.report(GONE, change)
+
+    # ------------------------------------------------------------------------------------- messages
+
+    def publish(self) -> None:
+        """Publish from now on, as a node does when it starts."""
+        self._is_publisher = True
+        self._times = self.model.arrivals().times(self._robot.clock.now())
+        self._await_next()
+
+    def listen(self, seconds: float) -> None:
+        """Return what is heard by the action for that time."""
+        self._listens_until = self._robot.clock.now() + seconds
+
+    def _await_next(self) -> None:
+        clock = self._robot.clock
+        gap = max(next(self._times) - clock.now(), self._robot.shortest_gap)
+        self._timer = self._robot.after(gap, self._publish_next)
+
+    def _publish_next(self) -> None:
+        robot, offers = self._robot, self.model.offers
+        self._await_next()
+        if offers.action is not None and robot.clock.now() > self._listens_until:
+            return
+        message = self.model.message(offers.publisher, robot.clock.now())
+        if message is not None and offers.topic is not None:
+            robot.topics.publish(offers.topic, message.value)
+
+
+class VirtualTopics(FakeTopics):
+    """The topics of the simulated nodes, each with messages at random times."""
+
+    def __init__(self, robot: VirtualRobot):
+        super().__init__(robot.clock.now, robot.wake)
+        self._robot = robot
+        self.reads: Dict[Topic, int] = {}  # in this traversal
+        self._known: Dict[Topic, Tuple[Sample, ...]] = {}
+
+    def recent(self, topic: Topic) -> Tuple[Sample, ...]:
+        """Return the messages that count, and note those that are read for the first time."""
+        samples, known = super().recent(topic), self._known.get(topic, ())
+        self.reads[topic] = self.reads.get(topic, 0) + 1
+        self._known[topic] = samples
+        for sample in samples:
+            if not any(sample is other for other in known):
+                self._robot.note(
+                    Message(topic.name, self.reads[topic], sample.value, sample.arrived))
+        return samples
+
+    def rehearse(self, topic: Topic) -> None:
+        """Publish from now on what the declaration of another package's topic says."""
+        robot, began = self._robot, self._robot.clock.now()
+
+        def publish_next() -> None:
+            robot.after(max(robot.shortest_gap, SHORTEST_GAP), publish_next)
+            value = topic.rehearsed(robot.clock.now() - began) if topic.rehearsed else None
+            if value is not None:
+                self.publish(topic, value)
+
+        publish_next()
+
+    def listen(self, topic: Topic, seconds: float) -> None:
+        """Have a robot that hears by an action listen for that time."""
+        self._robot.node(topic.node).listen(seconds)
+
+
+# -------------------------------------------------------------------------------------------- calls
+
+
+class VirtualGateway(Gateway):
+    """Carries requests to the simulated nodes, and ends calls as the real gateway does."""
+
+    def __init__(self, robot: VirtualRobot):
+        self._robot = robot
+
+    def start(self, request: Request) -> Call:
+        """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
+        robot = self._robot
+        robot.asked.append((robot.stamp(), request))
+        service = robot.mission.settings.interface.service(type(request))
+        return _VirtualCall(robot, service, request).call
+
+
+class _VirtualCall:
+    """A call on its way to a node and back."""
+
+    def __init__(self, robot: VirtualRobot, service: Service, request: Request):
+        self._robot, self._service, self._request = robot, service, request
+        self._began = robot.clock.now()
+        self._deadline = robot.mission.settings.deadline(service)
+        self.call = Call(request, robot.wake, self._cancel)
+        after = robot.after
+        self._timers = [
+            after(WAY, self._arrive),
+            after(self._deadline, self._expire),
+            after(self._deadline * SLOW_SHARE,
+                  lambda: robot.health.slow(service.name, self._deadline, service.kind))
+        ]
+
+    def _cancel(self) -> None:
+        for timer in self._timers[1:]:  # what is sent arrives
+            timer.cancel()
+
+    def _finish(self, result: Union[Answer, Failure]) -> None:
+        self._cancel()
+        seconds = self._robot.clock.now() - self._began
+        self._robot.health.ended(self._service.name, seconds, self._deadline,
+                                 isinstance(result, Failure), self._service.kind)
+        self.call.finish(result)
+
+    def _expire(self) -> None:
+        self._finish(self._failure(Cause.NO_ANSWER, waited(self._deadline)))
+
+    def _failure(self, cause: Cause, message: str) -> Failure:
+        return Failure(cause, message, self._service.name)
+
+    def _arrive(self) -> None:
+        """Reach the node, or find that it is not running."""
+        robot, service = self._robot, self._service
+        node = robot.node(service.node)
+        if service.name in robot.test.absent_services:
+            absent = self._failure(Cause.NOT_ADVERTISED, NOT_OFFERED)
+            self._answer_after(0.0, absent if service.fails_without else Answer())
+        elif node.is_away:
+            self._answer_after(0.0, self._failure(
+                Cause.NOT_REACHABLE, "the master lists it, but " + CONNECTION_REFUSED))
+        else:
+            self._carry_out(node)
+
+    def _answer_after(self, seconds: float, result: Union[Answer, Failure]) -> None:
+        # a dropped call no longer has timers
+        if self._timers[1].callback is not None:
+            self._timers.append(self._robot.after(seconds, lambda: self._finish(result)))
+
+    def _carry_out(self, node: VirtualNode) -> None:
+        """Carry out the request as the node does."""
+        service = self._service
+        request_fields, response_fields = slots(service)
+        fields = _fields(service, self._request, request_fields)
+        reply = node.model.reply(service, service.name, fields, response_fields, self._request)
+        if reply.entry.fault == CRASH:
+            node.crash()
+        if reply.entry.fault != UNANSWERED:
+            seconds = 0.0 if reply.is_at_once else HANDLING
+            if self._robot.test.takes_time and not reply.is_at_once:
+                seconds = behaviour.usual_seconds(service, fields)
+            self._answer_after(seconds, self._result(reply))
+
+    def _result(self, reply: Reply) -> Union[Answer, Failure]:
+        """Return the result that the controller decodes from the response."""
+        service, fault = self._service, reply.entry.fault
+        if fault == EXCEPTION and isinstance(service, Action):  # its server aborts the goal
+            return self._failure(Cause.REFUSED, f"aborted ({reply.exception})")
+        if fault == EXCEPTION:
+            return self._failure(Cause.HANDLER_EXCEPTION, reply.exception)
+        if fault == CRASH:
+            return self._failure(Cause.CONNECTION_LOST, "the server hung up")
+        if reply.answer is None and isinstance(service, Publication):
+            return self._failure(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
+        if reply.answer is None and service.success is None:
+            return self._failure(Cause.REFUSED, "aborted")
+        if reply.answer is not None and service.request not in SERVICES:
+            return reply.answer
+        return result_of(service, response(service, reply.answer, fault), service.name)
+
+
+def response(service: Service, answer: Optional[Answer], fault: Optional[str] = None) -> Any:
+    """Return the response that carries ``answer``, with the fields of the ROS message: see
+    ``behaviour.response``."""
+    content = behaviour.response(service, answer, fault)
+    content["exhibits"] = list(map(_exhibit, content["exhibits"]))
+    return SimpleNamespace(**content)
+
+
+def _exhibit(exhibit: Exhibit) -> SimpleNamespace:
+    x, y, theta = exhibit.location
+    location = SimpleNamespace(x=x, y=y, theta=theta)
+    return SimpleNamespace(**dict(exhibit._asdict(), location=location))
+
+
+def _fields(service: Service, request: Request, names: Sequence[str]) -> Fields:
+    """Return the fields of the srv request; without an srv file, those of the record. Raises
+    ValueError."""
+    if not names:
+        return asdict(request)
+    values = service.fields(request)
+    if len(names) != len(values):
+        raise ValueError("the declaration of {} gives {} values for the fields of {}: {}".format(
+            service.name, len(values), service.type, ", ".join(names)))
+    return dict(zip(names, values))
+
+
+@functools.lru_cache(maxsize=None)
+def slots(service: Service) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
+    """Return the names of the fields of a service's request and response, as its srv file has them,
+    or its action or msg file.
+    """
+    package, _, name = service.type.partition("/")
+    places = {extension.package: extension.folder for extension in extensions.found("interface")}
+    ending = FILES[type(service)]
+    path = os.path.join(places.get(package, folders.share()), ending, name + "." + ending)
+    if not os.path.isfile(path):
+        return (), ()
+    with open(path, encoding="utf-8") as file:
+        asked, answered = (file.read() + "\n---\n").split("---")[:2]
+    return _names(asked), _names(answered)
+
+
+def _names(text: str) -> Tuple[str, ...]:
+    words = (line.partition("#")[0].split() for line in text.splitlines())
+    return tuple(line[1] for line in words if len(line) == 2)

@@ -1,0 +1,203 @@
+"""The visitor in front of the robot: what sensors see and hear of one person, given what the robot
+has done so far.
+
+Each simulated sensor has its own Visitor and passes it every entry of the journal, so all of them
+simulate the same person. Only the times of messages are random.
+"""
+import math
+from typing import Callable, Dict, NamedTuple, Optional, Sequence, Tuple
+
+from behavior_controller.robot.requests import Exhibit
+
+from unit_tests.robot.journal import JournalEntry
+
+ENGAGES, SILENT, DECLINES, LEAVES = "engages", "silent", "declines", "leaves"
+UNCLEAR, NO_GAZE = "unclear", "noGaze"
+RANDOM = "random"  # one of the others, at random
+BEHAVIOURS = (ENGAGES, SILENT, UNCLEAR, DECLINES, LEAVES, NO_GAZE)
+
+ALIASES = {
+    "complete": ENGAGES, "partial01": NO_GAZE, "partial02": SILENT, "partial03": DECLINES,
+    "partial04": LEAVES
+}
+"""The names of the project's former test -> what they mean here."""
+
+WANTED = 2
+"""The number, from 0, of the place that a visitor looks for, of those that the robot names. One who
+leaves is gone when the robot has driven there, or to so many places before."""
+
+LONG_WAIT = 300.0
+"""Seconds without a request after which the next visitor always comes: longer than any step takes.
+"""
+
+SMALL_TALK = "What a bright room"
+"""What a visitor says when there is nothing to answer; it is an answer in no language."""
+
+NOTHING_HEARD = "Error: no speech recognised"
+"""The text of speech recognition when it recognises no words."""
+
+UNNOTICED = ("overtAttention", "animateBehavior", "speechEvent", "tabletEvent")
+"""Nodes of the robot whose calls a visitor does not notice: a question stays open after them."""
+
+UNCLEAR_ANSWER = "That is a good question"
+"""What an unclear visitor answers; it is a yes or a no in no language."""
+
+STILL_SEEKING, MUTUAL_GAZE, GAZE_FAILED = "still seeking", "mutual gaze", "failed"
+GAZE_VALUES: Dict[int, Dict[str, int]] = {
+    1: {STILL_SEEKING: 0, MUTUAL_GAZE: 1, GAZE_FAILED: 0},
+    2: {STILL_SEEKING: 1, MUTUAL_GAZE: 2, GAZE_FAILED: 3},
+}
+"""The ``value`` of /overtAttention/mode while seeking, for each ``mutualGazeValue`` of the
+controller."""
+
+GAZE_ATTEMPTS = 10
+"""How often a robot seeks the gaze of a visitor who does not look back, before it gives up."""
+
+SEARCHING, DETECTED = 1, 2
+"""Its ``value`` in other modes, on a robot whose attention reports visitors."""
+
+
+class Manners(NamedTuple):
+    """The behaviour of a visitor, and the words of the language in which the robot speaks."""
+
+    behaviour: str
+    questions: Sequence[str]  # of the robot that ask for a yes or no; others end with ?
+    yes: str
+    no: str
+    # x and y of the place where the robot waits between two visitors; None: one of the places
+    home: Optional[Tuple[float, float]]
+    places: Sequence[Exhibit] = ()  # that the robot may name
+
+
+class Visitor:
+    """One visitor after the other: the first comes when the robot wakes up, the next when it scans
+    or stirs again.
+
+    A robot whose nodes have crashed may do neither; then the next comes after a long wait.
+    """
+
+    def __init__(self, manners: Manners):
+        self.manners = manners
+        self.attention = "disabled"  # the last mode of the robot's gaze
+        self.is_listened_to = True  # until the robot switches its speech recognition off
+        self._is_first_request = True
+        self._last_request = math.inf
+        self._come()
+        self.is_here = False
+
+    def _come(self) -> None:
+        self.is_here = True
+        self._is_asked = False
+        self._questions = 0
+        self._drives = 0
+        self._named: Optional[Exhibit] = None  # the place that the robot has named last
+        self._gaze_attempts = 0
+
+    # -------------------------------------------------------------------------- what the robot does
+
+    def notice(self, entry: JournalEntry) -> None:
+        """Process a request of the robot; entries about topics only advance the time."""
+        if entry.call == 0:
+            if not self.is_here and entry.time > self._last_request + LONG_WAIT:
+                self._come()
+            return
+        self._last_request = entry.time
+        if self._is_first_request:
+            self._is_first_request = False
+            self._come()
+        was_asked, self._is_asked = self._is_asked, self._is_asked and entry.node in UNNOTICED
+        reaction = self._REACTIONS.get(entry.node)
+        if reaction is not None:
+            reaction(self, entry, was_asked)
+
+    def _notice_attention(self, entry: JournalEntry, _was_asked: bool) -> None:
+        if entry.content["state"] == "scanning":
+            self._come()
+        if entry.done:
+            self.attention = entry.content["state"]
+            self._gaze_attempts = 0
+
+    def _notice_movement(self, entry: JournalEntry, _was_asked: bool) -> None:
+        # the call for scanning may have been lost
+        if entry.content["state"] == "enabled" and not self.is_here:
+            self._come()
+
+    def _notice_speech(self, entry: JournalEntry, was_asked: bool) -> None:
+        if not entry.done:
+            self._is_asked = was_asked
+            return
+        words = entry.content["message"]
+        self._named = next((place for place in self.manners.places if place.description1 == words),
+                           self._named)
+        if words.endswith("?") or words in self.manners.questions:
+            self._is_asked = True
+            self._questions += 1
+
+    def _notice_drive(self, entry: JournalEntry, _was_asked: bool) -> None:
+        goal = (entry.content["goal_x"], entry.content["goal_y"])
+        if entry.done:
+            self._drives += 1
+        if goal == self.manners.home:
+            self.is_here = False
+        elif self.manners.behaviour == LEAVES and (self._drives > WANTED or self._is_wanted):
+            self.is_here = False
+
+    def _notice_recognition(self, entry: JournalEntry, _was_asked: bool) -> None:
+        if entry.done and "status" in entry.content:
+            self.is_listened_to = entry.content["status"] == "true"
+
+    _REACTIONS: Dict[str, Callable[["Visitor", JournalEntry, bool], None]] = {
+        "overtAttention": _notice_attention, "animateBehavior": _notice_movement,
+        "textToSpeech": _notice_speech, "robotNavigation": _notice_drive,
+        "speechEvent": _notice_recognition
+    }
+
+    # ------------------------------------------------------------------------ what the visitor does
+
+    @property
+    def _is_wanted(self) -> bool:
+        """Whether the visitor looks for the place that was named last."""
+        return self._named in self.manners.places[:WANTED + 1][-1:]
+
+    @property
+    def _agrees(self) -> bool:
+        """Whether the visitor says yes when asked now."""
+        is_wrong = self._named is not None and not self._is_wanted
+        return self.manners.behaviour not in (DECLINES, UNCLEAR) and not is_wrong
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether the visitor returns the gaze of a robot that seeks it."""
+        return self.is_here and self.manners.behaviour != NO_GAZE
+
+    def gaze(self) -> str:
+        """Return the result of the robot's next attempt at mutual gaze: the visitor returns the
+        second attempt, or none."""
+        self._gaze_attempts += 1
+        if not self.is_here or self._gaze_attempts > GAZE_ATTEMPTS and not self.looks_back:
+            return GAZE_FAILED
+        return MUTUAL_GAZE if self._gaze_attempts > 1 and self.looks_back else STILL_SEEKING
+
+    def utterance(self) -> str:
+        """Return the recognised words of the visitor; empty if there are none.
+
+        An answer is repeated until the robot goes on.
+        """
+        behaviour = self.manners.behaviour
+        if not self.is_here or behaviour == SILENT:
+            return ""
+        if not self._is_asked:
+            return SMALL_TALK
+        if behaviour == UNCLEAR:
+            return UNCLEAR_ANSWER if self._questions % 2 else NOTHING_HEARD
+        return self.manners.yes if self._agrees else self.manners.no
+
+    def press(self, options: Sequence[str]) -> str:
+        """Return which of the tablet's options is pressed, yes being the first and no the last;
+        nothing if silent.
+
+        There is nothing unclear to press, so an unclear visitor presses no.
+        """
+        if not self.is_here or self.manners.behaviour == SILENT:
+            return ""
+        return options[0] if self._agrees else options[-1]

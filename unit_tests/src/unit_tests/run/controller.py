@@ -1,0 +1,116 @@
+"""Starts the controller under test with the arguments that the test needs, and notes its errors and
+its exit code."""
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from typing import Callable, List, Optional, Tuple
+
+from behavior_controller import exit_codes
+from behavior_controller.errors import ConfigurationError
+from behavior_controller.config.settings import split_arguments
+from behavior_controller.monitoring.record.recorder import FILE_NAME as RECORD
+from behavior_controller.ros_arguments import explain_node
+
+from unit_tests.robot import claims, options
+from unit_tests.robot.options import CONTROLLER, Configuration, Options, STARTUP_TIMEOUT
+
+EXIT_CODE, ERRORS = "exitCode", "errors"
+"""Files in the folder of the run."""
+
+_ERROR = re.compile(r"(?:\x1b\[[\d;]*m)?\[(?:ERROR|FATAL)\] \[[^]]*\]: "
+                    r"(?:behaviorController: )?([^\x1b\n]*)")
+"""A line of rospy's about an error, and its text."""
+
+
+def start() -> int:
+    """Run the controller under test, whose command line this process was given."""
+    explain_node("startController", "Runs the command line that it is given: the launch-prefix of "
+                 "the controller under test.", "2 if it may not run, otherwise that of the command")
+    return main(sys.argv[1:], claims.check_controller)
+
+
+def main(command: List[str], check: Callable[[Options], None]) -> int:
+    """Run the controller's command line (it is a launch-prefix) and return its exit code.
+
+    ``check`` raises ConfigurationError if it must not start.
+    """
+    arguments = options.of_process()
+    folder = arguments.folder
+    os.makedirs(folder, exist_ok=True)
+    try:
+        own = options.read(arguments)
+        check(own)
+    except ConfigurationError:
+        _note_exit_code(folder, 0)
+        return 0  # the report names the fault and ends the launch
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # the controller gets the signal too: wait for it to stop
+        signal.signal(number, lambda *_: None)
+    process = subprocess.Popen(command_line(command, own.test, folder), stderr=subprocess.PIPE)
+    _pass_on_errors(process, os.path.join(folder, ERRORS))
+    code = process.wait()
+    _note_exit_code(folder, code)
+    _keep_record(folder, arguments.values.get("recordDirectory"))
+    if code == exit_codes.FAILURE:
+        return 0  # roslaunch would report a crash; the verdict judges the exit code
+    return code if code >= 0 else 128 - code
+
+
+def command_line(command: List[str], test: Configuration, folder: str) -> List[str]:
+    """Return the controller's command line with its keys among the given arguments, and those that
+    the test needs."""
+    others, given = split_arguments(command)
+    keys = {"startupTimeout": "{:g}".format(STARTUP_TIMEOUT)}
+    keys.update((name, value) for name, value in given.items() if name in CONTROLLER)
+    keys.update(missionRuns=str(test.mission_runs), recordDirectory=folder)
+    if test.verbose_mode:
+        keys["verboseMode"] = "true"
+    return others + ["_{}:={}".format(*pair) for pair in keys.items()]
+
+
+def _pass_on_errors(process: "subprocess.Popen[bytes]", path: str) -> None:
+    """Copy what the process writes to stderr to our own until it ends; its errors to a file too."""
+    assert process.stderr is not None
+    with open(path, "w", encoding="utf-8") as file:
+        for line in process.stderr:
+            os.write(2, line)
+            error = _ERROR.match(line.decode(errors="replace"))
+            file.write(error.group(1) + "\n" if error else "")
+            file.flush()
+
+
+def read_errors(folder: str) -> Tuple[str, ...]:
+    """Return the errors that the controller has reported on its terminal."""
+    try:
+        with open(os.path.join(folder, ERRORS), encoding="utf-8") as file:
+            return tuple(file.read().splitlines())
+    except FileNotFoundError:
+        return ()
+
+
+def _note_exit_code(folder: str, code: int) -> None:
+    with open(os.path.join(folder, EXIT_CODE), "w") as file:
+        file.write("{}\n".format(code))
+
+
+def _keep_record(folder: str, wanted: Optional[str]) -> None:
+    """Copy the record to the folder that the user named for it."""
+    if wanted:
+        try:
+            os.makedirs(wanted, exist_ok=True)
+            shutil.copy(os.path.join(folder, RECORD), wanted)
+        except OSError as error:
+            print("no record in {}: {}".format(wanted, error.strerror))
+
+
+def read_exit_code(folder: str) -> Optional[int]:
+    """Return how the controller ended (negative: by that signal), or None if it has not."""
+    try:
+        with open(os.path.join(folder, EXIT_CODE)) as file:
+            text = file.read()
+    except FileNotFoundError:
+        return None
+    return int(text) if text.endswith("\n") else None

@@ -1,0 +1,59 @@
+"""runTest: checks its arguments, runs the launch file of the test, and returns the verdict as text
+and exit code."""
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from typing import Dict, Optional, Sequence
+
+from behavior_controller.folders import ros_home
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.ros_arguments import version
+
+from unit_tests.rehearsal import arrival_waits
+from unit_tests.robot import claims, options
+from unit_tests.robot.options import Arguments
+from unit_tests.run.test_node import NOTHING_TESTED, NOT_RUN, read_verdict
+
+
+def main(words: Optional[Sequence[str]] = None) -> int:
+    """Return 0 if the test passed, 1 if it failed, 2 if it could not be run."""
+    given = sys.argv[1:] if words is None else words
+    try:
+        if "--version" in given:
+            print("runTest", version())
+            return 0
+        if {"-h", "--help"} & set(given):
+            print(options.usage({"arrivalRate": _of_arrival_rate()}))
+            return 0
+        values = options.parse(given)
+        claims.check_test(options.read(Arguments([], values)))
+    except BehaviorControllerError as error:
+        print("{}\n{}".format(error, NOTHING_TESTED))
+        return NOT_RUN
+    code, text = read_verdict(_launch(values)) or (NOT_RUN, NOTHING_TESTED)
+    print("\n" + text)
+    return code
+
+
+def _of_arrival_rate() -> str:
+    """Return a line with the arrival rate that the configured mission needs."""
+    needed = arrival_waits.of_mission(options.read(Arguments([], {})).world)
+    return arrival_waits.sufficient(needed) if needed else ""
+
+
+def _launch(values: Dict[str, str]) -> str:
+    """Run the test to its end and return the folder of the run."""
+    logs = os.path.join(ros_home(), "log")
+    os.makedirs(logs, exist_ok=True)
+    folder = tempfile.mkdtemp(prefix="behaviorControllerTest_", dir=logs)
+    given = dict({options.FOLDER: folder}, **values)
+    command = ["roslaunch", "unit_tests", options.LAUNCH_FILE]
+    command += ["{}:={}".format(*pair) for pair in given.items()]
+    # its own session: roslaunch gets a Ctrl-C once, from here, and has the time to stop its nodes
+    process = subprocess.Popen(command, start_new_session=True)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: process.send_signal(signal.SIGINT))
+    process.wait()
+    return folder

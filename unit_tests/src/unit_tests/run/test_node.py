@@ -1,0 +1,264 @@
+"""The node that waits for the end of the mission, writes the report and gives the verdict."""
+import datetime
+import os
+import shutil
+import signal
+import time
+from typing import Callable, List, Optional, Sequence, Tuple
+
+import rospkg
+import rospy
+
+from behavior_controller import exit_codes
+from behavior_controller.folders import ros_home
+from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.execution.events import LeafFinished, Line
+from behavior_controller.execution.run import Run
+from behavior_controller.monitoring.record.codec import Decoder
+from behavior_controller.monitoring.record.recorder import FILE_NAME as RECORD
+from behavior_controller.ros_arguments import explain_node, is_roslaunch, parent_command
+
+from unit_tests.rehearsal import arrival_waits
+from unit_tests import folders
+from unit_tests.robot import claims, options
+from unit_tests.run.controller import read_errors, read_exit_code
+from unit_tests.judge.facts import Facts
+from unit_tests.robot.journal import Journal, Tail
+from unit_tests.judge.junit import to_xml
+from unit_tests.rehearsal.faultless_play import rehearse
+from unit_tests.judge.report import title, to_page, write
+from unit_tests.robot.world import World
+from unit_tests.robot.options import Options, STARTUP_TIMEOUT
+from unit_tests.rehearsal.play import Stage, TIMED_OUT
+
+OUTPUT = "behaviorControllerTestOutput.dat"
+"""The report. Beside it is the same as a page, with the record's story and timeline."""
+
+JUNIT = "behaviorControllerTest.xml"
+"""File with the verdict as JUnit XML, in the folder where ROS keeps test results."""
+
+VERDICT = "verdict"
+"""File in the folder of the run with the exit code of the test and the text that is shown at its
+end."""
+
+PASSED, FAILED, NOT_RUN = 0, 1, 2
+"""Exit codes of a test."""
+
+NOTHING_TESTED = "nothing was tested"
+"""The last line of a test that did not start."""
+
+START_LIMIT = 30.0
+"""Seconds after ``startupTimeout`` within which a controller must have started its mission."""
+
+END_LIMIT = 30.0
+"""Seconds that roslaunch may take to end the report after it was asked to stop."""
+
+PROGRESS_INTERVAL = 5.0
+"""Seconds between two lines of progress."""
+
+WIDTH = 120
+"""Columns where the output is not a terminal."""
+
+CHECK_INTERVAL = 1.0
+"""Seconds between two checks whether all nodes of the test are its own."""
+
+LOOK_INTERVAL = 0.1
+"""Seconds between two reads of the controller's record."""
+
+
+def main() -> int:
+    """Return the exit code: 0 passed, 1 failed, 2 the configuration cannot be used, or a living
+    node has a name of ours."""
+    explain_node(
+        "report", "Waits for the end of a test, and writes its report. The launch file of the "
+        "test starts it.", "0 passed, 1 failed, 2 nothing was tested")
+    try:
+        try:
+            own = options.read(options.of_process())
+            claims.check(claims.REPORT, own)
+        except BehaviorControllerError as error:
+            return finish(NOT_RUN, "{}\n{}".format(error, NOTHING_TESTED))
+        rospy.init_node(claims.REPORT, argv=own.arguments.words)
+        return _test(own)
+    finally:
+        _end_launch()
+
+
+def _test(own: Options) -> int:
+    """Wait for the end of the mission, and report."""
+    test, world = own.test, own.world
+    print("randomSeed {}".format(test.random_seed), flush=True)
+    warnings = arrival_waits.warnings(arrival_waits.of_mission(world), test.arrival_rate)
+    print("".join(line + "\n" for line in warnings), end="", flush=True)
+    folder = own.arguments.folder
+    began = time.monotonic()
+    claimed = claims.of_process(claims.REPORT, own)
+    run, exit_code, cut_off = wait_for_end(
+        folder, test.test_timeout, MissionProgress(folder).show,
+        lambda: claims.replacement(claimed, own.arguments))
+    cut_off = cut_off or claims.replacement(claimed, own.arguments)
+    stage = _stage(world)
+    facts = Facts(run, Journal(folder).news(), exit_code, test, world,
+                  stage.mission if stage is not None else None, cut_off,
+                  rehearse(stage, test.visitor_behaviour) if stage is not None else None,
+                  own.real_nodes, read_errors(folder))
+    heading = title(facts, test, datetime.datetime.now())
+    report = write(facts, heading, warnings)
+    _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
+    files = ["report: " + save(report.text(), folder),
+             "its folder, with record and journal: " + folder]
+    content = to_page(report, facts)
+    page = save(content, folder, ".html") if content else ""
+    columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
+    is_refused = run.state.started is None and exit_code == exit_codes.WRONG_INPUT
+    code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
+    return finish(code, report.shown(columns, files, page))
+
+
+class RecordTail:
+    """Reads the controller's record while it is written."""
+
+    def __init__(self, path: str):
+        self._tail = Tail(path)
+        self._decoder = Decoder(path)
+
+    def news(self) -> List[Line]:
+        """Return the lines that were added since the last call. Raises MissionError."""
+        return [line for text in self._tail.news() for line in self._decoder.read(text)]
+
+
+class MissionProgress:
+    """Shows the progress of the mission every few seconds."""
+
+    def __init__(self, folder: str):
+        self._journal = Journal(folder)
+        self._calls = self._faults = 0
+        self._began = self._told = time.monotonic()
+
+    def show(self, run: Run) -> None:
+        """Print a line of progress, unless the last one is recent."""
+        if time.monotonic() - self._told < PROGRESS_INTERVAL:
+            return
+        self._told = time.monotonic()
+        for line in self._journal.news():
+            self._calls += line.call > 0
+            self._faults += line.fault is not None
+        ran = next((line.event.node
+                    for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
+        print(
+            "{:4.0f} s: pass {}, {} calls, {} of them made to fail; last: {}".format(
+                self._told - self._began,
+                len(run.visits) + 1, self._calls, self._faults, ran or "not started"), flush=True)
+
+
+def _stage(world: World) -> Optional[Stage]:
+    """Return the mission as the controller was given it; None if it has a fault."""
+    try:
+        return Stage(world.settings, world=world)
+    except BehaviorControllerError:
+        return None
+
+
+def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda run: None,
+                 disturbance: Callable[[], str] = lambda: "") -> Tuple[Run, Optional[int], str]:
+    """Return the controller's run, and its exit code or, if it has not ended, why the wait is over.
+
+    ``show`` is called with the run so far at every read of the record. Every ``CHECK_INTERVAL``
+    seconds ``disturbance`` returns why the test cannot go on, or an empty text.
+    """
+    record = RecordTail(os.path.join(folder, RECORD))
+    run = Run()
+    began = checked = time.monotonic()
+    cut_off = ""
+    while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
+        run.extend(record.news())
+        show(run)
+        if time.monotonic() > checked + CHECK_INTERVAL:
+            cut_off, checked = disturbance(), time.monotonic()
+        cut_off = cut_off or _overdue(run, time.monotonic() - began, limit)
+        time.sleep(LOOK_INTERVAL)
+    if rospy.is_shutdown():
+        cut_off = "the test was stopped before the mission had ended"
+    run.extend(record.news())
+    return run, read_exit_code(folder), cut_off
+
+
+def _overdue(run: Run, waited: float, limit: float) -> str:
+    """Return which limit of a test has passed after so many seconds."""
+    given = options.of_process().values
+    start_limit = START_LIMIT + float(given.get("startupTimeout", STARTUP_TIMEOUT))
+    if run.state.started is None and waited > start_limit:
+        return "the controller did not start its mission within {:g} s".format(start_limit)
+    return TIMED_OUT.format(limit) + " (testTimeout)" if waited > limit else ""
+
+
+def save(text: str, folder: str, ending: str = "") -> str:
+    """Write the report to the folder of the run, and a copy as the newest report; return the path
+    of the copy. With an ``ending``: what is written beside it."""
+    wanted = options.of_process().values.get("outputFile")
+    newest = [os.path.join(folders.share(), "data", OUTPUT), os.path.join(ros_home(), OUTPUT)]
+    paths = [os.path.join(folder, OUTPUT)] + ([wanted] if wanted else newest)
+    if ending:
+        paths = [(path[:-4] if path.endswith(".dat") else path) + ending for path in paths]
+    _write(paths[:1], text)
+    return _write(paths[1:], text)
+
+
+def _write(paths: Sequence[str], text: str) -> str:
+    """Write a file to the first folder where this user may write, and return its path."""
+    for path in paths:
+        try:
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text)
+            return path
+        except OSError as error:
+            reason = "nowhere: {}: {}".format(path, error.strerror)
+    return reason
+
+
+def _save_junit(text: str) -> None:
+    """Write the verdict where catkin collects test results."""
+    folder = os.path.join(rospkg.get_test_results_dir(), "unit_tests")
+    try:
+        os.makedirs(folder, exist_ok=True)
+        with open(os.path.join(folder, JUNIT), "w", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        print("no JUnit file: {}: {}".format(folder, error.strerror), flush=True)
+
+
+def finish(code: int, text: str) -> int:
+    """Write exit code and text for runTest, which shows the text when roslaunch has ended; without
+    runTest, show it.
+
+    roslaunch does not pass on an exit code, and prints many lines at its end.
+    """
+    arguments = options.of_process()
+    if arguments.is_launched:
+        os.makedirs(arguments.folder, exist_ok=True)
+        with open(os.path.join(arguments.folder, VERDICT), "w", encoding="utf-8") as file:
+            file.write("{}\n{}\n".format(code, text))
+    if not options.is_by_run_test(parent_command()):
+        print("\n" + text, flush=True)
+    return code
+
+
+def read_verdict(folder: str) -> Optional[Tuple[int, str]]:
+    """Return the exit code of the test and the text that is shown at its end; None if there is
+    none."""
+    try:
+        with open(os.path.join(folder, VERDICT), encoding="utf-8") as file:
+            code, text = file.read().split("\n", 1)
+    except (OSError, ValueError):
+        return None
+    return int(code), text.rstrip("\n")
+
+
+def _end_launch() -> None:
+    """Stop roslaunch as Ctrl-C does, which ends this process too: it would report the end of a
+    required node as a crash."""
+    if is_roslaunch(parent_command()) and not rospy.is_shutdown():
+        os.kill(os.getppid(), signal.SIGINT)
+        ends = time.monotonic() + END_LIMIT
+        while not rospy.is_shutdown() and time.monotonic() < ends:
+            time.sleep(LOOK_INTERVAL)

@@ -1,0 +1,46 @@
+"""Plays of missions in virtual time, and what a test knows of them, for the tests of the judge."""
+import dataclasses
+import functools
+
+from behavior_controller.config import settings
+from behavior_controller.execution.run import Run
+
+from unit_tests.judge.facts import Facts
+from unit_tests.robot.faults import parse_planned_fault
+from unit_tests.rehearsal.play import CALM, Stage
+
+NODES = ("animateBehavior", "gestureExecution", "knowledgeBase", "overtAttention",
+         "robotNavigation", "tabletEvent", "textToSpeech")
+
+
+@functools.lru_cache(maxsize=None)
+def stage(**chosen):
+    return Stage(settings.defaults(**chosen))
+
+
+def facts(faults=(), mission=(), on=None, **test):
+    """Return the facts of a test: ``faults`` as plannedFaults names them, ``mission`` keys of the
+    controller, or the stage is ``on``; ``test`` fields of the test's configuration."""
+    planned = tuple(parse_planned_fault(fault, NODES) for fault in faults)
+    on = on or stage(**dict(mission))
+    given = dict(arrival_rate=600.0, random_seed=1, planned_faults=planned, test_timeout=3000.0)
+    test = dataclasses.replace(CALM, **dict(given, **test))
+    played = on.play(test)
+    return Facts(played.run(), played.journal, played.exit_code, test, on.world_of(test),
+                 on.mission, played.cut_off)
+
+
+def of_test_with(of_test, **test):
+    """Return facts of a test whose configuration was another."""
+    return of_test._replace(test=dataclasses.replace(of_test.test, **test))
+
+
+def changed(before, change):
+    """Return facts whose record is made of the lines that ``change`` returns for each of its."""
+    return before._replace(
+        run=Run(after for line in before.run.lines for after in change(line)))
+
+
+def calls(of_test, node=""):
+    """Return the requests in the journal, those to one node if it is given."""
+    return [line for line in of_test.journal if line.call and node in ("", line.node)]

@@ -1,0 +1,48 @@
+"""Does docs/tutorial.md build data/reception.xml, and say at each step what the commands say?"""
+import importlib.util
+import os
+from xml.etree import ElementTree
+
+import pytest
+
+from behavior_controller import folders
+
+ROOT = folders.share()
+spec = importlib.util.spec_from_file_location("tutorial",
+                                              os.path.join(ROOT, "tools", "tutorial.py"))
+tutorial = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(tutorial)
+STEPS = tutorial.read()
+
+
+def trees_of(text):
+    """Return the trees of a mission by their ID, as attributes and children."""
+    return {tree.get("ID"): as_tuples(tree)
+            for tree in ElementTree.fromstring(text).iter("BehaviorTree")}
+
+
+def as_tuples(element):
+    return element.tag, dict(element.attrib), [as_tuples(child) for child in element]
+
+
+def test_it_builds_the_reception_in_ten_steps():
+    with open(folders.mission("reception"), encoding="utf-8") as file:
+        assert trees_of(STEPS[-1].mission) == trees_of(file.read())
+    assert [step.text.partition(".")[0] for step in STEPS] == [str(n) for n in range(1, 11)]
+
+
+def commands_of(step):
+    return [line for line in step.console.splitlines() if line.startswith("$ ")]
+
+
+def is_long(step):
+    return any(line.endswith("rehearseMission reception.xml") for line in commands_of(step))
+
+
+@pytest.mark.parametrize("step", [
+    pytest.param(step, id=str(number), marks=[pytest.mark.long] if is_long(step) else [])
+    for number, step in enumerate(STEPS, 1)])
+def test_each_step_says_what_the_commands_say(step):
+    names = [line.split()[3] for line in commands_of(step)]
+    assert names == ["validateMission", "rehearseMission"]
+    assert step.console == tutorial.said(step)
