@@ -61,6 +61,10 @@ def faults_of(environment=ENVIRONMENT, culture=CULTURE):
     return str(raised.value).split("\n")
 
 
+with open(os.path.join(ROOT, "config", "recoveryPolicy.ini"), encoding="utf-8") as file:
+    POLICY = file.read()
+
+
 @pytest.fixture
 def package(tmp_path, monkeypatch):
     """Return a folder with configuration and knowledge files, which ``load`` reads."""
@@ -68,9 +72,10 @@ def package(tmp_path, monkeypatch):
         "config/environmentKnowledgeBaseConfiguration.ini":
             "verboseMode false\nknowledgeBase places.dat\n",
         "config/cultureKnowledgeBaseConfiguration.ini":
-            "knowledgeBase words.dat\nvalueTypes types.dat\n", "data/places.dat":
-                ENVIRONMENT, "data/words.dat":
-                    CULTURE
+            "knowledgeBase words.dat\nvalueTypes types.dat\n",
+        "config/recoveryPolicy.ini": POLICY,
+        "data/places.dat": ENVIRONMENT,
+        "data/words.dat": CULTURE,
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

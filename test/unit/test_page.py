@@ -24,14 +24,14 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
 from behavior_controller.leaves import registry
-from behavior_controller.execution.state import LEFT_OUT
+from behavior_controller.execution.state import LEFT_OUT, rank
 from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring import server
 from behavior_controller.monitoring import web_page as page_module
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.view import TOLD
 from behavior_controller.monitoring.parts import PARTS
-from behavior_controller.monitoring.story import counted, how_it_ended, why
+from behavior_controller.monitoring.story import condition, counted, how_it_ended, why
 from behavior_controller.monitoring.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, visitor_who
@@ -232,7 +232,8 @@ def test_the_page_tells_each_kind_of_visit_in_the_sentences_of_the_story(
                [list(each) for each in zip(ends, left_out)])
     assert len(ends) == runs
     assert text(browser, "#outcomes") == counted(teller.story.state.outcomes)
-    wrong = [each.text for each in told if each.kind == "health"] + [
+    ill = sorted(teller.story.state.robot.ill, key=rank)
+    wrong = ["{}; {}".format(condition(each), each.consequence) for each in ill] + [
         each.text for each in told
         if each.severity == "error" and each.kind != "health" and each.visit == runs
     ]

@@ -39,7 +39,7 @@ class TestVerdict(unittest.TestCase):
             "plannedFaults:=" + ",".join("knowledgeBase:{}".format(call)
                                          for call in range(1, 4)))[:3]
         self.assertEqual(code, 0, printed)
-        self.assertRegex(report[-1], r"^PASSED: 1 .*; pass 1 ended early, as it had to: ")
+        self.assertRegex(report[-1], r"^PASSED: pass 1 ended early, as it had to: ")
         rows = [line.split() for line in report if "knowledgeBase:" in line and line[0] != "#"]
         self.assertEqual([row[3:5] for row in rows],
                          [["RetrieveListOfExhibits", "knowledgeBase:{}".format(number)]

@@ -407,7 +407,7 @@ def test_the_safe_state_at_the_end(state):
     of_test = changed(of_test, first(
         Asked, lambda event: None,
         lambda event: event.call > last - 2 and type(event.request).__name__ == state))
-    assert_objects(of_test, "the safe state is due, once")
+    assert_objects(of_test, "was not asked for the safe state")
 
 
 def test_the_safe_state_is_reported_as_it_was_reached():
