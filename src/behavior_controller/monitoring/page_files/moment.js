@@ -156,13 +156,15 @@ function showElapsed() {
 }
 
 function showStops(stops) {
-  byId("stops").replaceChildren(...stops.map(each => {
+  const box = byId("stops");
+  box.replaceChildren(...stops.map(each => {
     const made = element("li", each.state.replace(" ", "-"));
     made.append(element("span", "sign", STOP_SIGNS[each.state]), " " + each.number + " " + each.name);
     if (each.state === "left out" || each.state === "broken off")
       made.append(": " + each.state + (each.why ? ", " + each.why : ""));
     return made;
   }));
+  [box.scrollTop, box.scrollLeft] = [box.scrollHeight, box.scrollWidth];  // the newest is in view
 }
 
 // what is new comes last, and in view unless the reader has scrolled back; what the board keeps no more goes. Sentences of one
