@@ -28,7 +28,7 @@ setup:
 derived:
 	@tools/in_workspace.sh python3 tools/derive.py
 
-# run the lab tour and take the pictures of the documents from it: about a minute
+# run the lab tour and take the pictures of the documents from it: about four minutes
 pictures:
 	@tools/setup.sh --tests
 	@tools/in_workspace.sh python3 tools/pictures.py
