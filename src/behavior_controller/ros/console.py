@@ -152,11 +152,10 @@ class Console:
 
     def _log_robot(self, event: Event) -> None:
         """Write the robot's line when a person has to do something else than before, and at the
-        end unless it was written so last.
+        end.
         """
-        robot, last = robot_line(self._story.state), self._robot
-        has_ended = isinstance(event, RunFinished) and robot != last
-        if has_ended or robot.instruction != last.instruction:
+        robot = robot_line(self._story.state)
+        if robot.instruction != self._robot.instruction or isinstance(event, RunFinished):
             self._robot = robot
             self._log("warning" if robot.instruction else "info", "robot: " + robot.text)
 
