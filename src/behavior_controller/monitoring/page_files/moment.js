@@ -95,7 +95,7 @@ function listenToScrubber() {
   });
   byId("live").addEventListener("click", live);
   walkByArrows(byId("transcript"), "a, summary");
-  addEventListener("resize", () => { byId("transcript").scrollTop = byId("transcript").scrollHeight; });
+  addEventListener("resize", () => { showNewest(byId("transcript")); showNewest(byId("stops")); });
   byId("transcript").addEventListener("click", event => {
     const chosen = event.target.closest("time");
     if (chosen) travel(Number(chosen.parentElement.dataset.at));
@@ -156,16 +156,18 @@ function showElapsed() {
 }
 
 function showStops(stops) {
-  const box = byId("stops");
-  box.replaceChildren(...stops.map(each => {
+  byId("stops").replaceChildren(...stops.map(each => {
     const made = element("li", each.state.replace(" ", "-"));
     made.append(element("span", "sign", STOP_SIGNS[each.state]), " " + each.number + " " + each.name);
     if (each.state === "left out" || each.state === "broken off")
       made.append(": " + each.state + (each.why ? ", " + each.why : ""));
     return made;
   }));
-  [box.scrollTop, box.scrollLeft] = [box.scrollHeight, box.scrollWidth];  // the newest is in view
+  showNewest(byId("stops"));
 }
+
+// what is last in a box comes into view
+function showNewest(box) { [box.scrollTop, box.scrollLeft] = [box.scrollHeight, box.scrollWidth]; }
 
 // what is new comes last, and in view unless the reader has scrolled back; what the board keeps no more goes. Sentences of one
 // incident are one entry: its cause, and beneath it what was done about it
@@ -180,7 +182,7 @@ function showTranscript(told) {
   const oldest = told.length ? told[0].number : 0;
   for (const one of known) if (Number(one.dataset.number) < oldest) one.remove();
   for (const one of [...list.children]) if (!one.querySelector("[data-number]")) one.remove();
-  if (isAtEnd || frozen !== null) box.scrollTop = box.scrollHeight;
+  if (isAtEnd || frozen !== null) showNewest(box);
 }
 
 function addSentence(list, told) {
