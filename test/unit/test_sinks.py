@@ -218,6 +218,15 @@ def test_a_terminal_held_by_ctrl_s_shows_all_when_it_is_let_go(streams):
     assert sys.stdout.isatty()
 
 
+def all_shown(operator, terminal):
+    """Return what was written to a terminal, which may pass it on in pieces."""
+    os.write(terminal, b"\0")
+    shown = b""
+    while not shown.endswith(b"\0"):
+        shown += os.read(operator, 65536)
+    return shown[:-1].decode()
+
+
 def wide(terminal, width):
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, width, 0, 0))
 
@@ -233,7 +242,7 @@ def test_no_line_is_wider_than_the_terminal_and_nothing_of_it_is_lost(streams, w
     sinks = take_over(terminal, terminal)
     print(text)
     drain(sinks, 5)
-    shown = os.read(operator, 65536).decode().replace("\r\n", "\n")
+    shown = all_shown(operator, terminal).replace("\r\n", "\n")
     assert shown.endswith("\x1b[0m\n") == text.startswith("\x1b")
     shown = shown.replace("\x1b[0m", "")
     for line in shown.replace("\x1b[33m", "").split("\n"):
@@ -267,7 +276,7 @@ def test_a_terminal_gets_no_name_of_the_node_but_with_the_heartbeat(streams):
     for text in ("drove home", "running."):
         print("[INFO] [12:00:00]: behaviorController: " + text)
     drain(sinks, 5)
-    assert os.read(operator, 65536).decode().split("\r\n") == [
+    assert all_shown(operator, terminal).split("\r\n") == [
         "[INFO] [12:00:00]: drove home", "[INFO] [12:00:00]: behaviorController: running.", ""]
 
 
@@ -287,7 +296,7 @@ def test_a_terminal_that_does_not_tell_its_width_or_has_none_gets_whole_lines(st
     sinks = take_over(terminal, terminal)
     print(WORDS)
     drain(sinks, 5)
-    assert os.read(operator, 65536).decode() == WORDS + "\r\n"
+    assert all_shown(operator, terminal) == WORDS + "\r\n"
 
 
 def test_the_width_of_what_is_no_terminal_is_not_known():
