@@ -52,11 +52,11 @@ def _unknown_to_the_launch_file() -> Dict[str, str]:
     return {name: value for name, value in given if name not in known}
 
 
-def tell_faults(found: FaultsFound, tell: Tell, consequence: str) -> None:
+def report_faults(invalid: FaultsFound, tell: Tell, consequence: str) -> None:
     """Report each fault, and their number with the consequence."""
-    for fault in found.faults:
+    for fault in invalid.faults:
         tell("warning" if fault.is_warning else "error", str(fault))
-    count = sum(not fault.is_warning for fault in found.faults)
+    count = sum(not fault.is_warning for fault in invalid.faults)
     tell("error", f"{consequence}: {count} mistake{'' if count == 1 else 's'}, see above")
 
 

@@ -35,7 +35,7 @@ from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, rep
 from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.node_name import adopt, join
-from behavior_controller.ros.configuration import read_plan, tell_faults
+from behavior_controller.ros.configuration import read_plan, report_faults
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
 from behavior_controller.ros.signals import Signals, block_signals
@@ -184,7 +184,7 @@ class _Node:
             console.tell("info", "stopped before the mission began")
             return exit_codes.UNAVAILABLE if self._stop_code is None else self._stop_code
         except FaultsFound as found:
-            tell_faults(found, console.tell, "nothing was started")
+            report_faults(found, console.tell, "nothing was started")
             return exit_codes.WRONG_INPUT
         except NodesMissing as missing:
             for line in str(missing).split("\n"):
@@ -504,7 +504,7 @@ class _Run:
             self._console.tell("info",
                                "reloaded: this mission follows when the visitor's pass is over")
         except FaultsFound as found:
-            tell_faults(found, self._console.tell, "refused, the running mission stays")
+            report_faults(found, self._console.tell, "refused, the running mission stays")
         except NodesMissing as missing:
             self._console.tell("error", f"refused, the running mission stays: {missing}")
         # an internal error in reading a file must not end the running mission

@@ -168,9 +168,9 @@ class PublisherThread(RequestThread):
     def exchange(self, job: Job) -> Answer:
         """Publish, once there is a subscriber."""
         message = filled(TYPES[self.service](), self.service.fields(job.request), job.request)
-        publisher, ends = self._registered(), time.monotonic() + STEP_LIMIT
+        publisher, deadline = self._registered(), time.monotonic() + STEP_LIMIT
         while not publisher.get_num_connections():
-            if job.cut.wait(PREPARE) or time.monotonic() > ends:
+            if job.cut.wait(PREPARE) or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
         publisher.publish(message)
         return Answer()
