@@ -17,7 +17,7 @@ from behavior_controller.cli import create_tree
 from behavior_controller.execution import run as run_module
 from behavior_controller.execution.events import (
     EntriesWritten, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-    RunStarted, Sources, StepStarted, Suspended, Told)
+    RunStarted, Sources, StepStarted, Suspended, LeafSummary)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.state import State
@@ -390,7 +390,7 @@ def test_calls_and_the_age_of_topics_are_part_of_the_health():
     board = board_of(rig)
     before = board.versions["health"]
     rig.mission.health.ended("/textToSpeech/say_text", 0.2516, 60.0, True)
-    rig.mission.health.heard["/faceDetection/data"] = time.monotonic() - 3.0
+    rig.mission.health.last_arrivals["/faceDetection/data"] = time.monotonic() - 3.0
     board.look()
     assert board.versions["health"] > before
     parts = board.part("health")
@@ -434,7 +434,7 @@ def test_the_age_of_a_sign_of_life_is_told_in_tenths_of_a_second(monkeypatch):
     now = [50.0]
     let_time_stand(monkeypatch, now)
     rig = one_leaf("<Sleep msec='9000'/>")
-    rig.mission.health.heard["/faceDetection/data"] = 50.0
+    rig.mission.health.last_arrivals["/faceDetection/data"] = 50.0
     board = board_of(rig)
     found = []
     for now[0] in (50.0, 51.26, 52.9, 53.0):
@@ -531,7 +531,7 @@ def test_a_visit_has_the_time_of_the_arrival_and_until_then_that_of_its_begin(mo
     rig, now = Rig(), [0.0]
     let_time_stand(monkeypatch, now)
     board = board_of(rig)
-    for told in (None, Told("visit", "", "arrived")):
+    for told in (None, LeafSummary("visit", "", "arrived")):
         rig.mission.events.emit(PassStarted(1, 0.0) if told is None else
                                 LeafFinished(1, "x", "x", "SUCCESS", "", 0.0, None, told))
         board.look()

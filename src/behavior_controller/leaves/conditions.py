@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt import (
     ConditionLeaf, ConfigureError, PortError, Result, FAILURE, RUNNING)
-from behavior_controller.execution.events import Told
+from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure, Sample, since
 from behavior_controller.robot.declarations import Evidence, Sense, Topic
 from behavior_controller.leaves.base import MissionLeaf
@@ -179,7 +179,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     def _note(self, what: str) -> None:
         """Tell the story that the sign of the sense is ``given`` or ``absent``."""
         mark = "" if self.own_evidence is not None else getattr(self.sense, what)
-        self.told = Told("visit", "", mark, self.mission.clock.now()) if mark else None
+        self.summary = LeafSummary("visit", "", mark, self.mission.clock.now()) if mark else None
 
     def _fail(self, failure: Failure, since: float) -> Result:
         telling = failure.message, max(since, self.mission.visit_began)

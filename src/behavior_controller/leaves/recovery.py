@@ -5,7 +5,8 @@ from typing import Any, List, Optional
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt import ActionLeaf, PortError, Result, FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.bt.engine.ports import defaults
-from behavior_controller.execution.events import Noticed, Recovered, Recovering, Retried, Told
+from behavior_controller.execution.events import (
+    LeafSummary, Noticed, Recovered, Recovering, Retried)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.leaves.base import Attempt, Failed, MissionLeaf, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.knowledge import LEAVING_OUT
@@ -91,7 +92,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         recovery = under_way.recovery
         self._tell(under_way.failed.leaf, recovery.failure, str(recovery), recovery.attempts,
                    outcome, recovery.reason)
-        self.told = under_way.told()
+        self.summary = under_way.summary()
         return self._finished(outcome, recovery.failure)
 
     def _tell(self, leaf: MissionLeaf, failure: Failure, policy: str, attempts: int, outcome: str,
@@ -151,10 +152,10 @@ class _Round:
             Recovering(self._leaf.uid, leaf.registration_id, leaf.full_path, self.recovery.failure,
                        attempt, self.recovery.retries, substitute))
 
-    def told(self) -> Optional[Told]:
+    def summary(self) -> Optional[LeafSummary]:
         """Return the sentence about the attempt that succeeded."""
-        told, self._doing.told = self._doing.told, None
-        return told
+        summary, self._doing.summary = self._doing.summary, None
+        return summary
 
     def _substitute(self, spec: MissionSpec) -> Any:
         leaf: Any = spec.factory(spec.id)

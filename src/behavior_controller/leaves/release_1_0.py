@@ -16,7 +16,7 @@ from behavior_controller.leaves.base import (NOT_ASKED, InstantCondition, Missio
                                              OptionalServiceLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import Patience, TopicCondition
 from behavior_controller.leaves.data import EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
-from behavior_controller.leaves.dialogue import heard
+from behavior_controller.leaves.dialogue import utterance_summary
 from behavior_controller.leaves.gesture import IconicGesture
 from behavior_controller.leaves.knowledge import LookUp
 from behavior_controller.leaves.lifecycle import begin_pass
@@ -152,7 +152,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
             text = f"the recognition says {utterance!r}"
             return self._end("", Failure(Cause.UNUSABLE_ANSWER, text, self.resource))
         if utterance:
-            self.told = heard(utterance, answer)
+            self.summary = utterance_summary(utterance, answer)
         if answer is not None:
             return self._end(answer)
         if self._patience is not None and self._patience.is_over():

@@ -212,7 +212,7 @@ class Board:
                 for name, offer in self._offers_of(self.state).items()}
 
     def _counted(self, name: str, offer: Offer) -> Offer:
-        calls, heard = self._health.calls.get(name), self._health.heard.get(name)
+        calls, heard = self._health.calls.get(name), self._health.last_arrivals.get(name)
         if calls is not None:
             offer = replace(offer, calls=calls.calls, failures=calls.failures,
                             seconds=round(calls.last_seconds, 3))

@@ -265,10 +265,10 @@ def _pass_finished(before: State, event: PassFinished, after: State) -> Iterator
 
 
 def _leaf_finished(before: State, event: LeafFinished, after: State) -> Iterator[Sentence]:
-    if event.told is not None:
-        text = _met(before, after, event.told.mark) or event.told.text
+    if event.summary is not None:
+        text = _met(before, after, event.summary.mark) or event.summary.text
         if text:
-            yield _sentence(after, event.told.kind, "info", text, event.uid, event.path)
+            yield _sentence(after, event.summary.kind, "info", text, event.uid, event.path)
     for failed in after.concluded(LeafFailure):
         if not failed.is_false_condition:
             yield _sentence(after, "failure", "warning", why_failed(failed.node, failed.failure),

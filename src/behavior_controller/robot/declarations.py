@@ -167,7 +167,7 @@ class Sense(enum.Enum):
     """A kind of information about the visitor that a mission can get while it runs.
 
     ``awaiting`` is a phrase for a robot that waits for it; ``given`` and ``absent`` are the marks
-    of ``events.Told`` for a visit in which it was observed, or not.
+    of ``events.LeafSummary`` for a visit in which it was observed, or not.
     """
 
     awaiting: str

@@ -142,7 +142,7 @@ class Console:
             return
         if isinstance(event, LeafFinished) and not self._is_repeated(event):
             parts = [event.status, event.resource, f"{event.seconds:.3f} s",
-                     reason(event.failure), event.told.text if event.told is not None else ""]
+                     reason(event.failure), event.summary.text if event.summary is not None else ""]
             text = ", ".join(filter(None, parts))
             self._log("info", clean(f"{event.node} ({event.path}): {text}"))
         elif isinstance(event, Retried):

@@ -15,7 +15,7 @@ from behavior_controller.execution.events import (
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 
 FORMAT = "behaviorController record"
-VERSION = 9
+VERSION = 10
 
 LATEST = 1e11
 """The latest time, in Unix seconds, that a record may have: a date in the year 5138."""
