@@ -10,9 +10,9 @@ from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
     BEGUN, EVENTS, OMITTED, Answered, Asked, BreakpointChanged, EntriesWritten, Event,
-    FeedbackReceived, HealthChanged, LeafFinished, Lost, Message, Noticed, PassFinished,
-    PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
-    SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, LeafSummary, TreeShown)
+    FeedbackReceived, HealthChanged, LeafFinished, LeafSummary, Lost, Message, Noticed,
+    PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
+    SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
 from behavior_controller.execution.state import (

@@ -48,8 +48,8 @@ class Health:
     (``GONE`` …).
 
     Any thread may call ``report``, which only queues its argument for ``publish``, and ``hear``,
-    and may read ``last_arrivals`` by name. All else belongs to the tick thread, but ``calls`` is replaced as
-    a whole, so any thread may read it.
+    and may read ``last_arrivals`` by name. All else belongs to the tick thread, but ``calls`` is
+    replaced as a whole, so any thread may read it.
     """
 
     @tick_thread_only

@@ -208,7 +208,8 @@ def mission_folders() -> List[str]:
 
 
 def find(name: str) -> str:
-    """Return the path of a mission in our data folder, or in that of a package that exports something.
+    """Return the path of a mission in our data folder, or in that of a package that exports
+    something.
 
     Raises ConfigurationError with the names of those that exist.
     """

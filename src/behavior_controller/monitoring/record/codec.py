@@ -100,16 +100,17 @@ class Decoder:
         return MissionError([Fault(self._file, self._read, 1, text, hint)])
 
     def _check_header(self, text: bytes) -> None:
+        if text.startswith(BYTE_ORDER_MARK):
+            text = text[len(BYTE_ORDER_MARK):]
         try:
-            found = _headers.decode(
-                text[len(BYTE_ORDER_MARK):] if text.startswith(BYTE_ORDER_MARK) else text)
+            head = _headers.decode(text)
         except msgspec.ValidationError:  # JSON, and no header
-            found = Header("", 0, 0, 0.0)
-        if found.format != FORMAT:
+            head = Header("", 0, 0, 0.0)
+        if head.format != FORMAT:
             raise self._fault("this is no record: it does not begin with the header of one",
                               "name the mission.jsonl of a run")
-        if found.version != VERSION:
-            raise self._fault(f"the record has the version {found.version}; this release reads "
+        if head.version != VERSION:
+            raise self._fault(f"the record has the version {head.version}; this release reads "
                               f"version {VERSION}", "replay it with the release that wrote it")
 
     def _line(self, text: bytes) -> Line:

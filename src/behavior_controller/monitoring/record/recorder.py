@@ -47,6 +47,9 @@ OPENING = 0.5
 REST = 0.05
 """Seconds between two rounds of formatting lines."""
 
+Note = Tuple[float, Callable[..., Event], Tuple[Any, ...]]
+"""When something happened, and what makes the event of which values."""
+
 
 def new_folder(logs: str) -> str:
     """Return the folder of a new run below ``logs``, and remove all others but the newest
@@ -113,14 +116,14 @@ class Entries:
             return []
         self._writes = self._tree.blackboard.writes
         before, self._known = self._known, {}
-        found: List[Tuple[str, Any]] = []
+        changed: List[Tuple[str, Any]] = []
         for path, board in self._tree.blackboards.items():
             for key, entry in board.local.items():
                 name = f"{path}/{key}" if path else key
                 self._known[name] = entry, entry.sequence
                 if before.pop(name, None) != self._known[name]:
-                    found.append((name, entry.value))
-        return found + [(name, None) for name in before]
+                    changed.append((name, entry.value))
+        return changed + [(name, None) for name in before]
 
 
 class Record(Topics):
@@ -135,14 +138,13 @@ class Record(Topics):
         self.path = os.path.join(directory, FILE_NAME)
         self._complain = complain
         self._lost = 0  # notes that did not fit since the last one that did
-        self._notes: Deque[Tuple[float, Callable[..., Event], Tuple[Any,
-                                                                    ...]]] = collections.deque()
+        self._notes: Deque[Note] = collections.deque()
         self._is_over = threading.Event()
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Tuple[Sample, ...]] = {}
         self._is_open = threading.Event()  # or has failed
-        self._thread: Optional[threading.Thread] = threading.Thread(target=self._write,
-                                                                    name="record", daemon=True)
+        self._thread: Optional[threading.Thread] = threading.Thread(
+            target=self._write, name="record", daemon=True)
 
     def open(self) -> "Record":
         """Write from now on, also what has happened before; return itself.

@@ -74,8 +74,8 @@ def find_record(name: str) -> str:
 
 
 def _records_below(folder: str) -> List[str]:
-    return sorted(
-        filter(os.path.isfile, glob.glob(os.path.join(glob.escape(folder), "*", FILE_NAME))))
+    paths = glob.glob(os.path.join(glob.escape(folder), "*", FILE_NAME))
+    return sorted(filter(os.path.isfile, paths))
 
 
 def read_record(path: str) -> List[Line]:
@@ -118,10 +118,10 @@ def _restored(what: str, read: Callable[[], Part]) -> Part:
     release cannot use it."""
     try:
         return read()
-    except FaultsFound as found:
-        more = len(found.faults) - 1
+    except FaultsFound as invalid:
+        more = len(invalid.faults) - 1
         raise _unusable("its {} cannot be used: {}{}".format(
-            what, found.faults[0], f"; and {more} more" if more else "")) from found
+            what, invalid.faults[0], f"; and {more} more" if more else "")) from invalid
 
 
 def _unusable(text: str) -> MissionError:
@@ -139,8 +139,8 @@ class _Replay:
                 f"its interface is {sources.interface}; this release has {', '.join(INTERFACES)}")
         self.clock = ManualClock()
         self.tree = load_tree(mission, clock=self.clock) if mission is not None else _restored(
-            "mission", lambda: build_tree([parse(text, file)
-                                           for file, text in sources.documents], clock=self.clock))
+            "mission", lambda: build_tree(
+                [parse(text, file) for file, text in sources.documents], clock=self.clock))
         self._nodes = nodes  # of the record, by uid - 1
         self._world = _World(INTERFACES[sources.interface])
         self._health = Health()
@@ -195,9 +195,9 @@ class _Replay:
 
     def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
         """Raise ``Diverged`` at the first difference."""
+        pairs = itertools.zip_longest(recorded, self._now)
         status = next((f"recorded is {_words(was)}, now it is {_words(now)}"
-                       for was, now in itertools.zip_longest(recorded, self._now) if was != now),
-                      "")
+                       for was, now in pairs if was != now), "")
         differences = "; ".join(filter(None, (status, self._world.difference())))
         if differences:
             raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")
@@ -212,8 +212,11 @@ def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Kn
 
 
 def _words(change: Optional[Tuple[str, str]]) -> str:
-    words: Dict[str, str] = {letter: NAMES[status] for status, letter in LETTERS.items()}
-    return "no further change" if change is None else f"{change[0]} {words[change[1]]}"
+    if change is None:
+        return "no further change"
+    path, changed_to = change
+    return next(f"{path} {NAMES[status]}" for status, letter in LETTERS.items()
+                if letter == changed_to)
 
 
 class _World(Gateway, Topics):
@@ -227,7 +230,7 @@ class _World(Gateway, Topics):
         self._messages: List[Tuple[Topic, int, Sample]] = []
         self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
         self._reads: Dict[Topic, int] = {}
-        self._heard: List[str] = []  # on which topics the robot still hears something
+        self._hearing: List[str] = []  # on which topics the robot still hears something
         self._difference = ""  # between the requests that are made and the recorded ones
 
     def take(self, event: Union[Asked, Answered, Message, StillHearing]) -> None:
@@ -237,7 +240,7 @@ class _World(Gateway, Topics):
         elif isinstance(event, Answered):
             self._results[event.call] = event.result
         elif isinstance(event, StillHearing):
-            self._heard.append(event.topic)
+            self._hearing.append(event.topic)
         else:
             sample = Sample(event.value, event.arrived)
             self._messages.append((self._interface.topic(event.topic), event.read, sample))
@@ -272,17 +275,18 @@ class _World(Gateway, Topics):
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """Return the recorded messages for this read of a topic."""
         self._reads[topic] = self._reads.get(topic, 0) + 1
-        for entry in list(self._messages):
-            if entry[0] is topic and entry[1] <= self._reads[topic]:
-                self._recent[topic] = topic.kept(self._recent.get(topic, ()), entry[2])
-                self._messages.remove(entry)
+        for message in list(self._messages):
+            topic_read, read, sample = message
+            if topic_read is topic and read <= self._reads[topic]:
+                self._recent[topic] = topic.kept(self._recent.get(topic, ()), sample)
+                self._messages.remove(message)
         return self._recent.get(topic, ())
 
     def is_hearing(self, topic: Topic) -> bool:
         """Return whether it is recorded for this traversal, once for each time it was asked."""
-        if topic.name not in self._heard:
+        if topic.name not in self._hearing:
             return False
-        self._heard.remove(topic.name)
+        self._hearing.remove(topic.name)
         return True
 
     def wake_when(self, key: Any, topic: Topic, wanted: Any) -> None:
