@@ -177,7 +177,7 @@ def load(language: str, mission: str = "") -> Phrases:
     own = read_source(folders.of_mission(folders.data(name), mission), "the file of phrases")
     read(own, KEYS)
     others = []
-    for extension in extensions.found("phrases"):
+    for extension in extensions.exported("phrases"):
         others.append(read_source(
             os.path.join(extension.folder, "data", name),
             f"the file of phrases of the package {extension.package}"))
@@ -186,7 +186,7 @@ def load(language: str, mission: str = "") -> Phrases:
 
 
 def _added() -> List[Speech]:
-    return [speech for extension in extensions.found("phrases")
+    return [speech for extension in extensions.exported("phrases")
             for speech in extension.declared("SPEECHES", Speech)]
 
 

@@ -116,10 +116,11 @@ class Health:
         return name in self._gone
 
     @tick_thread_only
-    def gone_node(self, name: str) -> str:
-        """Return the node that offers a service or topic that is gone; empty if it is not gone, or
-        that is unknown."""
-        return self._gone.get(name, "")
+    def gone_name(self, name: str) -> str:
+        """Return the name of the node that offers a service or topic that is gone, or else the name
+        of that service or topic."""
+        node = self._gone.get(name, "")
+        return "/" + node if node else name
 
     @tick_thread_only
     def publish(self, events: Events) -> None:

@@ -88,9 +88,9 @@ class FailureLog:
     def newest(self, first_uid: int, end_uid: int, after: int) -> Optional[Failed]:
         """Return the newest failure of the leaves ``first_uid`` to ``end_uid - 1`` with a number
         beyond ``after``."""
-        found = [failed for uid, failed in self._by_uid.items()
-                 if first_uid <= uid < end_uid and failed.number > after]
-        return max(found, key=lambda failed: failed.number) if found else None
+        failures = (failed for uid, failed in self._by_uid.items()
+                    if first_uid <= uid < end_uid and failed.number > after)
+        return max(failures, key=lambda failed: failed.number, default=None)
 
 
 NOT_ASKED = "nothing was asked"
@@ -161,8 +161,9 @@ class MissionContext:
         most = self.policy.most
         if not most:
             return math.inf
-        return self.recoveries[-most] + self.policy.seconds if len(
-            self.recoveries) >= most else -math.inf
+        if len(self.recoveries) < most:
+            return -math.inf
+        return self.recoveries[-most] + self.policy.seconds
 
     def leaves_of(self, tree: Tree) -> List[Tuple[str, str]]:
         """Return path and type of each mission leaf, in document order."""

@@ -8,9 +8,9 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Exhibit, QueryKnowledge, Request
 from behavior_controller.leaves.base import (
     InstantAction, InstantCondition, MissionLeaf, ServiceLeaf, leaf_spec)
-from behavior_controller.leaves.data import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2,
-                                             EXHIBITS, GESTURE_TARGET, LEFT_OUT, NEXT_EXHIBIT,
-                                             TARGET_LOCATION, named)
+from behavior_controller.leaves.data import (
+    CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET, LEFT_OUT,
+    NEXT_EXHIBIT, TARGET_LOCATION, named)
 
 
 def advance(leaf: MissionLeaf, exhibits: Sequence[Exhibit], index: int, state: str,
@@ -97,9 +97,10 @@ def leave_out_exhibit(leaf: MissionLeaf) -> bool:
     Raises PortError.
     """
     exhibits, index = leaf.get_input_or("exhibits", ()), leaf.get_input_or("nextExhibit", 0) - 1
-    if not 0 <= index < len(exhibits) or leaf.get_input_or("targetLocation",
-                                                           None) != exhibits[index].location:
+    if not 0 <= index < len(exhibits):
         return True  # no exhibit is under way
+    if leaf.get_input_or("targetLocation", None) != exhibits[index].location:
+        return True  # the robot goes elsewhere
     advance(leaf, exhibits, index, OMITTED)
     before = leaf.get_input_or("leftOutExhibits", [])
     left_out = sorted({index}.union(before))

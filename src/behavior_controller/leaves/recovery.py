@@ -77,10 +77,9 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
 
     def _is_affordable(self) -> bool:
         now, policy = self.mission.clock.now(), self.mission.policy
-        recent = [began
-                  for began in self.mission.recoveries if began > now - policy.seconds] + [now]
-        self.mission.recoveries = recent
-        return len(recent) <= policy.most
+        recent = [began for began in self.mission.recoveries if began > now - policy.seconds]
+        self.mission.recoveries = [*recent, now]
+        return len(recent) < policy.most
 
     def on_running(self) -> Result:
         """Go on with the recovery."""
@@ -98,8 +97,8 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
     def _tell(self, leaf: MissionLeaf, failure: Failure, policy: str, attempts: int, outcome: str,
               reason: str) -> None:
         self.mission.events.emit(
-            Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts, outcome
-                      != GIVEN_UP, outcome, reason, self.uid))
+            Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts,
+                      outcome != GIVEN_UP, outcome, reason, self.uid))
 
     def _finished(self, outcome: str, failure: Optional[Failure]) -> Result:
         # a failed recovery is not recorded as a failure: an outer HandleFallBack looks for the
@@ -192,14 +191,12 @@ class _Round:
             return False
         if self._pause is not None and self._pause.callback is not None:
             return True
-        if not self.recovery.is_indispensable or not self._mission.health.is_gone(
-                self.recovery.failure.resource):
+        health, resource = self._mission.health, self.recovery.failure.resource
+        if not self.recovery.is_indispensable or not health.is_gone(resource):
             return False
         if self._patience is None:
-            resource = self.recovery.failure.resource
-            node = self._mission.health.gone_node(resource)
-            self._leaf.begin_wait("waiting for {} to return".format(
-                "/" + node if node else resource), RETURN_LIMIT)
+            self._leaf.begin_wait(f"waiting for {health.gone_name(resource)} to return",
+                                  RETURN_LIMIT)
             self._patience = self._mission.clock.call_after(RETURN_LIMIT, self._leaf.wake)
         return self._patience.callback is not None
 

@@ -14,7 +14,7 @@ DECLARED_BY: Dict[Offer, extensions.Extension] = {}
 
 def _extended(robot: Interface) -> Interface:
     """Return the robot with what other packages declare for it. Raises BrokenExtension."""
-    for extension in extensions.found("interface"):
+    for extension in extensions.exported("interface"):
         services = extension.declared("SERVICES", Service)
         topics = extension.declared("TOPICS", Topic)
         for offer in services + topics:
