@@ -99,7 +99,7 @@ _COMPARISON = _LEVELS["=="]
 
 
 def _tokens(text: str) -> List[Token]:
-    found: List[Token] = []
+    tokens: List[Token] = []
     for match in _TOKEN.finditer(text):
         kind = match.lastgroup
         if kind == "blank":
@@ -108,9 +108,9 @@ def _tokens(text: str) -> List[Token]:
         if kind == "wrong":
             raise ScriptSyntaxError(f"Invalid token '{shown(word)}' at position {match.start()}",
                                     match.start(), _HINTS.get(word[0], ""))
-        found.append((word if kind == "operator" else str(kind), word, match.start()))
-    found.append(("end", "", len(text)))
-    return found
+        tokens.append((word if kind == "operator" else str(kind), word, match.start()))
+    tokens.append(("end", "", len(text)))
+    return tokens
 
 
 _HINTS = {'"': "a text needs single quotes: 'yes'", "%": "scripts have no remainder",
