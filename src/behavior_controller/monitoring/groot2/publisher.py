@@ -393,31 +393,20 @@ def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
 
 # ----------------------------------------------------------------------------------- the blackboard
 
-_MAP, _ARRAY = (0x80, 0xde), (0x90, 0xdc)
-"""First bytes of MessagePack's maps and arrays: the short form, plus its length, and the form with
-a length of two bytes."""
-
-
 def pack(value: Any) -> bytes:
     """Return MessagePack as the library writes it: keys in order, and reals in four bytes where
     that loses nothing."""
+    return msgspec.msgpack.encode(_as_written(value))
+
+
+def _as_written(value: Any) -> Any:
     if isinstance(value, dict):
-        return _head(_MAP, len(value)) + b"".join(
-            msgspec.msgpack.encode(key) + pack(value[key]) for key in sorted(value))
+        return {key: _as_written(value[key]) for key in sorted(value)}
     if isinstance(value, list):
-        return _head(_ARRAY, len(value)) + b"".join(pack(item) for item in value)
+        return list(map(_as_written, value))
     if isinstance(value, float) and _fits_single(value):
-        return struct.pack(">Bf", 0xca, value)
-    return msgspec.msgpack.encode(value)
-
-
-def _head(forms: Tuple[int, int], length: int) -> bytes:
-    short, long = forms
-    if length < 0x10:
-        return struct.pack("B", short + length)
-    if length < 0x10000:
-        return struct.pack(">BH", long, length)
-    return struct.pack(">BI", long + 1, length)
+        return msgspec.Raw(struct.pack(">Bf", 0xca, value))
+    return value
 
 
 def _fits_single(value: float) -> bool:
