@@ -250,7 +250,7 @@ def read_source(path: str, what: str) -> Source:
     try:
         return Source(path, read_text(path))
     except Unreadable as error:
-        raise ConfigurationError([Fault(path, 0, 0, f"{what} cannot be read: {error}")]) from error
+        raise ConfigurationError.of(path, f"{what} cannot be read: {error}") from error
 
 
 def read_lines(source: Source, faults: List[Fault], take: Callable[[int, str], None]) -> None:

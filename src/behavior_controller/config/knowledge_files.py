@@ -402,7 +402,7 @@ def _source(configuration: Source, kind: str, mission: str = "") -> Source:
         text = "this is not a knowledge file of release 1.0"
         if actual:
             text = f"this is the {actual} file"
-        raise ConfigurationError([Fault(path, 0, 0, text, hint)])
+        raise ConfigurationError.of(path, text, hint)
     return source
 
 

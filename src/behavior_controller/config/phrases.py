@@ -169,8 +169,7 @@ def load(language: str, mission: str = "") -> Phrases:
         hint = did_you_mean(language, known) or (
             f"there are: {', '.join(known)}; another language is a file "
             f"data/phrases_{language}.ini")
-        raise ConfigurationError(
-            [Fault("language", 0, 0, f"there are no phrases in {language}", hint)])
+        raise ConfigurationError.of("language", f"there are no phrases in {language}", hint)
     name = f"phrases_{language}.ini"
     own = read_source(folders.of_mission(folders.data(name), mission), "the file of phrases")
     read(own, KEYS)

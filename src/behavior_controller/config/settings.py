@@ -169,8 +169,9 @@ def unread(words: Iterable[str], keys: Optional[Sequence[str]] = None) -> List[F
         if not is_assignment or "/" in name or name in ROS_WORDS:
             continue
         is_special = name.startswith("__")
-        hint = did_you_mean(name, ROS_WORDS) if is_special else did_you_mean(
-            "_" + name, ["_" + key for key in keys])
+        hint = did_you_mean("_" + name, ["_" + key for key in keys])
+        if is_special:
+            hint = did_you_mean(name, ROS_WORDS)
         if hint or is_special:
             faults.append(Fault("argument " + word, 0, 0, f"the node does not read {name}",
                                 hint or f"allowed: {', '.join(ROS_WORDS)}"))

@@ -217,8 +217,8 @@ def _leaf_failed(state: State, event: LeafFinished, failure: Failure) -> State:
     why = Reason(FAILED, event.node, failure, without=state.course.without)
     failed = LeafFailure(state.at, state.visit_count, event.uid, event.node, event.path, failure, 0,
                          event.seconds)
-    state = replace(state, failures={**state.failures, event.path: (failed,)}, results={
-        **state.results, event.uid: state.results.get(event.uid, ()) + (failure,)})
+    results = {**state.results, event.uid: state.results.get(event.uid, ()) + (failure,)}
+    state = replace(state, failures={**state.failures, event.path: (failed,)}, results=results)
     return _conclude(_change_course(state, failed=(event.uid, why), stuck=why), failed)
 
 
@@ -318,9 +318,12 @@ def _retried(state: State, event: Retried) -> State:
     failed = LeafFailure(state.at, state.visit_count, uid, event.node, event.path, event.failure,
                          event.attempt)
     failures = {**state.failures, event.path: state.failures.get(event.path, ()) + (failed,)}
-    state = _end_steps(state, lambda step: step.uid == uid or isinstance(
-        step.cause, Recovering) and step.cause.path == event.path)
+    state = _end_steps(state, lambda step: step.uid == uid or _recovers(step, event.path))
     return _conclude(replace(state, failures=failures), failed)
+
+
+def _recovers(step: Step, path: str) -> bool:
+    return isinstance(step.cause, Recovering) and step.cause.path == path
 
 
 def _recovered(state: State, event: Recovered) -> State:
@@ -360,8 +363,9 @@ def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) ->
     kept = {path: failed for path, failed in state.failures.items() if path != event.path}
     if failures and not ended.is_halted:
         kept[recovery.path] = failures[:1]
-    return _conclude(replace(state, recovered=None, failures=kept, recoveries=tuple(
-        other for other in state.recoveries if other.uid != event.uid)), ended)
+    recoveries = tuple(other for other in state.recoveries if other.uid != event.uid)
+    state = replace(state, recovered=None, failures=kept, recoveries=recoveries)
+    return _conclude(state, ended)
 
 
 def _paused(state: State, event: Paused) -> State:
@@ -423,8 +427,8 @@ def _answered(state: State, event: Answered) -> State:
     if exchange is None:  # its request was lost
         return state
     ended = replace(exchange, answered=state.at, result=event.result)
-    return _conclude(replace(state, exchanges=_without(state.exchanges, exchange),
-                             robot=_moved(state.robot, ended)), ended)
+    state = replace(state, exchanges=_without(state.exchanges, exchange))
+    return _conclude(replace(state, robot=_moved(state.robot, ended)), ended)
 
 
 def _feedback_received(state: State, event: FeedbackReceived) -> State:
@@ -564,6 +568,6 @@ _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
 }
 """What interprets each kind of event."""
 
-if set(_HANDLERS) != set(EVENTS):
-    raise TypeError("the model of a run does not interpret {}".format(
-        ", ".join(sorted(kind.__name__ for kind in set(EVENTS) - set(_HANDLERS)))))
+_unknown = sorted(kind.__name__ for kind in set(EVENTS).difference(_HANDLERS))
+if _unknown:
+    raise TypeError(f"the model of a run does not interpret {', '.join(_unknown)}")

@@ -87,13 +87,15 @@ class PressYesNoDialogue(ServiceLeaf):
         pressed = self.mission.phrases.pressed_answer(answer.response)
         if pressed is not None:
             self.set_output("visitorResponse", pressed)
-            label = self.mission.phrases.tablet_options[pressed != YES]
+            yes, no = self.mission.phrases.tablet_options
+            label = yes if pressed == YES else no
             self.summary = LeafSummary("pressed", f"the visitor pressed “{label}”", pressed)
             return None
         if answer.response.strip() in ("", "0"):
             return Failure(Cause.MISSING_DATA, "the visitor pressed nothing", self.resource)
-        return Failure(Cause.UNUSABLE_ANSWER, "the response {!r} is none of {}".format(
-            answer.response, ", ".join(self.mission.phrases.tablet_options)), self.resource)
+        options = ", ".join(self.mission.phrases.tablet_options)
+        text = f"the response {answer.response!r} is none of {options}"
+        return Failure(Cause.UNUSABLE_ANSWER, text, self.resource)
 
 
 SPECS = (

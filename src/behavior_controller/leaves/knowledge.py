@@ -16,8 +16,9 @@ from behavior_controller.leaves.data import (
 def advance(leaf: MissionLeaf, exhibits: Sequence[Exhibit], index: int, state: str,
             noun: str = "") -> None:
     """Emit the state of the exhibit ``index`` (from 0) of the list."""
-    leaf.mission.events.emit(StopChanged(leaf.uid, leaf.registration_id, leaf.full_path, index + 1,
-                                         len(exhibits), exhibits[index].name, state, noun))
+    leaf.mission.events.emit(
+        StopChanged(leaf.uid, leaf.registration_id, leaf.full_path, index + 1, len(exhibits),
+                    exhibits[index].name, state, noun))
 
 
 class RetrieveListOfExhibits(ServiceLeaf):
@@ -128,10 +129,10 @@ class LookUp(ServiceLeaf):
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Store the place."""
-        if len(answer.exhibits) != 1:
-            return Failure(Cause.UNUSABLE_ANSWER,
-                           f"the knowledge base has {len(answer.exhibits)} places for "
-                           f"{self.place}; exactly 1 is needed", self.resource)
+        count = len(answer.exhibits)
+        if count != 1:
+            text = f"the knowledge base has {count} places for {self.place}; exactly 1 is needed"
+            return Failure(Cause.UNUSABLE_ANSWER, text, self.resource)
         name = "its home" if self.place == "home" else "the " + self.place
         location, target = named(answer.exhibits[0], name)
         self.set_output("targetLocation", location)

@@ -47,9 +47,9 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         is_affordable = self._is_affordable()
         self.mission.failures.is_budget_spent |= not is_affordable
         can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
-        self._round = _Round(self, failed, Recovery(
-            self.mission.policy, failed.leaf.spec, failed.failure, can_redo, is_affordable,
-            lambda: self._leave_out(steps)))
+        recovery = Recovery(self.mission.policy, failed.leaf.spec, failed.failure, can_redo,
+                            is_affordable, lambda: self._leave_out(steps))
+        self._round = _Round(self, failed, recovery)
         return self.on_running()
 
     def _leave_out(self, steps: List[Any]) -> bool:
@@ -203,8 +203,9 @@ class _Round:
     def _judged(self, failure: Optional[Failure]) -> Step:
         step = self.recovery.attempted(failure)
         if failure is not None:
-            self._mission.events.emit(Retried(self._doing.registration_id, self._doing.full_path,
-                                              self.recovery.attempts, failure))
+            doing, attempts = self._doing, self.recovery.attempts
+            self._mission.events.emit(
+                Retried(doing.registration_id, doing.full_path, attempts, failure))
         return step
 
     def _cancel_timers(self) -> None:

@@ -85,9 +85,10 @@ class SayText(Question):
 
     def request(self) -> Union[Request, Failure]:
         """Say the phrase; a culture file may have none of that number."""
-        knowledge, phrases = self.mission.knowledge, self.mission.phrases
-        text = phrases.utility(self.number) if knowledge is None else knowledge.phrases.get(
-            self.number)
+        knowledge = self.mission.knowledge
+        text = self.mission.phrases.utility(self.number)
+        if knowledge is not None:
+            text = knowledge.phrases.get(self.number)
         if text is None:
             return Failure(Cause.MISSING_DATA, f"there is no utility phrase {self.number}",
                            self.resource)

@@ -219,8 +219,8 @@ def find(name: str) -> str:
     if name in known:
         return known[name]
     hint = did_you_mean(name, known) or f"there are: {', '.join(sorted(known))}"
-    raise ConfigurationError([Fault("scenarioSpecification", 0, 0,
-                                    "there is no mission " + folders.mission(name), hint)])
+    text = "there is no mission " + folders.mission(name)
+    raise ConfigurationError.of("scenarioSpecification", text, hint)
 
 
 def missions() -> List[str]:

@@ -129,8 +129,8 @@ class Board:
             self._take(at, make(*values))
         if self._has_missed and self.tree is not None:
             self._has_missed = False
-            self._view.show(replace(
-                self.state, letters="".join(LETTERS[node.status] for node in self.tree.nodes)))
+            letters = "".join(LETTERS[node.status] for node in self.tree.nodes)
+            self._view.show(replace(self.state, letters=letters))
             self._touch("statuses", "now")
 
     def _touch(self, *parts: str) -> None:

@@ -87,10 +87,11 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 print("missionStatus: the mission has ended: " + clean(state.now.ended))
                 return exit_codes.SUCCESS
     except NoMission as reason:
-        what = "missionStatus: the connection to {} is lost ({})" if shown else (
-            "missionStatus: no mission answers at {} ({}): does behaviorController run, with this "
+        why = clean(str(reason))
+        what = f"the connection to {place} is lost ({why})" if shown else (
+            f"no mission answers at {place} ({why}): does behaviorController run, with this "
             "monitorPort?")
-        print(what.format(place, clean(str(reason))), file=sys.stderr)
+        print("missionStatus:", what, file=sys.stderr)
         return exit_codes.UNAVAILABLE
     except OSError as error:
         print(f"missionStatus: cannot print: {error.strerror}", file=sys.stderr)
@@ -225,8 +226,7 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     doing = card_line(now.card, state.alive.at + state.silent) or now.card.what
     head = [f"mission {os.path.basename(mission.file)}: {doing}", "robot: " + now.robot.text]
     head += list(_why_outdated(state)) + list(_troubles(state))
-    return [clean(line) for line in head] + list(_tree(mission.nodes, state.statuses.letters,
-                                                       is_all))
+    return [*map(clean, head), *_tree(mission.nodes, state.statuses.letters, is_all)]
 
 
 def fitted(text: List[str], width: int, height: int) -> List[str]:

@@ -15,7 +15,7 @@ from rospy.impl import tcpros_base
 from std_msgs.msg import String
 
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.errors import ConfigurationError
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
@@ -54,9 +54,9 @@ def types() -> Tuple[Any, ...]:
     trigger = roslib.message.get_service_class("std_srvs/Trigger")
     messages = [roslib.message.get_message_class("diagnostic_msgs/" + name) for name in MESSAGES]
     if None in (trigger, *messages):
-        raise ConfigurationError([Fault(
-            "rosInterface", 0, 0, "it needs the ROS packages std_srvs and diagnostic_msgs",
-            "install them, or set rosInterface false")])
+        raise ConfigurationError.of(
+            "rosInterface", "it needs the ROS packages std_srvs and diagnostic_msgs",
+            "install them, or set rosInterface false")
     return (trigger, *messages)
 
 

@@ -312,9 +312,9 @@ class Latch:
         """
         value = None if self._topic.is_continuous else self._decode(data)
         if value:
-            self._warn_ignored("latching", value, (
-                f"{_sender(header)} publishes it latched, so it may be old; publish it without "
-                f"latching: rostopic pub -r 1 {self.name} …"))
+            text = (f"{_sender(header)} publishes it latched, so it may be old; publish it without "
+                    f"latching: rostopic pub -r 1 {self.name} …")
+            self._warn_ignored("latching", value, text)
 
     def _warn_ignored(self, cause: str, value: Any, text: str) -> None:
         self._warn_once(cause, f"ignoring {value!r} on {self.name}: {text}")

@@ -157,8 +157,8 @@ def _called(connection: "Connection", uri: str, method: str, arguments: Tuple[An
     sock = http_connection.sock = connection.connect(place.hostname, place.port or 80, seconds)
     # header and body are sent one after the other
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    http_connection.request("POST", place.path or "/RPC2", xmlrpc.client.dumps(
-        (rospy.get_name(),) + arguments, method).encode(), {"Content-Type": "text/xml"})
+    request = xmlrpc.client.dumps((rospy.get_name(),) + arguments, method).encode()
+    http_connection.request("POST", place.path or "/RPC2", request, {"Content-Type": "text/xml"})
     response = http_connection.getresponse()
     if response.status != http.client.OK:
         raise ValueError(f"HTTP status {response.status} {response.reason}")

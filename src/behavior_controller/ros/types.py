@@ -58,8 +58,9 @@ def _answer_of(offer: Offer, kind: Any) -> Any:
 
 def _broken(offer: Offer, text: str) -> Exception:
     extension = DECLARED_BY.get(offer)
-    return ImportError(text) if extension is None else extension.broken(
-        text, *extensions.quoted(offer.name))
+    if extension is None:
+        return ImportError(text)
+    return extension.broken(text, *extensions.quoted(offer.name))
 
 
 def _read_empty(offer: Offer, read: Callable[[Any], object], message: Any) -> None:

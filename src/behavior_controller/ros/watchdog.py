@@ -101,8 +101,10 @@ class Monitor:
         reported."""
         added = [offer for offer in offers if offer not in self._offers]
         self._offers += tuple(added)
-        self._may_lack = self._may_lack.union(added) if may_lack else self._may_lack.difference(
-            offers)
+        if may_lack:
+            self._may_lack = self._may_lack.union(added)
+        else:
+            self._may_lack = self._may_lack.difference(offers)
         for offer in added:
             # a subscriber has no address to connect to
             if not isinstance(offer, (Topic, Publication)):
@@ -229,10 +231,12 @@ class Monitor:
             self._silent.pop(topic, None)
         else:
             self._silent[topic] = latch.last_arrival, silence + RECONNECT
+        status, consequence = "heard again", ""
+        if not is_well:
+            status = f"silent for {silence:.1f} s"
+            consequence = "until it is heard again, " + topic.absence
         self._report(SILENT, HealthChanged(
-            topic.kind, latch.name, topic.node, is_well,
-            "heard again" if is_well else f"silent for {silence:.1f} s",
-            "" if is_well else "until it is heard again, " + topic.absence))
+            topic.kind, latch.name, topic.node, is_well, status, consequence))
 
 
 def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:

@@ -131,8 +131,8 @@ def read(path: str) -> Document:
     try:
         data = read_bytes(path, LARGEST)
     except Unreadable as error:
-        raise MissionError([Fault(path, 0, 0, f"the file cannot be read: {error}",
-                                  code=rules.UNREADABLE_FILE.code)]) from error
+        text, code = f"the file cannot be read: {error}", rules.UNREADABLE_FILE.code
+        raise MissionError([Fault(path, 0, 0, text, code=code)]) from error
     return parse(data, path)
 
 
@@ -231,9 +231,9 @@ def _included_path(element: Element) -> Optional[str]:
     path = element.attributes.get("path", "")
     faults = element.document.faults
     if not path:
-        faults.append(
-            element.fault(rules.INCLUDE_WITHOUT_PATH, "<include> lacks the attribute path",
-                          "it is relative to this file", "path"))
+        text = "<include> lacks the attribute path"
+        faults.append(element.fault(
+            rules.INCLUDE_WITHOUT_PATH, text, "it is relative to this file", "path"))
     elif "ros_pkg" in element.attributes and not os.path.isabs(path):
         package = element.attributes["ros_pkg"]
         folder = package_folder(package)

@@ -208,9 +208,8 @@ class _NodeHooks(NodeHook):
         place.hook = hook
         if not hook.enabled:
             place.release()
-        self._tell(hook, "is set{}{}".format(
-            "" if hook.mode == BREAKPOINT else " to " + hook.desired_status,
-            "" if hook.enabled else ", but disabled"))
+        result = "" if hook.mode == BREAKPOINT else " to " + hook.desired_status
+        self._tell(hook, f"is set{result}" + ("" if hook.enabled else ", but disabled"))
 
     def release(self, hook: Hook, text: str) -> None:
         """Replace the hook at the same place by ``hook`` and let a breakpoint go on; the operator
@@ -235,9 +234,9 @@ class _NodeHooks(NodeHook):
             self._node.hook = None
 
     def _tell(self, hook: Hook, text: str) -> None:
-        self._owner.tell("Groot2: {} {} {} {}".format(
-            "breakpoint" if hook.mode == BREAKPOINT else "replacement",
-            "before" if hook.position == BEFORE else "after", self._node.full_path, text))
+        kind = "breakpoint" if hook.mode == BREAKPOINT else "replacement"
+        where = "before" if hook.position == BEFORE else "after"
+        self._owner.tell(f"Groot2: {kind} {where} {self._node.full_path} {text}")
 
     def before(self, node: Node) -> Optional[Result]:
         """Return the result that replaces the node's tick, if any; its own result if it waits after

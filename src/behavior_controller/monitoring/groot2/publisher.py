@@ -285,8 +285,8 @@ class _Shown:
 
     def unlock(self, frames: List[bytes]) -> None:
         """``U``: a breakpoint may go on."""
-        if not self.hooks.unlock(*read_fields(
-                _json(frames), "position", "uid", "desired_status", "remove_when_done")):
+        names = ("position", "uid", "desired_status", "remove_when_done")
+        if not self.hooks.unlock(*read_fields(_json(frames), *names)):
             raise Refused("Node ID not found")
 
     def dump_hooks(self, frames: List[bytes]) -> bytes:
@@ -374,8 +374,8 @@ def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
         board = node.children[0].blackboard
         path = next(path for path, other in tree.blackboards.items() if other is board)
         shown = {"ID": node.attributes["ID"], "_fullpath": path, "_uid": str(node.uid)}
-        shown.update((key, text) for key, text in node.attributes.items() if key in CONDITIONS or (
-            key not in ("ID", "name") and key[:1] != "_"))
+        shown.update((key, text) for key, text in node.attributes.items()
+                     if key in CONDITIONS or key not in ("ID", "name") and key[:1] != "_")
         children: List[Node] = []
     else:
         shown = {"name": node.name, "_uid": str(node.uid)}
@@ -383,8 +383,8 @@ def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
         shown.update((key, text) for key, text in node.attributes.items()
                      if key in CONDITIONS or key in ports)
         children = node.children
-    start = "<{} {}".format(node.registration_id, " ".join(
-        f"{key}={quoteattr(text)}" for key, text in shown.items()))
+    attributes = " ".join(f"{key}={quoteattr(text)}" for key, text in shown.items())
+    start = f"<{node.registration_id} {attributes}"
     if not children:
         return [start + "/>"]
     lines = ["  " + line for child in children for line in _element(child, inside, tree)]

@@ -63,8 +63,8 @@ def decode(data: bytes, file: str) -> Iterator[Line]:
         if text.endswith(b"\n"):  # else it was torn when the node was killed
             yield from decoder.read(text)
     if not decoder.has_mission:
-        raise MissionError([Fault(file, 0, 0, "the record has no mission in it",
-                                  "was the node stopped before it began?")])
+        raise MissionError.of(file, "the record has no mission in it",
+                              "was the node stopped before it began?")
 
 
 class Decoder:

@@ -190,10 +190,15 @@ def _written(run: Drawn) -> Tuple[Dict[str, Written], str]:
     except BehaviorControllerError as error:
         return {}, ("No lines and ports of the nodes are known: this release cannot read the "
                     f"mission ({error}).")
-    number = {source.file: place for place, source in enumerate(sources)}
-    return {node.full_path: Written(number[node.element.document.file], node.element.place()[0], [
-        (name, text, name in node.element.attributes) for name, text in port_texts(node).items()])
-            for node in tree.nodes if node.element is not None}, ""
+    numbers = {source.file: number for number, source in enumerate(sources)}
+    written = {}
+    for node in tree.nodes:
+        element = node.element
+        ports = [(name, text, name in element.attributes)
+                 for name, text in port_texts(node).items()]
+        written[node.full_path] = Written(
+            numbers[element.document.file], element.place()[0], ports)
+    return written, ""
 
 
 def _script() -> str:

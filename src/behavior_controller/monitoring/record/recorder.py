@@ -63,16 +63,15 @@ def new_folder(logs: str) -> str:
 
 def shown(tree: Tree) -> TreeShown:
     """Return the event for a tree that is going to run."""
-    return TreeShown(tree.id, [TreeNode(
+    return TreeShown(tree.id, list(map(_shown_node, tree.nodes)))
+
+
+def _shown_node(node: Any) -> TreeNode:
+    pause = node.attributes.get(node.spec.pause, "")
+    return TreeNode(
         node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
-        _pause(node), any(node.attributes.get(name) for name in PRE_CONDITIONS))
-        for node in tree.nodes])
-
-
-def _pause(node: Any) -> float:
-    """Return how many seconds a node pauses; 0 if it does not, or the file does not say it."""
-    text = node.attributes.get(node.spec.pause, "")
-    return int(text) / 1000.0 if text.isdecimal() else 0.0
+        int(pause) / 1000.0 if pause.isdecimal() else 0.0,
+        any(node.attributes.get(name) for name in PRE_CONDITIONS))
 
 
 def traversed(at: float, is_first: Optional[bool], changes: List[Change]) -> Tick:

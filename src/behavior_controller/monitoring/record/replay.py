@@ -12,7 +12,7 @@ from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import (
-    BehaviorControllerError, ConfigurationError, Fault, FaultsFound, MissionError)
+    BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
 from behavior_controller.execution.events import (
     LETTERS, Answered, Asked, Event, Events, HealthChanged, Line, Lost, Message, PassFinished,
     PassStarted, RunStarted, StillHearing, Tick, TreeNode)
@@ -60,16 +60,16 @@ def find_record(name: str) -> str:
     if name == LATEST and not os.path.exists(name):
         paths = _records_below(folders.records())
         if not paths:
-            raise MissionError([Fault(os.path.join(folders.records(), "*", FILE_NAME), 0, 0,
-                                      "there is no record yet", "name a record or its folder")])
+            place = os.path.join(folders.records(), "*", FILE_NAME)
+            raise MissionError.of(place, "there is no record yet", "name a record or its folder")
         return paths[-1]
     path = os.path.join(name, FILE_NAME)
     below = _records_below(name)
     if not below or os.path.exists(path):
         return path if os.path.isdir(name) else name
     if len(below) > 1:
-        raise MissionError([Fault(name, 0, 0, f"the folder has the records of {len(below)} runs",
-                                  f"name one, the newest is {os.path.dirname(below[-1])}")])
+        raise MissionError.of(name, f"the folder has the records of {len(below)} runs",
+                              f"name one, the newest is {os.path.dirname(below[-1])}")
     return below[0]
 
 
@@ -88,7 +88,7 @@ def stream_record(path: str) -> Iterator[Line]:
     try:
         data = read_bytes(path, MOST_BYTES)
     except Unreadable as error:
-        raise MissionError([Fault(path, 0, 0, f"the record cannot be read: {error}")]) from error
+        raise MissionError.of(path, f"the record cannot be read: {error}") from error
     return decode(data, path)
 
 
@@ -119,14 +119,13 @@ def _restored(what: str, read: Callable[[], Part]) -> Part:
     try:
         return read()
     except FaultsFound as invalid:
-        more = len(invalid.faults) - 1
-        raise _unusable("its {} cannot be used: {}{}".format(
-            what, invalid.faults[0], f"; and {more} more" if more else "")) from invalid
+        first, *others = invalid.faults
+        more = f"; and {len(others)} more" if others else ""
+        raise _unusable(f"its {what} cannot be used: {first}{more}") from invalid
 
 
-def _unusable(text: str) -> MissionError:
-    return MissionError(
-        [Fault("the record", 0, 0, text, "replay it with the release that wrote it")])
+def _unusable(text: str) -> FaultsFound:
+    return MissionError.of("the record", text, "replay it with the release that wrote it")
 
 
 class _Replay:
@@ -138,8 +137,10 @@ class _Replay:
             raise _unusable(
                 f"its interface is {sources.interface}; this release has {', '.join(INTERFACES)}")
         self.clock = ManualClock()
-        self.tree = load_tree(mission, clock=self.clock) if mission is not None else _restored(
-            "mission", lambda: build_tree(
+        if mission is not None:
+            self.tree = load_tree(mission, clock=self.clock)
+        else:
+            self.tree = _restored("mission", lambda: build_tree(
                 [parse(text, file) for file, text in sources.documents], clock=self.clock))
         self._nodes = nodes  # of the record, by uid - 1
         self._world = _World(INTERFACES[sources.interface])
@@ -205,9 +206,8 @@ class _Replay:
 
 def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:
     if interface.has_knowledge_files != (len(sources) == 2):
-        raise ConfigurationError([Fault(
-            "sources.knowledge", 0, 0,
-            f"{len(sources)} files do not fit the robot {interface.name}")])
+        raise ConfigurationError.of(
+            "sources.knowledge", f"{len(sources)} files do not fit the robot {interface.name}")
     return knowledge_files.read(sources[0], sources[1]) if sources else None
 
 
@@ -336,6 +336,5 @@ def _write(path: str, text: str) -> None:
         with open(path, "w", encoding="utf-8", errors="replace") as file:
             file.write(text)
     except (OSError, ValueError) as error:
-        raise MissionError([Fault(path, 0, 0,
-                                  "the report cannot be written: "
-                                  f"{getattr(error, 'strerror', None) or error}")]) from error
+        reason = getattr(error, "strerror", None) or error
+        raise MissionError.of(path, f"the report cannot be written: {reason}") from error
