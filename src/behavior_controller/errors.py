@@ -52,8 +52,13 @@ class FaultsFound(BehaviorControllerError):
     """A file has mistakes. ``faults`` holds all of them; the file was not used."""
 
     def __init__(self, faults: Sequence[Fault]):
-        super().__init__("\n".join(str(fault) for fault in faults))
+        super().__init__("\n".join(map(str, faults)))
         self.faults = tuple(faults)
+
+    @classmethod
+    def of(cls, file: str, text: str, hint: str = "") -> "FaultsFound":
+        """Return the error of a single mistake whose line is not known."""
+        return cls([Fault(file, 0, 0, text, hint)])
 
 
 class ConfigurationError(FaultsFound):

@@ -16,5 +16,5 @@ FAILURE = 3
 BROKEN = 4
 """The node could not go on: no memory, threads or files left, or an internal error."""
 
-FOUND = 4
+FINDINGS = 4
 """A rehearsal has findings."""

@@ -94,7 +94,7 @@ def quoted(name: str) -> Tuple[str, str]:
 
 
 @functools.lru_cache(maxsize=None)
-def found(kind: str) -> Tuple[Extension, ...]:
+def exported(kind: str) -> Tuple[Extension, ...]:
     """Return the modules of a kind, by the name of their package. Raises BrokenExtension."""
     return tuple(_loaded(package, folder, kind, modules[kind])
                  for package, folder, modules in _exports() if kind in modules)

@@ -11,8 +11,7 @@ def share(module_folder: str = _HERE, package: str = "cssr_system") -> str:
     folder = os.path.realpath(module_folder)
     while True:
         for candidate in (folder, os.path.join(folder, "share", package)):
-            if os.path.isdir(os.path.join(candidate, "data")) and os.path.isdir(
-                    os.path.join(candidate, "config")):
+            if all(os.path.isdir(os.path.join(candidate, part)) for part in ("config", "data")):
                 return candidate
         parent = os.path.dirname(folder)
         if parent == folder:

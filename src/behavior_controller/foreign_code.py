@@ -69,8 +69,9 @@ def place(file: str, line: int) -> str:
 def is_ctrl_c(error: BaseException) -> bool:
     """Return whether Python raised ``error`` because of a Ctrl-C, wherever the program was, and not
     a statement of it."""
-    if not isinstance(error, KeyboardInterrupt) or signal.getsignal(
-            signal.SIGINT) is not signal.default_int_handler:
+    if not isinstance(error, KeyboardInterrupt):
+        return False
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         return False
     innermost = error.__traceback__
     while innermost is not None and innermost.tb_next is not None:

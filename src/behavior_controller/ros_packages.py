@@ -30,8 +30,8 @@ def package_folder(name: str) -> Optional[str]:
 
 def package_name(manifest: bytes) -> Optional[str]:
     """Return the name that the content of a package.xml gives, or None."""
-    found = _NAME.search(manifest)
-    return found.group(1).decode("utf-8", "replace") if found is not None else None
+    match = _NAME.search(manifest)
+    return match.group(1).decode("utf-8", "replace") if match is not None else None
 
 
 def package_folders(most: Optional[int] = None) -> Iterator[str]:

@@ -56,7 +56,7 @@ def without_controls(text: str, redraws: bool = False) -> str:
     If it ``redraws`` a window, the control sequences for that stay too.
     """
     return (_OTHER_CONTROL if redraws else _CONTROL).sub(
-        lambda found: found.group().encode("unicode_escape").decode("ascii"), text)
+        lambda match: match.group().encode("unicode_escape").decode("ascii"), text)
 
 
 def read_text(path: str) -> str:

@@ -28,7 +28,7 @@ from behavior_controller.robot.requests import Answer, Request  # noqa: E402
 from behavior_controller.ros.service_client import RosGateway  # noqa: E402
 from behavior_controller.ros.startup_check import find_missing  # noqa: E402
 from behavior_controller.ros.subscriber import RosTopics  # noqa: E402
-from behavior_controller.ros.types import TYPES, found  # noqa: E402
+from behavior_controller.ros.types import TYPES, message_class  # noqa: E402
 from behavior_controller.ros.watchdog import Monitor  # noqa: E402
 
 LONG = 20.0
@@ -94,7 +94,7 @@ class TestActions(unittest.TestCase):
         """Ask by the declaration ``offer`` from now on."""
         self.offers = (offer,) + others
         for each in self.offers:
-            TYPES[each] = found(each)
+            TYPES[each] = message_class(each)
             self.addCleanup(TYPES.pop, each)
         self.clock, self.wake = Clock(), WakeUp()
         interface = Interface("test", self.offers, (), (), {})
@@ -204,7 +204,7 @@ class TestActions(unittest.TestCase):
 
     def test_the_monitor_notices_a_server_that_dies_and_one_that_is_started(self):
         turn = action("/turn/away")
-        TYPES[turn] = found(turn)
+        TYPES[turn] = message_class(turn)
         self.addCleanup(TYPES.pop, turn)
         health, events, seen = Health(), Events(), []
         events.subscribe(seen.append)

@@ -421,10 +421,10 @@ class TestGateway(unittest.TestCase):
                                "is to tell the outcome of /textToSpeech/say_text; it has: success, "
                                "response")):
             with self.assertRaises(ImportError) as raised:
-                types.found(dataclasses.replace(declared, **changed))
+                types.message_class(dataclasses.replace(declared, **changed))
             self.assertEqual(str(raised.exception), told)
         self.assertIs(
-            types.found(dataclasses.replace(declared,
+            types.message_class(dataclasses.replace(declared,
                                             answer=lambda response: response.response[0])),
             types.TYPES[declared])  # an answer need not be readable while it is empty
 

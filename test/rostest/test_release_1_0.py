@@ -28,7 +28,8 @@ from behavior_controller.robot.requests import (
     SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.robot.release_1_0 import ATTENTION, INTERFACE, SPEECH  # noqa: E402
 from behavior_controller.ros.action_client import PARAMETERS, PATIENCE  # noqa: E402
-from behavior_controller.ros.speech_action_client import Hearing, ROUND_WHEN_LISTENING  # noqa: E402
+from behavior_controller.ros.speech_action_client import (  # noqa: E402
+    ROUND_WHEN_LISTENING, SpeechActionClient)
 from behavior_controller.ros.service_client import RosGateway  # noqa: E402
 from behavior_controller.ros.subscriber import RosTopics  # noqa: E402
 from behavior_controller.ros.types import TYPES  # noqa: E402
@@ -297,7 +298,7 @@ class TestHearing(unittest.TestCase):
         action = dataclasses.replace(SPEECH.action, deadline=1.0)
         TYPES[action] = TYPES[SPEECH.action]
         self.addCleanup(TYPES.pop, action)
-        hearing = Hearing(action, lambda: False, self.fail, lambda: None, self.fail)
+        hearing = SpeechActionClient(action, lambda: False, self.fail, lambda: None, self.fail)
         self.wait_until(lambda: hearing.is_there)
         asked = time.monotonic()
         hearing.listen(0.5)
@@ -349,7 +350,7 @@ class TestHearing(unittest.TestCase):
             self.addCleanup(lambda name=name: rospy.has_param(name) and rospy.delete_param(name))
         self.start()
         warnings = []
-        hearing = Hearing(SPEECH.action, lambda: False, lambda value: None, lambda: None,
+        hearing = SpeechActionClient(SPEECH.action, lambda: False, lambda value: None, lambda: None,
                           warnings.append)
         self.wait_until(lambda: warnings)
         time.sleep(1.2)  # two more attempts

@@ -17,7 +17,7 @@ from behavior_controller.cli import create_tree
 from behavior_controller.execution import run as run_module
 from behavior_controller.execution.events import (
     EntriesWritten, HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, RunFinished,
-    RunStarted, Sources, StepStarted, Suspended, Told)
+    RunStarted, Sources, StepStarted, Suspended, LeafSummary)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.state import State
@@ -129,11 +129,11 @@ def test_each_part_has_a_version_that_grows_with_it(monkeypatch):
     before = dict(board.versions)
     rig.mission.health.report(GONE, GONE_AWAY)
     rig.run(visitor_who(says="yes"))
-    board.look()
+    board.refresh()
     assert [name for name in PARTS if board.versions[name] == before[name]] == []
     monkeypatch.setattr(board_module, "PULSE", 1000.0)
     before = dict(board.versions)
-    board.look()
+    board.refresh()
     assert board.versions == before
 
 
@@ -154,10 +154,10 @@ def test_an_event_changes_what_it_is_about_and_nothing_else(monkeypatch, before,
     board = board_of(rig)
     for each in before:
         rig.mission.events.emit(each)
-    board.look()
+    board.refresh()
     versions = dict(board.versions)
     rig.mission.events.emit(event)
-    board.look()
+    board.refresh()
     assert [name for name in sorted(PARTS)
             if board.versions[name] != versions[name]] == changed.split()
 
@@ -203,7 +203,7 @@ def test_what_is_no_event_is_shown_when_it_changes(monkeypatch):
     versions = {}
 
     def changed():
-        board.look()
+        board.refresh()
         before, versions[0] = versions.get(0, board.versions), dict(board.versions)
         return {name for name in PARTS if board.versions[name] != before[name]}
 
@@ -240,13 +240,13 @@ def test_story_visits_health_trouble_and_blackboard():
     assert [(each["visit"], each["text"], each["uid"]) for each in shown] == [
         (sentence.visit, sentence.text, sentence.uid) for sentence in told]
     assert [each["number"] for each in shown] == list(range(1, len(told) + 1))
-    assert [each["told"].partition(" is ")[0] for each in ill] == ["/robotNavigation/set_goal"]
+    assert [each["trouble"].partition(" is ")[0] for each in ill] == ["/robotNavigation/set_goal"]
     assert board.part("visits")["outcomes"] == {"SUCCESS": 1}
     assert [(each["number"], each["outcome"], [
         (one["name"], one["state"]) for one in each["stops"]
     ]) for each in board.part("visits")["newest"]] == [(1, "SUCCESS", [("exhibit 1", "completed"),
                                                                        ("exhibit 2", "completed")])]
-    assert board.part("visits")["newest"][0]["told"] == how_it_ended(story.state.visit) != ""
+    assert board.part("visits")["newest"][0]["ending"] == how_it_ended(story.state.visit) != ""
     entries = board.part("blackboard")
     assert (entries["currentExhibit"], entries["exhibits"]) == (
         "exhibit 2", "exhibit 1, exhibit 2")
@@ -390,8 +390,8 @@ def test_calls_and_the_age_of_topics_are_part_of_the_health():
     board = board_of(rig)
     before = board.versions["health"]
     rig.mission.health.ended("/textToSpeech/say_text", 0.2516, 60.0, True)
-    rig.mission.health.heard["/faceDetection/data"] = time.monotonic() - 3.0
-    board.look()
+    rig.mission.health.last_arrivals["/faceDetection/data"] = time.monotonic() - 3.0
+    board.refresh()
     assert board.versions["health"] > before
     parts = board.part("health")
     said, seen = parts["/textToSpeech/say_text"], parts["/faceDetection/data"]
@@ -403,11 +403,11 @@ def test_calls_and_the_age_of_topics_are_part_of_the_health():
 
 def test_there_is_a_sign_of_life_every_second_though_nothing_happens():
     board = board_of(one_leaf("<Sleep msec='9000'/>"))
-    board.look()
+    board.refresh()
     before, ends = dict(board.versions), time.monotonic() + 5.0
     while board.versions["alive"] == before["alive"] and time.monotonic() < ends:
         time.sleep(0.01)
-        board.look()
+        board.refresh()
     assert [name for name in PARTS if board.versions[name] != before[name]] == ["health", "alive"]
 
 
@@ -434,7 +434,7 @@ def test_the_age_of_a_sign_of_life_is_told_in_tenths_of_a_second(monkeypatch):
     now = [50.0]
     let_time_stand(monkeypatch, now)
     rig = one_leaf("<Sleep msec='9000'/>")
-    rig.mission.health.heard["/faceDetection/data"] = 50.0
+    rig.mission.health.last_arrivals["/faceDetection/data"] = 50.0
     board = board_of(rig)
     found = []
     for now[0] in (50.0, 51.26, 52.9, 53.0):
@@ -520,10 +520,10 @@ def test_a_board_that_nobody_looks_at_keeps_no_more_than_the_newest_statuses(mon
 def test_that_a_visit_begins_is_shown_though_no_node_was_ticked_yet():
     rig = Rig()
     board = board_of(rig)
-    board.look()
+    board.refresh()
     before = dict(board.versions)
     rig.mission.events.emit(PassStarted(2, 0.0))
-    board.look()
+    board.refresh()
     assert {"now", "timeline"} <= {part for part in PARTS if board.versions[part] != before[part]}
 
 
@@ -531,10 +531,10 @@ def test_a_visit_has_the_time_of_the_arrival_and_until_then_that_of_its_begin(mo
     rig, now = Rig(), [0.0]
     let_time_stand(monkeypatch, now)
     board = board_of(rig)
-    for told in (None, Told("visit", "", "arrived")):
+    for told in (None, LeafSummary("visit", "", "arrived")):
         rig.mission.events.emit(PassStarted(1, 0.0) if told is None else
                                 LeafFinished(1, "x", "x", "SUCCESS", "", 0.0, None, told))
-        board.look()
+        board.refresh()
         assert board.part("story")["visit"]["time"] == time_of_day(now[0])
         now[0] += 75.0
 
@@ -564,10 +564,10 @@ def test_a_change_of_health_is_shown_at_once(monkeypatch):
     monkeypatch.setattr(board_module, "PULSE", 1000.0)
     rig = Rig()
     board = board_of(rig)
-    board.look()
+    board.refresh()
     before = board.versions["health"]
     rig.mission.events.emit(GONE_AWAY)
-    board.look()
+    board.refresh()
     assert board.versions["health"] != before
 
 

@@ -5,7 +5,7 @@ import pytest
 from behavior_controller.errors import MissionError
 from behavior_controller.execution.events import (
     EVENTS, Answered, Asked, Happening, LeafFinished, Line, Message, Noticed, OfNode, PassFinished,
-    RunStarted, Sources, StepStarted, Tick, StopChanged, Told, TreeNode, TreeShown)
+    RunStarted, Sources, StepStarted, Tick, StopChanged, LeafSummary, TreeNode, TreeShown)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.d543 import INTERFACE
 from behavior_controller.robot.requests import (
@@ -50,7 +50,7 @@ def written(events):
                   PassFinished(1, "FAILURE", 2.0),
                   StepStarted(2, "B", "b::2", "driving", "to it", 3.5, False),
                   StopChanged(2, "B", "b::2", 1, 2, "cup", "begun"),
-                  LeafFinished(2, "B", "b::2", "SUCCESS", "", 1.0, None, Told("said", "x"))
+                  LeafFinished(2, "B", "b::2", "SUCCESS", "", 1.0, None, LeafSummary("said", "x"))
               ], ids=str)
 def test_each_event_comes_back_as_it_was(event):
     lines = list(decode(written(BEGIN + [event]), "r"))

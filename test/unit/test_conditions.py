@@ -3,7 +3,7 @@ itself."""
 import pytest
 
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
-from behavior_controller.execution.events import LeafFinished, Noticed, StepStarted, Told
+from behavior_controller.execution.events import LeafFinished, Noticed, StepStarted, LeafSummary
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.d543 import ATTENTION, FACES, SPEECH
 from behavior_controller.robot.requests import Answer, AttentionStatus, Faces
@@ -82,17 +82,17 @@ def test_a_newer_message_puts_the_end_off():
 
 
 @pytest.mark.parametrize(
-    "condition, topic, value, told",
-    [("IsVisitorDiscovered", FACES, FACE, Told("visit", "", "arrived", 1000.0)),
-     ("IsVisitorDiscovered", FACES, NO_FACE, Told("visit", "", "left", 1000.0)),
-     ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus(
-         "seeking", 1), Told("visit", "", "engaged", 1000.0)),
+    "condition, topic, value, summary",
+    [("IsVisitorDiscovered", FACES, FACE, LeafSummary("visit", "", "arrived", 1000.0)),
+     ("IsVisitorDiscovered", FACES, NO_FACE, LeafSummary("visit", "", "left", 1000.0)),
+     ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 1),
+      LeafSummary("visit", "", "engaged", 1000.0)),
      ("IsMutualGazeDiscovered", ATTENTION, AttentionStatus("seeking", 0), None)])
-def test_what_is_seen_of_the_visitor_is_told_with_its_time(condition, topic, value, told):
+def test_what_is_seen_of_the_visitor_is_told_with_its_time(condition, topic, value, summary):
     rig = one_leaf("<{}/>".format(condition))
     rig.topics.publish(topic, value)
     rig.tick()
-    assert [event.told for event in rig.of(LeafFinished)] == [told]
+    assert [event.summary for event in rig.of(LeafFinished)] == [summary]
 
 
 def test_a_visitor_who_comes_goes_and_comes_is_reported_each_time():
@@ -211,7 +211,7 @@ def test_an_answer_is_stored_and_what_was_heard_is_told(utterance, result, store
     rig.topics.publish(SPEECH, utterance)
     assert rig.tick() is result
     assert rig.tree.blackboard.get("visitorResponse") == stored
-    said, = [event.told for event in rig.of(LeafFinished)]
+    said, = [event.summary for event in rig.of(LeafFinished)]
     mark = "unrecognised" if "Error" in utterance else stored or ""
     assert (said.kind, said.mark) == ("heard", mark)
     assert (utterance in said.text) is ("Error" not in utterance)
@@ -224,8 +224,8 @@ def test_an_utterance_from_before_the_end_of_the_question_is_no_answer():
     rig.clock.advance(1.0)
     rig.gateway.calls[0].finish(Answer())
     assert rig.tick() is FAILURE
-    assert [event.told.text.partition(" ")[0] for event in rig.of(LeafFinished)
-            if event.told] == ["asked"]
+    assert [event.summary.text.partition(" ")[0] for event in rig.of(LeafFinished)
+            if event.summary] == ["asked"]
     rig.clock.advance(1.0)
     rig.topics.publish(SPEECH, "hm")
     woken(rig)

@@ -5,8 +5,8 @@ import pytest
 from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
-    HealthChanged, LeafFinished, Noticed, PassFinished, PassStarted, Paused, Recovered, Recovering,
-    Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources, Told, StopChanged)
+    HealthChanged, LeafFinished, LeafSummary, Noticed, PassFinished, PassStarted, Paused, Recovered,
+    Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources, StopChanged)
 from behavior_controller.execution.events import Line
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.run import Run
@@ -60,7 +60,7 @@ def console(monkeypatch):
     Recovering(1, ODD, ODD, FAILURE, 1, 2),
     Recovering(1, ODD, ODD, FAILURE, 0, 2, ODD),
     StopChanged(1, ODD, ODD, 1, 2, ODD, "begun"),
-    LeafFinished(1, "-", "-", "SUCCESS", "-", 1.0, None, Told(ODD, ODD, ODD)),
+    LeafFinished(1, "-", "-", "SUCCESS", "-", 1.0, None, LeafSummary(ODD, ODD, ODD)),
     PassFinished(1, ODD, 1.0),
     Paused(FAILURE, ODD),
     Paused(FAILURE, "", ODD),
@@ -84,7 +84,7 @@ def test_each_event_is_told_on_lines_of_its_own(told, console, event, is_verbose
 
 def test_in_verbose_mode_a_leaf_is_told_with_what_it_said(told, console):
     event = LeafFinished(1, "WelcomeSpeech", "a/b", "SUCCESS", "/say", 1.25, None,
-                         Told("said", "said “Hello”"))
+                         LeafSummary("said", "said “Hello”"))
     console(event)
     console.is_verbose = True
     console(event)

@@ -105,5 +105,5 @@ def test_when_a_topic_was_heard_last_is_known_and_wakes_nothing():
     health.hear("/mode", 0.5)
     for number in range(99):
         health.hear("/faces", float(number))
-    assert health.heard == {"/mode": 0.5, "/faces": 98.0}
+    assert health.last_arrivals == {"/mode": 0.5, "/faces": 98.0}
     assert published(health) == [] and wakes == []

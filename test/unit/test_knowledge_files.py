@@ -96,7 +96,7 @@ def faults_of_load(package):
 def test_both_files_make_the_tour_and_the_phrases(package):
     found = knowledge_files.load()
     assert found.tour == (CAFE, FORGE, CAFE)
-    assert (found.start, found.end) == (CAFE, CAFE)
+    assert (found.tour[0], found.tour[-1]) == (CAFE, CAFE)
     assert found.language == "English"
     assert found.phrases == {number: "phrase {}".format(number) for number in range(1, 9)}
     assert found.warnings == ()
@@ -106,12 +106,12 @@ def test_both_files_make_the_tour_and_the_phrases(package):
 def test_the_tour_begins_and_ends_at_its_first_and_last_location():
     found = read(changed(ENVIRONMENT, ("3 4 9 4", "2 9 4")))
     assert found.tour == (FORGE, CAFE)
-    assert (found.start, found.end) == (FORGE, CAFE)
+    assert (found.tour[0], found.tour[-1]) == (FORGE, CAFE)
 
 
 def test_a_tour_of_one_location():
     found = read(changed(ENVIRONMENT, ("3 4 9 4", "1 9")))
-    assert (found.start, found.end, len(found.tour)) == (FORGE, FORGE, 1)
+    assert (found.tour[0], found.tour[-1], len(found.tour)) == (FORGE, FORGE, 1)
 
 
 def test_the_language_chooses_messages_and_phrases():

@@ -14,7 +14,7 @@ from behavior_controller.bt.engine.ports import literal_fault
 from behavior_controller.bt.registry import Kind, NodeSpec
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
-from behavior_controller.execution.events import LeafFinished, StepStarted, Told, StopChanged
+from behavior_controller.execution.events import LeafFinished, StepStarted, LeafSummary, StopChanged
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import (
@@ -368,8 +368,8 @@ def test_answers_that_are_none(node, answer, cause, message):
     rig = one_leaf("<{}/>".format(node), lambda request: answer)
     assert rig.tick() is FAILURE
     event, = rig.of(LeafFinished)
-    assert (event.failure, event.told) == (Failure(cause, message,
-                                                   service_of(rig.requests[0])), None)
+    failure = Failure(cause, message, service_of(rig.requests[0]))
+    assert (event.failure, event.summary) == (failure, None)
 
 
 @pytest.mark.parametrize("response, stored", [("Yes", "yes"), ("1", "yes"), ("no", "no"),
@@ -379,8 +379,8 @@ def test_the_tablet_stores_the_answer(response, stored):
     assert rig.tick() is SUCCESS
     assert rig.tree.blackboard.get("visitorResponse") == stored
     label = {"yes": "Yes", "no": "No"}[stored]
-    assert rig.of(LeafFinished)[0].told == Told("pressed", "the visitor pressed “{}”".format(label),
-                                                stored)
+    assert rig.of(LeafFinished)[0].summary == LeafSummary(
+        "pressed", "the visitor pressed “{}”".format(label), stored)
 
 
 @pytest.mark.parametrize("stored, result", [("yes", SUCCESS), ("no", FAILURE), (None, FAILURE)])
@@ -478,14 +478,15 @@ def test_places_with_the_same_coordinates_keep_their_names():
         "at second"]
 
 
-@pytest.mark.parametrize("node, told", [("WelcomeSpeech", Told("said", "said “{}”")),
-                                        ("QueryTourSpeech", Told("asked", "asked “{}”", "asked")),
-                                        ("SocialOvertAttentionMode", None)])
-def test_a_leaf_tells_what_it_has_done_unless_that_matters_to_nobody(node, told):
+@pytest.mark.parametrize("node, summary", [
+    ("WelcomeSpeech", LeafSummary("said", "said “{}”")),
+    ("QueryTourSpeech", LeafSummary("asked", "asked “{}”", "asked")),
+    ("SocialOvertAttentionMode", None)])
+def test_a_leaf_tells_what_it_has_done_unless_that_matters_to_nobody(node, summary):
     rig = one_leaf("<{}/>".format(node))
     rig.tick()
-    assert rig.of(LeafFinished)[0].told == (
-        told and replace(told, text=told.text.format(rig.requests[0].text)))
+    assert rig.of(LeafFinished)[0].summary == (
+        summary and replace(summary, text=summary.text.format(rig.requests[0].text)))
 
 
 def test_a_halted_leaf_drops_its_answer():

@@ -80,7 +80,7 @@ def test_a_package_that_cannot_be_used_is_told_with_the_other_faults(monkeypatch
     def found(kind):
         raise package.broken("it has no SPEECHES")
 
-    monkeypatch.setattr(extensions, "found", found)
+    monkeypatch.setattr(extensions, "exported", found)
     first, second = faults_of_load("<Nope/>")
     assert first.startswith("package a: a.phrases: ") and second.startswith("m.xml:1:45: ")
 

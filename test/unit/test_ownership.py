@@ -102,7 +102,7 @@ def test_another_thread_may_enqueue_and_wake():
     rig.mission.health.publish(rig.mission.events)
     assert seen[0] == "posted" and rig.tree.root.hook is not None
     assert rig.of(HealthChanged) == [replace(CHANGE, respect=GONE)
-                                     ] and rig.mission.health.heard == {"/faces": 5.0}
+                                     ] and rig.mission.health.last_arrivals == {"/faces": 5.0}
 
 
 def test_a_call_and_a_health_belong_to_the_thread_that_makes_them():

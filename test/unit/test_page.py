@@ -29,7 +29,7 @@ from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring import server
 from behavior_controller.monitoring import web_page as page_module
 from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.view import TOLD
+from behavior_controller.monitoring.view import SENTENCES
 from behavior_controller.monitoring.parts import PARTS
 from behavior_controller.monitoring.story import condition, counted, how_it_ended, why
 from behavior_controller.monitoring.web_page import Page
@@ -222,7 +222,8 @@ def test_the_page_tells_each_kind_of_visit_in_the_sentences_of_the_story(
     open_page(browser, shown)
     teller.run(visitor, runs)
     told = teller.sentences[::-1]
-    wait_until(lambda: browser.execute_script(TRANSCRIPT) == [each.text for each in told[:TOLD]])
+    texts = [sentence.text for sentence in told[:SENTENCES]]
+    wait_until(lambda: browser.execute_script(TRANSCRIPT) == texts)
     ends = [how_it_ended(visit) for visit in reversed(teller.story.state.visits)]
     left_out = [[
         "{}: left out, {}".format(each.name, why(each.why)) for each in visit.stops
@@ -634,7 +635,8 @@ def test_a_phone_shows_first_what_the_robot_does_and_what_is_wrong(show, browser
             "return document.querySelector(arguments[0]).getBoundingClientRect().bottom", what)
         assert 0 < bottom <= 800, what
     assert browser.execute_script(NO_SIDEWAYS)
-    dead = [part["told"] for part in shown.page.board.part("health").values() if not part["well"]]
+    parts = shown.page.board.part("health").values()
+    dead = [part["trouble"] for part in parts if not part["well"]]
     assert text(browser, "#alarms") == "✘ " + dead[0] and "the robot cannot drive" in dead[0]
     browser.execute_script("byId('mission-section').scrollIntoView()")
     wait_until(lambda: browser.execute_script(NAME_IN_VIEW))

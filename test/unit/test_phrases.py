@@ -186,7 +186,7 @@ def package(tmp_path, monkeypatch):
     """Return the folder ``data`` of a package that adds a speech."""
     module = ModuleType("greeter.phrases")
     module.SPEECHES = (phrases.Speech("CuriousSpeech", False, "Wonders about a visitor."),)
-    monkeypatch.setattr(extensions, "found", lambda kind:
+    monkeypatch.setattr(extensions, "exported", lambda kind:
                         (extensions.Extension("greeter", str(tmp_path), module), ))
     (tmp_path / "data").mkdir()
     return tmp_path / "data"

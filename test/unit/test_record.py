@@ -24,7 +24,7 @@ def lines(record):
     record.close()
     with open(record.path, encoding="utf-8") as file:
         header, *found = [json.loads(line) for line in file]
-    assert (header["format"], header["version"], header["pid"]) == ("behaviorController record", 9,
+    assert (header["format"], header["version"], header["pid"]) == ("behaviorController record", 10,
                                                                     os.getpid())
     return [line["event"] for line in found]
 

@@ -11,7 +11,7 @@ from behavior_controller.config import recovery_policy, settings
 from behavior_controller.bt.loader.tree_builder import load_text
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import ConfigurationError, MissionError
-from behavior_controller.execution.events import LeafFinished, Noticed, StepStarted, Told
+from behavior_controller.execution.events import LeafFinished, Noticed, StepStarted, LeafSummary
 from behavior_controller.missions import load
 from behavior_controller.missions.path_analysis import foresee
 from behavior_controller.robot.gateway import Cause, Failure
@@ -140,9 +140,8 @@ def test_the_phrases_that_are_questions_are_told_as_such():
     assert [
         number for number, event in zip(PHRASES, rig.of(StepStarted)) if event.words == "asking"
     ] == [1, 5]
-    assert [
-        number for number, event in zip(PHRASES, rig.of(LeafFinished)) if event.told.mark == "asked"
-    ] == [1, 5]
+    assert [number for number, event in zip(PHRASES, rig.of(LeafFinished))
+            if event.summary.mark == "asked"] == [1, 5]
 
 
 @pytest.mark.parametrize("robot", [RELEASE, d543.INTERFACE.name])
@@ -311,9 +310,8 @@ def test_an_answer_is_one_that_comes_after_the_leaf_began_to_listen(robot, says,
     assert rig.tree.wake.test_and_clear(), "the answer itself wakes the tree"
     assert (rig.tick(), stored(rig)) == (SUCCESS, answer)
     event, = rig.of(LeafFinished)
-    assert (event.seconds, event.told) == (6.0,
-                                           Told("heard", "heard “{}”: {}".format(says, answer),
-                                                answer))
+    summary = LeafSummary("heard", "heard “{}”: {}".format(says, answer), answer)
+    assert (event.seconds, event.summary) == (6.0, summary)
     assert rig.clock.next_due() is None
 
 
@@ -323,7 +321,7 @@ def test_an_answer_that_is_followed_at_once_by_another_utterance_counts():
         rig.clock.advance(0.001)
         rig.topics.publish(speech, text)
     assert (rig.tick(), stored(rig)) == (SUCCESS, "no")
-    assert rig.of(LeafFinished)[0].told.text == "heard “no”: no"
+    assert rig.of(LeafFinished)[0].summary.text == "heard “no”: no"
 
 
 @pytest.mark.parametrize("robot", [RELEASE, d543.INTERFACE.name])
@@ -338,7 +336,8 @@ def test_after_ten_seconds_the_answer_is_empty(robot):
     rig.clock.advance(0.5)
     assert rig.tree.wake.test_and_clear()
     assert (rig.tick(), stored(rig)) == (SUCCESS, "")
-    assert rig.of(LeafFinished)[0].told == Told("heard", "heard “the weather”: neither yes nor no")
+    assert rig.of(LeafFinished)[0].summary == LeafSummary(
+        "heard", "heard “the weather”: neither yes nor no")
     assert one_leaf("<HasVisitorResponded/>").tick() is FAILURE
 
 
@@ -384,9 +383,9 @@ def test_an_error_of_the_recognition_is_a_failure_at_once_and_the_policy_goes_on
     assert rig.tree.wake.test_and_clear()
     assert (rig.tick(), stored(rig)) == (FAILURE, "")
     event, = rig.of(LeafFinished)
-    assert (event.failure, event.told) == (Failure(Cause.UNUSABLE_ANSWER,
-                                                   "the recognition says {!r}".format(text),
-                                                   "/speechEvent/text"), None)
+    failure = Failure(Cause.UNUSABLE_ANSWER, "the recognition says {!r}".format(text),
+                      "/speechEvent/text")
+    assert (event.failure, event.summary) == (failure, None)
     rig = one_leaf("<Fallback><GetVisitorResponse/><HandleFallBack/></Fallback>",
                    robotInterface=RELEASE)
     assert rig.tick() is RUNNING
@@ -936,8 +935,8 @@ def test_which_speeches_are_goodbyes_and_which_are_questions(speech):
     rig = one_leaf("<{}/>".format(speech.node))
     while rig.tick() is RUNNING:
         pass
-    told = rig.of(LeafFinished)[-1].told
-    assert (told.kind == "asked") is speech.asks
+    summary = rig.of(LeafFinished)[-1].summary
+    assert (summary.kind == "asked") is speech.asks
 
 
 def test_the_questions_of_table_4():

@@ -216,7 +216,7 @@ def test_a_description_lasts_as_long_as_its_words_and_says_when_it_ends():
         ("“{}”".format(TEN_WORDS), 0.0, pytest.approx(1.0 + 10 / 3))]
     assert lasted(rig) == pytest.approx(10 / 3)
     assert len(rig.requests) == 1 and rig.clock.next_due() is None
-    assert rig.of(LeafFinished)[-1].told.text == "said “{}”".format(TEN_WORDS)
+    assert rig.of(LeafFinished)[-1].summary.text == "said “{}”".format(TEN_WORDS)
     assert lasted(rig) == pytest.approx(10 / 3), "each round lasts"
 
 

@@ -77,7 +77,7 @@ def test_utterances_that_come_together_are_heard_as_they_were(tmp_path, utteranc
             rig.topics.publish(SPEECH, utterance)
 
     lines = read_record(recorded(tmp_path, visitor, runs=2))
-    assert any(event.told is not None and event.told.mark in ("yes", "no")
+    assert any(event.summary is not None and event.summary.mark in ("yes", "no")
                for event in events_of(lines) if isinstance(event, LeafFinished))
     outcome = replay(lines)
     assert (outcome.divergence, outcome.passes) == ("", 2)
@@ -353,7 +353,7 @@ def test_a_torn_record_is_replayed_as_far_as_it_goes(tmp_path):
     assert outcome.divergence == "" and outcome.passes == 0 and outcome.changes > 50
 
 
-HEADER = '{"format": "behaviorController record", "version": 9, "pid": 7, "time": 1.5}\n'
+HEADER = '{"format": "behaviorController record", "version": 10, "pid": 7, "time": 1.5}\n'
 NOTICED = HEADER + '{"time": 1.5, "event": {"_type": "Noticed", "level": "info", "text": "-"}}\n'
 NO_LINE = "3:1: this is not a line of a record: "
 VERSION_3 = ('{"event": "Header", "time": 1.5, "format": "behaviorController record", "version": '
@@ -375,7 +375,7 @@ VERSION_3 = ('{"event": "Header", "time": 1.5, "format": "behaviorController rec
      NO_LINE + "Object missing required field `text` - at `$.event`"),
     (NOTICED[len(HEADER):], "1:1: this is no record: it does not begin with the header of one "
                             "(name the mission.jsonl of a run)"),
-    (VERSION_3, "1:1: the record has the version 3; this release reads version 9 (replay it with "
+    (VERSION_3, "1:1: the record has the version 3; this release reads version 10 (replay it with "
                 "the release that wrote it)"),
     (HEADER.replace("behaviorController ", "other "), "1:1: this is no record: ")])
 def test_what_is_no_record_is_named(tmp_path, text, expected):

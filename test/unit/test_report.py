@@ -256,7 +256,7 @@ A_TOUR = [
     line for number, when in ((1, 1000.0), (2, 2000.0)) for line in
     ({"event": "PassStarted", "time": when, "number": number, "at": when}, waits(when),
      dict(finished(when + 5.0, path="A::1"),
-          told={"kind": "visit", "text": "", "mark": "arrived", "at": when + 4.0}),
+          summary={"kind": "visit", "text": "", "mark": "arrived", "at": when + 4.0}),
      *[begun(when + 6.0, 1, "cup"), begun(when + 66.0, 2, "jug")][:3 - number], {
          "event": "PassFinished", "time": when + 70.0, "number": number, "outcome":
              ("SUCCESS", "FAILURE")[number - 1], "seconds": 70.0

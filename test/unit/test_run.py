@@ -8,7 +8,7 @@ from behavior_controller.execution.events import (
     Answered, Asked, BreakpointChanged, EntriesWritten, FeedbackReceived, HealthChanged,
     LeafFinished, Line, Lost, Message, Noticed, PassFinished, PassStarted, Paused, Recovered,
     Recovering, Retried, RunFinished, RunStarted, SafePart, SafeStateReported, Sources,
-    StepStarted, Suspended, Tick, Told, StopChanged, TreeNode, TreeShown)
+    StepStarted, Suspended, Tick, LeafSummary, StopChanged, TreeNode, TreeShown)
 from behavior_controller.execution.fold import KEPT, fold
 from behavior_controller.execution.run import Run
 from behavior_controller.execution.state import STOPPED, NodeResult, Reason, State
@@ -38,7 +38,7 @@ DRIVES = StepStarted(2, "Navigate", "all/go", "driving", "to the arm", 180.0, Fa
 
 def arrived(mark="arrived", at=0.0):
     return LeafFinished(9, "Seen", "all/seen", "SUCCESS", "", 0.0, None,
-                        Told("visit", "", mark, at))
+                        LeafSummary("visit", "", mark, at))
 
 
 def ended(status="SUCCESS", failure=None, seconds=1.0, uid=2, path="all/go", node="Navigate"):
@@ -377,7 +377,7 @@ def test_what_could_not_be_seen_is_told_from_what_was_not_there(events, blind):
 
 
 def test_a_visitor_who_is_not_seen_any_more_has_left_only_if_the_robot_can_see():
-    leaves = replace(ASKS, told=Told("visit", "", "left"))
+    leaves = replace(ASKS, summary=LeafSummary("visit", "", "left"))
     for events, blind in (([leaves], None), ([leaves, GOES], GOES)):
         run = after(PassStarted(1, 0.0), arrived(), *events, PassFinished(1, "FAILURE", 9.0))
         assert (run.state.visit.why.kind, run.state.visit.why.blind) == ("left", blind)

@@ -14,7 +14,7 @@ from behavior_controller.execution.events import (Asked, HealthChanged, LeafFini
                                                   PassFinished, PassStarted, Paused, Recovered,
                                                   Recovering, Retried, RunFinished, RunStarted,
                                                   SafePart, SafeStateReported, Sources, StepStarted,
-                                                  StopChanged, Suspended, Told)
+                                                  StopChanged, Suspended, LeafSummary)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import FAILING, GONE
 from behavior_controller.robot.requests import (
@@ -518,7 +518,7 @@ NOT_REACHED = why_failed("Navigate", BUSY)
 def leaf(mark="", kind="visit", text="", uid=1, at=0.0):
     """Return that a leaf succeeded which tells something."""
     return LeafFinished(uid, "Leaf", "tour/leaf", "SUCCESS", "", 0.0, None,
-                        Told(kind, text, mark, at))
+                        LeafSummary(kind, text, mark, at))
 
 
 def failed(failure=BUSY, uid=1, seconds=0.0, status="FAILURE"):
@@ -839,9 +839,9 @@ FAILURE = Failure(Cause.REFUSED, "\x1b[2J\n", "/x\x1b")
 
 
 @pytest.mark.parametrize("event", [
-    LeafFinished(7, "x", "x", "SUCCESS", "", 1.0, None, Told("odd", "\x1b[2J", "odd")),
+    LeafFinished(7, "x", "x", "SUCCESS", "", 1.0, None, LeafSummary("odd", "\x1b[2J", "odd")),
     Noticed("odd", "\x1b[2J"),
-    LeafFinished(7, "x", "x", "SUCCESS", "", 1.0, None, Told("visit", "", "left")),
+    LeafFinished(7, "x", "x", "SUCCESS", "", 1.0, None, LeafSummary("visit", "", "left")),
     LeafFinished(7, "x", "x", "FAILURE", "", 1.0, FAILURE),
     PassFinished(3, "FAILURE", 1.0),
     Recovered("x\x1b", "x", FAILURE, "-", 2, False, "given up"),
@@ -890,7 +890,7 @@ def test_no_text_of_a_story_s_records_does_anything_to_what_shows_it(ends):
         story.take(1.0, event) for event in [
             PassStarted(1, 0.0),
             StopChanged(1, ODD, ODD, 1, 2, ODD, "begun"),
-            LeafFinished(2, ODD, ODD, "SUCCESS", ODD, 1.0, None, Told(ODD, ODD, ODD, 1.0))
+            LeafFinished(2, ODD, ODD, "SUCCESS", ODD, 1.0, None, LeafSummary(ODD, ODD, ODD, 1.0))
         ] + ends + [
             StepStarted(3, ODD, ODD, ODD, ODD, 1.0, False),
             Recovering(4, ODD, ODD, ODD_FAILURE, 0, 1, ODD)
@@ -910,10 +910,11 @@ def test_an_exhibit_that_the_visitor_left_was_not_shown_whatever_the_mission_mak
     story = Story()
     for event in [
             PassStarted(1, 0.0),
-            LeafFinished(7, "x", "x", "SUCCESS", "", 0.0, None, Told("visit", "", "arrived")),
+            LeafFinished(7, "x", "x", "SUCCESS", "", 0.0, None,
+                         LeafSummary("visit", "", "arrived")),
             StopChanged(1, "x", "x", 1, 2, "Arm", "begun"),
             LeafFinished(7, "x", "x", "FAILURE", "", 0.0, Failure(Cause.CONDITION_FALSE, "no face"),
-                         Told("visit", "", "left"))
+                         LeafSummary("visit", "", "left"))
     ] + ends + [PassFinished(1, outcome, 5.0)]:
         story.take(1.0, event)
     assert (story.state.visit.stops[0].state,

@@ -23,12 +23,12 @@ def _refuse_older_py_trees() -> None:
     for folder in spec.submodule_search_locations or () if spec is not None else ():
         try:
             with open(os.path.join(folder, "version.py"), encoding="utf-8") as file:
-                found = re.search(r"""__version__ = ["'](([0-9]+)\.([0-9]+)[^"']*)""", file.read())
+                match = re.search(r"""__version__ = ["'](([0-9]+)\.([0-9]+)[^"']*)""", file.read())
         except OSError:
             continue
-        if found is not None and (int(found.group(2)), int(found.group(3))) < OLDEST_PY_TREES:
+        if match is not None and (int(match.group(2)), int(match.group(3))) < OLDEST_PY_TREES:
             oldest = ".".join(map(str, OLDEST_PY_TREES))
-            raise ImportError(f"py_trees {found.group(1)} in {folder} is found first and too old, "
+            raise ImportError(f"py_trees {match.group(1)} in {folder} is found first and too old, "
                               f"{oldest} or newer is needed (remove it, or put a newer one before "
                               "it on PYTHONPATH)", name="py_trees")
 

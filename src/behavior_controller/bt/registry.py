@@ -118,6 +118,7 @@ class NodeSpec:
         return self.description + (f" Named {', '.join(self.names)}." if self.names else "")
 
 
+_SPEC_FIELDS: Dict[str, Tuple[type, ...]] = {"kind": (Kind,), "id": (str,), "description": (str,)}
 _PORT_FIELDS = {"name": (str,), "type": (str,), "direction": (Direction,),
                 "default": (str, type(None)), "description": (str,)}
 
@@ -151,8 +152,7 @@ class Registry:
         for spec in specs:
             if spec.id in self._specs:
                 raise ValueError(f"the node type {spec.id} is registered twice")
-            _check_fields(f"node type {spec.id!r}", spec, {"kind": (Kind,), "id": (str,),
-                                                           "description": (str,)})
+            _check_fields(f"node type {spec.id!r}", spec, _SPEC_FIELDS)
             is_port = [isinstance(port, Port) for port in spec.ports]
             if isinstance(spec.ports, Port) or not all(is_port):
                 raise ValueError(f"the ports of the node type {spec.id} are not a tuple of Port; "
@@ -172,8 +172,8 @@ class Registry:
                                  "not the one of that name that other ports have; make one "
                                  "PortType and use it for all")
         elif port.type not in TYPES:
-            hint = did_you_mean(port.type,
-                                list(TYPES) + list(self._types)) or "there are: " + " ".join(TYPES)
+            hint = did_you_mean(port.type, [*TYPES, *self._types])
+            hint = hint or "there are: " + " ".join(TYPES)
             raise ValueError(f"the port {port.name} of {spec.id} has the unknown type {port.type} "
                              f"({hint}; a type of your own is a PortType)")
 

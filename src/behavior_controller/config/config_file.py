@@ -71,8 +71,8 @@ boolean = reader("true or false", lambda text: text.lower() in ("true", "false")
 """Accepts both words in any case."""
 
 
-def number(low: float, high: float = math.inf, infinite: bool = False,
-           of: str = "") -> Reader[float]:
+def number(
+        low: float, high: float = math.inf, infinite: bool = False, of: str = "") -> Reader[float]:
     """Return a reader of numbers from ``low`` to ``high``; only an ``infinite`` one accepts
     ``inf``. ``of``: the unit."""
     def is_allowed(text: str) -> bool:
@@ -106,15 +106,12 @@ def one_of(*allowed: str) -> Reader[str]:
     return reader(f"one of {', '.join(allowed)}", allowed.__contains__, str)
 
 
-def _file_name(text: str) -> str:
-    if not re.fullmatch(r"[^/\\\0]+", text) or text in (".", ".."):
-        raise ValueError(text)
-    return text
+def _is_file_name(text: str) -> bool:
+    return re.fullmatch(r"[^/\\\0]+", text) is not None and text not in (".", "..")
 
 
 def _mission_name(text: str) -> str:
-    name = _file_name(text)
-    return name[:-4] if name.endswith(".xml") else name
+    return text[:-4] if text.endswith(".xml") else text
 
 
 def _address(text: str) -> str:
@@ -139,8 +136,9 @@ def _folder(text: str) -> str:
     return path
 
 
-language_name = Reader("the name of a language, such as English", _file_name)
-mission_name = Reader("the name of a mission in the data folder, without .xml", _mission_name)
+language_name = reader("the name of a language, such as English", _is_file_name, str)
+mission_name = reader("the name of a mission in the data folder, without .xml", _is_file_name,
+                      _mission_name)
 bind_address = Reader("an address or a host name of this computer, 127.0.0.1 for itself alone, "
                       "0.0.0.0 for all networks", _address)
 folder = Reader("a folder, nothing, or none", _folder)
@@ -201,48 +199,42 @@ def key(read: Reader[Value], default: Value, meaning: str) -> Value:
 
 def keys_of(record: type) -> Dict[str, Key]:
     """Return the keys of a dataclass by the names of its fields, in order."""
-    return {each.name: Key(
-        re.sub("_([a-z])", lambda found: found.group(1).upper(), each.name), *each.metadata["key"])
-            for each in fields(record) if "key" in each.metadata}
+    keys = {}
+    for known in fields(record):
+        if "key" in known.metadata:
+            first, *words = known.name.split("_")
+            name = first + "".join(map(str.capitalize, words))
+            keys[known.name] = Key(name, *known.metadata["key"])
+    return keys
 
 
 def filled(record: Type[Record], values: Mapping[str, Any], **others: Any) -> Record:
     """Return a dataclass whose fields have the ``values`` of their keys; ``others`` are fields that
     are not keys."""
-    return record(**others, **{name: values[each.name] for name, each in keys_of(record).items()})
+    return record(**others, **{name: values[key.name] for name, key in keys_of(record).items()})
 
 
 def values_of(record: object) -> Dict[str, Any]:
     """Return the value of each key of a dataclass that has keys."""
-    return {each.name: getattr(record, name) for name, each in keys_of(type(record)).items()}
+    return {key.name: getattr(record, name) for name, key in keys_of(type(record)).items()}
 
 
 # ------------------------------------------------------------------------------------------ reading
 
 
-def read_configuration(path: str, keys: Sequence[Key],
-                       overrides: Optional[Mapping[str, object]] = None,
-                       arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
-    """Return a value for each of ``keys`` from a file, overriding ROS parameters, and
-    ``arguments``, which override both.
+def configured(source: Source, keys: Sequence[Key]) -> Dict[str, Any]:
+    """Return a value for each of ``keys`` from a file.
 
-    Raises ConfigurationError with every fault: unreadable file, unknown or duplicate key, bad
-    value, missing key.
+    Raises ConfigurationError with every fault: unknown or duplicate key, bad value, missing key.
     """
-    return configured(read_source(path, "the configuration"), keys, overrides, arguments)
-
-
-def configured(source: Source, keys: Sequence[Key],
-               overrides: Optional[Mapping[str, object]] = None,
-               arguments: Optional[Mapping[str, str]] = None) -> Dict[str, Any]:
-    """As ``read_configuration``, for the text of a file."""
-    return collected(source, keys, overrides, arguments).result()
+    return collected(source, keys).result()
 
 
 def collected(source: Source, keys: Sequence[Key], overrides: Optional[Mapping[str, object]] = None,
               arguments: Optional[Mapping[str, str]] = None,
               unused: Collection[str] = ()) -> "Collector":
-    """As ``configured``, with all that was collected; ``unused`` are keys of other programs."""
+    """Return what is collected from a file, from overriding ROS parameters, and from ``arguments``,
+    which override both; ``unused`` are keys of other programs."""
     reader = Collector(source.file, {key.name: key for key in keys}, unused)
     read_lines(source, reader.faults, reader.line)
     for name, value in (overrides or {}).items():
@@ -258,7 +250,7 @@ def read_source(path: str, what: str) -> Source:
     try:
         return Source(path, read_text(path))
     except Unreadable as error:
-        raise ConfigurationError([Fault(path, 0, 0, f"{what} cannot be read: {error}")]) from error
+        raise ConfigurationError.of(path, f"{what} cannot be read: {error}") from error
 
 
 def read_lines(source: Source, faults: List[Fault], take: Callable[[int, str], None]) -> None:
@@ -277,8 +269,8 @@ def parsed(read: Reader[Value], text: str, what: str, place: Place,
     try:
         return read(text)
     except ValueError:
-        faults.append(Fault(*place, "{} cannot be {}".format(
-            what, f"\"{text}\"" if text else "empty"), f"allowed: {read.allowed}"))
+        value = f'"{text}"' if text else "empty"
+        faults.append(Fault(*place, f"{what} cannot be {value}", f"allowed: {read.allowed}"))
         return None
 
 

@@ -40,7 +40,7 @@ _LANGUAGE = "phraseLanguage"
 _KNOWLEDGE_BASE = "knowledgeBase"
 _MESSAGES = {language: ("preGestureMessage" + language, "postGestureMessage" + language)
              for language in LANGUAGES}
-_PHRASES = {language: {each: f"utilityPhrase{language}{each}" for each in UTILITY_PHRASES}
+_PHRASES = {language: {number: f"utilityPhrase{language}{number}" for number in UTILITY_PHRASES}
             for language in LANGUAGES}
 _FORMS = {
     _POSE: "<id> <x in m> <y in m> <theta in degrees>", _TARGET: "<id> <x in m> <y in m> <z in m>",
@@ -77,11 +77,12 @@ _CONFIGURATION_KEYS = (
 class Knowledge:
     """The content of both files, in the ``language`` that the culture file chooses.
 
-    ``tour``: the places in the order of ``tourSpecification``. Each of them is shown as an exhibit,
-    the first and the last too: the published controller of release 1.0 visits the whole list, and
-    the messages of these two places open and close the tour. A place may be in it twice. An
-    exhibit's descriptions are the messages before and after the gesture. ``phrases``: the utility
-    phrases by number. ``sources``: the environment file and the culture file as read.
+    ``tour``: the places in the order of ``tourSpecification``, from where the robot starts to where
+    the tour ends. Each of them is shown as an exhibit, the first and the last too: the published
+    controller of release 1.0 visits the whole list, and the messages of these two places open and
+    close the tour. A place may be in it twice. An exhibit's descriptions are the messages before
+    and after the gesture. ``phrases``: the utility phrases by number. ``sources``: the environment
+    file and the culture file as read.
     """
 
     tour: Tuple[Exhibit, ...]
@@ -89,16 +90,6 @@ class Knowledge:
     phrases: Mapping[int, str]
     sources: Tuple[Source, Source]
     warnings: Tuple[Fault, ...] = ()
-
-    @property
-    def start(self) -> Exhibit:
-        """Where the robot starts: the first place of the tour."""
-        return self.tour[0]
-
-    @property
-    def end(self) -> Exhibit:
-        """Where the tour ends: its last place."""
-        return self.tour[-1]
 
 
 # -------------------------------------------------------------------------------- a file of entries
@@ -161,10 +152,10 @@ class _EntryFile:
                 self.fault(line.place(), f"{entry} is in line {first.number} already",
                            "keep one of them")
 
-    def found(self) -> List[Fault]:
+    def findings(self) -> List[Fault]:
         """Return faults and warnings in the order of the file, then those about missing entries."""
-        return sorted(self.faults + self.warnings, key=lambda fault:
-                      (not fault.line, fault.line, fault.column))
+        return sorted(self.faults + self.warnings,
+                      key=lambda fault: (not fault.line, fault.line, fault.column))
 
     def entry(self, line: _Line) -> str:
         """Return the name of the entry of a known key; empty, with a fault, if it has none."""
@@ -221,9 +212,9 @@ class _Culture(_EntryFile):
         """Report the missing phrases of the chosen language."""
         if _LANGUAGE not in self.lines:
             self.lacks(_LANGUAGE, f"<{_LANGUAGE_READER.allowed}>")
-        for each, key in _PHRASES[self.language].items() if self.language else ():
+        for number, key in _PHRASES[self.language].items() if self.language else ():
             if key not in self.lines:
-                if each <= LAST_REQUIRED:
+                if number <= LAST_REQUIRED:
                     self.lacks(key, "<text>")
             elif not self.lines[key].rest(1):
                 self.fault((self.lines[key].number, 1), f"{key} cannot be empty",
@@ -231,7 +222,7 @@ class _Culture(_EntryFile):
 
     def phrases(self, language: str) -> Mapping[int, str]:
         """Return the utility phrases, if there are no faults."""
-        return MappingProxyType({each: self.lines[key].rest(1) for each, key
+        return MappingProxyType({number: self.lines[key].rest(1) for number, key
                                  in _PHRASES[language].items() if key in self.lines})
 
 
@@ -314,8 +305,9 @@ class _Environment(_EntryFile):
                            f"add a line: {key} {_FORMS[key].replace('<id>', str(location))}")
         for key in [_TARGET] + messages:
             entry = f"{key} {location}"
-            effect, on_purpose = ("points at nothing", " 0 0 0") if key == _TARGET else (
-                "says nothing", " without a text")
+            effect, on_purpose = "says nothing", " without a text"
+            if key == _TARGET:
+                effect, on_purpose = "points at nothing", " 0 0 0"
             if entry not in self.lines:
                 self.warn(place, f"{lacking} {key}: the robot {effect} there",
                           f"if that is meant, add a line: {entry}{on_purpose}")
@@ -340,14 +332,14 @@ def load(mission: str = "") -> Knowledge:
     """Return the knowledge of the files named in ``config``, or of those that the mission has of
     its own in their place. Raises ConfigurationError with every fault of all four files."""
     faults: List[Fault] = []
-    found: Dict[str, Optional[Source]] = dict.fromkeys(_CONFIGURATIONS)
+    sources: Dict[str, Optional[Source]] = dict.fromkeys(_CONFIGURATIONS)
     for kind, name in _CONFIGURATIONS.items():
         try:
             configuration = read_source(folders.config(name), "the configuration")
-            found[kind] = _source(configuration, kind, mission)
+            sources[kind] = _source(configuration, kind, mission)
         except ConfigurationError as error:
             faults.extend(error.faults)
-    return read(found[_ENVIRONMENT], found[_CULTURE], faults=faults)
+    return read(sources[_ENVIRONMENT], sources[_CULTURE], faults=faults)
 
 
 def read(environment: Optional[Source], culture: Optional[Source], *,
@@ -357,12 +349,14 @@ def read(environment: Optional[Source], culture: Optional[Source], *,
     chosen = _Culture(culture) if culture else None
     language = chosen.language if chosen else None
     places = _Environment(environment, [language] if language else []) if environment else None
-    found = [*faults, *(fault for file in (places, chosen) if file for fault in file.found())]
-    if any(not fault.is_warning for fault in found):
-        raise ConfigurationError(found)
+    findings = list(faults)
+    for file in (places, chosen):
+        findings += file.findings() if file else []
+    if any(not fault.is_warning for fault in findings):
+        raise ConfigurationError(findings)
     assert chosen and language and places
     return Knowledge(places.exhibits(language), language, chosen.phrases(language),
-                     (places.source, chosen.source), tuple(found))
+                     (places.source, chosen.source), tuple(findings))
 
 
 def check(path: str) -> Optional[List[Fault]]:
@@ -386,7 +380,8 @@ def check(path: str) -> Optional[List[Fault]]:
         return None
     if kind == _VALUE_TYPES:
         return []
-    return (_Culture if kind == _CULTURE else _Environment)(source).found()
+    file = _Culture(source) if kind == _CULTURE else _Environment(source)
+    return file.findings()
 
 
 def _source(configuration: Source, kind: str, mission: str = "") -> Source:
@@ -402,11 +397,12 @@ def _source(configuration: Source, kind: str, mission: str = "") -> Source:
         source = read_source(folders.of_mission(path, mission), "the knowledge file")
     except ConfigurationError as error:
         raise ConfigurationError([fault._replace(hint=hint) for fault in error.faults]) from error
-    found = _kind(source.text)
-    if found not in ((kind, None) if kind else _CONFIGURATIONS):
-        text = f"this is the {found} file" if found else (
-            "this is not a knowledge file of release 1.0")
-        raise ConfigurationError([Fault(path, 0, 0, text, hint)])
+    actual = _kind(source.text)
+    if actual not in ((kind, None) if kind else _CONFIGURATIONS):
+        text = "this is not a knowledge file of release 1.0"
+        if actual:
+            text = f"this is the {actual} file"
+        raise ConfigurationError.of(path, text, hint)
     return source
 
 

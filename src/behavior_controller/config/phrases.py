@@ -45,7 +45,6 @@ SPEECHES = (
 YES, NO, UNCLEAR = "yes", "no", "unclear"
 _WORD = re.compile(r"[^\W_]+(?:['’][^\W_]+)*")
 
-
 Words = Tuple[str, ...]
 
 
@@ -64,8 +63,7 @@ _PHRASES = reader("words with commas between them", lambda text: () not in _phra
 
 
 def _keys_of(speeches: Iterable[Speech]) -> Tuple[Key, ...]:
-    return tuple(Key(speech.node, _TEXT, REQUIRED, f"what {speech.node} says")
-                 for speech in speeches)
+    return tuple(Key(said.node, _TEXT, REQUIRED, f"what {said.node} says") for said in speeches)
 
 
 KEYS = _keys_of(SPEECHES) + (
@@ -96,10 +94,10 @@ class Phrases:
 
         The longest phrase comes first, so that "why not" is not taken for its "not".
         """
-        found = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES)
+        pairs = [(phrase, meaning) for meaning in (UNCLEAR, NO, YES)
                  for phrase in self.meanings[meaning]]
         by_first: Dict[str, List[Tuple[Words, str]]] = {}
-        for phrase, meaning in sorted(found, key=lambda pair: -len(pair[0])):
+        for phrase, meaning in sorted(pairs, key=lambda pair: -len(pair[0])):
             by_first.setdefault(phrase[0], []).append((phrase, meaning))
         object.__setattr__(self, "_by_first", by_first)
 
@@ -118,24 +116,24 @@ class Phrases:
         ``Error…`` is not an answer."""
         if _begins_with_error(utterance):
             return None
-        heard = self._heard(_sentence(utterance))
-        return NO if NO in heard else YES if YES in heard else None
+        meanings = self._meanings_in(_sentence(utterance))
+        return next((answer for answer in (NO, YES) if answer in meanings), None)
 
     def is_answer(self, utterance: str) -> bool:
         """Return whether a visitor said yes or no."""
         return self.spoken_answer(utterance) is not None
 
-    def _heard(self, sentence: Words) -> List[str]:
-        heard, at = [], 0
+    def _meanings_in(self, sentence: Words) -> List[str]:
+        meanings, at = [], 0
         while at < len(sentence):
             for phrase, meaning in self._by_first.get(sentence[at], ()):
                 if sentence[at:at + len(phrase)] == phrase:
-                    heard.append(meaning)
+                    meanings.append(meaning)
                     at += len(phrase)
                     break
             else:
                 at += 1
-        return heard
+        return meanings
 
     def pressed_answer(self, response: str) -> Optional[str]:
         """Return ``yes`` or ``no`` for a button's label or number (``1`` is the first), or None."""
@@ -168,16 +166,15 @@ def load(language: str, mission: str = "") -> Phrases:
     """
     known = languages()
     if language not in known:
-        raise ConfigurationError([Fault(
-            "language", 0, 0, f"there are no phrases in {language}",
-            did_you_mean(language, known)
-            or f"there are: {', '.join(known)}; another language is a file "
-               f"data/phrases_{language}.ini")])
+        hint = did_you_mean(language, known) or (
+            f"there are: {', '.join(known)}; another language is a file "
+            f"data/phrases_{language}.ini")
+        raise ConfigurationError.of("language", f"there are no phrases in {language}", hint)
     name = f"phrases_{language}.ini"
     own = read_source(folders.of_mission(folders.data(name), mission), "the file of phrases")
     read(own, KEYS)
     others = []
-    for extension in extensions.found("phrases"):
+    for extension in extensions.exported("phrases"):
         others.append(read_source(
             os.path.join(extension.folder, "data", name),
             f"the file of phrases of the package {extension.package}"))
@@ -186,7 +183,7 @@ def load(language: str, mission: str = "") -> Phrases:
 
 
 def _added() -> List[Speech]:
-    return [speech for extension in extensions.found("phrases")
+    return [speech for extension in extensions.exported("phrases")
             for speech in extension.declared("SPEECHES", Speech)]
 
 
@@ -208,10 +205,11 @@ def read(source: Source, keys: Tuple[Key, ...] = ()) -> Phrases:
     """
     keys = keys or KEYS + _keys_of(_added())
     values = configured(source, keys)
-    faults = [Fault(
-        source.file, 0, 0, f"\"{' '.join(phrase)}\" is in {one} and in {other}", "keep one of them")
-              for one, other in itertools.combinations((YES, NO, UNCLEAR), 2)
-              for phrase in sorted(set(values[one]) & set(values[other]))]
+    faults = []
+    for one, other in itertools.combinations((YES, NO, UNCLEAR), 2):
+        for phrase in sorted(set(values[one]).intersection(values[other])):
+            text = f"\"{' '.join(phrase)}\" is in {one} and in {other}"
+            faults.append(Fault(source.file, 0, 0, text, "keep one of them"))
     if faults:
         raise ConfigurationError(faults)
     return Phrases({key.name: values[key.name] for key in keys if key.read is _TEXT},

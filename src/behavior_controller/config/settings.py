@@ -22,7 +22,6 @@ UNUSED = ("audioDebugMode",)
 DESCRIPTIONS = "descriptions"
 """The value of ``waitForSpeech`` that means the descriptions of exhibits alone."""
 
-
 OPERATOR = "operator"
 """The value of ``startBy`` with which a mission waits for its start."""
 
@@ -114,25 +113,29 @@ class Settings:
         return dict(values_of(self), **self.deadlines)
 
 
-KEYS: Tuple[Key, ...] = tuple(keys_of(Settings).values()) + tuple(
-    Key(each[0].deadline_key, seconds(0.001), each[0].deadline, "seconds that {} may take".format(
-        " or ".join(dict.fromkeys(f"`{service.name}`" for service in each))))
-    for each in by_deadline())
+def _deadline(services: Sequence[Service]) -> Key:
+    """Return the key of the deadline that services share."""
+    names = " or ".join(dict.fromkeys(f"`{service.name}`" for service in services))
+    return Key(services[0].deadline_key, seconds(0.001), services[0].deadline,
+               f"seconds that {names} may take")
+
+
+_DEADLINES = tuple(map(_deadline, by_deadline()))
+KEYS: Tuple[Key, ...] = tuple(keys_of(Settings).values()) + _DEADLINES
 
 
 def _settings(values: Mapping[str, object], warnings: Sequence[Fault] = ()) -> Settings:
     """Return the settings that have these values, one for each of ``KEYS``."""
-    deadlines = {each[0].deadline_key: values[each[0].deadline_key] for each in by_deadline()}
+    deadlines = {key.name: values[key.name] for key in _DEADLINES}
     return filled(Settings, values, deadlines=MappingProxyType(deadlines), warnings=tuple(warnings))
 
 
 def defaults(**given: Plain) -> Settings:
     """Return the settings of a configuration of the required keys alone, changed by ``given``
     (camelCase)."""
-    values = {each.name: each.default for each in KEYS}
+    values = {key.name: key.default for key in KEYS}
     values.update(scenarioSpecification="lab_tour", verboseMode=False, asrEnabled=True)
-    values.update(given)
-    return _settings(values)
+    return _settings({**values, **given})
 
 
 def split_arguments(argv: Sequence[str]) -> Tuple[List[str], Dict[str, str]]:
@@ -166,27 +169,29 @@ def unread(words: Iterable[str], keys: Optional[Sequence[str]] = None) -> List[F
         if not is_assignment or "/" in name or name in ROS_WORDS:
             continue
         is_special = name.startswith("__")
-        hint = did_you_mean(name, ROS_WORDS) if is_special else did_you_mean(
-            "_" + name, ["_" + key for key in keys])
+        hint = did_you_mean("_" + name, ["_" + key for key in keys])
+        if is_special:
+            hint = did_you_mean(name, ROS_WORDS)
         if hint or is_special:
             faults.append(Fault("argument " + word, 0, 0, f"the node does not read {name}",
                                 hint or f"allowed: {', '.join(ROS_WORDS)}"))
         elif ASSIGNMENT in value:
-            faults.append(
-                Fault("argument " + word, 0, 0, "this is not of the form name:=other_name"))
+            text = "this is not of the form name:=other_name"
+            faults.append(Fault("argument " + word, 0, 0, text))
     return faults
 
 
 def load(path: str, overrides: Optional[Mapping[str, object]] = None,
          arguments: Optional[Mapping[str, str]] = None) -> Settings:
     """Read the controller's configuration. Raises ConfigurationError with every fault."""
-    found = collected(read_source(path, "the configuration"), KEYS, overrides, arguments, UNUSED)
-    return _settings(found.result(), found.warnings)
+    source = read_source(path, "the configuration")
+    collector = collected(source, KEYS, overrides, arguments, UNUSED)
+    return _settings(collector.result(), collector.warnings)
 
 
 def recorded(values: Mapping[str, object], where: str) -> Settings:
     """Return settings from their values in a record. Raises ConfigurationError with every fault."""
-    collector = Collector(where, {each.name: each for each in KEYS})
+    collector = Collector(where, {key.name: key for key in KEYS})
     for name, value in values.items():
         collector.given_value(name, value, where)
     return _settings(collector.result())

@@ -80,7 +80,7 @@ class StepStarted(OfNode, frozen=True):
     goes_on: bool = False
 
 
-class Told(Struct, frozen=True):
+class LeafSummary(Struct, frozen=True):
     """The sentence for people when a leaf ends: one line, and its ``kind`` (``story.KINDS``).
 
     ``mark`` is its meaning for the visit: the visitor ``arrived``, is ``engaged``, was ``asked``,
@@ -101,7 +101,7 @@ class LeafFinished(OfNode, frozen=True):
     resource: str
     seconds: float
     failure: Optional[Failure]
-    told: Optional[Told] = None
+    summary: Optional[LeafSummary] = None
 
 
 class StopChanged(OfNode, frozen=True):

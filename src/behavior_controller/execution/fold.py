@@ -10,9 +10,9 @@ from msgspec.structs import replace
 
 from behavior_controller.execution.events import (
     BEGUN, EVENTS, OMITTED, Answered, Asked, BreakpointChanged, EntriesWritten, Event,
-    FeedbackReceived, HealthChanged, LeafFinished, Lost, Message, Noticed, PassFinished,
-    PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
-    SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, Told, TreeShown)
+    FeedbackReceived, HealthChanged, LeafFinished, LeafSummary, Lost, Message, Noticed,
+    PassFinished, PassStarted, Paused, Recovered, Recovering, Retried, RunFinished, RunStarted,
+    SafeStateReported, StepStarted, StillHearing, StopChanged, Suspended, Tick, TreeShown)
 from behavior_controller.execution.health import GONE
 from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
 from behavior_controller.execution.state import (
@@ -52,7 +52,7 @@ def _first(items: Iterable[Item], fits: Callable[[Item], bool]) -> Optional[Item
 
 
 def _without(items: Iterable[Item], item: Optional[Item]) -> Tuple[Item, ...]:
-    return tuple(each for each in items if each is not item)
+    return tuple(other for other in items if other is not item)
 
 
 def _conclude(state: State, *facts: Fact) -> State:
@@ -148,18 +148,18 @@ def why_recovered(state: State, event: Recovered) -> Reason:
 
 
 def _step_started(state: State, event: StepStarted) -> State:
-    recovery = _first(state.recoveries, lambda each: each.path == event.path or
-                      event.is_wait and each.uid == event.uid)
+    recovery = _first(state.recoveries, lambda recovery: recovery.path == event.path or
+                      event.is_wait and recovery.uid == event.uid)
     step = Step(clean(event.words), state.at, event.limit, event.uid, event.is_wait, event.path,
                 clean(event.what))
     if recovery is not None:
         step = replace(step, attempt=recovery.attempt + 1, attempts=recovery.attempts + 1)
     state = _note_uid(state, event.path, event.uid)
-    same = _first(state.steps, lambda each: each.uid == event.uid and event.goes_on)
+    same = _first(state.steps, lambda step: step.uid == event.uid and event.goes_on)
     if same is None:
         return _begin_step(state, step)
     longer = replace(same, limit=state.at - same.began + event.limit)
-    return replace(state, steps=tuple(longer if each is same else each for each in state.steps))
+    return replace(state, steps=tuple(longer if step is same else step for step in state.steps))
 
 
 def _begin_step(state: State, step: Step) -> State:
@@ -188,20 +188,19 @@ def _leaf_finished(state: State, event: LeafFinished) -> State:
     is_false = failure is not None and failure.cause is Cause.CONDITION_FALSE
     step = _first(state.steps, lambda step: step.uid == event.uid)
     # a HandleFallBack that was halted has halted its retry
-    uids = {event.uid} | {state.uids.get(each.path, event.uid) for each in state.recoveries
-                          if each.uid == event.uid}
+    uids = {event.uid} | {state.uids.get(recovery.path, event.uid) for recovery in state.recoveries
+                          if recovery.uid == event.uid}
     # a wait goes on while its condition is false
-    if step is None or not (is_false and step.is_wait and
-                            not 0.0 < step.limit <= event.seconds):
+    goes_on = is_false and step is not None and step.is_wait and not (
+        0.0 < step.limit <= event.seconds)
+    if not goes_on:
         state = _end_steps(state, lambda other: other.uid in uids)
     state = _abandon(state, lambda exchange: exchange.uid in uids or
                      event.status == "IDLE" and not exchange.uid)
-    state = _note_evidence(state, event)
-    if event.told is not None:
-        state = _note_visitor(state, event)
+    state = _note_visitor(_note_evidence(state, event), event)
     recovery = state.recovered
     if recovery is None or recovery.uid != event.uid:
-        recovery = _first(state.recoveries, lambda each: each.uid == event.uid)
+        recovery = _first(state.recoveries, lambda recovery: recovery.uid == event.uid)
     if recovery is not None:
         state = _end_recovery(state, event, state.recovered or recovery)
     if failure is not None and event.uid != state.course.handler:
@@ -218,8 +217,8 @@ def _leaf_failed(state: State, event: LeafFinished, failure: Failure) -> State:
     why = Reason(FAILED, event.node, failure, without=state.course.without)
     failed = LeafFailure(state.at, state.visit_count, event.uid, event.node, event.path, failure, 0,
                          event.seconds)
-    state = replace(state, failures={**state.failures, event.path: (failed,)}, results={
-        **state.results, event.uid: state.results.get(event.uid, ()) + (failure,)})
+    results = {**state.results, event.uid: state.results.get(event.uid, ()) + (failure,)}
+    state = replace(state, failures={**state.failures, event.path: (failed,)}, results=results)
     return _conclude(_change_course(state, failed=(event.uid, why), stuck=why), failed)
 
 
@@ -249,30 +248,30 @@ def _note_blindness(state: State, topic: str) -> State:
 
 def _note_visitor(state: State, event: LeafFinished) -> State:
     """Note what the sentence at the end of a leaf means for the visit."""
-    visit, told = state.visit, event.told
-    if told is None:
+    visit, summary = state.visit, event.summary
+    if summary is None:
         return state
-    if told.kind == "heard" and not told.mark:
+    if summary.kind == "heard" and not summary.mark:
         state = _change_course(state, is_unclear=True)
-    if told.mark == "left":
+    if summary.mark == "left":
         is_visitor = visit is not None and visit.arrived is not None
         return _change_course(state, left_by=event.resource if is_visitor else None)
-    if told.mark in ("arrived", "engaged"):
-        return _meet(_change_course(state, left_by=None), told)
-    if told.mark == "asked":
+    if summary.mark in ("arrived", "engaged"):
+        return _meet(_change_course(state, left_by=None), summary)
+    if summary.mark == "asked":
         is_first = visit is not None and visit.asked is None
         return _change_visit(state, asked=state.at) if is_first else state
-    return _change_visit(state, answer=told.mark) if told.mark in ("yes", "no") else state
+    return _change_visit(state, answer=summary.mark) if summary.mark in ("yes", "no") else state
 
 
-def _meet(state: State, told: Told) -> State:
+def _meet(state: State, summary: LeafSummary) -> State:
     """Note that the visitor was seen, or looked at the robot, for the first time."""
     visit = state.visit
-    if visit is None or getattr(visit, told.mark) is not None:
+    if visit is None or getattr(visit, summary.mark) is not None:
         return state
     if visit.arrived is None:
-        state = _change_visit(_change_course(state, met=told.at), arrived=state.at)
-    return _change_visit(state, **{told.mark: state.at})
+        state = _change_visit(_change_course(state, met=summary.at), arrived=state.at)
+    return _change_visit(state, **{summary.mark: state.at})
 
 
 # ----------------------------------------------------------------------------------------- stops
@@ -286,10 +285,9 @@ def _stop_changed(state: State, event: StopChanged) -> State:
         return state
     begun = Stop(event.number, event.of, clean(event.name), UNDER_WAY, None, 0.0, state.at,
                  clean(event.noun))
-    others = tuple(each for each in (state.visits[-1].stops if state.visits else ())
-                   if each.number != event.number)
-    state = _change_visit(state, stops=others + (begun,))
-    return _change_course(state, stuck=None)
+    stops = state.visits[-1].stops if state.visits else ()
+    others = tuple(stop for stop in stops if stop.number != event.number)
+    return _change_course(_change_visit(state, stops=others + (begun,)), stuck=None)
 
 
 def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF) -> State:
@@ -306,7 +304,7 @@ def _end_stop(state: State, why: Optional[Reason], how: str = BROKEN_OFF) -> Sta
 
 
 def _recovering(state: State, event: Recovering) -> State:
-    known = _first(state.recoveries, lambda each: each.path == event.path)
+    known = _first(state.recoveries, lambda recovery: recovery.path == event.path)
     recovery = replace(known or RecoveryRound(event.node, event.path, event.uid, state.at),
                        substitute=event.substitute, attempt=event.attempt, attempts=event.of,
                        failures=state.failures.get(event.path, ()))
@@ -320,13 +318,16 @@ def _retried(state: State, event: Retried) -> State:
     failed = LeafFailure(state.at, state.visit_count, uid, event.node, event.path, event.failure,
                          event.attempt)
     failures = {**state.failures, event.path: state.failures.get(event.path, ()) + (failed,)}
-    state = _end_steps(state, lambda step: step.uid == uid or isinstance(
-        step.cause, Recovering) and step.cause.path == event.path)
+    state = _end_steps(state, lambda step: step.uid == uid or _recovers(step, event.path))
     return _conclude(replace(state, failures=failures), failed)
 
 
+def _recovers(step: Step, path: str) -> bool:
+    return isinstance(step.cause, Recovering) and step.cause.path == path
+
+
 def _recovered(state: State, event: Recovered) -> State:
-    known = _first(state.recoveries, lambda each: each.path == event.path)
+    known = _first(state.recoveries, lambda recovery: recovery.path == event.path)
     uid = state.uids.get(event.path, 0)
     decided = replace(known or RecoveryRound(event.node, event.path, event.uid, state.at),
                       recovered=event, decided=state.at, attempt=0, attempts=event.attempts)
@@ -359,11 +360,12 @@ def _end_recovery(state: State, event: LeafFinished, recovery: RecoveryRound) ->
                     began=state.at - event.seconds, ended=state.at,
                     is_halted=event.status == "IDLE")
     # what is left to an outer HandleFallBack is the failure of the step itself
-    kept = {path: each for path, each in state.failures.items() if path != event.path}
+    kept = {path: failed for path, failed in state.failures.items() if path != event.path}
     if failures and not ended.is_halted:
         kept[recovery.path] = failures[:1]
-    return _conclude(replace(state, recovered=None, failures=kept, recoveries=tuple(
-        each for each in state.recoveries if each.uid != event.uid)), ended)
+    recoveries = tuple(other for other in state.recoveries if other.uid != event.uid)
+    state = replace(state, recovered=None, failures=kept, recoveries=recoveries)
+    return _conclude(state, ended)
 
 
 def _paused(state: State, event: Paused) -> State:
@@ -421,12 +423,12 @@ def _asked(state: State, event: Asked) -> State:
 
 
 def _answered(state: State, event: Answered) -> State:
-    exchange = _first(state.exchanges, lambda each: each.call == event.call)
+    exchange = _first(state.exchanges, lambda exchange: exchange.call == event.call)
     if exchange is None:  # its request was lost
         return state
     ended = replace(exchange, answered=state.at, result=event.result)
-    return _conclude(replace(state, exchanges=_without(state.exchanges, exchange),
-                             robot=_moved(state.robot, ended)), ended)
+    state = replace(state, exchanges=_without(state.exchanges, exchange))
+    return _conclude(replace(state, robot=_moved(state.robot, ended)), ended)
 
 
 def _feedback_received(state: State, event: FeedbackReceived) -> State:
@@ -483,9 +485,9 @@ def _health_changed(state: State, event: HealthChanged) -> State:
     names = {name for name, _ in troubles}
     ill_since = {name: since for name, since in robot.ill_since.items() if name in names}
     if not event.is_well:
-        failed = [each.failures[0] for each in state.recoveries if each.failures]
-        ill_since.setdefault(event.name, min(
-            (each.at for each in failed if each.failure.resource == event.name), default=state.at))
+        first = [recovery.failures[0] for recovery in state.recoveries if recovery.failures]
+        times = [failed.at for failed in first if failed.failure.resource == event.name]
+        ill_since.setdefault(event.name, min(times, default=state.at))
     if event.respect == GONE and not event.is_well:
         robot = _forgotten(robot, event.name)
     robot = replace(robot, troubles=troubles, ill_since=ill_since)
@@ -566,6 +568,6 @@ _HANDLERS: Dict[type, Callable[[State, Any], State]] = {
 }
 """What interprets each kind of event."""
 
-if set(_HANDLERS) != set(EVENTS):
-    raise TypeError("the model of a run does not interpret {}".format(
-        ", ".join(sorted(kind.__name__ for kind in set(EVENTS) - set(_HANDLERS)))))
+_unknown = sorted(kind.__name__ for kind in set(EVENTS).difference(_HANDLERS))
+if _unknown:
+    raise TypeError(f"the model of a run does not interpret {', '.join(_unknown)}")

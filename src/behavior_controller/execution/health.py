@@ -48,8 +48,8 @@ class Health:
     (``GONE`` …).
 
     Any thread may call ``report``, which only queues its argument for ``publish``, and ``hear``,
-    and may read ``heard`` by name. All else belongs to the tick thread, but ``calls`` is replaced as
-    a whole, so any thread may read it.
+    and may read ``last_arrivals`` by name. All else belongs to the tick thread, but ``calls`` is
+    replaced as a whole, so any thread may read it.
     """
 
     @tick_thread_only
@@ -61,7 +61,7 @@ class Health:
         self._gone: Dict[str, str] = {}  # by name of the service or topic: its node
         self._changes: List[HealthChanged] = []
         self.calls: Mapping[str, CallCount] = {}
-        self.heard: Dict[str, float] = {}
+        self.last_arrivals: Dict[str, float] = {}
         """The time of each topic's last message (monotonic seconds)."""
 
     def report(self, respect: str, change: HealthChanged) -> None:
@@ -72,7 +72,7 @@ class Health:
     def hear(self, topic: str, at: float) -> None:
         """Report the time of a topic's last message, from any thread. This does not wake the tree.
         """
-        self.heard[topic] = at
+        self.last_arrivals[topic] = at
 
     @tick_thread_only
     def slow(self, service: str, deadline: float, kind: str = "service") -> None:
@@ -90,8 +90,9 @@ class Health:
         before = self.calls.get(service, CallCount())
         # of a node that is gone something stronger is known, which ends when it is started again
         row = before.in_a_row + 1 if has_failed and not self.is_gone(service) else 0
-        self.calls = dict(self.calls, **{
-            service: CallCount(before.calls + 1, before.failures + has_failed, row, seconds)})
+        failures = before.failures + 1 if has_failed else before.failures
+        counted = CallCount(before.calls + 1, failures, row, seconds)
+        self.calls = {**self.calls, service: counted}
         if row >= FAILURES_IN_A_ROW:
             self._note(HealthChanged(kind, service, "", False, f"failing: {row} calls in a row",
                                      "the recovery policy says what is left out", FAILING))
@@ -106,7 +107,7 @@ class Health:
         key = (change.name, change.respect)
         if (key in self._troubles) is change.is_well:
             self._changes.append(change)
-            (self._troubles.discard if change.is_well else self._troubles.add)(key)
+            self._troubles ^= {key}  # it was in it, or was not
 
     @tick_thread_only
     def is_gone(self, name: str) -> bool:
@@ -115,10 +116,11 @@ class Health:
         return name in self._gone
 
     @tick_thread_only
-    def gone_node(self, name: str) -> str:
-        """Return the node that offers a service or topic that is gone; empty if it is not gone, or
-        that is unknown."""
-        return self._gone.get(name, "")
+    def gone_name(self, name: str) -> str:
+        """Return the name of the node that offers a service or topic that is gone, or else the name
+        of that service or topic."""
+        node = self._gone.get(name, "")
+        return "/" + node if node else name
 
     @tick_thread_only
     def publish(self, events: Events) -> None:

@@ -41,9 +41,9 @@ class SafeState:
 
         ``wait`` returns when a result may have come, after that many seconds at the latest.
         """
-        end = self._began + seconds
-        while not self.is_over and self._now() < end:
-            wait(end - self._now())
+        deadline = self._began + seconds
+        while not self.is_over and self._now() < deadline:
+            wait(deadline - self._now())
         return self.report()
 
     def report(self) -> SafeStateReported:

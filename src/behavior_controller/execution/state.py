@@ -28,7 +28,6 @@ RESPECTS = (GONE, NEW, SILENT, FAILING, SLOW)
 """The respects in which a service or topic may not be well, the strongest first."""
 
 
-
 def rank(change: HealthChanged) -> int:
     """Return how strong a trouble is; 0 is the strongest."""
     return RESPECTS.index(change.respect) if change.respect in RESPECTS else len(RESPECTS)
@@ -234,8 +233,8 @@ class Robot(Struct, frozen=True):
 
     def trouble(self, name: str) -> Optional[HealthChanged]:
         """Return the strongest trouble of a service or topic."""
-        found = [change for change in self.troubles.values() if change.name == name]
-        return min(found, key=rank, default=None)
+        troubles = [change for change in self.troubles.values() if change.name == name]
+        return min(troubles, key=rank, default=None)
 
     @property
     def ill(self) -> Tuple[HealthChanged, ...]:
@@ -264,8 +263,6 @@ class Course(Struct, frozen=True):
 
 
 Fact = Union[Visit, Stop, Step, Exchange, LeafFailure, RecoveryRound, NodeResult, Noticed]
-
-
 FactOfKind = TypeVar("FactOfKind", bound=Fact)
 
 
@@ -338,9 +335,7 @@ class State(Struct, frozen=True):
 
     @property
     def why_broken_off(self) -> Optional[Reason]:
-        """Why the stop is not completed; None if it is: a step came after each that
-        failed.
-        """
+        """Why the stop is not completed; None if it is: a step came after each that failed."""
         return self.why_left if self.course.left_by is not None else self.course.stuck
 
     @property
@@ -367,8 +362,7 @@ class State(Struct, frozen=True):
     def has_given_up(self, event: Recovered) -> bool:
         """Return whether an inner HandleFallBack has given up that step already."""
         given_up = self.course.given_up
-        return (given_up is not None and given_up.path == event.path and
-                given_up.uid != event.uid)
+        return given_up is not None and given_up.path == event.path and given_up.uid != event.uid
 
 
 def step_over(before: State, after: State) -> Optional[Step]:

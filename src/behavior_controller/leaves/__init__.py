@@ -13,8 +13,8 @@ from behavior_controller.bt import Direction, NodeSpec, Port, Registry, builtin_
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.linter.structure import STRUCTURE, is_port_name
 from behavior_controller.robot.interfaces import INTERFACES
-from behavior_controller.leaves import (attention, dialogue, gesture, knowledge, lifecycle,
-                                        navigation, recovery, release_1_0, speech)
+from behavior_controller.leaves import (
+    attention, dialogue, gesture, knowledge, lifecycle, navigation, recovery, release_1_0, speech)
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.phrases import Speech
 
@@ -30,18 +30,18 @@ _NAME = re.compile(r"[^\W\d][\w.-]*")
 def specs() -> Tuple[NodeSpec, ...]:
     """Return the node types of this package and of all others. Raises BrokenExtension."""
     owners: Dict[str, str] = {spec.id: "BehaviorTree.CPP" for spec in builtin_specs()}
-    found = Registry(builtin_specs() + list(SPECS))
+    known = Registry(builtin_specs() + list(SPECS))
     builtins = len(owners)
     owners.update((spec.id, extensions.TARGET) for spec in SPECS)
-    for extension in extensions.found("phrases"):
-        _add(extension, speech.specs(extension.declared("SPEECHES", Speech)), owners, found)
-    for extension in extensions.found("leaves"):
-        _add(extension, extension.declared("SPECS", NodeSpec), owners, found)
-    return tuple(found.all()[builtins:])
+    for extension in extensions.exported("phrases"):
+        _add(extension, speech.specs(extension.declared("SPEECHES", Speech)), owners, known)
+    for extension in extensions.exported("leaves"):
+        _add(extension, extension.declared("SPECS", NodeSpec), owners, known)
+    return tuple(known.all()[builtins:])
 
 
 def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: Dict[str, str],
-         found: Registry) -> None:
+         known: Registry) -> None:
     for spec in added:
         near = extensions.quoted(spec.id)
         if spec.id in owners:
@@ -55,7 +55,7 @@ def _add(extension: extensions.Extension, added: Tuple[NodeSpec, ...], owners: D
                                    "as interface", *near)
         owners[spec.id] = extension.package
         try:
-            found.extend([spec])
+            known.extend([spec])
         except (AttributeError, TypeError, ValueError) as error:  # of a wrong field
             raise extension.broken(str(error), *near) from error
         made: Any = getattr(spec.factory, "func", spec.factory)

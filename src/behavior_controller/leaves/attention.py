@@ -82,7 +82,7 @@ class GazeValues:
     def __init__(self) -> None:
         self.has_robots_value = False
         self.searches: Set[float] = set()  # start times of the searches with value 1
-        self.is_told = False
+        self.is_reported = False
 
     def sign(self, configured: int) -> str:
         """Return the evidence against the ``configured`` value; empty if there is none, or it was
@@ -94,10 +94,10 @@ class GazeValues:
         elif configured == 2 and not self.has_robots_value and len(self.searches) >= SEARCHES:
             sign = (f"1 in {SEARCHES} searches and never 2 or 3, as a node of D5.4.3 does, where 1 "
                     "is mutual gaze")
-        if not sign or self.is_told:
+        if not sign or self.is_reported:
             return ""
-        self.is_told = True
-        return (f"{'/overtAttention/mode'} has said seeking with {sign}; if this is such a node, "
+        self.is_reported = True
+        return (f"/overtAttention/mode has said seeking with {sign}; if this is such a node, "
                 f"set mutualGazeValue {3 - configured}")
 
 

@@ -21,7 +21,7 @@ from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.thread_check import tick_thread_only
 from behavior_controller.bt.registry import argument
 from behavior_controller.bt.status import NAMES
-from behavior_controller.execution.events import Events, LeafFinished, StepStarted, Told
+from behavior_controller.execution.events import Events, LeafFinished, StepStarted, LeafSummary
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
 from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
@@ -88,9 +88,9 @@ class FailureLog:
     def newest(self, first_uid: int, end_uid: int, after: int) -> Optional[Failed]:
         """Return the newest failure of the leaves ``first_uid`` to ``end_uid - 1`` with a number
         beyond ``after``."""
-        found = [failed for uid, failed in self._by_uid.items()
-                 if first_uid <= uid < end_uid and failed.number > after]
-        return max(found, key=lambda failed: failed.number) if found else None
+        failures = (failed for uid, failed in self._by_uid.items()
+                    if first_uid <= uid < end_uid and failed.number > after)
+        return max(failures, key=lambda failed: failed.number, default=None)
 
 
 NOT_ASKED = "nothing was asked"
@@ -161,8 +161,9 @@ class MissionContext:
         most = self.policy.most
         if not most:
             return math.inf
-        return self.recoveries[-most] + self.policy.seconds if len(
-            self.recoveries) >= most else -math.inf
+        if len(self.recoveries) < most:
+            return -math.inf
+        return self.recoveries[-most] + self.policy.seconds
 
     def leaves_of(self, tree: Tree) -> List[Tuple[str, str]]:
         """Return path and type of each mission leaf, in document order."""
@@ -182,7 +183,7 @@ class MissionLeaf(Node):
     otherwise = "it does not hold"  # the message of a condition's failure
     resource = ""  # the service or topic that the leaf uses, by canonical name
     started_at = 0.0
-    told: Optional[Told] = None  # the sentence for people when the leaf ends
+    summary: Optional[LeafSummary] = None  # the sentence for people when the leaf ends
 
     def configure(self) -> None:
         """Refuse a node type without the facts that the recovery needs."""
@@ -226,10 +227,10 @@ class MissionLeaf(Node):
         """Emit the event that this leaf finished."""
         resource = (failure.resource if failure is not None else "") or self.resource
         self.feedback_message = failure.message if failure is not None else ""
-        told, self.told = self.told, None
+        summary, self.summary = self.summary, None
         self.mission.events.emit(
             LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
-                         self.mission.clock.now() - self.started_at, failure, told))
+                         self.mission.clock.now() - self.started_at, failure, summary))
 
     def begin_step(self, words: Words, limit: float, goes_on: bool = False) -> None:
         """Emit in words for people what the robot does from now on, for ``limit`` seconds at most
@@ -315,13 +316,13 @@ class Attempt:
             return Ended(self._leaf.attempt_failed(result))
         if self._goes_on(self._call.request):
             return None
-        self._leaf.told = self._leaf.done(self._words) if self._words is not None else None
+        self._leaf.summary = self._leaf.done(self._words) if self._words is not None else None
         try:
             failure = self._leaf.accept(result)
         except PortError as error:
             failure = self._leaf.missing(error)
         if failure is not None:
-            self._leaf.told = None
+            self._leaf.summary = None
         return Ended(failure)
 
     def _goes_on(self, request: Request) -> bool:
@@ -381,11 +382,11 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         """Return the words for ``request``: its own, or the name of the node."""
         return request.words or Words(self.registration_id, self.registration_id + " is done")
 
-    def done(self, words: Words) -> Optional[Told]:
+    def done(self, words: Words) -> Optional[LeafSummary]:
         """Return the sentence for a request that was carried out."""
         if not words.done:
             return None
-        return Told(words.kind, " ".join(filter(None, (words.done, words.what))))
+        return LeafSummary(words.kind, " ".join(filter(None, (words.done, words.what))))
 
     def limit(self, request: Request) -> float:
         """Return the seconds that ``request`` may take; 0 if no service carries it out."""

@@ -3,12 +3,10 @@ answer."""
 import math
 from typing import Any, Optional, Tuple
 
-from msgspec.structs import replace
-
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt import (
     ConditionLeaf, ConfigureError, PortError, Result, FAILURE, RUNNING)
-from behavior_controller.execution.events import Told
+from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure, Sample, since
 from behavior_controller.robot.declarations import Evidence, Sense, Topic
 from behavior_controller.leaves.base import MissionLeaf
@@ -59,7 +57,7 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
     _expiry: Optional[Timer] = None
     _patience: Optional[Patience] = None
     # the failure reported last, and what a message had to be newer than then
-    _told: Tuple[str, float] = ("", 0.0)
+    _last_failure: Tuple[str, float] = ("", 0.0)
 
     def configure(self) -> None:
         """Refuse a class that does not say what it checks."""
@@ -123,14 +121,15 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
         sample = samples[-1] if samples else None
         counting = list(filter(self._is_young, since(samples, self.not_before())))
         self.judged(sample)
-        for each in counting:
-            if self.is_evidence(each.value):
-                return self._true(each, each is sample)
-        if any(self.evidence.is_given_up(each.value) for each in counting):
+        for counted in counting:
+            if self.is_evidence(counted.value):
+                return self._true(counted, counted is sample)
+        is_given_up = self.evidence.is_given_up
+        if any(is_given_up(counted.value) for counted in counting):
             topics.wake_when(self.uid, topic, self.is_evidence)
             return self._false(sample)
-        topics.wake_when(self.uid, topic, lambda value: self.is_evidence(value)
-                         or self.evidence.is_given_up(value))
+        topics.wake_when(
+            self.uid, topic, lambda value: self.is_evidence(value) or is_given_up(value))
         if self._patience is None:
             topics.listen(topic, self.wait)
         if not self._waits():
@@ -160,35 +159,36 @@ class TopicCondition(MissionLeaf, ConditionLeaf):
                                               lambda value: not self.is_evidence(value))
             left = sample.arrived + self.mission.settings.topic_max_age - self.mission.clock.now()
             self._expiry = self.mission.clock.call_after(left + 0.001, self.wake)
-        self._told = ("", 0.0)
+        self._last_failure = ("", 0.0)
         self._note("given")
         self.use(sample)
         return self.succeeded()
 
     def _false(self, sample: Optional[Sample]) -> Result:
         self._stop_timers()
-        failure = Failure(Cause.CONDITION_FALSE, self.otherwise, self.resource)
-        if sample is not None and not self._counts(sample):
-            when = "came before" if sample.arrived <= self.not_before() else "is too old"
-            failure = replace(failure, message=f"{self.otherwise}; the newest message {when}")
+        message = self.otherwise
         self._note("absent")
         if sample is not None and self._counts(sample):
             self.unused(sample)
+        elif sample is not None:
+            when = "came before" if sample.arrived <= self.not_before() else "is too old"
+            message += f"; the newest message {when}"
+        failure = Failure(Cause.CONDITION_FALSE, message, self.resource)
         return self._fail(failure, self.not_before())
 
     def _note(self, what: str) -> None:
         """Tell the story that the sign of the sense is ``given`` or ``absent``."""
         mark = "" if self.own_evidence is not None else getattr(self.sense, what)
-        self.told = Told("visit", "", mark, self.mission.clock.now()) if mark else None
+        self.summary = LeafSummary("visit", "", mark, self.mission.clock.now()) if mark else None
 
     def _fail(self, failure: Failure, since: float) -> Result:
-        telling = failure.message, max(since, self.mission.visit_began)
-        if telling == self._told:
+        reported = failure.message, max(since, self.mission.visit_began)
+        if reported == self._last_failure:
             # asked again at every tick of a wait: recorded each time, reported once
             self.mission.failures.add(self, failure)
             return FAILURE
-        is_new = telling[1:] != self._told[1:]
-        self._told = telling
+        is_new = reported[1:] != self._last_failure[1:]
+        self._last_failure = reported
         result = self.failed(failure)
         if is_new and self._mission_waits is not None and not self._may_wait():
             self._begin_to_wait(self._mission_waits)

@@ -2,7 +2,7 @@
 (/tabletEvent/prompt_and_get_response)."""
 from typing import Any, Optional
 
-from behavior_controller.execution.events import Told
+from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure, Sample
 from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Answer, Prompt, Request
@@ -12,11 +12,12 @@ from behavior_controller.leaves.data import QUESTION_ASKED_AT, VISITOR_RESPONSE
 from behavior_controller.config.phrases import YES
 
 
-def heard(utterance: str, answer: Optional[str]) -> Told:
+def utterance_summary(utterance: str, answer: Optional[str]) -> LeafSummary:
     """Return the sentence about an utterance and its answer."""
     if answer is None and utterance.strip().lower().startswith("error"):
-        return Told("heard", "no answer recognised", "unrecognised")  # by the recogniser
-    return Told("heard", f"heard “{utterance}”: {answer or 'neither yes nor no'}", answer or "")
+        return LeafSummary("heard", "no answer recognised", "unrecognised")  # by the recogniser
+    text = f"heard “{utterance}”: {answer or 'neither yes nor no'}"
+    return LeafSummary("heard", text, answer or "")
 
 
 class IsYesNoUttered(TopicCondition):
@@ -47,11 +48,11 @@ class IsYesNoUttered(TopicCondition):
         self.set_output("visitorResponse", answer)
         self.set_output("questionAskedAt", sample.arrived)
         self.mission.ignore_answers(NOT_ASKED)
-        self.told = heard(sample.value, answer)
+        self.summary = utterance_summary(sample.value, answer)
 
     def unused(self, sample: Sample) -> None:
         """Report an utterance that is not an answer."""
-        self.told = heard(sample.value, None)
+        self.summary = utterance_summary(sample.value, None)
 
 
 class IsVisitorResponseYes(InstantCondition):
@@ -86,13 +87,15 @@ class PressYesNoDialogue(ServiceLeaf):
         pressed = self.mission.phrases.pressed_answer(answer.response)
         if pressed is not None:
             self.set_output("visitorResponse", pressed)
-            label = self.mission.phrases.tablet_options[pressed != YES]
-            self.told = Told("pressed", f"the visitor pressed “{label}”", pressed)
+            yes, no = self.mission.phrases.tablet_options
+            label = yes if pressed == YES else no
+            self.summary = LeafSummary("pressed", f"the visitor pressed “{label}”", pressed)
             return None
         if answer.response.strip() in ("", "0"):
             return Failure(Cause.MISSING_DATA, "the visitor pressed nothing", self.resource)
-        return Failure(Cause.UNUSABLE_ANSWER, "the response {!r} is none of {}".format(
-            answer.response, ", ".join(self.mission.phrases.tablet_options)), self.resource)
+        options = ", ".join(self.mission.phrases.tablet_options)
+        text = f"the response {answer.response!r} is none of {options}"
+        return Failure(Cause.UNUSABLE_ANSWER, text, self.resource)
 
 
 SPECS = (

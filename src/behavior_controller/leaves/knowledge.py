@@ -8,16 +8,17 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Exhibit, QueryKnowledge, Request
 from behavior_controller.leaves.base import (
     InstantAction, InstantCondition, MissionLeaf, ServiceLeaf, leaf_spec)
-from behavior_controller.leaves.data import (CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2,
-                                             EXHIBITS, GESTURE_TARGET, LEFT_OUT, NEXT_EXHIBIT,
-                                             TARGET_LOCATION, named)
+from behavior_controller.leaves.data import (
+    CURRENT_EXHIBIT, DESCRIPTION_1, DESCRIPTION_2, EXHIBITS, GESTURE_TARGET, LEFT_OUT,
+    NEXT_EXHIBIT, TARGET_LOCATION, named)
 
 
 def advance(leaf: MissionLeaf, exhibits: Sequence[Exhibit], index: int, state: str,
             noun: str = "") -> None:
     """Emit the state of the exhibit ``index`` (from 0) of the list."""
-    leaf.mission.events.emit(StopChanged(leaf.uid, leaf.registration_id, leaf.full_path, index + 1,
-                                         len(exhibits), exhibits[index].name, state, noun))
+    leaf.mission.events.emit(
+        StopChanged(leaf.uid, leaf.registration_id, leaf.full_path, index + 1, len(exhibits),
+                    exhibits[index].name, state, noun))
 
 
 class RetrieveListOfExhibits(ServiceLeaf):
@@ -97,9 +98,10 @@ def leave_out_exhibit(leaf: MissionLeaf) -> bool:
     Raises PortError.
     """
     exhibits, index = leaf.get_input_or("exhibits", ()), leaf.get_input_or("nextExhibit", 0) - 1
-    if not 0 <= index < len(exhibits) or leaf.get_input_or("targetLocation",
-                                                           None) != exhibits[index].location:
+    if not 0 <= index < len(exhibits):
         return True  # no exhibit is under way
+    if leaf.get_input_or("targetLocation", None) != exhibits[index].location:
+        return True  # the robot goes elsewhere
     advance(leaf, exhibits, index, OMITTED)
     before = leaf.get_input_or("leftOutExhibits", [])
     left_out = sorted({index}.union(before))
@@ -127,10 +129,10 @@ class LookUp(ServiceLeaf):
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Store the place."""
-        if len(answer.exhibits) != 1:
-            return Failure(Cause.UNUSABLE_ANSWER,
-                           f"the knowledge base has {len(answer.exhibits)} places for "
-                           f"{self.place}; exactly 1 is needed", self.resource)
+        count = len(answer.exhibits)
+        if count != 1:
+            text = f"the knowledge base has {count} places for {self.place}; exactly 1 is needed"
+            return Failure(Cause.UNUSABLE_ANSWER, text, self.resource)
         name = "its home" if self.place == "home" else "the " + self.place
         location, target = named(answer.exhibits[0], name)
         self.set_output("targetLocation", location)

@@ -5,7 +5,8 @@ from typing import Any, List, Optional
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt import ActionLeaf, PortError, Result, FAILURE, IDLE, RUNNING, SUCCESS
 from behavior_controller.bt.engine.ports import defaults
-from behavior_controller.execution.events import Noticed, Recovered, Recovering, Retried, Told
+from behavior_controller.execution.events import (
+    LeafSummary, Noticed, Recovered, Recovering, Retried)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.leaves.base import Attempt, Failed, MissionLeaf, ServiceLeaf, leaf_spec
 from behavior_controller.leaves.knowledge import LEAVING_OUT
@@ -46,9 +47,9 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         is_affordable = self._is_affordable()
         self.mission.failures.is_budget_spent |= not is_affordable
         can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
-        self._round = _Round(self, failed, Recovery(
-            self.mission.policy, failed.leaf.spec, failed.failure, can_redo, is_affordable,
-            lambda: self._leave_out(steps)))
+        recovery = Recovery(self.mission.policy, failed.leaf.spec, failed.failure, can_redo,
+                            is_affordable, lambda: self._leave_out(steps))
+        self._round = _Round(self, failed, recovery)
         return self.on_running()
 
     def _leave_out(self, steps: List[Any]) -> bool:
@@ -76,10 +77,9 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
 
     def _is_affordable(self) -> bool:
         now, policy = self.mission.clock.now(), self.mission.policy
-        recent = [began
-                  for began in self.mission.recoveries if began > now - policy.seconds] + [now]
-        self.mission.recoveries = recent
-        return len(recent) <= policy.most
+        recent = [began for began in self.mission.recoveries if began > now - policy.seconds]
+        self.mission.recoveries = [*recent, now]
+        return len(recent) < policy.most
 
     def on_running(self) -> Result:
         """Go on with the recovery."""
@@ -91,14 +91,14 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         recovery = under_way.recovery
         self._tell(under_way.failed.leaf, recovery.failure, str(recovery), recovery.attempts,
                    outcome, recovery.reason)
-        self.told = under_way.told()
+        self.summary = under_way.summary()
         return self._finished(outcome, recovery.failure)
 
     def _tell(self, leaf: MissionLeaf, failure: Failure, policy: str, attempts: int, outcome: str,
               reason: str) -> None:
         self.mission.events.emit(
-            Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts, outcome
-                      != GIVEN_UP, outcome, reason, self.uid))
+            Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts,
+                      outcome != GIVEN_UP, outcome, reason, self.uid))
 
     def _finished(self, outcome: str, failure: Optional[Failure]) -> Result:
         # a failed recovery is not recorded as a failure: an outer HandleFallBack looks for the
@@ -151,10 +151,10 @@ class _Round:
             Recovering(self._leaf.uid, leaf.registration_id, leaf.full_path, self.recovery.failure,
                        attempt, self.recovery.retries, substitute))
 
-    def told(self) -> Optional[Told]:
+    def summary(self) -> Optional[LeafSummary]:
         """Return the sentence about the attempt that succeeded."""
-        told, self._doing.told = self._doing.told, None
-        return told
+        summary, self._doing.summary = self._doing.summary, None
+        return summary
 
     def _substitute(self, spec: MissionSpec) -> Any:
         leaf: Any = spec.factory(spec.id)
@@ -191,22 +191,21 @@ class _Round:
             return False
         if self._pause is not None and self._pause.callback is not None:
             return True
-        if not self.recovery.is_indispensable or not self._mission.health.is_gone(
-                self.recovery.failure.resource):
+        health, resource = self._mission.health, self.recovery.failure.resource
+        if not self.recovery.is_indispensable or not health.is_gone(resource):
             return False
         if self._patience is None:
-            resource = self.recovery.failure.resource
-            node = self._mission.health.gone_node(resource)
-            self._leaf.begin_wait("waiting for {} to return".format(
-                "/" + node if node else resource), RETURN_LIMIT)
+            self._leaf.begin_wait(f"waiting for {health.gone_name(resource)} to return",
+                                  RETURN_LIMIT)
             self._patience = self._mission.clock.call_after(RETURN_LIMIT, self._leaf.wake)
         return self._patience.callback is not None
 
     def _judged(self, failure: Optional[Failure]) -> Step:
         step = self.recovery.attempted(failure)
         if failure is not None:
-            self._mission.events.emit(Retried(self._doing.registration_id, self._doing.full_path,
-                                              self.recovery.attempts, failure))
+            doing, attempts = self._doing, self.recovery.attempts
+            self._mission.events.emit(
+                Retried(doing.registration_id, doing.full_path, attempts, failure))
         return step
 
     def _cancel_timers(self) -> None:

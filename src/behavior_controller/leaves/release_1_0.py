@@ -12,11 +12,11 @@ from behavior_controller.robot.requests import (
     Request, Say, SetPose, SetRecognition, SetRecognitionLanguage)
 from behavior_controller.config.knowledge_files import UTILITY_PHRASES
 from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAttentionMode
-from behavior_controller.leaves.base import (NOT_ASKED, InstantCondition, MissionLeaf,
-                                             OptionalServiceLeaf, leaf_spec)
+from behavior_controller.leaves.base import (
+    NOT_ASKED, InstantCondition, MissionLeaf, OptionalServiceLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import Patience, TopicCondition
 from behavior_controller.leaves.data import EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
-from behavior_controller.leaves.dialogue import heard
+from behavior_controller.leaves.dialogue import utterance_summary
 from behavior_controller.leaves.gesture import IconicGesture
 from behavior_controller.leaves.knowledge import LookUp
 from behavior_controller.leaves.lifecycle import begin_pass
@@ -39,8 +39,8 @@ class StartOfTreeInLanguage(OptionalServiceLeaf):
 
     def wanted(self) -> Optional[Request]:
         """Set the language, if speech is recognised."""
-        return SetRecognitionLanguage(
-            self.mission.language) if self.mission.settings.asr_enabled else None
+        is_used = self.mission.settings.asr_enabled
+        return SetRecognitionLanguage(self.mission.language) if is_used else None
 
 
 class SetSpeechEvent(OptionalServiceLeaf):
@@ -86,8 +86,9 @@ class SayText(Question):
     def request(self) -> Union[Request, Failure]:
         """Say the phrase; a culture file may have none of that number."""
         knowledge = self.mission.knowledge
-        text = self.mission.phrases.utility(
-            self.number) if knowledge is None else knowledge.phrases.get(self.number)
+        text = self.mission.phrases.utility(self.number)
+        if knowledge is not None:
+            text = knowledge.phrases.get(self.number)
         if text is None:
             return Failure(Cause.MISSING_DATA, f"there is no utility phrase {self.number}",
                            self.resource)
@@ -119,7 +120,6 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
     the recognition.
     """
 
-    listens = Sense.UTTERANCE
     sense = Sense.UTTERANCE
     PORTS = (VISITOR_RESPONSE.written(),)
     topic: Topic
@@ -152,7 +152,7 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
             text = f"the recognition says {utterance!r}"
             return self._end("", Failure(Cause.UNUSABLE_ANSWER, text, self.resource))
         if utterance:
-            self.told = heard(utterance, answer)
+            self.summary = utterance_summary(utterance, answer)
         if answer is not None:
             return self._end(answer)
         if self._patience is not None and self._patience.is_over():

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from behavior_controller.bt import ConfigureError, Port, PortError
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.bt.script.values import TEXT
-from behavior_controller.execution.events import Told
+from behavior_controller.execution.events import LeafSummary
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request, Say, Words
 from behavior_controller.leaves.base import BEFORE_QUESTION, Attempt, ServiceLeaf, leaf_spec
@@ -75,10 +75,12 @@ class Question(FixedSpeech):
             return words
         return words._replace(doing="asking", done="asked", kind="asked")
 
-    def done(self, words: Words) -> Optional[Told]:
+    def done(self, words: Words) -> Optional[LeafSummary]:
         """Note that the visitor was asked."""
-        told = super().done(words)
-        return replace(told, mark="asked") if told is not None and self.is_question else told
+        summary = super().done(words)
+        if summary is None or not self.is_question:
+            return summary
+        return replace(summary, mark="asked")
 
     def accept(self, answer: Answer) -> Optional[Failure]:
         """Note when the question had been asked."""

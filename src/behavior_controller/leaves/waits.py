@@ -34,26 +34,26 @@ def wait_for(condition: Any) -> Optional[float]:
     for it. A ReactiveFallback waits as long as the nodes after the condition take, a loop for the
     pauses of all its rounds. A loop in whose rounds the robot does something else is not a wait.
     """
-    node, end = condition, FAILS
+    node, outcome = condition, FAILS
     round_takes, wait, does_more = 0.0, None, False
     # the mission may be a part of a tree of py_trees
     while isinstance(node.parent, Node) and not does_more:
         parent, place = node.parent, node.parent.children.index(node)
-        later = parent.children[
-            place + 1:] if not parent.spec.next_after or end & parent.spec.next_after else []
+        goes_on = not parent.spec.next_after or outcome & parent.spec.next_after
+        later = parent.children[place + 1:] if goes_on else []
         takes, does_more = _in_turn(parent.children[:place] + later)
         round_takes += takes + _pause(parent)
         if isinstance(parent, ReactiveFallback) and _in_turn(later)[0]:
             wait = round_takes
-        if end & _repeats_on(parent) and (round_takes or
-                                          isinstance(parent, KeepRunningUntilFailure)):
+        is_loop = isinstance(parent, KeepRunningUntilFailure)
+        if outcome & _repeats_on(parent) and (round_takes or is_loop):
             wait = round_takes = _number(parent, parent.spec.rounds) * (round_takes or 1.0)
         if isinstance(parent, Timeout):
             round_takes = min(round_takes, _number(parent, "msec") / 1000.0)
             wait = None if wait is None else round_takes
         if not does_more:
-            ends = [end] + [_end_of(each) for each in later]
-            end = by(parent.spec.outcome, parent.attributes, ends)
+            outcomes = [outcome, *map(_outcome_of, later)]
+            outcome = by(parent.spec.outcome, parent.attributes, outcomes)
         node = parent
     return wait
 
@@ -65,8 +65,8 @@ def _in_turn(siblings: List[Any]) -> Tuple[float, bool]:
     inf: the file does not say it. Too many to look at, with each condition of a large mission,
     count as doing more.
     """
-    nodes = list(
-        itertools.islice((each for node in siblings for each in node.iterate()), MOST_BESIDE + 1))
+    below = itertools.chain.from_iterable(node.iterate() for node in siblings)
+    nodes = list(itertools.islice(below, MOST_BESIDE + 1))
     if len(nodes) > MOST_BESIDE:
         return math.inf, True
     return sum(map(_seconds, nodes)), any(map(_does_more, nodes))
@@ -98,5 +98,5 @@ def _does_more(node: Any) -> bool:
     return node.spec.kind is Kind.ACTION and not node.spec.is_instant and not node.spec.pause
 
 
-def _end_of(node: Any) -> int:
-    return by(node.spec.outcome, node.attributes, list(map(_end_of, node.children)))
+def _outcome_of(node: Any) -> int:
+    return by(node.spec.outcome, node.attributes, list(map(_outcome_of, node.children)))

@@ -3,7 +3,7 @@ can report it."""
 import sys
 import threading
 import time
-from typing import Callable, Optional, Set, Tuple
+from typing import Callable, Set, Tuple
 
 from behavior_controller.bt.engine.failure import node_on
 from behavior_controller.foreign_code import place
@@ -11,6 +11,9 @@ from behavior_controller.missions.runner import Runner
 
 INTERVAL = 0.25
 """Seconds between two checks."""
+
+NO_LEAF = 0, "the tick thread has not reacted"
+"""The number and the words when the tick thread is in the code of no leaf."""
 
 CHECKS = 4
 """A leaf that has been in the same tick at so many checks in a row, for a second, is reported."""
@@ -24,9 +27,9 @@ class Standstill:
         self._runner = runner
         self._tell = tell
         self._tick_thread = threading.get_ident()
-        self._before: Tuple[object, object] = (None, None)  # moment and leaf of the last check
+        self._before: Tuple[object, int] = (None, 0)  # moment and leaf of the last check
         self._checks = 0
-        self._told: Set[int] = set()
+        self._reported: Set[int] = set()
 
     def start(self) -> None:
         """Check from now on, on a separate thread."""
@@ -41,14 +44,13 @@ class Standstill:
         """Report the leaf that blocks the tick thread, once."""
         # counted, not timed: a machine that was suspended has blocked nothing
         moment = self._runner.moment()
-        found = self._leaf() if moment is not None else None
-        now = (moment, found[0] if found is not None else None)
-        self._checks = self._checks + 1 if found is not None and now == self._before else 0
-        self._before = now
-        if found is not None and self._checks == CHECKS and found[0] not in self._told:
-            self._told.add(found[0])
-            self._tell("warning", "{} for {:g} s: the mission stands still until it returns".format(
-                found[1], CHECKS * INTERVAL))
+        uid, text = self._leaf() if moment is not None else NO_LEAF
+        self._checks = self._checks + 1 if uid and (moment, uid) == self._before else 0
+        self._before = moment, uid
+        if self._checks == CHECKS and uid not in self._reported:
+            self._reported.add(uid)
+            self._tell("warning", f"{text} for {CHECKS * INTERVAL:g} s: the mission stands still "
+                                  "until it returns")
 
     def is_blocked(self, seconds: float) -> bool:
         """Return whether the tick thread stays where it is for that long, and does not wait for an
@@ -59,14 +61,13 @@ class Standstill:
 
     def blocking(self) -> str:
         """Return which leaf's code the tick thread is in, as the beginning of a sentence."""
-        found = self._leaf()
-        return found[1] if found is not None else "the tick thread has not reacted"
+        return self._leaf()[1]
 
-    def _leaf(self) -> Optional[Tuple[int, str]]:
-        """Return number and place of the leaf in whose code the tick thread is."""
+    def _leaf(self) -> Tuple[int, str]:
+        """Return number and place of the leaf in whose code the tick thread is, or ``NO_LEAF``."""
         node, frame = node_on(sys._current_frames().get(self._tick_thread))
         if node is None or frame is None:
-            return None
+            return NO_LEAF
         return node.uid, "{}the leaf '{}' [{}] has not returned from {}".format(
             node.place_in_file(), node.full_path, node.registration_id,
             place(frame.f_code.co_filename, frame.f_lineno))

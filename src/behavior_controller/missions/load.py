@@ -76,8 +76,8 @@ class Mission:
         gateway = ObservedGateway(gateway, self.settings.interface, events.emit)
         known = self.knowledge
         if known is not None:
-            gateway = FilesGateway(gateway, {"exhibits": known.tour, "home": (known.start, ),
-                                             "entrance": (known.end, )})
+            places = {"exhibits": known.tour, "home": known.tour[:1], "entrance": known.tour[-1:]}
+            gateway = FilesGateway(gateway, places)
         return MissionContext(gateway, topics, self.settings, self.phrases, self.policy,
                               self.tree.clock, events, health, known, self.offers)
 
@@ -96,8 +96,8 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     def attempt(part: Callable[[], Part]) -> Optional[Part]:
         try:
             return part()
-        except FaultsFound as found:
-            faults.extend(found.faults)
+        except FaultsFound as invalid:
+            faults.extend(invalid.faults)
         return None
 
     has_files = settings.interface.has_knowledge_files
@@ -107,11 +107,11 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
     policy = attempt(lambda: recovery_policy.load(folders.config(POLICY), leaves.mission_specs()))
     tree = attempt(lambda: build_tree(documents or with_includes(read(file)), None, clock, wake))
     faults += keys_without_meaning(settings, known)
-    told = [] if tree is None else on_robot(tree, settings, known)
-    faults += [fault for fault in told if not fault.is_warning]
+    of_robot = [] if tree is None else on_robot(tree, settings, known)
+    faults += [fault for fault in of_robot if not fault.is_warning]
     if spoken is None or policy is None or tree is None or faults:
         raise FaultsFound(list(dict.fromkeys(faults)))
-    tree.warnings += told
+    tree.warnings += of_robot
     return Mission(settings, file, spoken, policy, tree, known)
 
 
@@ -143,19 +143,20 @@ def on_robot(tree: Tree, settings: Settings, knowledge: Optional[Knowledge] = No
 
     ``knowledge`` is that of the robot's files, if it has any.
     """
-    unsaid = [] if knowledge is None else [
-        node.element.fault(rules.PHRASE_MISSING,
-                           f"the culture file has no utility phrase {node.number}",
-                           knowledge.sources[1].file, "name") for node in tree.nodes
-        if isinstance(node, SayText) and node.number not in knowledge.phrases]
-    found = unsupported(tree, settings.interface) + unsaid
-    return list(dict.fromkeys(found)) + foresee(tree, settings)
+    unsaid = []
+    for node in tree.nodes:
+        if isinstance(node, SayText) and knowledge and node.number not in knowledge.phrases:
+            text = f"the culture file has no utility phrase {node.number}"
+            unsaid.append(node.element.fault(
+                rules.PHRASE_MISSING, text, knowledge.sources[1].file, "name"))
+    faults = dict.fromkeys(unsupported(tree, settings.interface) + unsaid)
+    return list(faults) + foresee(tree, settings)
 
 
 def unsupported(tree: Tree, robot: Interface) -> List[Fault]:
     """Return faults of nodes that cannot work since the robot lacks their service or message, and
     a warning about each node type that does nothing then, at its first place."""
-    found: List[Fault] = []
+    faults: List[Fault] = []
     done_without: Set[str] = set()  # node types
     for node in tree.nodes:
         spec = node.spec
@@ -170,11 +171,12 @@ def unsupported(tree: Tree, robot: Interface) -> List[Fault]:
             rule, effect = rules.DOES_WITHOUT, "does nothing"
         others = " or ".join(name for name, other in INTERFACES.items()
                              if not _lacking(spec, other))
-        found.append(node.element.fault(
-            rule, f"{spec.id} {effect} with the robot {robot.name}: it has no {lacking}",
-            f"set robotInterface {others}" if others else
-            "no robot has one; declare it in the robot's interface"))
-    return found
+        hint = "no robot has one; declare it in the robot's interface"
+        if others:
+            hint = f"set robotInterface {others}"
+        faults.append(node.element.fault(
+            rule, f"{spec.id} {effect} with the robot {robot.name}: it has no {lacking}", hint))
+    return faults
 
 
 def _lacking(spec: MissionSpec, robot: Interface) -> str:
@@ -203,12 +205,13 @@ def build_tree(documents: Sequence[Document], main_tree: Optional[str] = None,
 def mission_folders() -> List[str]:
     """Return our data folder, and those of packages that export something to us."""
     exporting = dict.fromkeys(extension.folder for kind in extensions.KINDS
-                              for extension in extensions.found(kind))
+                              for extension in extensions.exported(kind))
     return [folders.data("")] + [os.path.join(folder, "data") for folder in exporting]
 
 
 def find(name: str) -> str:
-    """Return the path of a mission in our data folder, or in that of a package that exports something.
+    """Return the path of a mission in our data folder, or in that of a package that exports
+    something.
 
     Raises ConfigurationError with the names of those that exist.
     """
@@ -216,8 +219,8 @@ def find(name: str) -> str:
     if name in known:
         return known[name]
     hint = did_you_mean(name, known) or f"there are: {', '.join(sorted(known))}"
-    raise ConfigurationError([Fault("scenarioSpecification", 0, 0,
-                                    "there is no mission " + folders.mission(name), hint)])
+    text = "there is no mission " + folders.mission(name)
+    raise ConfigurationError.of("scenarioSpecification", text, hint)
 
 
 def missions() -> List[str]:

@@ -23,8 +23,7 @@ class Persistence:
         failures, health = mission.failures.of_pass(), mission.health
         for failure in failures:
             if health.is_gone(failure.resource):
-                node = health.gone_node(failure.resource)
-                return Paused(failure, "/" + node if node else failure.resource)
+                return Paused(failure, health.gone_name(failure.resource))
         paused = self._paused(mission, failures, failed_at)
         if paused is not None and failed_at + paused.limit <= now:
             self._pauses += 1

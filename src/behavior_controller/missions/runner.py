@@ -109,8 +109,8 @@ class Runner:
         if code is None:
             code = exit_codes.SUCCESS if self._outcome in (None, "SUCCESS") else exit_codes.FAILURE
         ended = "stopped" if self.is_stopped() else "all passes are done"
-        self.mission.events.emit(
-            RunFinished("{}; last pass: {}".format(ended, self._outcome or "none"), code))
+        outcome = f"{ended}; last pass: {self._outcome or 'none'}"
+        self.mission.events.emit(RunFinished(outcome, code))
         return code
 
     def _is_over(self) -> bool:
@@ -133,19 +133,18 @@ class Runner:
             following.tree.setup(mission=following.mission)
         except MissionError as error:
             for fault in error.faults:
-                self._report(error, "refused, the running mission stays: {}".format(fault))
+                self._report(error, f"refused, the running mission stays: {fault}")
             return False
         return True
 
     def _begin(self) -> None:
         """Announce the mission, whose nodes are set up."""
         self._begins()
+        mission, knowledge = self.mission, self.mission.knowledge
+        sources = Sources(self.tree.sources, mission.phrases.source, mission.policy.source,
+                          mission.interface.name, knowledge.sources if knowledge else ())
         self.mission.events.emit(RunStarted(
-            self.mission_file, self.mission.leaves_of(self.tree),
-            dict(self.mission.settings.values),
-            Sources(self.tree.sources, self.mission.phrases.source, self.mission.policy.source,
-                    self.mission.interface.name,
-                    self.mission.knowledge.sources if self.mission.knowledge is not None else ())))
+            self.mission_file, mission.leaves_of(self.tree), mission.settings.values, sources))
 
     def _pass(self) -> None:
         """Run the mission once, with the data of earlier visitors cleared."""
@@ -198,9 +197,8 @@ class Runner:
             return FAILURE
         if self.tree.busy_loops and not self._warned:
             self._warned = True
-            self.mission.events.emit(Noticed(
-                "warning",
-                "the mission busy-loops, it never waits: put a Sleep or a Delay into its loop"))
+            text = "the mission busy-loops, it never waits: put a Sleep or a Delay into its loop"
+            self.mission.events.emit(Noticed("warning", text))
         if result not in (RUNNING, SUCCESS, FAILURE):
             self._halt()  # a root that was SKIPPED may still hold running nodes
         return result
@@ -213,8 +211,8 @@ class Runner:
             self._reported = origin
             # foreign code fails at no attribute
             place = "" if _foreign(error) is not None else place_of(error)
-            at = " ({})".format(place) if place not in str(error) else ""
-            self._report(error, "{}{}{}".format(during, error, at))
+            at = f" ({place})" if place not in str(error) else ""
+            self._report(error, f"{during}{error}{at}")
 
     def _report(self, error: BehaviorControllerError, text: str) -> None:
         """Emit a line, and have the traceback of foreign code written to the log file, on the
@@ -270,9 +268,9 @@ class Runner:
             self._report_exception(error)
 
     def _pause(self, seconds: float) -> None:
-        end = self.clock.now() + seconds
-        while self.clock.now() < end and not self.is_stopped():
-            self._doze(end - self.clock.now())
+        deadline = self.clock.now() + seconds
+        while self.clock.now() < deadline and not self.is_stopped():
+            self._doze(deadline - self.clock.now())
 
     def _doze(self, seconds: Optional[float]) -> None:
         """Wait for an event, ``seconds`` at the longest; nothing is ticked."""

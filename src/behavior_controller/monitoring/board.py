@@ -19,7 +19,7 @@ from behavior_controller.execution.run import History
 from behavior_controller.execution.state import State, rank
 from behavior_controller.monitoring.parts import PARTS, Alive, MissionPart, NodeRow, Now, Offer
 from behavior_controller.monitoring.record.recorder import (
-    Entries, entry_text, shown, traversed, written)
+    Entries, Note, entry_text, shown, traversed, written)
 from behavior_controller.monitoring.story import condition, title
 from behavior_controller.monitoring.view import MOMENT, View, how_it_stopped, now_of
 from behavior_controller.robot.declarations import Interface
@@ -34,7 +34,7 @@ HANGS = 3.0
 """Seconds without a sign of the tick thread after which it hangs."""
 
 MOST_WAITING = 10_000
-"""The most events and traversals that wait for ``look``; of what more traversals change only the
+"""The most events and traversals that wait for ``refresh``; of what more traversals change only the
 newest status is shown."""
 
 STRETCHES = 3
@@ -46,7 +46,7 @@ class Board:
     """Queues what happens on the tick thread, without waking another; the thread that shows it does
     the rest.
 
-    ``versions`` has a number for each part, which changes with it. That thread calls ``look``,
+    ``versions`` has a number for each part, which changes with it. That thread calls ``refresh``,
     ``part`` and ``node``.
     """
 
@@ -59,8 +59,7 @@ class Board:
         self._registry = registry
         self._view = View()
         self._history = History()
-        # what ``look`` takes: when it happened, and what makes the event of which values
-        self._news: Deque[Tuple[float, Callable[..., Event], Tuple[Any, ...]]] = collections.deque()
+        self._notes: Deque[Note] = collections.deque()  # what ``refresh`` processes
         self._has_missed = False  # a change of status
         self._is_closed = False
         self._beaten = 0.0
@@ -77,7 +76,7 @@ class Board:
 
     @property
     def state(self) -> State:
-        """What is so, as of the last ``look`` or ``part``."""
+        """What is so, as of the last ``refresh`` or ``part``."""
         return self._view.state
 
     def show(self, tree: Tree) -> None:
@@ -98,10 +97,10 @@ class Board:
         clock.call_after(PULSE, lambda: self._beat(clock))
 
     def _note(self, make: Callable[..., Event], *values: Any) -> None:
-        self._news.append((time.time(), make, values))
+        self._notes.append((time.time(), make, values))
 
     def _follow(self, entries: Entries, is_first: Optional[bool], changes: List[Change]) -> None:
-        if len(self._news) >= MOST_WAITING:
+        if len(self._notes) >= MOST_WAITING:
             self._has_missed = self._has_missed or bool(changes)
             return
         news = entries.news()
@@ -112,7 +111,7 @@ class Board:
 
     # ---------------------------------------------------------------------------- what has happened
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Process what has happened: events, calls that ended, topics that become older."""
         self._catch_up()
         called = sum(count.calls for count in self._health.calls.values())
@@ -125,13 +124,13 @@ class Board:
             self._touch("alive", "health")
 
     def _catch_up(self) -> None:
-        while self._news:
-            at, make, values = self._news.popleft()
+        while self._notes:
+            at, make, values = self._notes.popleft()
             self._take(at, make(*values))
         if self._has_missed and self.tree is not None:
             self._has_missed = False
-            self._view.show(replace(
-                self.state, letters="".join(LETTERS[node.status] for node in self.tree.nodes)))
+            letters = "".join(LETTERS[node.status] for node in self.tree.nodes)
+            self._view.show(replace(self.state, letters=letters))
             self._touch("statuses", "now")
 
     def _touch(self, *parts: str) -> None:
@@ -203,8 +202,7 @@ class Board:
         """Return how each service and topic is, by name."""
         names = dict(self._offers)
         names.update((change.name, change.kind) for change in state.robot.ill)
-        return {name: _offer(name, kind, state.robot.trouble(name))
-                for name, kind in names.items()}
+        return {name: _offer(name, kind, state.robot.trouble(name)) for name, kind in names.items()}
 
     def _offers_now(self) -> Dict[str, Offer]:
         """Return this with what is known for now only: how often each was called, or heard last."""
@@ -212,12 +210,12 @@ class Board:
                 for name, offer in self._offers_of(self.state).items()}
 
     def _counted(self, name: str, offer: Offer) -> Offer:
-        calls, heard = self._health.calls.get(name), self._health.heard.get(name)
+        calls, arrival = self._health.calls.get(name), self._health.last_arrivals.get(name)
         if calls is not None:
             offer = replace(offer, calls=calls.calls, failures=calls.failures,
                             seconds=round(calls.last_seconds, 3))
-        if heard is not None:
-            offer = replace(offer, age=round(time.monotonic() - heard, 1))
+        if arrival is not None:
+            offer = replace(offer, age=round(time.monotonic() - arrival, 1))
         return offer
 
     def node(self, uid: int) -> Optional[Dict[str, Any]]:
@@ -239,22 +237,21 @@ class Board:
 def _offer(name: str, kind: str, trouble: Optional[HealthChanged]) -> Offer:
     if trouble is None:
         return Offer(kind, clean(name), True, "", "")
-    told = clean("{}; {}".format(condition(trouble), trouble.consequence))
-    return Offer(kind, clean(name), False, clean(trouble.status), clean(trouble.consequence), told,
+    text = clean(f"{condition(trouble)}; {trouble.consequence}")
+    return Offer(kind, clean(name), False, clean(trouble.status), clean(trouble.consequence), text,
                  rank(trouble))
 
 
 def port_texts(node: Node) -> Dict[str, str]:
     """Return for each port of a node what the file or the default says."""
-    texts = {port.name: port.default for port in node.spec.ports if port.default is not None}
-    texts.update(node.attributes)
-    return texts
+    defaults = {port.name: port.default for port in node.spec.ports if port.default is not None}
+    return {**defaults, **node.attributes}
 
 
 def _ports(node: Node) -> List[Tuple[str, str, str]]:
     """Return for each port of a node its name, its text, and the value of the entry that this
     means."""
-    found = []
+    rows = []
     for name, text in port_texts(node).items():
         value = ""
         if reference(text, name) is not None:
@@ -262,8 +259,8 @@ def _ports(node: Node) -> List[Tuple[str, str, str]]:
                 value = entry_text(entry_value(text, name, node.blackboard))
             except PortError:
                 value = "–"  # nothing has written it
-        found.append((name, clean(text, 120), value))
-    return found
+        rows.append((name, clean(text, 120), value))
+    return rows
 
 
 def is_bare(spec: Optional[NodeSpec], name: str) -> bool:

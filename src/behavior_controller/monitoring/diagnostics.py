@@ -2,7 +2,7 @@
 each node of the robot."""
 from typing import Dict, Iterable, List, NamedTuple
 
-from behavior_controller.execution.events import Paused
+from behavior_controller.execution.events import Paused, Recovering
 from behavior_controller.execution.health import SLOW
 from behavior_controller.execution.state import State
 from behavior_controller.monitoring.moment import card
@@ -51,8 +51,9 @@ def _recovery(state: State) -> Status:
     if state.recoveries:
         last = state.recoveries[-1]
         cause = step.cause if step is not None else None
-        words = "recovering from a failure" if cause is None or isinstance(
-            cause, Paused) else recovering(cause)
+        words = "recovering from a failure"
+        if isinstance(cause, Recovering):
+            words = recovering(cause)
         return Status("recovery", WARN, words, {"node": last.node, "path": last.path})
     if state.course.given_up is not None and gave_up is not None:
         return Status("recovery", ERROR, "gave up: " + why(gave_up), {"node": gave_up.node})
@@ -64,5 +65,6 @@ def _of_troubles(state: State, name: str, parts: List[str]) -> Status:
     troubles = {part: state.robot.trouble(part) for part in parts}
     ill = [change for change in troubles.values() if change is not None]
     level = max((WARN if change.respect == SLOW else ERROR for change in ill), default=OK)
-    return Status(name, level, "; ".join(map(condition, ill)) or "answers", {
-        part: "ok" if change is None else change.status for part, change in troubles.items()})
+    details = {part: "ok" if change is None else change.status
+               for part, change in troubles.items()}
+    return Status(name, level, "; ".join(map(condition, ill)) or "answers", details)

@@ -97,8 +97,8 @@ def _of_tree(state: State, where: str) -> Card:
         if node.type in ("Sleep", "Delay"):
             until = since + node.pause if since is not None and node.pause else None
             return Card(ASLEEP, "asleep", where, since, until, next=next_node(state, uid), uid=uid)
-        return Card(BUSY, "runs " + _name(state, uid), where, since, next=next_node(state, uid),
-                    uid=uid)
+        return Card(
+            BUSY, "runs " + _name(state, uid), where, since, next=next_node(state, uid), uid=uid)
     if state.visit is None:
         return Card(IDLE, "nothing runs")
     is_over = state.visit.ended is not None
@@ -137,8 +137,8 @@ def _children(nodes: Tuple[TreeNode, ...], parent: int, after: int) -> Iterator[
 
 
 def _first_leaf(state: State, uid: int) -> str:
-    """Return the name of the leaf that does something first if node ``uid`` is ticked; empty if that
-    is open.
+    """Return the name of the leaf that does something first if node ``uid`` is ticked; empty if
+    that is open.
     """
     nodes = state.nodes
     # in document order the first child follows its parent
@@ -197,20 +197,18 @@ def _movement(robot: Robot) -> str:
 
 
 def _place(robot: Robot) -> str:
-    last = _at(robot.last_place)
+    last = "at " + robot.last_place if robot.last_place else ""
     if robot.goal is not None:
-        goal = robot.goal_name or "{:g}, {:g}".format(*robot.goal[:2])
-        return "driving {}".format(goal if goal == HOME else "to " + goal)
+        return "driving " + _to(robot.goal_name or "{:g}, {:g}".format(*robot.goal[:2]))
     if robot.place is not None:
         return last or "at {:g}, {:g}".format(*robot.place[:2])
     if robot.goal_name:
-        return "last seen {}, on the way {}".format(
-            last or "at the start", HOME if robot.goal_name == HOME else "to " + robot.goal_name)
+        return f"last seen {last or 'at the start'}, on the way {_to(robot.goal_name)}"
     return "place unknown"
 
 
-def _at(place: str) -> str:
-    return "at " + place if place else ""
+def _to(goal: str) -> str:
+    return goal if goal == HOME else "to " + goal
 
 
 def _instruction(state: State) -> str:
@@ -253,6 +251,6 @@ def _repairs(state: State) -> Iterator[str]:
 
 def _nodes(ill: Tuple[HealthChanged, ...], respect: str) -> List[str]:
     """Return the nodes, or else the services, that are not well in that respect."""
-    return list(dict.fromkeys("/" + change.node if change.node else change.name
-                              for change in ill
-                              if change.respect == respect and change.kind != "master"))
+    changes = [change for change in ill if change.respect == respect and change.kind != "master"]
+    names = ("/" + change.node if change.node else change.name for change in changes)
+    return list(dict.fromkeys(names))

@@ -122,7 +122,7 @@ class StopRow(Struct, frozen=True):
 
 
 class VisitRow(Struct, frozen=True):
-    """A visit; ``told``: how it ended."""
+    """A visit; ``ending``: how it ended, in words."""
 
     number: int
     time: str
@@ -130,7 +130,7 @@ class VisitRow(Struct, frozen=True):
     arrived: Optional[float]
     outcome: str
     stops: List[StopRow]
-    told: str
+    ending: str
 
 
 class StoryPart(Struct, frozen=True):
@@ -159,16 +159,15 @@ class StepRow(Struct, frozen=True):
 
 
 class Offer(Struct, frozen=True):
-    """A service, topic or the master; ``told``: its strongest trouble in short,
-    and ``rank`` how strong that is; 0 is the strongest.
-    """
+    """A service, topic or the master; ``trouble``: its strongest one in short, and ``rank`` how
+    strong that is; 0 is the strongest."""
 
     kind: str
     name: str
     well: bool
     status: str
     consequence: str
-    told: str = ""
+    trouble: str = ""
     rank: int = 0
     calls: int = 0
     failures: int = 0
@@ -200,10 +199,9 @@ def changes(old: Dict[str, Any], new: Dict[str, Any]) -> Dict[str, Any]:
     Of a record the fields that differ, with None for one that is gone; of a list the number of
     items to ``drop`` at its begin, and those to ``add`` at its end.
     """
-    found = {name: _change(old.get(name), value) for name, value in new.items()
-             if name not in old or old[name] != value}
-    found.update(dict.fromkeys(old.keys() - new.keys()))
-    return found
+    differences = {name: _change(old.get(name), value) for name, value in new.items()
+                   if name not in old or old[name] != value}
+    return {**differences, **dict.fromkeys(old.keys() - new.keys())}
 
 
 def _change(old: Any, new: Any) -> Any:

@@ -42,6 +42,7 @@ AT_ONCE_IN_FLOOD = 10
 INDENT = "    "
 """The indentation of continued lines, where a line is broken to fit the terminal."""
 
+
 class Sink:
     """A daemon thread that writes the items of its queue. ``put`` never waits; items that do not
     fit are counted."""
@@ -97,7 +98,7 @@ class Sink:
             self._is_busy = False
             self._news.notify_all()
             if self._rest:
-                self._wait_for_look()
+                self._wait_until_due()
             else:
                 self._news.wait_for(lambda: self._waiting)
             self._is_busy = True
@@ -108,13 +109,16 @@ class Sink:
                 self._lost = 0
             return item
 
-    def _wait_for_look(self) -> None:
+    def _wait_until_due(self) -> None:
         """Return when there is an item, and it is time to write it."""
-        while not self._waiting or self._since_rest >= (AT_ONCE if len(self._waiting) < FLOOD else
-                                                        AT_ONCE_IN_FLOOD):
+        while not self._waiting or self._since_rest >= self._most_at_once:
             self._news.wait_for(lambda: self._is_drained and self._waiting, self._rest)
             self._since_rest = 0
         self._since_rest += 1
+
+    @property
+    def _most_at_once(self) -> int:
+        return AT_ONCE if len(self._waiting) < FLOOD else AT_ONCE_IN_FLOOD
 
 
 def drain(sinks: Iterable[Sink], seconds: float) -> None:

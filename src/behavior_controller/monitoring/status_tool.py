@@ -58,8 +58,10 @@ class ShownState(Struct, frozen=True):
     silent: float = 0.0
 
 
-EXIT_CODES = """0: the mission was shown (with --watch: until it ended); 1: no mission answers there, what
-answers is not a mission, the connection is lost, or nothing can be printed; 2: wrong arguments"""
+EXIT_CODES = """0: the mission was shown (with --watch: until it ended); 1: no mission answers
+there, what answers is not a mission, the connection is lost, or nothing can be printed; 2: wrong
+arguments"""
+
 
 class NoMission(Exception):
     """No mission can be shown, or no longer; the text says why."""
@@ -85,10 +87,11 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 print("missionStatus: the mission has ended: " + clean(state.now.ended))
                 return exit_codes.SUCCESS
     except NoMission as reason:
-        what = "missionStatus: the connection to {} is lost ({})" if shown else (
-            "missionStatus: no mission answers at {} ({}): does behaviorController run, with this "
+        why = clean(str(reason))
+        what = f"the connection to {place} is lost ({why})" if shown else (
+            f"no mission answers at {place} ({why}): does behaviorController run, with this "
             "monitorPort?")
-        print(what.format(place, clean(str(reason))), file=sys.stderr)
+        print("missionStatus:", what, file=sys.stderr)
         return exit_codes.UNAVAILABLE
     except OSError as error:
         print(f"missionStatus: cannot print: {error.strerror}", file=sys.stderr)
@@ -116,11 +119,11 @@ def _port(text: str) -> int:
     return int(text)
 
 
-def _print(found: List[str], is_window: bool) -> None:
+def _print(text: List[str], is_window: bool) -> None:
     """Print; in a window, replace the text that was printed before."""
-    end = END_OF_LINE + "\n"
-    print(TOP + end.join(found) + end + BELOW if is_window else "\n".join(found) + "\n", end="",
-          flush=True)
+    if is_window:
+        text = [TOP + (END_OF_LINE + "\n").join([*text, BELOW])]
+    print("\n".join(text), end="" if is_window else "\n", flush=True)
 
 
 # ----------------------------------------------------------------------------------------- the node
@@ -131,7 +134,7 @@ class _Messages:
     moment."""
 
     def __init__(self, address: str, port: int, path: str):
-        self._found: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
+        self._waiting: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
         self._path = path
         threading.Thread(target=self._read, args=(address, port), name="messages",
                          daemon=True).start()
@@ -140,12 +143,12 @@ class _Messages:
         """Return the board as of the next message, or None after ``seconds``. Raises NoMission if
         no further message comes."""
         try:
-            found = self._found.get(timeout=seconds)
+            state = self._waiting.get(timeout=seconds)
         except queue.Empty:
             return None
-        if isinstance(found, NoMission):
-            raise found
-        return found
+        if isinstance(state, NoMission):
+            raise state
+        return state
 
     def _read(self, address: str, port: int) -> None:
         reason = "the connection was closed"
@@ -158,10 +161,10 @@ class _Messages:
             parts: Any = {}
             for message in self._texts(answer):
                 parts = patched(parts, _json(message))
-                self._found.put(_read(parts))
+                self._waiting.put(_read(parts))
         except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
             reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
-        self._found.put(NoMission(reason))
+        self._waiting.put(NoMission(reason))
 
     def _texts(self, answer: http.client.HTTPResponse) -> Iterator[bytes]:
         """Yield each message as JSON text."""
@@ -199,9 +202,9 @@ def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:
     state = messages.get(LIMIT)
     if state is None:
         raise NoMission(f"no complete answer within {LIMIT:g} s")
-    heard = time.monotonic()
+    came = time.monotonic()
     while True:
-        silent = time.monotonic() - heard
+        silent = time.monotonic() - came
         if silent >= GIVEN_UP:
             raise NoMission(f"no message for {silent:.0f} s")
         yield replace(state, silent=silent)
@@ -209,7 +212,7 @@ def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:
             return
         news = messages.get(LATE if silent < LATE else 1.0)
         if news is not None:
-            state, heard = news, time.monotonic()
+            state, came = news, time.monotonic()
 
 
 # ----------------------------------------------------------------------------------------- the text
@@ -223,8 +226,7 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     doing = card_line(now.card, state.alive.at + state.silent) or now.card.what
     head = [f"mission {os.path.basename(mission.file)}: {doing}", "robot: " + now.robot.text]
     head += list(_why_outdated(state)) + list(_troubles(state))
-    return [clean(line) for line in head] + list(_tree(mission.nodes, state.statuses.letters,
-                                                       is_all))
+    return [*map(clean, head), *_tree(mission.nodes, state.statuses.letters, is_all)]
 
 
 def fitted(text: List[str], width: int, height: int) -> List[str]:
@@ -249,16 +251,16 @@ def _troubles(state: ShownState) -> Iterator[str]:
         if not part.well:
             yield f"{part.kind} {part.name}: {part.status}; {part.consequence}"
     entries: Dict[Any, List[SentenceRow]] = {}  # as on the page: one for each incident
-    for told in state.story.sentences:
-        entries.setdefault((told.visit, told.incident or -told.number), []).append(told)
-    for entry in [some for some in entries.values() if any(map(_is_wrong, some))][-5:]:
+    for row in state.story.sentences:
+        entries.setdefault((row.visit, row.incident or -row.number), []).append(row)
+    for entry in [rows for rows in entries.values() if any(map(_is_wrong, rows))][-5:]:
         first = next(filter(_is_wrong, entry))
         last = "; " + entry[-1].text if entry[-1] is not first else ""
         yield f"{first.time}  {first.text}{last}"
 
 
-def _is_wrong(told: SentenceRow) -> bool:
-    return told.severity != "info" and told.kind != "health"
+def _is_wrong(row: SentenceRow) -> bool:
+    return row.severity != "info" and row.kind != "health"
 
 
 def _why_outdated(state: ShownState) -> Iterator[str]:
@@ -279,7 +281,7 @@ def _tree(nodes: List[NodeRow], letters: str, is_all: bool) -> Iterator[str]:
         parent = node.parent if 0 < node.parent < number else 0
         letter = letters[number - 1:number] or "-"
         is_shown = is_all or letter != "-" and (not node.bare or number == tip) or number == 1
-        depths.append(depths[parent] + (is_shown and number > 1))
+        depths.append(depths[parent] + 1 if is_shown and number > 1 else depths[parent])
         if is_shown:
             label = clean(" ".join(filter(None, (node.name, node.kind))))
             words = ": " + WORDS[letter] if WORDS.get(letter) else ""

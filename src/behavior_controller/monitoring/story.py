@@ -19,7 +19,6 @@ from behavior_controller.execution.state import (
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.text import clean
 
-
 UNCERTAIN = (Cause.NO_ANSWER, Cause.CONNECTION_LOST, Cause.HANDLER_EXCEPTION, Cause.UNUSABLE_ANSWER)
 """The causes of a failure in spite of which the request may have been carried out."""
 
@@ -66,8 +65,10 @@ class Story:
 def sentences(before: State, event: Event, after: State) -> Tuple[Sentence, ...]:
     """Return the sentences about an event, given what was so before it and what is so after it."""
     words, failure = _WORDS.get(type(event)), getattr(event, "failure", None)
-    found = tuple(words(before, event, after)) if words is not None else ()
-    return tuple(each._replace(cause=failure.cause.text) for each in found) if failure else found
+    if words is None:
+        return ()
+    kind = failure.cause.text if failure else ""
+    return tuple(sentence._replace(cause=kind) for sentence in words(before, event, after))
 
 
 # ----------------------------------------------------------------------------------------- phrases
@@ -106,19 +107,22 @@ def why(reason: Optional[Reason]) -> str:
     if reason.blind is not None:
         return f"{_UNSEEN.get(reason.kind, text)}: {condition(reason.blind)}"
     is_false = reason.failure is not None and reason.failure.cause is Cause.CONDITION_FALSE
-    return text + clean(f": went on without {reason.without}") if (
-        is_false and reason.without) else text
+    if is_false and reason.without:
+        text += clean(f": went on without {reason.without}")
+    return text
 
 
 _REASONS = {
     LEFT: "the visitor left", STOPPED: "the robot was stopped", DECLINED: "the visitor said no",
     DONE_ALL: "done", UNCLEAR: "no clear answer", SILENT_VISITOR: "no answer"}
 _UNSEEN = {LEFT: "the visitor could not be seen", SILENT_VISITOR: "no answer was heard"}
+
+
 def condition(change: HealthChanged) -> str:
     """Return in a few words what is wrong with a service, a topic or the master."""
     if change.kind == "master":
-        return clean("the ROS master {}".format(
-            "is new" if change.respect == NEW else change.status))
+        status = "is new" if change.respect == NEW else change.status
+        return clean(f"the ROS master {status}")
     word = change.respect or change.status
     return clean(f"{change.name} is {word}" if word else change.name)
 
@@ -127,11 +131,15 @@ def conditions(changes: Iterable[HealthChanged]) -> str:
     """Return the same of several ones; those with the same trouble are said together."""
     alike: Dict[str, List[HealthChanged]] = {}
     for change in changes:
-        alike.setdefault(change.name if change.kind == "master" else change.respect, []).append(
-            change)
-    return "; ".join(condition(some[0]) if len(some) == 1 else clean(
-        f"{listed([change.name for change in some])} are {some[0].respect}")
-                     for some in alike.values())
+        subject = change.name if change.kind == "master" else change.respect
+        alike.setdefault(subject, []).append(change)
+    return "; ".join(map(_common_condition, alike.values()))
+
+
+def _common_condition(changes: List[HealthChanged]) -> str:
+    if len(changes) == 1:
+        return condition(changes[0])
+    return clean(f"{listed([change.name for change in changes])} are {changes[0].respect}")
 
 
 def listed(names: List[str]) -> str:
@@ -212,15 +220,16 @@ def safe_state(state: State) -> str:
     if state.safe_state is None:
         return ""
     parts = state.safe_state.parts
+    if not parts:
+        return "the robot has neither attention nor lifelike movement to switch off"
     off = [part.what for part in parts if part.failure is None]
-    told = ["{} {} off".format(" and ".join(off), "are" if len(off) > 1 else "is")] if off else []
+    texts = [f"{' and '.join(off)} {'are' if len(off) > 1 else 'is'} off"] if off else []
     for part in parts:
-        if part.failure is not None:
-            told.append(
-                ("whether {} is off is not known: {}" if part.failure.cause in UNCERTAIN else
-                 "{} could not be switched off: {}").format(part.what, cause(part.failure)))
-    return clean("; ".join(told) or
-                 "the robot has neither attention nor lifelike movement to switch off")
+        if part.failure is not None and part.failure.cause in UNCERTAIN:
+            texts.append(f"whether {part.what} is off is not known: {cause(part.failure)}")
+        elif part.failure is not None:
+            texts.append(f"{part.what} could not be switched off: {cause(part.failure)}")
+    return clean("; ".join(texts))
 
 
 def ordinal(number: int) -> str:
@@ -232,19 +241,19 @@ def ordinal(number: int) -> str:
 def _sentence(state: State, kind: str, severity: str, text: str, uid: int = 0, path: str = "",
               incident: float = 0.0) -> Sentence:
     visit = state.visit
-    return Sentence(
-        state.at, visit.number if visit is not None else 0, kind if kind in KINDS else "notice",
-        severity if severity in SEVERITIES else "warning", clean(text),
-        uid or state.uids.get(path, 0), clean(path), incident)
+    kind = kind if kind in KINDS else "notice"
+    severity = severity if severity in SEVERITIES else "warning"
+    return Sentence(state.at, visit.number if visit is not None else 0, kind, severity, clean(text),
+                    uid or state.uids.get(path, 0), clean(path), incident)
 
 
 def _incident(state: State, failure: Failure, path: str) -> float:
     """Return when that began which a failure belongs to: the trouble of its service, or the first
     failure of its step.
     """
-    since = state.robot.ill_since.get(failure.resource)
     failures = state.failures.get(path, ())
-    return min([failures[0].at if failures else state.at] + ([] if since is None else [since]))
+    first = failures[0].at if failures else state.at
+    return min(first, state.robot.ill_since.get(failure.resource, first))
 
 
 def _run_started(before: State, event: RunStarted, after: State) -> Iterator[Sentence]:
@@ -265,10 +274,10 @@ def _pass_finished(before: State, event: PassFinished, after: State) -> Iterator
 
 
 def _leaf_finished(before: State, event: LeafFinished, after: State) -> Iterator[Sentence]:
-    if event.told is not None:
-        text = _met(before, after, event.told.mark) or event.told.text
+    if event.summary is not None:
+        text = _met(before, after, event.summary.mark) or event.summary.text
         if text:
-            yield _sentence(after, event.told.kind, "info", text, event.uid, event.path)
+            yield _sentence(after, event.summary.kind, "info", text, event.uid, event.path)
     for failed in after.concluded(LeafFailure):
         if not failed.is_false_condition:
             yield _sentence(after, "failure", "warning", why_failed(failed.node, failed.failure),
@@ -282,8 +291,8 @@ def _met(before: State, after: State, mark: str) -> str:
         return ""
     if getattr(before.visit, mark) is not None:
         return ""
-    return "visitor {} {}".format(after.visit.number,
-                                  "arrived" if mark == "arrived" else "looks at the robot")
+    what = "arrived" if mark == "arrived" else "looks at the robot"
+    return f"visitor {after.visit.number} {what}"
 
 
 def _stop_changed(before: State, event: StopChanged, after: State) -> Iterator[Sentence]:
@@ -323,11 +332,11 @@ def _recovered(before: State, event: Recovered, after: State) -> Iterator[Senten
 
 def _done(before: State, event: Recovered, needed: str) -> Tuple[str, str]:
     """Return severity and sentence of a recovery after which the mission goes on."""
-    substitute = next((each.substitute for each in before.recoveries if each.path == event.path),
-                      None)
     if event.outcome == SKIPPED:
-        return "warning", "went on without {}".format(needed.replace(" failed", ", which failed",
-                                                                     1))
+        needed = needed.replace(" failed", ", which failed", 1)
+        return "warning", f"went on without {needed}"
+    substitute = next((recovery.substitute for recovery in before.recoveries
+                       if recovery.path == event.path), None)
     if event.outcome == SUBSTITUTED and substitute is not None:
         return "warning", f"did {substitute} in place of {event.node}: {cause(event.failure)}"
     return "info", f"{event.node} is done at the {ordinal(event.attempts + 1)} try"

@@ -13,7 +13,7 @@ from behavior_controller.monitoring.parts import (
 from behavior_controller.monitoring.story import (
     Sentence, Story, cause, counted, how_it_ended, safe_state, step_words, why)
 
-TOLD = 100
+SENTENCES = 100
 """Number of the newest sentences of the story that are kept."""
 
 STEPS = 200
@@ -40,7 +40,7 @@ class View:
         self.newest = 0
         self.step_over: Optional[Step] = None
         self._story = Story(before)
-        self._told: Deque[Tuple[int, Sentence]] = collections.deque(maxlen=TOLD)
+        self._sentences: Deque[Tuple[int, Sentence]] = collections.deque(maxlen=SENTENCES)
         self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
         self._results: Dict[int, Deque[Tuple[NodeResult, int]]] = {}  # and how often in a row
 
@@ -59,7 +59,7 @@ class View:
         sentences = self._story.take(at, event)
         for sentence in sentences:
             self.newest += 1
-            self._told.append((self.newest, sentence))
+            self._sentences.append((self.newest, sentence))
         if isinstance(event, PassStarted):
             self._steps.clear()
         elif isinstance(event, TreeShown):  # the results are those of an earlier tree's nodes
@@ -100,7 +100,7 @@ class View:
     def _story_part(self) -> StoryPart:
         visit = self.state.visit
         return StoryPart(_visit(visit) if visit is not None else None,
-                         [_sentence(number, sentence) for number, sentence in self._told])
+                         [_sentence(number, sentence) for number, sentence in self._sentences])
 
     def _visits(self) -> Visits:
         ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
@@ -108,8 +108,7 @@ class View:
 
     def _timeline(self) -> List[StepRow]:
         """Return the steps of the visit that ended."""
-        return [StepRow(step_words(step), step.began, step.uid, step.is_wait, round(
-            (step.ended or step.began) - step.began, 2)) for step in self._steps]
+        return list(map(_step, self._steps))
 
     def _blackboard(self) -> Dict[str, str]:
         return {name: self._value(name, text) for name, text in sorted(self.state.entries.items())}
@@ -164,6 +163,11 @@ def clock(at: float) -> str:
 def _sentence(number: int, sentence: Sentence) -> SentenceRow:
     return SentenceRow(number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind,
                        sentence.severity, sentence.text, sentence.uid, sentence.incident)
+
+
+def _step(step: Step) -> StepRow:
+    seconds = (step.ended or step.began) - step.began
+    return StepRow(step_words(step), step.began, step.uid, step.is_wait, round(seconds, 2))
 
 
 def _result(last: NodeResult, times: int) -> Dict[str, Any]:

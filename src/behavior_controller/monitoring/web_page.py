@@ -93,7 +93,7 @@ class Page:
     async def _keep_board_current(self) -> None:
         """Have the board process events also while no browser is connected."""
         while True:
-            self.board.look()
+            self.board.refresh()
             await asyncio.sleep(PUSH_INTERVAL)
 
     def _end(self) -> None:
@@ -203,11 +203,11 @@ class _Data(_Quiet):
         self._find = find
 
     def get(self, *arguments: str) -> None:
-        found = self._find(self.page.board, *arguments)
-        if found is None:
+        data = self._find(self.page.board, *arguments)
+        if data is None:
             self.set_status(404)
         self.set_header("Content-Type", "application/json; charset=utf-8")
-        self.write(_text(found))
+        self.write(msgspec.json.encode(data))
 
 
 DATA: Dict[str, Callable[..., Optional[Dict[str, Any]]]] = {
@@ -237,7 +237,7 @@ class _Stream(_Quiet):
             while not self._is_gone:
                 is_last, news = self.page.is_closing, self._news()
                 if news:
-                    self.write(f"data: {_text(news)}\n\n")
+                    self.write(b"data: " + msgspec.json.encode(news) + b"\n\n")
                     await asyncio.wait_for(self.flush(), LONGEST_IDLE)
                 if is_last:
                     return
@@ -257,7 +257,7 @@ class _Stream(_Quiet):
     def _news(self) -> Dict[str, Any]:
         """Return what has changed since the last message."""
         board = self.page.board
-        board.look()
+        board.refresh()
         versions = dict(board.versions)
         parts = {name: board.part(name) for name, version in versions.items()
                  if self._versions.get(name) != version}
@@ -265,7 +265,3 @@ class _Stream(_Quiet):
         news = changes({name: part for name, part in self._parts.items() if name in parts}, parts)
         self._parts.update(parts)
         return news
-
-
-def _text(found: Any) -> str:
-    return msgspec.json.encode(found).decode()

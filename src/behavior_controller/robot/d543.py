@@ -21,9 +21,9 @@ def _places(response: Message) -> Answer:
 def _exhibit(place: Message) -> Exhibit:
     location = Location(place.location.x, place.location.y, place.location.theta)
     gesture = Point(place.gesture.x, place.gesture.y, place.gesture.z)
-    if not all(math.isfinite(number) for number in location + gesture):
-        raise Unusable("{} has a coordinate that is not a number: {}".format(
-            place.name, ", ".join(f"{number:g}" for number in location + gesture)))
+    if not all(map(math.isfinite, location + gesture)):
+        numbers = ", ".join(f"{number:g}" for number in location + gesture)
+        raise Unusable(f"{place.name} has a coordinate that is not a number: {numbers}")
     return Exhibit(place.name, place.description1, place.description2, location, gesture)
 
 

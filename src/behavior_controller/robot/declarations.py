@@ -163,33 +163,27 @@ Offer = Union[Service, Topic]
 """What a robot offers."""
 
 
-class Sense(enum.Enum):
-    """A kind of information about the visitor that a mission can get while it runs.
+class SenseWords(NamedTuple):
+    """What the robot reports, in words, and a phrase for a robot that waits for it.
 
-    ``awaiting`` is a phrase for a robot that waits for it; ``given`` and ``absent`` are the marks
-    of ``events.Told`` for a visit in which it was observed, or not.
+    ``given`` and ``absent`` are the marks of ``events.LeafSummary`` for a visit in which it was
+    observed, or not.
     """
 
+    noun: str
     awaiting: str
-    given: str
-    absent: str
+    given: str = ""
+    absent: str = ""
 
-    @property
-    def noun(self) -> str:
-        """What the robot reports, in words."""
-        return "a visitor" if self is Sense.VISITOR else "the visitor's " + self.value
 
-    VISITOR = "visitor", "waiting for a visitor", "arrived", "left"
-    PRESENCE = "presence", "waiting for the visitor to be seen", "arrived", "left"
-    GAZE = "gaze", "waiting for the visitor to look at the robot", "engaged"
-    UTTERANCE = "utterance", "listening to the visitor"
+class Sense(SenseWords, enum.Enum):
+    """A kind of information about the visitor that a mission can get while it runs."""
 
-    def __new__(cls, word: str, awaiting: str, given: str = "", absent: str = "") -> "Sense":
-        """Make the sense called ``word``."""
-        sense = object.__new__(cls)
-        sense._value_ = word
-        sense.awaiting, sense.given, sense.absent = awaiting, given, absent
-        return sense
+    VISITOR = "a visitor", "waiting for a visitor", "arrived", "left"
+    PRESENCE = (
+        "the visitor's presence", "waiting for the visitor to be seen", "arrived", "left")
+    GAZE = "the visitor's gaze", "waiting for the visitor to look at the robot", "engaged"
+    UTTERANCE = "the visitor's utterance", "listening to the visitor"
 
 
 @dataclass(frozen=True, eq=False)

@@ -174,8 +174,8 @@ class Topics:
         samples = self.recent(topic)
         return samples[-1] if samples else None
 
-    def wake_when(self, key: Hashable, topic: Topic[Value], wanted: Callable[[Value],
-                                                                             bool]) -> None:
+    def wake_when(
+            self, key: Hashable, topic: Topic[Value], wanted: Callable[[Value], bool]) -> None:
         """Wake the tree once, at the next message whose value is ``wanted``; a second alarm under
         ``key`` replaces it.
 
@@ -261,7 +261,7 @@ class FakeTopics(Topics):
         """Store the reason."""
         self.ignoring[topic] = reason
 
-    def wake_when(self, key: Hashable, topic: Topic[Value], wanted: Callable[[Value],
-                                                                             bool]) -> None:
+    def wake_when(
+            self, key: Hashable, topic: Topic[Value], wanted: Callable[[Value], bool]) -> None:
         """Set the alarm ``key``."""
         self._alarms[key] = (topic, wanted)

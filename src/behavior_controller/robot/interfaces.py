@@ -14,7 +14,7 @@ DECLARED_BY: Dict[Offer, extensions.Extension] = {}
 
 def _extended(robot: Interface) -> Interface:
     """Return the robot with what other packages declare for it. Raises BrokenExtension."""
-    for extension in extensions.found("interface"):
+    for extension in extensions.exported("interface"):
         services = extension.declared("SERVICES", Service)
         topics = extension.declared("TOPICS", Topic)
         for offer in services + topics:
@@ -58,15 +58,15 @@ def _fault(offer: Offer) -> str:
 
 
 INTERFACES: Dict[str, Interface] = {
-    each.name: _extended(each) for each in (d543.INTERFACE, release_1_0.INTERFACE)}
+    robot.name: _extended(robot) for robot in (d543.INTERFACE, release_1_0.INTERFACE)}
 
 DEFAULT = INTERFACES[d543.INTERFACE.name]
 
 
 def by_deadline() -> Tuple[Tuple[Service, ...], ...]:
     """Return the services of all robots, those together that share the key of their deadline."""
-    found: Dict[str, List[Service]] = {}
+    by_key: Dict[str, List[Service]] = {}
     for interface in INTERFACES.values():
         for service in interface.services:
-            found.setdefault(service.deadline_key, []).append(service)
-    return tuple(map(tuple, found.values()))
+            by_key.setdefault(service.deadline_key, []).append(service)
+    return tuple(map(tuple, by_key.values()))

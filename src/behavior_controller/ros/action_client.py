@@ -79,9 +79,9 @@ class ActionClient:
         client = self._client
         if client is None:
             return False
-        ends = [client.pub_goal, client.pub_cancel, client.status_sub, client.result_sub]
-        ends += [client.feedback_sub] if self._reported is not None else []
-        return all(end.get_num_connections() for end in ends)
+        topics = [client.pub_goal, client.pub_cancel, client.status_sub, client.result_sub]
+        topics += [client.feedback_sub] if self._reported is not None else []
+        return all(topic.get_num_connections() for topic in topics)
 
     @property
     def is_busy(self) -> bool:
@@ -215,12 +215,12 @@ class GoalThread(RequestThread):
 
     def _connect(self, job: Job) -> None:
         """Return when the server is there. Raises ``Trouble``."""
-        ends = time.monotonic() + CONNECT_LIMIT
+        deadline = time.monotonic() + CONNECT_LIMIT
         self._client.go_on()
         if not self._client.is_there:
             DIRECTORY.server(self.name, CONNECT_LIMIT)
         while not self._client.is_there:
-            if job.cut.is_set() or time.monotonic() > ends:
+            if job.cut.is_set() or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_REACHABLE,
                               "the master lists it, but not all of its topics connect")
             self._wait(ROUND_WHEN_CONNECTING)

@@ -52,11 +52,11 @@ def _unknown_to_the_launch_file() -> Dict[str, str]:
     return {name: value for name, value in given if name not in known}
 
 
-def tell_faults(found: FaultsFound, tell: Tell, consequence: str) -> None:
+def report_faults(invalid: FaultsFound, tell: Tell, consequence: str) -> None:
     """Report each fault, and their number with the consequence."""
-    for fault in found.faults:
+    for fault in invalid.faults:
         tell("warning" if fault.is_warning else "error", str(fault))
-    count = sum(not fault.is_warning for fault in found.faults)
+    count = sum(not fault.is_warning for fault in invalid.faults)
     tell("error", f"{consequence}: {count} mistake{'' if count == 1 else 's'}, see above")
 
 
@@ -76,12 +76,13 @@ def _private_parameters() -> Dict[str, Any]:
 def _announce(plan: Mission, tell: Tell) -> None:
     """Announce the run, and warn of unusual settings."""
     chosen = plan.settings
-    tell("info", "mission {}: {} nodes; language {}; speech recognition {}; verbose mode {}".format(
-        plan.file, len(plan.tree.nodes), plan.language, *("on" if switch else "off" for switch in (
-            chosen.asr_enabled, chosen.verbose_mode))))
+    asr, verbose = ("on" if switch else "off"
+                    for switch in (chosen.asr_enabled, chosen.verbose_mode))
+    tell("info", f"mission {plan.file}: {len(plan.tree.nodes)} nodes; language {plan.language}; "
+                 f"speech recognition {asr}; verbose mode {verbose}")
     if plan.knowledge is not None:
-        tell("info", "robot interface {}; knowledge: {}".format(
-            chosen.robot_interface, ", ".join(source.file for source in plan.knowledge.sources)))
+        files = ", ".join(source.file for source in plan.knowledge.sources)
+        tell("info", f"robot interface {chosen.robot_interface}; knowledge: {files}")
     has_prompt = any(isinstance(node.spec, MissionSpec) and Prompt in node.spec.calls
                      for node in plan.tree.nodes)
     if has_prompt and not chosen.interface.tells_pressed:

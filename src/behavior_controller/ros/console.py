@@ -68,7 +68,7 @@ class Console:
         self._robot = robot_line(State())  # as it was written last
         self._unmet: Dict[int, Event] = {}  # the conditions that were false last, by node
         self._logger = logging.getLogger(ROSOUT)
-        self._shortage_told = -SHORTAGE_SPAN
+        self._shortage_reported_at = -SHORTAGE_SPAN
         # of rospy's own lines; ours go by ``tell``
         logging.getLogger("rosout").addFilter(_make_safe)
         # no traceback on the terminal for a log that cannot be written
@@ -126,13 +126,13 @@ class Console:
         """Write ``text`` as a warning."""
         self.tell("warning", text)
 
-    def _write(self, told: Union[Tuple[str, str], Tuple[float, Event, bool]]) -> None:
+    def _write(self, item: Union[Tuple[str, str], Tuple[float, Event, bool]]) -> None:
         """Write a line, or those of an event; rospy's logging takes longer than all that the tick
         thread does with one."""
-        if isinstance(told[0], str):
-            self._log(told[0], clean(told[1]))
+        if isinstance(item[0], str):
+            self._log(item[0], clean(item[1]))
         else:
-            self._log_event(*told)
+            self._log_event(*item)
 
     def _log_event(self, at: float, event: Event, is_verbose: bool) -> None:
         for sentence in self._story.take(at, event):
@@ -142,7 +142,7 @@ class Console:
             return
         if isinstance(event, LeafFinished) and not self._is_repeated(event):
             parts = [event.status, event.resource, f"{event.seconds:.3f} s",
-                     reason(event.failure), event.told.text if event.told is not None else ""]
+                     reason(event.failure), event.summary.text if event.summary is not None else ""]
             text = ", ".join(filter(None, parts))
             self._log("info", clean(f"{event.node} ({event.path}): {text}"))
         elif isinstance(event, Retried):
@@ -175,8 +175,8 @@ class Console:
         """Report in one line that memory, threads or files are used up, at most once in
         ``SHORTAGE_SPAN`` seconds."""
         now = time.monotonic()
-        if now - self._shortage_told >= SHORTAGE_SPAN:
-            self._shortage_told = now
+        if now - self._shortage_reported_at >= SHORTAGE_SPAN:
+            self._shortage_reported_at = now
             self.tell("error", no_resources(error))
 
     def start_heartbeat(self, clock: Clock) -> None:
@@ -191,10 +191,12 @@ class Console:
 def _make_safe(record: logging.LogRecord) -> bool:
     """Turn a message of rospy's into one clean line; a traceback goes only to the log file. A
     filter of its logger."""
-    head, found, _ = record.getMessage().partition("\nTraceback (most recent call last)")
-    if found:
+    head, traceback_head, _ = record.getMessage().partition("\nTraceback (most recent call last)")
+    details = ""
+    if traceback_head:
         logging.getLogger(FILE_ONLY).error("%s", record.getMessage())
-    record.msg, record.args = clean(head) + (" (details in the log file)" if found else ""), ()
+        details = " (details in the log file)"
+    record.msg, record.args = clean(head) + details, ()
     return True
 
 

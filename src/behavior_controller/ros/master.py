@@ -15,7 +15,7 @@ import rospy
 from behavior_controller.robot.gateway import Cause, NO_ACTION, NOT_OFFERED
 from behavior_controller.ros.tcpros import Trouble, ask, ask_master
 
-LOOK_LIMIT = 1.5
+QUERY_LIMIT = 1.5
 """Seconds after which a master that has not answered counts as away.
 
 It is long enough for a lost first packet at 100 ms each way.
@@ -50,7 +50,7 @@ class _Entry(NamedTuple):
 
 
 class Directory:
-    """Asks the master, and remembers its answers. Any thread may ask; ``look`` belongs to one
+    """Asks the master, and remembers its answers. Any thread may ask; ``refresh`` belongs to one
     thread."""
 
     def __init__(self) -> None:
@@ -68,20 +68,24 @@ class Directory:
         self._asked_at: Optional[float] = None  # when the unanswered question was asked
         self._unanswered = 0  # rounds with an unanswered question since the last without
         self._has_failed = False  # a question of this round
-        self._slow = 0  # slow answers since the last that was not
+        self._slow_answers = 0  # since the last that was not slow
         self._fault = ""  # of the last question without a usable answer
 
     @property
     def is_away(self) -> bool:
-        """Whether the master did not answer at the last ``look``, or has not answered for too long.
-        """
-        return self._unanswered + self._is_late >= 1
+        """Whether the master did not answer at the last ``refresh``, or not for too long."""
+        return self._failures >= 1
 
     @property
     def is_lost(self) -> bool:
         """Whether it failed in two rounds in a row: over a poor link one question in a hundred is
         lost."""
-        return self._unanswered + self._is_late >= 2
+        return self._failures >= 2
+
+    @property
+    def _failures(self) -> int:
+        """The rounds in a row without an answer, with the one under way if that is late."""
+        return self._unanswered + 1 if self._is_late else self._unanswered
 
     @property
     def fault(self) -> str:
@@ -91,12 +95,12 @@ class Directory:
     @property
     def is_slow(self) -> bool:
         """Whether it answers, but has answered slowly several times in a row."""
-        return self._slow >= SLOW_IN_A_ROW
+        return self._slow_answers >= SLOW_IN_A_ROW
 
     @property
     def _is_late(self) -> bool:
         asked_at = self._asked_at
-        return asked_at is not None and time.monotonic() - asked_at > LOOK_LIMIT
+        return asked_at is not None and time.monotonic() - asked_at > QUERY_LIMIT
 
     @property
     def forgotten(self) -> Set[str]:
@@ -108,7 +112,7 @@ class Directory:
 
     # ------------------------------------------------------------------------------------- services
 
-    def service(self, name: str, seconds: float, seconds_if_known: float = LOOK_LIMIT) -> Place:
+    def service(self, name: str, seconds: float, seconds_if_known: float = QUERY_LIMIT) -> Place:
         """Return the address of the service ``name``, or the last one if the master does not
         answer.
 
@@ -121,43 +125,43 @@ class Directory:
         if known and self.is_away:
             return Place(known[0], False)
         try:
-            uri = ask_master("lookupService", name,
-                             seconds=min(seconds, seconds_if_known) if known else seconds)
-            # a new master, which ``look`` has not seen yet, does not know this node either
+            limit = min(seconds, seconds_if_known) if known else seconds
+            uri = ask_master("lookupService", name, seconds=limit)
+            # a new master, which ``refresh`` has not seen yet, does not know this node either
             if uri is None and known and ask_master(
-                    "lookupNode", rospy.get_name(), seconds=LOOK_LIMIT) is None:
+                    "lookupNode", rospy.get_name(), seconds=QUERY_LIMIT) is None:
                 return Place(known[0], False)
         except Trouble:
             if not known:
                 raise
             return Place(known[0], False)
-        found = self._settle(self._services, name, (uri,) if uri else ())
-        if not found:
+        uris = self._settle(self._services, name, (uri,) if uri else ())
+        if not uris:
             raise Trouble(Cause.NOT_ADVERTISED, NOT_OFFERED)
-        return Place(found[0], uri is not None)
+        return Place(uris[0], uri is not None)
 
     def _settle(self, entries: Dict[str, _Entry], name: str,
-                found: Tuple[str, ...]) -> Tuple[str, ...]:
-        """Return ``found``; if it is empty and the master has forgotten this node since, the
-        earlier result."""
+                uris: Tuple[str, ...]) -> Tuple[str, ...]:
+        """Return the addresses that the master lists; if there are none and it has forgotten this
+        node since, the earlier ones."""
         with self._lock:
             before = entries.get(name)
-            if found:
-                entries[name] = _Entry(self._registration, found)
+            if uris:
+                entries[name] = _Entry(self._registration, uris)
             elif before is not None and before.registration != self._registration:
                 return before.uris
             else:
                 entries.pop(name, None)  # its node has unregistered
-        return found
+        return uris
 
     # --------------------------------------------------------------------------------------- topics
 
     def subscribe(self, topic: str, message_type: str) -> None:
-        """Have ``look`` keep a subscription to ``topic`` registered."""
+        """Have ``refresh`` keep a subscription to ``topic`` registered."""
         self._subscriptions[topic] = message_type
 
     def publishers(self, topic: str, known: Mapping[str, str]) -> Tuple[str, ...]:
-        """Return the addresses of the nodes that published ``topic`` at the last ``look``.
+        """Return the addresses of the nodes that published ``topic`` at the last ``refresh``.
 
         ``known`` has addresses of nodes that need no lookup. Raises ``Trouble`` if the master does
         not answer.
@@ -178,7 +182,7 @@ class Directory:
         raise Trouble(Cause.NOT_ADVERTISED, NO_ACTION)
 
     def is_published(self, topic: str) -> bool:
-        """Return whether any node published ``topic`` at the last ``look``."""
+        """Return whether any node published ``topic`` at the last ``refresh``."""
         return topic in self._publishing
 
     @contextlib.contextmanager
@@ -190,7 +194,7 @@ class Directory:
         finally:
             self._unanswered = self._unanswered + 1 if self._has_failed else 0
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Read the master's state, and register what it does not know. Raises ``Trouble`` without
         an answer."""
         publishers, subscribers, services = self._ask("getSystemState")
@@ -208,12 +212,13 @@ class Directory:
         ``round``."""
         asked_at = self._asked_at = time.monotonic()
         try:
-            return ask_master(method, *arguments, seconds=LOOK_LIMIT)
+            return ask_master(method, *arguments, seconds=QUERY_LIMIT)
         except Trouble as trouble:
             self._fault, self._has_failed = trouble.fault, True
             raise
         finally:
-            self._slow = self._slow + 1 if time.monotonic() - asked_at > SLOW else 0
+            is_slow = time.monotonic() - asked_at > SLOW
+            self._slow_answers = self._slow_answers + 1 if is_slow else 0
             self._asked_at = None
 
     def _register(self) -> None:
@@ -235,7 +240,7 @@ class Directory:
             with self._lock:
                 self._registration += 1
         # a node that started at the same moment may have removed them
-        for topic, message_type in ask(uri, "getPublications", seconds=LOOK_LIMIT):
+        for topic, message_type in ask(uri, "getPublications", seconds=QUERY_LIMIT):
             self._ask("registerPublisher", topic, message_type, uri)
         for topic, message_type in self._subscriptions.items():
             self._ask("registerSubscriber", topic, message_type, uri)
@@ -244,12 +249,12 @@ class Directory:
     def sign_off(self) -> None:
         """Unregister the subscriptions, if the master answers; rospy is shutting down, so none is
         registered later."""
-        if self.is_away or not self.registering.acquire(timeout=LOOK_LIMIT):
+        if self.is_away or not self.registering.acquire(timeout=QUERY_LIMIT):
             return
         try:
             for topic in self._subscriptions:
                 ask_master("unregisterSubscriber", topic, rospy.core.get_node_uri(),
-                           seconds=LOOK_LIMIT)
+                           seconds=QUERY_LIMIT)
         except Trouble:
             pass
         finally:

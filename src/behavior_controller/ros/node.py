@@ -21,7 +21,7 @@ from behavior_controller import exit_codes, extensions
 from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
-from behavior_controller.errors import ConfigurationError, Fault, FaultsFound, NodesMissing
+from behavior_controller.errors import ConfigurationError, FaultsFound, NodesMissing
 from behavior_controller.execution.events import Events, Noticed
 from behavior_controller.foreign_code import described
 from behavior_controller.robot.gateway import Topics
@@ -35,14 +35,14 @@ from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, rep
 from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.node_name import adopt, join
-from behavior_controller.ros.configuration import read_plan, tell_faults
+from behavior_controller.ros.configuration import read_plan, report_faults
 from behavior_controller.ros.startup_check import StartUpCheck
 from behavior_controller.ros.service_client import RosGateway
 from behavior_controller.ros.signals import Signals, block_signals
 from behavior_controller.ros.subscriber import RosTopics
 from behavior_controller.missions.runner import Runner, Running
 from behavior_controller.execution.safe_state import LIMIT, SafeState
-from behavior_controller.config.settings import (KEYS, OPERATOR, Settings, split_arguments, unread)
+from behavior_controller.config.settings import KEYS, OPERATOR, Settings, split_arguments, unread
 from behavior_controller.missions.blocked_tick import Standstill
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.groot2.publisher import Groot2Publisher
@@ -184,7 +184,7 @@ class _Node:
             console.tell("info", "stopped before the mission began")
             return exit_codes.UNAVAILABLE if self._stop_code is None else self._stop_code
         except FaultsFound as found:
-            tell_faults(found, console.tell, "nothing was started")
+            report_faults(found, console.tell, "nothing was started")
             return exit_codes.WRONG_INPUT
         except NodesMissing as missing:
             for line in str(missing).split("\n"):
@@ -273,12 +273,12 @@ class _Node:
         ``Stopped``.
         """
         try:
-            return run_apart(
-                step, self._wake, self._is_stopped, START_LIMIT, lambda: self._console.tell(
-                    "info", f"waiting up to {START_LIMIT:g} s for {what}"))
+            notice = f"waiting up to {START_LIMIT:g} s for {what}"
+            return run_apart(step, self._wake, self._is_stopped, START_LIMIT,
+                             lambda: self._console.tell("info", notice))
         except Late as error:
-            raise extensions.late(START_LIMIT, error.frame) or late or ConfigurationError(
-                [Fault(what, 0, 0, f"no answer within {START_LIMIT:g} s")])
+            silence = ConfigurationError.of(what, f"no answer within {START_LIMIT:g} s")
+            raise extensions.late(START_LIMIT, error.frame) or late or silence
 
     def _is_stopped(self) -> bool:
         return self._signals.stop_requested
@@ -408,8 +408,9 @@ class _Run:
         if self._record is not None:
             self._record.open()
         if chosen.groot2_port:
-            self._watchers.append(Groot2Publisher(chosen.groot2_address, chosen.groot2_port,
-                                                  registry().all(), warn, held=self._events.emit))
+            self._watchers.append(
+                Groot2Publisher(chosen.groot2_address, chosen.groot2_port, registry().all(), warn,
+                                held=self._events.emit))
         if chosen.monitor_port:
             page = Page(chosen.monitor_address, chosen.monitor_port, self._board(), warn)
             self._watchers.append(page)
@@ -504,7 +505,7 @@ class _Run:
             self._console.tell("info",
                                "reloaded: this mission follows when the visitor's pass is over")
         except FaultsFound as found:
-            tell_faults(found, self._console.tell, "refused, the running mission stays")
+            report_faults(found, self._console.tell, "refused, the running mission stays")
         except NodesMissing as missing:
             self._console.tell("error", f"refused, the running mission stays: {missing}")
         # an internal error in reading a file must not end the running mission
@@ -551,4 +552,4 @@ def _url(address: str, port: int) -> str:
     """Return the address of the page, with the host's name if it is served at all of its addresses.
     """
     host = rosgraph.network.get_host_name() if address in ("0.0.0.0", "::") else address
-    return "http://{}:{}/".format(f"[{host}]" if ":" in host else host, port)
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"

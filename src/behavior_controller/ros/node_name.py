@@ -17,7 +17,7 @@ from rospy.impl.masterslave import ROSHandler
 from rospy.impl.paramserver import get_param_server_cache
 
 from behavior_controller.ros.timeouts import Stopped
-from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
+from behavior_controller.errors import ConfigurationError, NodesMissing
 from behavior_controller.ros.tcpros import Trouble, ask_master
 from behavior_controller.ros.master import DIRECTORY, NAME_IS_TAKEN
 
@@ -41,9 +41,9 @@ def adopt(name: str, argv: List[str]) -> None:
     rospy.names.reload_mappings(argv)
     name = rospy.names.get_mappings().get("__name", name)
     if not rosgraph.names.is_legal_base_name(name):
-        raise ConfigurationError([Fault(
-            "argument __name:=" + name, 0, 0, "this is not the name of a node",
-            "allowed: a letter, then letters, digits and _; __ns:= sets the namespace")])
+        raise ConfigurationError.of(
+            "argument __name:=" + name, "this is not the name of a node",
+            "allowed: a letter, then letters, digits and _; __ns:= sets the namespace")
     resolved = rosgraph.names.resolve_name(name, rospy.get_name())
     rospy.names._set_caller_id(resolved)
     rospy.names.initialize_mappings(resolved)
@@ -75,7 +75,7 @@ def join(name: str, argv: List[str]) -> Optional[str]:
     except (rospy.ROSException, ValueError) as error:
         if rospy.is_shutdown():
             raise Stopped("rospy has ended meanwhile")  # and the reason was told
-        raise ConfigurationError([Fault("command line", 0, 0, str(error))])
+        raise ConfigurationError.of("command line", str(error))
     is_other = former not in (None, rospy.core.get_node_uri())
     return former if is_other and not _ends(former) else None
 

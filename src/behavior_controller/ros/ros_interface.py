@@ -15,7 +15,7 @@ from rospy.impl import tcpros_base
 from std_msgs.msg import String
 
 from behavior_controller.bt.engine.tree import Tree
-from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.errors import ConfigurationError
 from behavior_controller.monitoring.board import Board
 from behavior_controller.monitoring.diagnostics import Status, statuses
 from behavior_controller.robot.declarations import Offer
@@ -51,13 +51,13 @@ MESSAGES = ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
 def types() -> Tuple[Any, ...]:
     """Return the generated classes of ``std_srvs/Trigger`` and of ``MESSAGES``. Raises
     ConfigurationError if they are not installed."""
-    found = (roslib.message.get_service_class("std_srvs/Trigger"), *(
-        roslib.message.get_message_class("diagnostic_msgs/" + name) for name in MESSAGES))
-    if None in found:
-        raise ConfigurationError([Fault(
-            "rosInterface", 0, 0, "it needs the ROS packages std_srvs and diagnostic_msgs",
-            "install them, or set rosInterface false")])
-    return found
+    trigger = roslib.message.get_service_class("std_srvs/Trigger")
+    messages = [roslib.message.get_message_class("diagnostic_msgs/" + name) for name in MESSAGES]
+    if None in (trigger, *messages):
+        raise ConfigurationError.of(
+            "rosInterface", "it needs the ROS packages std_srvs and diagnostic_msgs",
+            "install them, or set rosInterface false")
+    return (trigger, *messages)
 
 
 def bound_handshakes() -> None:
@@ -146,10 +146,10 @@ class RosInterface:
         if shown != self._shown:
             self._shown = shown
             self._topic.publish(String(shown.decode()))
-        now, found = time.monotonic(), statuses(self._board.state, self._offers())
-        if (found != self._diagnosed[1]) or now >= self._diagnosed[0] + DIAGNOSTICS_EVERY:
-            self._diagnosed = now, found
-            array = self._array(status=list(map(self._message, found)))
+        now, diagnosis = time.monotonic(), statuses(self._board.state, self._offers())
+        if diagnosis != self._diagnosed[1] or now >= self._diagnosed[0] + DIAGNOSTICS_EVERY:
+            self._diagnosed = now, diagnosis
+            array = self._array(status=list(map(self._message, diagnosis)))
             array.header.stamp = rospy.get_rostime()
             self._diagnostics.publish(array)
 

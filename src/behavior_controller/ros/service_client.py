@@ -59,9 +59,10 @@ def open_service(place: Place, connection: Connection, name: str, md5sum: str, s
     except Trouble as trouble:
         if trouble.cause is not Cause.NOT_REACHABLE:
             raise
-        raise Trouble(trouble.cause, "{}, but {}".format(
-            "the master lists it" if place.is_listed else "it was there when the master listed it",
-            trouble))
+        known = "the master lists it"
+        if not place.is_listed:
+            known = "it was there when the master listed it"
+        raise Trouble(trouble.cause, f"{known}, but {trouble}")
     _check_handshake(connection, answer, md5sum)
     return answer
 
@@ -141,8 +142,9 @@ class ServiceThread(RequestThread):
         """Ask the server."""
         data = encode(self.service, job.request)
         if not self._connection.is_open:
-            open_service(DIRECTORY.service(self.name, CONNECT_LIMIT, HURRY), self._connection,
-                            self.name, TYPES[self.service]._md5sum, CONNECT_LIMIT, persistent="1")
+            place = DIRECTORY.service(self.name, CONNECT_LIMIT, HURRY)
+            open_service(place, self._connection, self.name, TYPES[self.service]._md5sum,
+                         CONNECT_LIMIT, persistent="1")
             self._connection.wait_without_limit()
         self.is_asked = True
         self._connection.send(data)
@@ -168,9 +170,9 @@ class PublisherThread(RequestThread):
     def exchange(self, job: Job) -> Answer:
         """Publish, once there is a subscriber."""
         message = filled(TYPES[self.service](), self.service.fields(job.request), job.request)
-        publisher, ends = self._registered(), time.monotonic() + STEP_LIMIT
+        publisher, deadline = self._registered(), time.monotonic() + STEP_LIMIT
         while not publisher.get_num_connections():
-            if job.cut.wait(PREPARE) or time.monotonic() > ends:
+            if job.cut.wait(PREPARE) or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
         publisher.publish(message)
         return Answer()

@@ -47,7 +47,7 @@ class Signals:
         """Called on a thread of its own, ``REACTION`` seconds after the first request to stop."""
         self.wake: Callable[[], None] = lambda: None
         """Called at the first request to stop."""
-        self._ends_at = math.inf  # when the process ends in any case
+        self._deadline = math.inf  # when the process ends in any case
         self._console = console
         self._has_terminal = _terminal_answers()
         self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
@@ -62,7 +62,7 @@ class Signals:
     @property
     def time_left(self) -> float:
         """Seconds until the process ends in any case; infinite while no stop is requested."""
-        return self._ends_at - time.monotonic()
+        return self._deadline - time.monotonic()
 
     @staticmethod
     def request_stop() -> None:
@@ -83,7 +83,7 @@ class Signals:
     def _stop(self) -> None:
         """Pass the request on, and end the process if it has not ended ``STOP_LIMIT`` seconds
         later."""
-        self._ends_at = time.monotonic() + STOP_LIMIT
+        self._deadline = time.monotonic() + STOP_LIMIT
         self.stop_requested = True
         self.wake()
         time.sleep(REACTION)

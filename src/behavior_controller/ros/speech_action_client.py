@@ -27,21 +27,21 @@ REST = 0.25
 """Seconds between a goal without a result and the next: a server may refuse each at once."""
 
 
-class Hearing:
-    """The action in place of a topic: ``listen`` is for the tick thread and never waits; results arrive on
-    rospy's threads."""
+class SpeechActionClient:
+    """The action in place of a topic: ``listen`` is for the tick thread and never waits; results
+    arrive on rospy's threads."""
 
     def __init__(self, action: Action[Listen], is_published: Callable[[], bool],
-                 take: Callable[[Any], None], wake: Callable[[], None],
+                 receive: Callable[[Any], None], wake: Callable[[], None],
                  warn: Callable[[str], None]):
-        """``is_published`` returns whether the topic itself has a publisher; ``take`` gets each
+        """``is_published`` returns whether the topic itself has a publisher; ``receive`` gets each
         utterance, and ``wake`` is called when a goal has ended without words."""
         self._action = action
         self._is_published = is_published
-        self._take = take
+        self._receive = receive
         self._wake = wake
         self._warn = warn
-        self._told = ""  # the last failure with a warning
+        self._warned = ""  # the last warning
         self._until = -math.inf  # when the listening ends
         self._again_at = -math.inf  # when the next goal may be sent
         self._client = ActionClient(action, self._end)
@@ -100,11 +100,11 @@ class Hearing:
         """Process the end of a goal."""
         self._again_at = time.monotonic() + REST
         if not isinstance(result, Trouble):
-            self._told = ""
-            heard = self._action.answer(result).response
-            if heard:
+            self._warned = ""
+            utterance = self._action.answer(result).response
+            if utterance:
                 self._again_at = -math.inf
-                self._take(heard)
+                self._receive(utterance)
             else:
                 self._wake()
         elif result.cause is not Cause.NO_ANSWER:  # then another goal is sent
@@ -117,10 +117,10 @@ class Hearing:
         another."""
         self._warn_once(f"failed: {trouble}")
         if trouble.cause is not Cause.UNUSABLE_ANSWER:
-            self._take(f"Error: {self._client.name} {trouble}")
+            self._receive(f"Error: {self._client.name} {trouble}")
         self._wake()
 
     def _warn_once(self, text: str) -> None:
-        if text != self._told:
-            self._told = text
+        if text != self._warned:
+            self._warned = text
             self._warn(f"the action {self._client.name} {text}")

@@ -7,7 +7,7 @@ reported together.
 import collections
 import threading
 import time
-from typing import (Any, Callable, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple)
+from typing import Any, Callable, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple
 
 import rospy
 
@@ -190,13 +190,13 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
     for offer in offers:
         threading.Thread(target=examine, args=(offer,), daemon=True,
                          name="probe " + offer.name).start()
-    ends = time.monotonic() + PROBE_LIMIT
-    while len(reasons) < len(offers) and time.monotonic() < ends and not is_stopped():
-        wake.wait(max(0.0, ends - time.monotonic()))
+    deadline = time.monotonic() + PROBE_LIMIT
+    while len(reasons) < len(offers) and time.monotonic() < deadline and not is_stopped():
+        wake.wait(max(0.0, deadline - time.monotonic()))
         wake.test_and_clear()
-    found = {offer: reasons.get(offer, f"{Cause.NO_ANSWER.text}: not in {PROBE_LIMIT:g} s")
-             for offer in offers}
-    return [Missing(offer, reason) for offer, reason in found.items() if reason is not None]
+    silent = f"{Cause.NO_ANSWER.text}: not in {PROBE_LIMIT:g} s"
+    verdicts = ((offer, reasons.get(offer, silent)) for offer in offers)
+    return [Missing(offer, reason) for offer, reason in verdicts if reason is not None]
 
 
 class StartUpCheck:
@@ -217,19 +217,19 @@ class StartUpCheck:
 
         Raises ``NodesMissing``, which lists all that is missing.
         """
-        ends = time.monotonic() + self._patience
+        deadline = time.monotonic() + self._patience
         missing = find_missing(self._offers, wake, is_stopped)
         self._look_for_another_robot(missing, wake, is_stopped)
         awaited: List[str] = []
-        while self._needed(missing) and time.monotonic() < ends and not is_stopped():
-            names = [resolved(each.offer) for each in self._needed(missing)]
+        while self._needed(missing) and time.monotonic() < deadline and not is_stopped():
+            names = [resolved(absent.offer) for absent in self._needed(missing)]
             if names != awaited:
-                self._tell(
-                    "info", f"waiting up to {ends - time.monotonic():.0f} s for {', '.join(names)}")
+                left = deadline - time.monotonic()
+                self._tell("info", f"waiting up to {left:.0f} s for {', '.join(names)}")
                 awaited = names
-            wake.wait(min(ROUND, max(0.0, ends - time.monotonic())))
+            wake.wait(min(ROUND, max(0.0, deadline - time.monotonic())))
             wake.test_and_clear()
-            missing = find_missing([each.offer for each in missing], wake, is_stopped)
+            missing = find_missing([absent.offer for absent in missing], wake, is_stopped)
         if awaited:
             self._look_for_another_robot(missing, wake, is_stopped)
         if is_stopped():
@@ -239,7 +239,7 @@ class StartUpCheck:
 
     def _needed(self, missing: List[Missing]) -> List[Missing]:
         """Return what is missing and without which the mission does not start."""
-        return [each for each in missing if not self._reason_to_go_on(each)]
+        return [absent for absent in missing if not self._reason_to_go_on(absent)]
 
     def _reason_to_go_on(self, missing: Missing) -> str:
         """Return why the mission can start without it; empty if it cannot."""
@@ -259,29 +259,31 @@ class StartUpCheck:
         That is so if nothing exists that only the configured robot has, but something that only
         another robot has.
         """
-        there = set(map(_key, self._offers)).difference(_key(each.offer) for each in missing)
+        there = set(map(_key, self._offers)).difference(_key(absent.offer) for absent in missing)
         common = _common_keys()
-        if there - common or not any(each.is_elsewhere for each in self._needed(missing)):
+        if there - common or not any(absent.is_elsewhere for absent in self._needed(missing)):
             return
         for name, interface in INTERFACES.items():
             if interface is self._interface:
                 continue
             own = [offer for offer in interface.offers if _key(offer) not in common]
-            found = set(own).difference(each.offer for each in find_missing(own, wake, is_stopped))
-            if found and not is_stopped():
-                names = ", ".join(sorted(f"{resolved(offer)} as {offer.type}" for offer in found))
+            lacking = [absent.offer for absent in find_missing(own, wake, is_stopped)]
+            names = sorted(f"{resolved(offer)} as {offer.type}" for offer in own
+                           if offer not in lacking)
+            if names and not is_stopped():
                 raise NodesMissing(
                     f"the robot speaks {name}, and the configuration says robotInterface "
-                    f"{self._interface.name}: set robotInterface {name} (found: {names})")
+                    f"{self._interface.name}: set robotInterface {name} (found: "
+                    f"{', '.join(names)})")
 
     def _report(self, missing: List[Missing]) -> None:
         """Warn of what is missing and not needed, and raise for the rest."""
         needed = self._needed(missing)
-        for each in missing:
-            if each not in needed:
-                self._tell("warning", f"{each} ({self._reason_to_go_on(each)})")
+        for absent in missing:
+            if absent not in needed:
+                self._tell("warning", f"{absent} ({self._reason_to_go_on(absent)})")
         if needed:
             lines = [f"{len(needed)} of the {len(self._offers)} services and topics that the "
-                     "mission needs are missing:", *(f"  {each}" for each in needed),
+                     "mission needs are missing:", *(f"  {absent}" for absent in needed),
                      "start what is missing and start again, or set startupTimeout to wait for it"]
             raise NodesMissing("\n".join(lines))

@@ -21,7 +21,7 @@ from behavior_controller.robot.gateway import Cause, Sample, Topics, since
 from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
 from behavior_controller.ros.master import DIRECTORY
-from behavior_controller.ros.speech_action_client import Hearing
+from behavior_controller.ros.speech_action_client import SpeechActionClient
 from behavior_controller.ros.types import TYPES
 from behavior_controller.text import clean
 
@@ -49,17 +49,17 @@ PAUSE_WHEN_AWAITED = 0.001
 
 def split(buffer: bytearray) -> List[bytes]:
     """Remove the complete messages from ``buffer`` and return them without their lengths."""
-    found, start = [], 0
+    messages, start = [], 0
     while len(buffer) - start >= 4:
         length, = struct.unpack_from("<I", buffer, start)
         if length > MOST_BYTES:
             raise Trouble(Cause.CONNECTION_LOST, f"{length} bytes announced")
         if len(buffer) - start - 4 < length:
             break
-        found.append(bytes(buffer[start + 4:start + 4 + length]))
+        messages.append(bytes(buffer[start + 4:start + 4 + length]))
         start += 4 + length
     del buffer[:start]
-    return found
+    return messages
 
 
 class Link:
@@ -176,7 +176,7 @@ class Latch:
         self._seen_at = -math.inf  # arrival of the newest message that was read
         self.ignoring: Tuple[str, Callable[[Any], bool]] = ("", bool)
         """Why messages are ignored, and which; each reason is reported once."""
-        self.hearing = None if topic.action is None else Hearing(
+        self.speech_action = None if topic.action is None else SpeechActionClient(
             topic.action, lambda: self._is_published, self.hear, wake, warn)
 
     # ----------------------------------------------------------------------------------- publishers
@@ -185,10 +185,10 @@ class Latch:
     def is_connected(self) -> bool:
         """Whether any node publishes the expected type to us, or offers the action that replaces
         the topic."""
-        return self._is_published or self.hearing is not None and self.hearing.is_there
+        return self._is_published or self.speech_action is not None and self.speech_action.is_there
 
     @property
-    def is_looked_for(self) -> bool:
+    def is_searched(self) -> bool:
         """Whether the topic's publishers were looked up, and each was tried."""
         return self._is_met and all(link.has_tried for link in self._links.values())
 
@@ -294,7 +294,7 @@ class Latch:
                 self._ring(value)
         reason, is_missed = self.ignoring
         if reason and is_missed(value):
-            self._tell_ignored(reason, value, reason)
+            self._warn_ignored(reason, value, reason)
         return is_news
 
     def _keep(self, value: Any) -> None:
@@ -312,11 +312,11 @@ class Latch:
         """
         value = None if self._topic.is_continuous else self._decode(data)
         if value:
-            self._tell_ignored("latching", value, (
-                f"{_sender(header)} publishes it latched, so it may be old; publish it without "
-                f"latching: rostopic pub -r 1 {self.name} …"))
+            text = (f"{_sender(header)} publishes it latched, so it may be old; publish it without "
+                    f"latching: rostopic pub -r 1 {self.name} …")
+            self._warn_ignored("latching", value, text)
 
-    def _tell_ignored(self, cause: str, value: Any, text: str) -> None:
+    def _warn_ignored(self, cause: str, value: Any, text: str) -> None:
         self._warn_once(cause, f"ignoring {value!r} on {self.name}: {text}")
 
     def _decode(self, data: bytes) -> Any:
@@ -391,7 +391,7 @@ class RosTopics(Topics):
         while not rospy.is_shutdown():
             try:
                 with DIRECTORY.round():
-                    DIRECTORY.look()
+                    DIRECTORY.refresh()
                     for latch in self.latches.values():
                         self._follow(latch)
             except (Trouble, RuntimeError):
@@ -419,14 +419,14 @@ class RosTopics(Topics):
 
     def listen(self, topic: Topic, seconds: float) -> None:
         """See ``Topics``."""
-        hearing = self.latches[topic].hearing
-        if hearing is not None:
-            hearing.listen(seconds)
+        speech_action = self.latches[topic].speech_action
+        if speech_action is not None:
+            speech_action.listen(seconds)
 
     def is_hearing(self, topic: Topic) -> bool:
         """See ``Topics``."""
-        hearing = self.latches[topic].hearing
-        return hearing is not None and hearing.is_under_way
+        speech_action = self.latches[topic].speech_action
+        return speech_action is not None and speech_action.is_under_way
 
     def ignore(self, topic: Topic, reason: str, missed: Callable[[Any], bool]) -> None:
         """See ``Topics``."""

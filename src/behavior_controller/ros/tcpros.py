@@ -85,7 +85,7 @@ class _TimedSocket(socket.socket):
     """A socket whose operations all end by one ``deadline`` (monotonic seconds; infinity: none)."""
 
     deadline = math.inf
-    is_heard = False  # whether the peer has sent anything
+    has_received = False  # whether the peer has sent anything
 
     def limit(self) -> None:
         """Let the next operation end by the deadline."""
@@ -110,7 +110,7 @@ class _TimedSocket(socket.socket):
     def recv_into(self, *arguments: Any) -> int:
         self.limit()
         count = super().recv_into(*arguments)
-        self.is_heard = True
+        self.has_received = True
         return count
 
 
@@ -126,8 +126,9 @@ def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT,
         peer: str = "") -> Any:
     """Call ``method`` of the master or node at ``uri`` and return its value, as in ``ANSWERS``.
 
-    ``seconds`` bounds the whole call; ``peer`` stands before the address in a line about it. Raises ``Trouble`` (not reachable) if nothing at ``uri``
-    answers as a ROS node does; its ``__cause__`` is the system's error if the connection failed.
+    ``seconds`` bounds the whole call; ``peer`` stands before the address in a line about it. Raises
+    ``Trouble`` (not reachable) if nothing at ``uri`` answers as a ROS node does; its ``__cause__``
+    is the system's error if the connection failed.
     """
     connection, fault = Connection(), NO_ANSWER
     origin: Optional[BaseException] = None
@@ -137,7 +138,7 @@ def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT,
         why, origin = str(trouble), trouble.__cause__
     except OSError as error:
         why = _reason(error)
-        if connection.is_heard and isinstance(error, socket.timeout):
+        if connection.has_received and isinstance(error, socket.timeout):
             fault, why = "answers slowly", f"its answer takes longer than {seconds:g} s"
     except Exception as error:  # the parsers of HTTP and XML-RPC raise anything on broken data
         fault, why = "does not answer as ROS does", f"{method}: {clean(str(error), 200)}"
@@ -156,8 +157,8 @@ def _called(connection: "Connection", uri: str, method: str, arguments: Tuple[An
     sock = http_connection.sock = connection.connect(place.hostname, place.port or 80, seconds)
     # header and body are sent one after the other
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    http_connection.request("POST", place.path or "/RPC2", xmlrpc.client.dumps(
-        (rospy.get_name(),) + arguments, method).encode(), {"Content-Type": "text/xml"})
+    request = xmlrpc.client.dumps((rospy.get_name(),) + arguments, method).encode()
+    http_connection.request("POST", place.path or "/RPC2", request, {"Content-Type": "text/xml"})
     response = http_connection.getresponse()
     if response.status != http.client.OK:
         raise ValueError(f"HTTP status {response.status} {response.reason}")
@@ -226,9 +227,9 @@ class Connection:
         self.closed = False
 
     @property
-    def is_heard(self) -> bool:
+    def has_received(self) -> bool:
         """Whether the peer has sent anything."""
-        return self._socket is not None and self._socket.is_heard
+        return self._socket is not None and self._socket.has_received
 
     @property
     def is_open(self) -> bool:

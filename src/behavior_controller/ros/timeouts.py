@@ -47,18 +47,18 @@ def run_apart(work: Callable[[], Any], wake: WakeUp, is_stopped: Callable[[], bo
 
     thread = threading.Thread(target=run, name="apart", daemon=True)
     thread.start()
-    ends = time.monotonic() + seconds
-    told_at = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + seconds
+    slow_at = time.monotonic() + PATIENCE
     while not outcome.done():
         now = time.monotonic()
         if is_stopped():
             raise Stopped("stopped")
-        if now >= ends:
+        if now >= deadline:
             raise Late(f"not done in {seconds:g} s", sys._current_frames().get(thread.ident or 0))
-        if now >= told_at:
+        if now >= slow_at:
             is_slow()
-            told_at = ends
-        wake.wait(min(ends, told_at) - now)
+            slow_at = deadline
+        wake.wait(min(deadline, slow_at) - now)
         wake.test_and_clear()
     return outcome.result()
 
@@ -67,8 +67,8 @@ def run_together(works: Iterable[Callable[[], Any]], seconds: float) -> None:
     """Run ``works`` side by side and return when all have ended, after ``seconds`` at the latest.
     """
     threads = [threading.Thread(target=work, daemon=True) for work in works]
-    ends = time.monotonic() + seconds
+    deadline = time.monotonic() + seconds
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(max(0.0, ends - time.monotonic()))
+        thread.join(max(0.0, deadline - time.monotonic()))

@@ -24,7 +24,7 @@ _KINDS: Dict[type, Tuple[Callable[[str], Any], str, str]] = {
 """How the class of each kind of declaration is named, and in which folder its file is."""
 
 
-def found(offer: Offer) -> Any:
+def message_class(offer: Offer) -> Any:
     """Return the class of a srv, msg or action type. Raises ImportError, or BrokenExtension for a
     declaration of another package, which says what is missing where."""
     find, ending, folder = _KINDS[type(offer)]
@@ -58,13 +58,14 @@ def _answer_of(offer: Offer, kind: Any) -> Any:
 
 def _broken(offer: Offer, text: str) -> Exception:
     extension = DECLARED_BY.get(offer)
-    return ImportError(text) if extension is None else extension.broken(
-        text, *extensions.quoted(offer.name))
+    if extension is None:
+        return ImportError(text)
+    return extension.broken(text, *extensions.quoted(offer.name))
 
 
 def _read_empty(offer: Offer, read: Callable[[Any], object], message: Any) -> None:
-    """Raise an error as ``found`` does if the declaration reads a field that the type does not
-    have."""
+    """Raise an error as ``message_class`` does if the declaration reads a field that the type does
+    not have."""
     try:
         read(message)
     except AttributeError as error:
@@ -99,5 +100,5 @@ def _offers() -> Dict[Offer, None]:
                          [action for action in actions if action is not None])
 
 
-TYPES: Dict[Offer, Any] = {offer: found(offer) for offer in _offers()}
+TYPES: Dict[Offer, Any] = {offer: message_class(offer) for offer in _offers()}
 """Declaration -> its class."""

@@ -24,7 +24,7 @@ from behavior_controller.ros.startup_check import not_published, resolved
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.subscriber import Latch, RosTopics
 
-LOOK = 0.25
+CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
 seconds."""
 
@@ -101,8 +101,10 @@ class Monitor:
         reported."""
         added = [offer for offer in offers if offer not in self._offers]
         self._offers += tuple(added)
-        self._may_lack = self._may_lack.union(added) if may_lack else self._may_lack.difference(
-            offers)
+        if may_lack:
+            self._may_lack = self._may_lack.union(added)
+        else:
+            self._may_lack = self._may_lack.difference(offers)
         for offer in added:
             # a subscriber has no address to connect to
             if not isinstance(offer, (Topic, Publication)):
@@ -111,7 +113,7 @@ class Monitor:
 
     def start(self) -> None:
         """Start monitoring topics and the master."""
-        threading.Thread(target=self._look_around, daemon=True,
+        threading.Thread(target=self._check_all, daemon=True,
                          name="monitor topics and master").start()
 
     def close(self) -> None:
@@ -169,15 +171,15 @@ class Monitor:
 
     # ---------------------------------------------------------------------------- topics and master
 
-    def _look_around(self) -> None:
-        while not self._closed.wait(LOOK):
-            self._look_at_master()
+    def _check_all(self) -> None:
+        while not self._closed.wait(CHECK_EVERY):
+            self._check_master()
             for offer in self._offers:
                 is_unused = offer is self._speech and not self._is_asr_enabled()
                 if isinstance(offer, Topic) and not is_unused:
-                    self._look_at(offer, self._topics.latches[offer])
+                    self._check_topic(offer, self._topics.latches[offer])
 
-    def _look_at_master(self) -> None:
+    def _check_master(self) -> None:
         """Report whether the master answers, and whether it has forgotten the robot's nodes."""
         def report(respect: str, status: str, consequence: str = "") -> None:
             self._report(respect, HealthChanged(
@@ -199,12 +201,12 @@ class Monitor:
         else:
             report(NEW, "knows the robot's nodes again")
 
-    def _look_at(self, topic: Topic, latch: Latch) -> None:
+    def _check_topic(self, topic: Topic, latch: Latch) -> None:
         """Report whether a topic is published, and whether it has been silent for too long."""
         if latch.count:
             self._health.hear(latch.name, latch.last_arrival)
         now = time.monotonic()
-        if not latch.is_connected and not latch.is_looked_for:
+        if not latch.is_connected and not latch.is_searched:
             return
         if not latch.is_connected:
             if now - self._lonely.setdefault(topic, now) > LONELY:
@@ -213,14 +215,15 @@ class Monitor:
         self._lonely.pop(topic, None)
         self._tell_back(topic)
         if topic.is_continuous:
-            self._look_at_silence(topic, latch, now - latch.last_arrival)
+            self._check_silence(topic, latch, now - latch.last_arrival)
 
-    def _look_at_silence(self, topic: Topic, latch: Latch, silence: float) -> None:
+    def _check_silence(self, topic: Topic, latch: Latch, silence: float) -> None:
         """Report when a continuous topic falls silent, and reconnect to its publisher meanwhile."""
-        heard, again_at = self._silent.get(topic, (0.0, 0.0))
-        if heard == latch.last_arrival:  # still silent: a new connection alone proves nothing
+        last_arrival, again_at = self._silent.get(topic, (0.0, 0.0))
+        if last_arrival == latch.last_arrival:
+            # still silent: a new connection alone proves nothing
             if silence >= again_at:
-                self._silent[topic] = heard, silence + RECONNECT
+                self._silent[topic] = last_arrival, silence + RECONNECT
                 latch.reconnect()
             return
         is_well = silence <= patience(latch.count, latch.usual_gap)
@@ -228,10 +231,12 @@ class Monitor:
             self._silent.pop(topic, None)
         else:
             self._silent[topic] = latch.last_arrival, silence + RECONNECT
+        status, consequence = "heard again", ""
+        if not is_well:
+            status = f"silent for {silence:.1f} s"
+            consequence = "until it is heard again, " + topic.absence
         self._report(SILENT, HealthChanged(
-            topic.kind, latch.name, topic.node, is_well,
-            "heard again" if is_well else f"silent for {silence:.1f} s",
-            "" if is_well else "until it is heard again, " + topic.absence))
+            topic.kind, latch.name, topic.node, is_well, status, consequence))
 
 
 def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:

@@ -67,7 +67,7 @@ def run(capsys, *words):
 def found(capsys, *words):
     code, text = run(capsys, "--json", *words)
     told = json.loads(text)["found"]
-    assert code == (exit_codes.FOUND if told else 0)
+    assert code == (exit_codes.FINDINGS if told else 0)
     return told
 
 
@@ -130,7 +130,7 @@ def test_the_tour_of_release_1_0_is_rehearsed_too(capsys):
 def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_it_again(capsys):
     path = planted("goodbye_to_nobody")
     code, text = run(capsys, path, *CALM)
-    assert code == exit_codes.FOUND == 4
+    assert code == exit_codes.FINDINGS == 4
     line = [number for number, line in enumerate(open(path), 1) if "SayGoodByeSpeech" in line][0]
     assert "goodbye-to-nobody: The robot says goodbye although the visitor has left." in text
     assert re.search(
@@ -138,7 +138,7 @@ def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_i
             path, line), text)
     again = re.search("again: rosrun unit_tests rehearseMission (.*)", text).group(1).split()
     code, text = run(capsys, *again)
-    assert code == exit_codes.FOUND and ": 1 simulated run in" in text
+    assert code == exit_codes.FINDINGS and ": 1 simulated run in" in text
     assert "goodbye-to-nobody" in text
 
 
@@ -445,7 +445,7 @@ def test_without_faults_a_mission_that_never_succeeds_is_found(tmp_path, capsys)
     path = tmp_path / "m.xml"
     path.write_text("<root BTCPP_format='4'><BehaviorTree ID='M'><AlwaysFailure/></BehaviorTree>"
                     "</root>")
-    assert cli.main([str(path), "--faults", "none", "--jobs", "1"]) == exit_codes.FOUND
+    assert cli.main([str(path), "--faults", "none", "--jobs", "1"]) == exit_codes.FINDINGS
     assert "never-succeeds" in capsys.readouterr().out
     assert cli.main([str(path), "--faults", "none", "--visitors", "noGaze", "--jobs", "1"]) == 0
 
@@ -795,7 +795,7 @@ def test_several_processes_find_the_same(capsys):
     ]
     process = start(*words, "--jobs", "2", complaints=subprocess.PIPE)
     text, complaints = process.communicate(timeout=120)
-    assert (process.returncode, complaints) == (exit_codes.FOUND, b"")
+    assert (process.returncode, complaints) == (exit_codes.FINDINGS, b"")
     here, there = json.loads(run(capsys, *words)[1]), json.loads(text)
     assert here["found"] == there["found"] and here["plays"] == there["plays"] > plays.FEW
 
@@ -854,7 +854,7 @@ def test_an_action_of_another_package_fails_in_a_rehearsal_as_a_service_does(tmp
     mission = folder / "data" / "greet.xml"
     mission.write_text(mission.read_text().replace("<HandleFallBack/>", ""))
     code, text = rehearse_package(folder, *words)
-    assert code == exit_codes.FOUND and "DriveTo failed: " + cause in text
+    assert code == exit_codes.FINDINGS and "DriveTo failed: " + cause in text
 
 
 def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
@@ -873,7 +873,7 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
             "as they are\",\n            rehearsed=lambda request: Answer(response=request.colour))"
         ))
     code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
-    assert code == exit_codes.FOUND and "exception: " in text and "the answer was blue" in text
+    assert code == exit_codes.FINDINGS and "exception: " in text and "the answer was blue" in text
 
 
 def test_a_service_that_gives_another_number_of_fields_is_told_by_name(tmp_path):
@@ -882,7 +882,7 @@ def test_a_service_that_gives_another_number_of_fields_is_told_by_name(tmp_path)
     interface = folder / "src" / "greeter" / "interface.py"
     interface.write_text(interface.read_text().replace("(request.colour,)", "()"))
     code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
-    assert code == exit_codes.FOUND
+    assert code == exit_codes.FINDINGS
     assert ("the declaration of /lights/set_colour gives 0 values for the fields of greeter/"
             "lightsService: colour" in text)
 

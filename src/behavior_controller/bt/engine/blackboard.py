@@ -209,8 +209,9 @@ def _fits(entry_type: str, value: Any) -> bool:
     target = values.find_type(entry_type)
     if target is None:
         return type(value).__name__ == entry_type
-    if (target.python is not None and isinstance(value, target.python)) or values.is_vector(
-            value, entry_type):
+    if target.python is not None and isinstance(value, target.python):
+        return True
+    if values.is_vector(value, entry_type):
         return True
     try:
         if entry_type == "double":

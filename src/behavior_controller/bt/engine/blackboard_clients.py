@@ -16,7 +16,6 @@ from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.registry import Registry
 
-
 _ShownEntry = Tuple[Blackboard, str, str]
 """An entry by its place and name here, and by its name there."""
 
@@ -41,10 +40,9 @@ class Clients:
             if read or written:
                 client = Client(name=node.full_path)
                 for names, access in ((read, Access.READ), (written, Access.WRITE)):
-                    found = [self._entry(node.blackboard, name) for name in sorted(names)]
-                    for _, _, shown in found:
-                        client.register_key(shown, access)
-                    entries += found
+                    for name in sorted(names):
+                        entries.append(self._entry(node.blackboard, name))
+                        client.register_key(entries[-1][2], access)
                 clients.append(client)
         for blackboard, key, shown in entries:
             value = blackboard.get(key)
@@ -58,10 +56,9 @@ class Clients:
         nodes inside."""
         if node.element is None or node.registration_id == "SubTree":
             return [], []
-        found = flow({"": [node.element]}, "@", {}, self._registry)
-        read, written = ([tree + name for tree, name in keys]
-                         for keys in (found.reads, found.written))
-        return read, written
+        uses = flow({"": [node.element]}, "@", {}, self._registry)
+        return ([tree + name for tree, name in uses.reads],
+                [tree + name for tree, name in uses.written])
 
     def _entry(self, blackboard: Blackboard, name: str) -> _ShownEntry:
         home, key = blackboard.home(name)

@@ -39,29 +39,25 @@ class Clock:
     """
 
     def __init__(self) -> None:
-        self._held: Optional[float] = None
+        self.held_at: Optional[float] = None
+        """The moment of the traversal under way, or None; for any thread."""
         self._queue: List[Tuple[float, int, Timer]] = []
         self._order = itertools.count()
         self._posted: Deque[Tuple[Callable[[], None], Any]] = collections.deque()
 
     def now(self) -> float:
         """Return monotonic seconds; only differences mean something."""
-        held = self._held
+        held = self.held_at
         return time.monotonic() if held is None else held
 
     def hold(self) -> None:
         """Stop the time until ``release``: all of one traversal has the same time, so that it can
         be replayed."""
-        self._held = time.monotonic()
-
-    @property
-    def held_at(self) -> Optional[float]:
-        """The moment of the traversal under way, or None; for any thread."""
-        return self._held
+        self.held_at = time.monotonic()
 
     def release(self) -> None:
         """Let the time go on."""
-        self._held = None
+        self.held_at = None
 
     @tick_thread_only
     def call_after(self, seconds: float, callback: Callable[[], None],
@@ -140,10 +136,10 @@ class ManualClock(Clock):
 
     def advance(self, seconds: float) -> None:
         """Move on by ``seconds``; timers on the way run at their own time, in order."""
-        end = self._now + seconds
+        moment = self._now + seconds
         due = self.next_due()
-        while due is not None and due <= end:
+        while due is not None and due <= moment:
             self._now = max(self._now, due)
             self.run_due()
             due = self.next_due()
-        self._now = end
+        self._now = moment

@@ -192,11 +192,11 @@ class _Side(Control, composites.Parallel):
         self.successes = 0
         self.failures = 0
 
-    def threshold(self, port: str, end: str) -> int:
+    def threshold(self, port: str, verb: str) -> int:
         """Return the count of a port: negative values count from the end, -1 is all."""
         value, count = self.get_input(port), len(self.children)
         if value > count:
-            raise NodeError(f"Number of children is less than threshold. Can never {end}.")
+            raise NodeError(f"Number of children is less than threshold. Can never {verb}.")
         return value if value >= 0 else max(count + value + 1, 0)
 
     def execute_child(self, index: int) -> Result:
@@ -210,7 +210,7 @@ class _Side(Control, composites.Parallel):
             self.completed.add(index)
         return result
 
-    def end(self, result: Result) -> Result:
+    def complete(self, result: Result) -> Result:
         """Complete with ``result``."""
         self.clear()
         self.halt_children()
@@ -238,9 +238,9 @@ class Parallel(_Side):
             if index not in self.completed and self.execute_child(index) is SKIPPED:
                 skipped += 1
             if self.successes >= needed or (skips_count and self.successes + skipped >= needed):
-                return self.end(SUCCESS)
+                return self.complete(SUCCESS)
             if count - self.failures < needed or self.failures == allowed:
-                return self.end(FAILURE)
+                return self.complete(FAILURE)
         return SKIPPED if skipped == count else RUNNING
 
 
@@ -257,7 +257,7 @@ class ParallelAll(_Side):
         if skipped == count:
             return SKIPPED
         if skipped + len(self.completed) >= count:
-            return self.end(FAILURE if self.failures >= allowed else SUCCESS)
+            return self.complete(FAILURE if self.failures >= allowed else SUCCESS)
         return RUNNING
 
 
@@ -351,13 +351,11 @@ class Switch(Control, composites.Composite):
         return result
 
     def _choose(self) -> int:
-        variable = self.input_or("variable", None)
-        if variable is not None:
-            for index in range(self.cases):
-                case = self.input_or(f"case_{index + 1}", None)
-                if case is not None and ports.same_text_or_number(variable, case,
-                                                                  self.services.enums):
-                    return index
+        variable, enums = self.input_or("variable", None), self.services.enums
+        for index in range(self.cases if variable is not None else 0):
+            case = self.input_or(f"case_{index + 1}", None)
+            if case is not None and ports.same_text_or_number(variable, case, enums):
+                return index
         return self.cases
 
     def halt(self) -> None:
@@ -396,7 +394,8 @@ class TryCatch(Control, composites.Composite):
                 self.catching = True
                 return self._catch()
             self.index += 1
-            self.skipped += result is SKIPPED
+            if result is SKIPPED:
+                self.skipped += 1
         all_skipped = self.skipped == len(tries)
         self._end()
         return SKIPPED if all_skipped else SUCCESS

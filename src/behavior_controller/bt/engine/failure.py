@@ -20,12 +20,13 @@ class TickError(BehaviorControllerError):
 
     def __init__(self, node: Any, cause: BaseException, where: str = ""):
         """``where`` names the part of the node that is not its rule."""
-        super().__init__("Exception in {}{}: {}{}".format(
-            where,
-            "a callback" if node is None else f"node '{node.full_path}' [{node.registration_id}]",
-            "" if node is None else node.place_in_file(),
-            cause if isinstance(cause, BehaviorControllerError) else described(cause, type(node))
-        ))
+        owner, place = "a callback", ""
+        if node is not None:
+            owner = f"node '{node.full_path}' [{node.registration_id}]"
+            place = node.place_in_file()
+        is_ours = isinstance(cause, BehaviorControllerError)
+        text = cause if is_ours else described(cause, type(node))
+        super().__init__(f"Exception in {where}{owner}: {place}{text}")
         self.node = node
         self.cause = cause
         self.__cause__ = cause
@@ -34,8 +35,9 @@ class TickError(BehaviorControllerError):
 def failure_of(node: Any, error: BaseException, where: str = "") -> BaseException:
     """Return ``error``, which the code of ``node`` raised, as a TickError; a Ctrl-C and a TickError
     as they are."""
-    return error if isinstance(error, TickError) or is_ctrl_c(error) else TickError(
-        node, error, where)
+    if isinstance(error, TickError) or is_ctrl_c(error):
+        return error
+    return TickError(node, error, where)
 
 
 def broken(element: Any, type_id: str, step: str, error: BaseException, owner: object) -> Fault:
@@ -43,9 +45,9 @@ def broken(element: Any, type_id: str, step: str, error: BaseException, owner: o
     with the node, ``owner`` its class or factory. Raises a Ctrl-C."""
     if is_ctrl_c(error):
         raise error
-    return element.fault(rules.NODE_BROKEN,
-                         f"{type_id} cannot be {step}: {described(error, owner)}",
-                         "a mistake in the code of the node type, not in this file")
+    text = f"{type_id} cannot be {step}: {described(error, owner)}"
+    hint = "a mistake in the code of the node type, not in this file"
+    return element.fault(rules.NODE_BROKEN, text, hint)
 
 
 def owner_of(callback: Callable[..., Any]) -> Any:

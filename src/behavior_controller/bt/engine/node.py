@@ -9,6 +9,7 @@ none.
 """
 import logging
 import uuid
+from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, Union
 
 from py_trees.behaviour import Behaviour
@@ -45,19 +46,18 @@ class NodeError(BehaviorControllerError):
     """A node broke a rule of the engine while it was ticked."""
 
 
+@dataclass
 class Services:
     """What the nodes of one tree share: the clock, the wake-up signal, and the enums known to
     scripts."""
 
-    def __init__(self, clock: Clock, enums: Optional[Dict[str, int]] = None,
-                 wake: Optional[WakeUp] = None):
-        self.clock = clock
-        self.wake = wake or WakeUp()
-        self.enums = enums or {}
-        # actions of nodes, other than writes to entries, that may change the effect of a tick
-        self.changes = 0
-        self.tree: Any = None
-        self.clients: Any = None  # shows py_trees' tools the entries that a node uses
+    clock: Clock
+    wake: WakeUp
+    enums: Dict[str, int]
+    # actions of nodes, other than writes to entries, that may change the effect of a tick
+    changes: int = 0
+    tree: Any = None
+    clients: Any = None  # shows py_trees' tools the entries that a node uses
 
 
 class NodeHook:

@@ -61,8 +61,8 @@ class Tree:
             except BaseException as error:  # a leaf may raise anything
                 if node.element is None:
                     raise failure_of(node, error, "the setup of ")
-                faults.append(broken(node.element, node.registration_id, "set up", error,
-                                     type(node)))
+                faults.append(
+                    broken(node.element, node.registration_id, "set up", error, type(node)))
         if faults:
             raise MissionError(faults)
 
@@ -70,9 +70,9 @@ class Tree:
         """Call ``observer(node, old_status, new_status)`` at every change of a node's status."""
         self._observers.append(observer)
         for node in self.nodes:
-            node.observer = observer if len(self._observers) == 1 else self._tell_all
+            node.observer = observer if len(self._observers) == 1 else self._notify
 
-    def _tell_all(self, node: Any, old: Any, new: Any) -> None:
+    def _notify(self, node: Any, old: Any, new: Any) -> None:
         for observer in self._observers:
             observer(node, old, new)
 
@@ -159,16 +159,16 @@ class Tree:
     def sleep(self, seconds: float) -> bool:
         """Wait for the wake-up signal, and run timers when they are due. Return whether it came
         within ``seconds``."""
-        end = self.clock.now() + seconds
+        deadline = self.clock.now() + seconds
         while True:
             self.clock.run_due()
             if self.wake.test_and_clear():
                 return True
             now = self.clock.now()
-            if now >= end:
+            if now >= deadline:
                 return False
             due = self.clock.next_due()
-            self.wake.wait((end if due is None else min(end, due)) - now)
+            self.wake.wait(min(deadline, deadline if due is None else due) - now)
 
     def _completed(self, result: Result, root: Optional[Node] = None) -> Result:
         if result is SUCCESS or result is FAILURE:

@@ -86,9 +86,9 @@ class Document:
         offset = self._starts[number]
         if attribute is not None:
             tag: Any = TOKEN.match(self.text, offset)
-            for found in ATTRIBUTE.finditer(self.text, offset, tag.end()):
-                if found.group(1) == attribute:
-                    return self._in_value(found, at) or found.start(), found.end()
+            for match in ATTRIBUTE.finditer(self.text, offset, tag.end()):
+                if match.group(1) == attribute:
+                    return self._in_value(match, at) or match.start(), match.end()
         return offset, TAG_NAME.match(self.text, offset + 1).end()  # type: ignore[union-attr]
 
     def _in_value(self, attribute: Any, at: int) -> int:
@@ -120,8 +120,7 @@ class Document:
 
     def stray_text(self, most: int) -> List[Fault]:
         """Return warnings of the first ``most`` texts that stand where only elements count."""
-        found = itertools.islice(stray_text(self.text), most)
-        return [self.fault(fault) for fault in found]
+        return list(map(self.fault, itertools.islice(stray_text(self.text), most)))
 
 
 # ----------------------------------------------------------------------------------------- one file
@@ -132,8 +131,8 @@ def read(path: str) -> Document:
     try:
         data = read_bytes(path, LARGEST)
     except Unreadable as error:
-        raise MissionError([Fault(path, 0, 0, f"the file cannot be read: {error}",
-                                  code=rules.UNREADABLE_FILE.code)]) from error
+        text, code = f"the file cannot be read: {error}", rules.UNREADABLE_FILE.code
+        raise MissionError([Fault(path, 0, 0, text, code=code)]) from error
     return parse(data, path)
 
 
@@ -213,28 +212,28 @@ def with_includes(document: Document) -> List[Document]:
 
     A failed include is a fault of the including document (``Document.faults``).
     """
-    found: List[Document] = []
-    _include(document, found, {os.path.realpath(document.file)}, ())
-    return found
+    documents: List[Document] = []
+    _include(document, documents, {os.path.realpath(document.file)}, ())
+    return documents
 
 
-def _include(document: Document, found: List[Document], seen: Set[str],
+def _include(document: Document, documents: List[Document], seen: Set[str],
              chain: Tuple[str, ...]) -> None:
     chain += (os.path.realpath(document.file),)
     for element in document.root.children if document.root.tag == "root" else ():
         path = _included_path(element) if element.tag == "include" else None
         if path is not None:
-            _include_file(element, path, found, seen, chain)
-    found.append(document)
+            _include_file(element, path, documents, seen, chain)
+    documents.append(document)
 
 
 def _included_path(element: Element) -> Optional[str]:
     path = element.attributes.get("path", "")
     faults = element.document.faults
     if not path:
-        faults.append(
-            element.fault(rules.INCLUDE_WITHOUT_PATH, "<include> lacks the attribute path",
-                          "it is relative to this file", "path"))
+        text = "<include> lacks the attribute path"
+        faults.append(element.fault(
+            rules.INCLUDE_WITHOUT_PATH, text, "it is relative to this file", "path"))
     elif "ros_pkg" in element.attributes and not os.path.isabs(path):
         package = element.attributes["ros_pkg"]
         folder = package_folder(package)
@@ -249,7 +248,7 @@ def _included_path(element: Element) -> Optional[str]:
     return None
 
 
-def _include_file(element: Element, path: str, found: List[Document], seen: Set[str],
+def _include_file(element: Element, path: str, documents: List[Document], seen: Set[str],
                   chain: Tuple[str, ...]) -> None:
     real, faults = os.path.realpath(path), element.document.faults
     if real in chain:
@@ -264,7 +263,7 @@ def _include_file(element: Element, path: str, found: List[Document], seen: Set[
         faults.append(element.fault(rules.TOO_LARGE, text))
         return
     try:
-        _include(read(path), found, seen, chain)
+        _include(read(path), documents, seen, chain)
     except MissionError as error:
         fault = error.faults[0]
         if not fault.line:

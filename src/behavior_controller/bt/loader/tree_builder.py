@@ -62,14 +62,14 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     """
     with garbage_collection_paused():
         trees = checked or check(documents, registry, main_tree, strict)
-        compiler = _Compiler(trees, registry, Services(clock or Clock(), enums, wake),
-                             substitutions(substitutes or {}))
+        services = Services(clock or Clock(), wake or WakeUp(), enums or {})
+        compiler = _Compiler(trees, registry, services, substitutions(substitutes or {}))
         compiler.services.clients = Clients(trees.main, compiler.blackboards, registry)
         if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
             compiler.unfold(blackboard if blackboard is not None else Blackboard())
-    faults = compiler.faults + (
-        lint(documents, trees, registry) if with_lint and not compiler.faults else trees.faults)
-    faults = sorted(dict.fromkeys(faults), key=by_place)
+    is_linted = with_lint and not compiler.faults
+    checked_faults = lint(documents, trees, registry) if is_linted else trees.faults
+    faults = sorted(dict.fromkeys(compiler.faults + checked_faults), key=by_place)
     if any(not fault.is_warning for fault in faults):
         raise MissionError(faults)
     return Tree(trees.main, compiler.nodes, compiler.blackboards, compiler.services, faults,
@@ -272,8 +272,9 @@ class _Compiler:
             known = node.spec.port_named
             for attribute, text in node.element.attributes.items():
                 key = ports.reference(text, attribute) if attribute in known else None
-                if key is not None and node.blackboard.find(key) is entry \
-                        and known[attribute].type not in GENERIC + (TEXT,):
+                if key is None or node.blackboard.find(key) is not entry:
+                    continue
+                if known[attribute].type not in GENERIC + (TEXT,):
                     yield _Use(node, attribute, known[attribute].type)
 
     def _script(self, text: str) -> Script:

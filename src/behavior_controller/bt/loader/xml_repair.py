@@ -8,6 +8,7 @@ namespaces. So no entity is ever declared or expanded. Every pattern here is lin
 the file, also where it does not match.
 """
 import re
+from itertools import starmap
 from typing import Any, Iterator, List, Tuple
 
 from behavior_controller.bt.linter import rules
@@ -94,7 +95,8 @@ def repaired(text: str) -> str:
         elif kind != "leaf":
             pieces += (text[done:match.start()], _repaired(match, depth))
             done = match.end()
-            depth += kind == "repair" and not match.group("repair")
+            if kind == "repair" and not match.group("repair"):
+                depth += 1
         if depth > DEEPEST:
             raise MarkupFault(rules.TOO_LARGE, f"elements are nested deeper than {DEEPEST} levels",
                               match.start(), "split the tree into SubTrees")
@@ -112,7 +114,7 @@ def _repaired(match: "re.Match[str]", depth: int) -> str:
     kind, token = match.lastgroup, match.group()
     if kind == "repair":
         tag, attributes, closed = match.group("tag", "attributes", "repair")
-        clean = "".join(_repaired_attribute(*found) for found in ATTRIBUTE.findall(attributes))
+        clean = "".join(_repaired_attribute(*pair) for pair in ATTRIBUTE.findall(attributes))
         return "<{}{}{}{}>".format(tag, clean, "\n" * token.count("\n"), closed)
     if kind == "other" or (kind == "instruction" and depth > 0):
         raise _refusal(match.string, match.start())
@@ -122,10 +124,10 @@ def _repaired(match: "re.Match[str]", depth: int) -> str:
 def _repaired_attribute(name: str, value: str) -> str:
     if ":" in name or name == "xmlns":
         return ""  # BehaviorTree.CPP ignores such names; XML treats them as namespaces
-    inner = _RAW_AMPERSAND.sub(
-        "&amp;", value[1:-1]).replace("<", "&lt;").replace("\r\n", "\n").replace("\r", "\n")
-    return " {}={}{}{}".format(name, value[0],
-                               inner.replace("\n", "&#10;").replace("\t", "&#9;"), value[0])
+    quote, inner = value[0], _RAW_AMPERSAND.sub("&amp;", value[1:-1]).replace("<", "&lt;")
+    inner = inner.replace("\r\n", "\n").replace("\r", "\n")
+    inner = inner.replace("\n", "&#10;").replace("\t", "&#9;")
+    return f" {name}={quote}{inner}{quote}"
 
 
 def _check_outside(text: str, first: int, end: int) -> None:
@@ -211,18 +213,18 @@ def _unfinished_tag(text: str, offset: int, tag: str, at: int) -> MarkupFault:
             rules.TOO_LARGE,
             f"the name of the element is longer than {LONGEST_NAME} characters", offset)
     for _ in range(MOST_ATTRIBUTES):
-        found = _NEXT_ATTRIBUTE.match(text, at)
-        if found is None:
+        attribute = _NEXT_ATTRIBUTE.match(text, at)
+        if attribute is None:
             return _no_attribute(text, offset, tag, at)
-        name, value = found.group(2, 3)
+        name, value = attribute.group(2, 3)
         if "<" in value and "\n" in value:
             return MarkupFault(rules.QUOTE_NOT_CLOSED,
-                               f"the value of {name} has no closing quote", found.start(2))
+                               f"the value of {name} has no closing quote", attribute.start(2))
         if len(name) > LONGEST_NAME or len(value) > LONGEST_VALUE + 2:
             return MarkupFault(rules.TOO_LARGE,
                                f"this attribute is too long: names may have {LONGEST_NAME} "
-                               f"characters, values {LONGEST_VALUE}", found.start(2))
-        at = found.end()
+                               f"characters, values {LONGEST_VALUE}", attribute.start(2))
+        at = attribute.end()
     return MarkupFault(rules.TOO_LARGE,
                        f"<{tag}> has more than {MOST_ATTRIBUTES} attributes", offset)
 
@@ -297,19 +299,18 @@ def _tag_faults(match: "re.Match[str]") -> Iterator[MarkupFault]:
         yield MarkupFault(rules.ELEMENT_NAME,
                           f"{_tag_name(match)} cannot be the name of an element", match.start())
     seen = set()
-    for found in ATTRIBUTE.finditer(match.string, match.start(), match.end()):
-        name, value = found.groups()
+    for attribute in ATTRIBUTE.finditer(match.string, match.start(), match.end()):
+        name, value = attribute.groups()
         if name in seen:
             yield MarkupFault(rules.ATTRIBUTE_TWICE, f"the attribute {name} is given twice",
-                              found.start())
+                              attribute.start())
         elif not _PLAIN_NAME.fullmatch(name) and ":" not in name:
             yield MarkupFault(rules.ATTRIBUTE_NAME,
-                              f"{name} cannot be the name of an attribute", found.start())
-        elif _NOT_IN_XML.search(value +
-                                "".join(_character(*code) for code in _CHARACTER.findall(value))):
+                              f"{name} cannot be the name of an attribute", attribute.start())
+        elif _NOT_IN_XML.search(value + "".join(starmap(_character, _CHARACTER.findall(value)))):
             yield MarkupFault(
                 rules.FORBIDDEN_CHARACTER,
-                f"the value of {name} holds a character that XML does not allow", found.start())
+                f"the value of {name} holds a character that XML does not allow", attribute.start())
         seen.add(name)
 
 

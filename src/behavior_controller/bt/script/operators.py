@@ -64,8 +64,8 @@ _sum = _arithmetic("+", operator.add)
 
 
 def _add(left: Any, right: Any) -> Any:
-    return _joined(left, right) if isinstance(left, str) and isinstance(right, str) else _sum(
-        left, right)
+    are_texts = isinstance(left, str) and isinstance(right, str)
+    return _joined(left, right) if are_texts else _sum(left, right)
 
 
 def _joined(left: str, right: str) -> str:
@@ -172,9 +172,10 @@ def _holds(sign: str, left: Any, right: Any, enums: Enums) -> bool:
     _both_there(left, right, sign)
     if isinstance(left, str) and isinstance(right, str):
         return _ORDER[sign](left, right)
-    left, right = (text_to_number(side, enums)
-                   if isinstance(side, str) and is_number(other) else side
-                   for side, other in ((left, right), (right, left)))
+    if isinstance(left, str) and is_number(right):
+        left = text_to_number(left, enums)
+    elif isinstance(right, str) and is_number(left):
+        right = text_to_number(right, enums)
     if not is_number(left) or not is_number(right):
         raise ScriptError(f"Can't mix different types in Comparison. Left operand {_kind(left)}, "
                           f"right operand {_kind(right)}")
@@ -278,8 +279,8 @@ def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Ev
         if value is None:
             raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
         if sign in (":=", "="):
-            _store(name, entry, value, enums,
-                   "" if source is None else _origin(source, blackboard, enums))
+            origin = "" if source is None else _origin(source, blackboard, enums)
+            _store(name, entry, value, enums, origin)
         else:
             entry.update(_combined(sign, entry.value, value))
         return entry.value
@@ -297,8 +298,8 @@ def _origin(source: str, blackboard: Blackboard, enums: Enums) -> str:
 
 
 def _combined(sign: str, stored: Any, value: Any) -> Any:
-    if is_number(stored) and is_number(value) or sign == "+=" and isinstance(
-            stored, str) and isinstance(value, str):
+    are_texts = isinstance(stored, str) and isinstance(value, str)
+    if is_number(stored) and is_number(value) or sign == "+=" and are_texts:
         return _OPERATE[sign[0]](stored, value)
     raise _not_permitted(sign, stored, value)
 

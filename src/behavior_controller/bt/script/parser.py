@@ -92,14 +92,14 @@ _TOKEN = re.compile(r"""
 _ASSIGNMENTS = frozenset((":=", "=", "+=", "-=", "*=", "/="))
 _PREFIXES = frozenset("-~!")
 # how tightly the operators with two operands bind; all are applied from the left
-_LEVELS: Dict[str, int] = {sign: level for level, signs in enumerate((
-    ("||",), ("&&",), ("==", "!=", "<", ">", "<=", ">="), ("|", "^"), ("&",), ("+", "-", ".."),
-    ("*", "/"))) for sign in signs}
+_BY_LEVEL = ("||", "&&", "== != < > <= >=", "| ^", "&", "+ - ..", "* /")
+_LEVELS: Dict[str, int] = {
+    sign: level for level, signs in enumerate(_BY_LEVEL) for sign in signs.split()}
 _COMPARISON = _LEVELS["=="]
 
 
 def _tokens(text: str) -> List[Token]:
-    found: List[Token] = []
+    tokens: List[Token] = []
     for match in _TOKEN.finditer(text):
         kind = match.lastgroup
         if kind == "blank":
@@ -108,9 +108,9 @@ def _tokens(text: str) -> List[Token]:
         if kind == "wrong":
             raise ScriptSyntaxError(f"Invalid token '{shown(word)}' at position {match.start()}",
                                     match.start(), _HINTS.get(word[0], ""))
-        found.append((word if kind == "operator" else str(kind), word, match.start()))
-    found.append(("end", "", len(text)))
-    return found
+        tokens.append((word if kind == "operator" else str(kind), word, match.start()))
+    tokens.append(("end", "", len(text)))
+    return tokens
 
 
 _HINTS = {'"': "a text needs single quotes: 'yes'", "%": "scripts have no remainder",
@@ -253,8 +253,8 @@ class _ScriptParser:
             whole = Operand(_kind(sign, left, self.last), "", whole.position)
             left = self.last if level == _COMPARISON else whole
         self.last = whole
-        return operators.compared(first, rest) if level == _COMPARISON else operators.folded(
-            first, rest)
+        apply = operators.compared if level == _COMPARISON else operators.folded
+        return apply(first, rest)
 
     def _use(self) -> None:
         """Note that the operand read last, if it is a bare name, is an operand of something more.

@@ -413,5 +413,5 @@ def same_kind(value: Any, stored: Any) -> Any:
 
 
 def _named(value: Any) -> str:
-    return {"str": "std::string", "NoneType": "empty"}.get(
-        type(value).__name__, type(value).__name__)
+    name = type(value).__name__
+    return {"str": "std::string", "NoneType": "empty"}.get(name, name)

@@ -161,7 +161,7 @@ class _SetHook:
         self.hook = hook
         self.is_waiting = False  # a breakpoint that was reached
         self.is_unlocked = False
-        self.is_told = False  # the operator was told that it decides results
+        self.is_reported = False  # the operator knows that it decides results
 
     def release(self) -> None:
         """Let a breakpoint go on."""
@@ -203,24 +203,23 @@ class _NodeHooks(NodeHook):
     def insert(self, hook: Hook) -> None:
         """Set ``hook``, or change the one at its place."""
         self._node.hook = self
-        found = self._set.setdefault(hook.position, _SetHook(hook))
-        found.is_told = False
-        found.hook = hook
+        place = self._set.setdefault(hook.position, _SetHook(hook))
+        place.is_reported = False
+        place.hook = hook
         if not hook.enabled:
-            found.release()
-        self._tell(hook, "is set{}{}".format(
-            "" if hook.mode == BREAKPOINT else " to " + hook.desired_status,
-            "" if hook.enabled else ", but disabled"))
+            place.release()
+        result = "" if hook.mode == BREAKPOINT else " to " + hook.desired_status
+        self._tell(hook, f"is set{result}" + ("" if hook.enabled else ", but disabled"))
 
     def release(self, hook: Hook, text: str) -> None:
         """Replace the hook at the same place by ``hook`` and let a breakpoint go on; the operator
         gets ``text``."""
-        found = self._set.get(hook.position)
-        if found is None:
+        place = self._set.get(hook.position)
+        if place is None:
             self._owner.gone.append(hook)  # it has removed itself already
             return
-        found.hook = hook
-        found.release()
+        place.hook = hook
+        place.release()
         self._tell(hook, text)
 
     def remove(self, hook: Hook, reason: str) -> None:
@@ -235,9 +234,9 @@ class _NodeHooks(NodeHook):
             self._node.hook = None
 
     def _tell(self, hook: Hook, text: str) -> None:
-        self._owner.tell("Groot2: {} {} {} {}".format(
-            "breakpoint" if hook.mode == BREAKPOINT else "replacement",
-            "before" if hook.position == BEFORE else "after", self._node.full_path, text))
+        kind = "breakpoint" if hook.mode == BREAKPOINT else "replacement"
+        where = "before" if hook.position == BEFORE else "after"
+        self._owner.tell(f"Groot2: {kind} {where} {self._node.full_path} {text}")
 
     def before(self, node: Node) -> Optional[Result]:
         """Return the result that replaces the node's tick, if any; its own result if it waits after
@@ -265,29 +264,30 @@ class _NodeHooks(NodeHook):
 
     def _ask(self, node: Node, position: int, result: Optional[Result]) -> Optional[Result]:
         """Return the result that a hook decides, if any; RUNNING for a breakpoint that waits."""
-        found = self._set.get(position)
-        if found is None or not (found.hook.enabled or found.is_unlocked):
+        place = self._set.get(position)
+        if place is None or not (place.hook.enabled or place.is_unlocked):
             return None
-        if found.hook.mode == BREAKPOINT and not found.is_unlocked:
+        if place.hook.mode == BREAKPOINT and not place.is_unlocked:
             self._held = _Held(node.status, result)
             self._note(True)
-            if not found.is_waiting:
-                found.is_waiting = True
+            if not place.is_waiting:
+                place.is_waiting = True
                 self._owner.reached(node.uid)
-                self._tell(found.hook, "holds the node")
+                self._tell(place.hook, "holds the node")
             return RUNNING
-        found.reset()
-        return self._decide(found, result)
+        place.reset()
+        return self._decide(place, result)
 
-    def _decide(self, found: _SetHook, result: Optional[Result]) -> Optional[Result]:
+    def _decide(self, place: _SetHook, result: Optional[Result]) -> Optional[Result]:
         """Return the hook's result, if any; a hook that acts once is then removed."""
-        hook = found.hook
+        hook = place.hook
         decided = _RESULTS.get(hook.desired_status) if hook.enabled else None
-        if decided is not None and not found.is_told:
-            found.is_told = hook.mode == REPLACE  # reported once: it may decide at every tick
-            self._tell(hook, "decides {} {}".format(
-                hook.desired_status, "and the node is not run" if result is None
-                                     else f"instead of the node's {NAMES[result]}"))
+        if decided is not None and not place.is_reported:
+            place.is_reported = hook.mode == REPLACE  # once: it may decide at every tick
+            own = "and the node is not run"
+            if result is not None:
+                own = f"instead of the node's {NAMES[result]}"
+            self._tell(hook, f"decides {hook.desired_status} {own}")
         if hook.once:
             del self._set[hook.position]
             self._owner.gone.append(hook)
@@ -299,7 +299,7 @@ class _NodeHooks(NodeHook):
         has none."""
         held, self._held = self._held, None
         self._note(False)
-        for each in self._set.values():
-            each.reset()
+        for place in self._set.values():
+            place.reset()
         self._leave()
         return held is None or held.result is not None or held.status is not IDLE

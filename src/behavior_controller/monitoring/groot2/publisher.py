@@ -43,7 +43,7 @@ HEARTBEAT = 5.0
 """Seconds without a request after which the client counts as gone: its breakpoints must not hold
 the robot."""
 
-LOOK_INTERVAL = 0.25
+CHECK_INTERVAL = 0.25
 """Seconds between two checks for a client that is gone."""
 
 PACE = 0.002
@@ -136,7 +136,7 @@ class Groot2Publisher:
         # without the check for a client that is gone, no breakpoint may hold the robot
         loop = asyncio.get_event_loop()
         self._tasks = [
-            asyncio.ensure_future(endless) for endless in (self._serve(), self._look_for_client())]
+            asyncio.ensure_future(endless) for endless in (self._serve(), self._check_client())]
         for task in self._tasks:
             task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
 
@@ -153,14 +153,13 @@ class Groot2Publisher:
         for sock in itertools.chain(*self._sockets):
             sock.close()
 
-    async def _look_for_client(self) -> None:
+    async def _check_client(self) -> None:
         """Remove the hooks of a client that is gone: they must not hold the robot."""
         while True:
-            await asyncio.sleep(LOOK_INTERVAL)
+            await asyncio.sleep(CHECK_INTERVAL)
             self._lines.flush()
-            shown = self._shown
-            if shown is not None and shown.hooks and time.monotonic(
-            ) - self._last_request >= self._heartbeat:
+            shown, silence = self._shown, time.monotonic() - self._last_request
+            if shown is not None and shown.hooks and silence >= self._heartbeat:
                 shown.hooks.remove_all(": its client is gone")
 
     def _publish(self, uid: int) -> None:
@@ -208,13 +207,13 @@ class _Lines:
 
     def __init__(self, warn: Callable[[str], None]):
         self.warn = warn
-        self._began, self._told, self._left_out = 0.0, 0, 0
+        self._began, self._sent, self._left_out = 0.0, 0, 0
 
     def tell(self, text: str) -> None:
         """Send a line to the operator, or count it as left out."""
         self.flush()
-        if self._told < MOST_LINES:
-            self._told += 1
+        if self._sent < MOST_LINES:
+            self._sent += 1
             self.warn(text)
         else:
             self._left_out += 1
@@ -223,7 +222,7 @@ class _Lines:
         """Start the next second if one has passed, with a line about those left out."""
         now = time.monotonic()
         if now - self._began >= 1.0:
-            left_out, self._began, self._told, self._left_out = self._left_out, now, 0, 0
+            left_out, self._began, self._sent, self._left_out = self._left_out, now, 0, 0
             if left_out:
                 self.warn(f"Groot2: {left_out} more changes of breakpoints and replacements in one "
                           "second")
@@ -267,8 +266,8 @@ class _Shown:
         named."""
         boards = dict(self.tree.blackboards)
         boards[self.tree.id] = boards.pop("")
-        wanted = {
-            name: boards[name] for name in _second(frames).decode().split(";") if name in boards}
+        names = _second(frames).decode().split(";")
+        wanted = {name: boards[name] for name in names if name in boards}
         if any(board.parent is not None for board in wanted.values()):
             wanted["ROOT"] = boards[self.tree.id]
         return pack({name: _entries(board) or None for name, board in wanted.items()} or None)
@@ -276,8 +275,8 @@ class _Shown:
     def insert_hooks(self, frames: List[bytes]) -> None:
         """``I``: one hook or an array of them; if one is wrong, none is set."""
         given = _json(frames)
-        self.hooks.insert([Hook(*read_fields(each, *Hook._fields))
-                           for each in (given if isinstance(given, list) else [given])])
+        hooks = given if isinstance(given, list) else [given]
+        self.hooks.insert([Hook(*read_fields(hook, *Hook._fields)) for hook in hooks])
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""
@@ -286,8 +285,8 @@ class _Shown:
 
     def unlock(self, frames: List[bytes]) -> None:
         """``U``: a breakpoint may go on."""
-        if not self.hooks.unlock(*read_fields(
-                _json(frames), "position", "uid", "desired_status", "remove_when_done")):
+        names = ("position", "uid", "desired_status", "remove_when_done")
+        if not self.hooks.unlock(*read_fields(_json(frames), *names)):
             raise Refused("Node ID not found")
 
     def dump_hooks(self, frames: List[bytes]) -> bytes:
@@ -375,8 +374,8 @@ def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
         board = node.children[0].blackboard
         path = next(path for path, other in tree.blackboards.items() if other is board)
         shown = {"ID": node.attributes["ID"], "_fullpath": path, "_uid": str(node.uid)}
-        shown.update((key, text) for key, text in node.attributes.items() if key in CONDITIONS or (
-            key not in ("ID", "name") and key[:1] != "_"))
+        shown.update((key, text) for key, text in node.attributes.items()
+                     if key in CONDITIONS or key not in ("ID", "name") and key[:1] != "_")
         children: List[Node] = []
     else:
         shown = {"name": node.name, "_uid": str(node.uid)}
@@ -384,8 +383,8 @@ def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
         shown.update((key, text) for key, text in node.attributes.items()
                      if key in CONDITIONS or key in ports)
         children = node.children
-    start = "<{} {}".format(node.registration_id, " ".join(
-        f"{key}={quoteattr(text)}" for key, text in shown.items()))
+    attributes = " ".join(f"{key}={quoteattr(text)}" for key, text in shown.items())
+    start = f"<{node.registration_id} {attributes}"
     if not children:
         return [start + "/>"]
     lines = ["  " + line for child in children for line in _element(child, inside, tree)]
@@ -394,30 +393,20 @@ def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
 
 # ----------------------------------------------------------------------------------- the blackboard
 
-_MAP, _ARRAY = (0x80, 0xde), (0x90, 0xdc)
-"""First bytes of MessagePack's maps and arrays: the short form, plus its length, and the form with
-a length of two bytes."""
-
-
 def pack(value: Any) -> bytes:
     """Return MessagePack as the library writes it: keys in order, and reals in four bytes where
     that loses nothing."""
+    return msgspec.msgpack.encode(_as_written(value))
+
+
+def _as_written(value: Any) -> Any:
     if isinstance(value, dict):
-        return _head(_MAP, len(value)) + b"".join(
-            msgspec.msgpack.encode(key) + pack(value[key]) for key in sorted(value))
+        return {key: _as_written(value[key]) for key in sorted(value)}
     if isinstance(value, list):
-        return _head(_ARRAY, len(value)) + b"".join(pack(item) for item in value)
+        return list(map(_as_written, value))
     if isinstance(value, float) and _fits_single(value):
-        return struct.pack(">Bf", 0xca, value)
-    return msgspec.msgpack.encode(value)
-
-
-def _head(forms: Tuple[int, int], length: int) -> bytes:
-    short, long = forms
-    if length < 0x10:
-        return struct.pack("B", short + length)
-    return struct.pack(">BH", long, length) if length < 0x10000 else struct.pack(
-        ">BI", long + 1, length)
+        return msgspec.Raw(struct.pack(">Bf", 0xca, value))
+    return value
 
 
 def _fits_single(value: float) -> bool:

@@ -56,11 +56,11 @@ class Front(TCPServer):
         message, and subscriptions.
         """
         super().__init__(max_buffer_size=2 * CHUNK)
-        for option, value in ((zmq.LINGER, 0), (zmq.RECONNECT_IVL, -1), (zmq.MAXMSGSIZE,
-                                                                         most_unanswered),
-                              (zmq.HANDSHAKE_IVL, int(1000 * FIRST_BYTE)), (zmq.HEARTBEAT_IVL,
-                                                                            int(1000 * HEARTBEAT))):
-            zmq_socket.setsockopt(option, value)
+        zmq_socket.setsockopt(zmq.LINGER, 0)
+        zmq_socket.setsockopt(zmq.RECONNECT_IVL, -1)
+        zmq_socket.setsockopt(zmq.MAXMSGSIZE, most_unanswered)
+        zmq_socket.setsockopt(zmq.HANDSHAKE_IVL, int(1000 * FIRST_BYTE))
+        zmq_socket.setsockopt(zmq.HEARTBEAT_IVL, int(1000 * HEARTBEAT))
         self._zmq_socket = zmq_socket
         self.most_unanswered = most_unanswered
         self.connections = Connections(MOST_CONNECTIONS)

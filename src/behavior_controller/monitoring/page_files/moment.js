@@ -171,24 +171,24 @@ function showNewest(box) { [box.scrollTop, box.scrollLeft] = [box.scrollHeight, 
 
 // what is new comes last, and in view unless the reader has scrolled back; what the board keeps no more goes. Sentences of one
 // incident are one entry: its cause, and beneath it what was done about it
-function showTranscript(told) {
+function showTranscript(sentences) {
   const box = byId("transcript"), list = box.firstChild;
   const isAtEnd = box.scrollTop + box.clientHeight >= box.scrollHeight - 8;
   const known = [...list.querySelectorAll("[data-number]")].sort((one, other) => one.dataset.number - other.dataset.number);
-  const last = known[known.length - 1], same = last && told.find(each => each.number === Number(last.dataset.number));
+  const last = known[known.length - 1], same = last && sentences.find(each => each.number === Number(last.dataset.number));
   const goesOn = same && same.at === Number(last.dataset.at);  // else it is another moment, or another run
   if (!goesOn) list.replaceChildren();
-  for (const each of told) if (!goesOn || each.number > same.number) addSentence(list, each);
-  const oldest = told.length ? told[0].number : 0;
+  for (const each of sentences) if (!goesOn || each.number > same.number) addSentence(list, each);
+  const oldest = sentences.length ? sentences[0].number : 0;
   for (const one of known) if (Number(one.dataset.number) < oldest) one.remove();
   for (const one of [...list.children]) if (!one.querySelector("[data-number]")) one.remove();
   if (isAtEnd || frozen !== null) showNewest(box);
 }
 
-function addSentence(list, told) {
-  const known = told.incident && list.querySelector('[data-incident="' + told.incident + '"][data-visit="' + told.visit + '"]');
+function addSentence(list, row) {
+  const known = row.incident && list.querySelector('[data-incident="' + row.incident + '"][data-visit="' + row.visit + '"]');
   if (!known) {
-    list.append(entry(told, list.lastChild));
+    list.append(entry(row, list.lastChild));
     return;
   }
   let more = known.querySelector("details");
@@ -198,27 +198,27 @@ function addSentence(list, told) {
     more.firstChild.tabIndex = -1;
     known.append(more);
   }
-  const item = element("li", told.severity);
-  item.append(sentence(told));
+  const item = element("li", row.severity);
+  item.append(sentence(row));
   more.lastChild.append(item);
-  put(more.firstChild, more.lastChild.childElementCount + " more; last: " + told.text);
+  put(more.firstChild, more.lastChild.childElementCount + " more; last: " + row.text);
 }
 
-function entry(told, before) {
-  const made = element("li", told.severity);
-  if (told.incident) made.dataset.incident = told.incident;
-  made.dataset.visit = told.visit;
+function entry(row, before) {
+  const made = element("li", row.severity);
+  if (row.incident) made.dataset.incident = row.incident;
+  made.dataset.visit = row.visit;
   if (before && before.dataset.visit !== made.dataset.visit) made.classList.add("begins");
-  made.append(sentence(told));
+  made.append(sentence(row));
   return made;
 }
 
-function sentence(told) {
+function sentence(row) {
   const made = element("div", "sentence"), text = element("span");
-  made.dataset.number = told.number;
-  made.dataset.at = told.at;
-  text.append(leading(told.text, told.uid));
+  made.dataset.number = row.number;
+  made.dataset.at = row.at;
+  text.append(leading(row.text, row.uid));
   for (const link of text.querySelectorAll("a")) link.tabIndex = -1;
-  made.append(element("time", "", told.time), text);
+  made.append(element("time", "", row.time), text);
   return made;
 }

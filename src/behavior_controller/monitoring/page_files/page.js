@@ -22,7 +22,7 @@ function showVisits(visits) {
   byId("visits-list").replaceChildren(...visits.newest.slice().reverse().map(each => {
     const made = element("li", each.outcome);
     const head = element("span");
-    head.append(element("span", "sign", OUTCOME_SIGNS[each.outcome] || "■"), " " + each.told);
+    head.append(element("span", "sign", OUTCOME_SIGNS[each.outcome] || "■"), " " + each.ending);
     made.append(element("time", "", each.time), head);
     for (const one of each.stops)
       if (one.state === "left out")
@@ -150,8 +150,8 @@ let ill = [];
 // the newest thing that is wrong: with the robot, or that a visit could not go on with, until the next visitor comes
 function showAlarms() {
   const first = !visit ? 0 : visit.arrived === null ? visit.number - 1 : visit.number;
-  const given = sentences.filter(told => told.visit >= first && told.severity === "error" && told.kind !== "health");
-  const alarms = ill.map(part => ({text: part.told, uid: 0})).concat(given.slice().reverse());
+  const given = sentences.filter(row => row.visit >= first && row.severity === "error" && row.kind !== "health");
+  const alarms = ill.map(part => ({text: part.trouble, uid: 0})).concat(given.slice().reverse());
   byId("alarms").replaceChildren(...alarms.slice(0, 1).map(alarm => {
     const made = element("li", "", "✘ ");
     made.append(leading(alarm.text, alarm.uid));

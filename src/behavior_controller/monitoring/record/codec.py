@@ -15,7 +15,7 @@ from behavior_controller.execution.events import (
 from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 
 FORMAT = "behaviorController record"
-VERSION = 9
+VERSION = 10
 
 LATEST = 1e11
 """The latest time, in Unix seconds, that a record may have: a date in the year 5138."""
@@ -63,8 +63,8 @@ def decode(data: bytes, file: str) -> Iterator[Line]:
         if text.endswith(b"\n"):  # else it was torn when the node was killed
             yield from decoder.read(text)
     if not decoder.has_mission:
-        raise MissionError([Fault(file, 0, 0, "the record has no mission in it",
-                                  "was the node stopped before it began?")])
+        raise MissionError.of(file, "the record has no mission in it",
+                              "was the node stopped before it began?")
 
 
 class Decoder:
@@ -100,16 +100,17 @@ class Decoder:
         return MissionError([Fault(self._file, self._read, 1, text, hint)])
 
     def _check_header(self, text: bytes) -> None:
+        if text.startswith(BYTE_ORDER_MARK):
+            text = text[len(BYTE_ORDER_MARK):]
         try:
-            found = _headers.decode(
-                text[len(BYTE_ORDER_MARK):] if text.startswith(BYTE_ORDER_MARK) else text)
+            head = _headers.decode(text)
         except msgspec.ValidationError:  # JSON, and no header
-            found = Header("", 0, 0, 0.0)
-        if found.format != FORMAT:
+            head = Header("", 0, 0, 0.0)
+        if head.format != FORMAT:
             raise self._fault("this is no record: it does not begin with the header of one",
                               "name the mission.jsonl of a run")
-        if found.version != VERSION:
-            raise self._fault(f"the record has the version {found.version}; this release reads "
+        if head.version != VERSION:
+            raise self._fault(f"the record has the version {head.version}; this release reads "
                               f"version {VERSION}", "replay it with the release that wrote it")
 
     def _line(self, text: bytes) -> Line:

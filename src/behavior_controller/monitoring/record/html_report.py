@@ -72,7 +72,8 @@ class Drawn:
         self.started = started
         self.nodes = nodes
         self.visits: Dict[int, Visit] = {}
-        self.told: Dict[int, List[Sentence]] = {}  # by visit; 0 is what was before the first
+        # by visit; 0 is what was before the first
+        self.sentences: Dict[int, List[Sentence]] = {}
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # results of each node
         # kinds of results of each mission leaf
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]
@@ -93,11 +94,11 @@ class Drawn:
         """Process the next line."""
         self.ended = max(self.ended, time)
         for sentence in self._view.take(time, event):
-            self.told.setdefault(sentence.visit, []).append(sentence)
+            self.sentences.setdefault(sentence.visit, []).append(sentence)
         visit = self.run.visit
         if visit is not None:
             self.visits[visit.number] = visit
-            self.told.setdefault(visit.number, [])
+            self.sentences.setdefault(visit.number, [])
         if self._view.step_over is not None:
             self._end_step(self._view.step_over)
         for ended in self.run.concluded(NodeResult):
@@ -119,8 +120,8 @@ class Drawn:
     def _draw(self, time: float, event: Event) -> None:
         end = self._since(time)
         if isinstance(event, Retried):
-            self.lanes.add(self._uids.get(event.path, 0), Bar(end, end, RETRY,
-                                                              cause(event.failure)))
+            bar = Bar(end, end, RETRY, cause(event.failure))
+            self.lanes.add(self._uids.get(event.path, 0), bar)
         elif isinstance(event, LeafFinished) and 0 < event.uid <= len(self.nodes):
             is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
             kind = NO if is_no else LETTER_OF.get(event.status, "-")
@@ -146,9 +147,9 @@ def to_html(lines: Iterable[Line], verdict: str = "") -> str:
     """
     earlier, run = _last(lines)
     written, doubt = _written(run)
-    told = {number: _grouped(part) for number, part in run.told.items()}
-    visits: List[Tuple[Optional[Visit], List[Tuple[int, Sentence]]]] = [(None, told[0])]
-    visits += [(visit, told[visit.number]) for visit in run.visits.values()]
+    groups = {number: _grouped(sentences) for number, sentences in run.sentences.items()}
+    visits: List[Tuple[Optional[Visit], List[Tuple[int, Sentence]]]] = [(None, groups[0])]
+    visits += [(visit, groups[visit.number]) for visit in run.visits.values()]
     documents = [(encodable(file), re.split("\r\n?|\n", encodable(text)))
                  for file, text in run.started.sources.documents]
     live = file_text("page_files", "index.html")
@@ -189,10 +190,15 @@ def _written(run: Drawn) -> Tuple[Dict[str, Written], str]:
     except BehaviorControllerError as error:
         return {}, ("No lines and ports of the nodes are known: this release cannot read the "
                     f"mission ({error}).")
-    number = {source.file: place for place, source in enumerate(sources)}
-    return {node.full_path: Written(number[node.element.document.file], node.element.place()[0], [
-        (name, text, name in node.element.attributes) for name, text in port_texts(node).items()])
-            for node in tree.nodes if node.element is not None}, ""
+    numbers = {source.file: number for number, source in enumerate(sources)}
+    written = {}
+    for node in tree.nodes:
+        element = node.element
+        ports = [(name, text, name in element.attributes)
+                 for name, text in port_texts(node).items()]
+        written[node.full_path] = Written(
+            numbers[element.document.file], element.place()[0], ports)
+    return written, ""
 
 
 def _script() -> str:
@@ -250,15 +256,15 @@ def _lacks(run: Drawn, earlier: List[RunStarted]) -> Iterator[str]:
 
 def _choices(run: Drawn) -> List[Tuple[str, str, str, Counter[str]]]:
     """Return the lists by which sentences are found: title, id, first choice, and the values."""
-    told = [each for part in run.told.values() for each in part]
-    return [("About", "kind", "everything", Counter(each.kind for each in told)),
-            ("Severity", "severity", "all", Counter(each.severity for each in told)),
-            ("Cause", "cause", "any", Counter(each.cause for each in told if each.cause))]
+    sentences = list(itertools.chain.from_iterable(run.sentences.values()))
+    return [("About", "kind", "everything", Counter(said.kind for said in sentences)),
+            ("Severity", "severity", "all", Counter(said.severity for said in sentences)),
+            ("Cause", "cause", "any", Counter(said.cause for said in sentences if said.cause))]
 
 
-def _grouped(told: List[Sentence]) -> List[Tuple[int, Sentence]]:
+def _grouped(sentences: List[Sentence]) -> List[Tuple[int, Sentence]]:
     """Return sentences; one that is repeated within a second comes once, with its count."""
-    groups = itertools.groupby(told, lambda each: each._replace(at=int(each.at)))
+    groups = itertools.groupby(sentences, lambda said: said._replace(at=int(said.at)))
     alike = (list(group) for _, group in groups)
     return [(len(group), group[0]) for group in alike]
 
@@ -270,13 +276,13 @@ def _numbers(lanes: Iterable[Tuple[int, List[Bar]]],
              notes: Dict[str, int]) -> List[List[Union[int, str]]]:
     """Return for each lane its key, and for each bar its begin and length (ms), kind, count and
     number of its note."""
-    found: List[List[Union[int, str]]] = []
+    rows: List[List[Union[int, str]]] = []
     for key, bars in lanes:
-        found.append([key])
+        rows.append([key])
         for bar in bars:
-            found[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind,
-                          bar.count, notes.setdefault(bar.note, len(notes))]
-    return found
+            rows[-1] += [round(1000 * bar.begin), round(1000 * (bar.end - bar.begin)), bar.kind,
+                         bar.count, notes.setdefault(bar.note, len(notes))]
+    return rows
 
 
 def _data(run: Drawn, written: Dict[str, Written]) -> str:
@@ -285,9 +291,11 @@ def _data(run: Drawn, written: Dict[str, Written]) -> str:
     notes: Dict[str, int] = {}
     lanes = _numbers(itertools.chain([(0, run.steps)], run.lanes), notes)
     types = {node.type for node in run.nodes}
-    visits = [[visit.number] + [round(1000 * (at - run.began)) for at in (
-        visit.began, visit.arrived or visit.began,
-        run.ended if visit.ended is None else visit.ended)] for visit in run.visits.values()]
+    visits = []
+    for visit in run.visits.values():
+        ended = run.ended if visit.ended is None else visit.ended
+        times = (visit.began, visit.arrived or visit.began, ended)
+        visits.append([visit.number, *(round(1000 * (at - run.began)) for at in times)])
     outcomes = [_letter(visit) for visit in run.visits.values()]
     data = {
         "began": round(1000 * run.began), "offset": 1000 * localtime(run.began).tm_gmtoff,

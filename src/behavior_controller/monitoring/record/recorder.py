@@ -47,6 +47,9 @@ OPENING = 0.5
 REST = 0.05
 """Seconds between two rounds of formatting lines."""
 
+Note = Tuple[float, Callable[..., Event], Tuple[Any, ...]]
+"""When something happened, and what makes the event of which values."""
+
 
 def new_folder(logs: str) -> str:
     """Return the folder of a new run below ``logs``, and remove all others but the newest
@@ -60,16 +63,15 @@ def new_folder(logs: str) -> str:
 
 def shown(tree: Tree) -> TreeShown:
     """Return the event for a tree that is going to run."""
-    return TreeShown(tree.id, [TreeNode(
+    return TreeShown(tree.id, list(map(_shown_node, tree.nodes)))
+
+
+def _shown_node(node: Any) -> TreeNode:
+    pause = node.attributes.get(node.spec.pause, "")
+    return TreeNode(
         node.full_path, node.registration_id, node.name, node.parent.uid if node.parent else 0,
-        _pause(node), any(node.attributes.get(name) for name in PRE_CONDITIONS))
-        for node in tree.nodes])
-
-
-def _pause(node: Any) -> float:
-    """Return how many seconds a node pauses; 0 if it does not, or the file does not say it."""
-    text = node.attributes.get(node.spec.pause, "")
-    return int(text) / 1000.0 if text.isdecimal() else 0.0
+        int(pause) / 1000.0 if pause.isdecimal() else 0.0,
+        any(node.attributes.get(name) for name in PRE_CONDITIONS))
 
 
 def traversed(at: float, is_first: Optional[bool], changes: List[Change]) -> Tick:
@@ -113,14 +115,14 @@ class Entries:
             return []
         self._writes = self._tree.blackboard.writes
         before, self._known = self._known, {}
-        found: List[Tuple[str, Any]] = []
+        changed: List[Tuple[str, Any]] = []
         for path, board in self._tree.blackboards.items():
             for key, entry in board.local.items():
                 name = f"{path}/{key}" if path else key
                 self._known[name] = entry, entry.sequence
                 if before.pop(name, None) != self._known[name]:
-                    found.append((name, entry.value))
-        return found + [(name, None) for name in before]
+                    changed.append((name, entry.value))
+        return changed + [(name, None) for name in before]
 
 
 class Record(Topics):
@@ -135,14 +137,13 @@ class Record(Topics):
         self.path = os.path.join(directory, FILE_NAME)
         self._complain = complain
         self._lost = 0  # notes that did not fit since the last one that did
-        self._notes: Deque[Tuple[float, Callable[..., Event], Tuple[Any,
-                                                                    ...]]] = collections.deque()
+        self._notes: Deque[Note] = collections.deque()
         self._is_over = threading.Event()
         self._reads: Dict[Topic, int] = {}  # in this traversal
         self._seen: Dict[Topic, Tuple[Sample, ...]] = {}
         self._is_open = threading.Event()  # or has failed
-        self._thread: Optional[threading.Thread] = threading.Thread(target=self._write,
-                                                                    name="record", daemon=True)
+        self._thread: Optional[threading.Thread] = threading.Thread(
+            target=self._write, name="record", daemon=True)
 
     def open(self) -> "Record":
         """Write from now on, also what has happened before; return itself.

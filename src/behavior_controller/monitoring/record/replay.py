@@ -12,7 +12,7 @@ from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.status import FAILURE, NAMES, RUNNING, SUCCESS
 from behavior_controller.errors import (
-    BehaviorControllerError, ConfigurationError, Fault, FaultsFound, MissionError)
+    BehaviorControllerError, ConfigurationError, FaultsFound, MissionError)
 from behavior_controller.execution.events import (
     LETTERS, Answered, Asked, Event, Events, HealthChanged, Line, Lost, Message, PassFinished,
     PassStarted, RunStarted, StillHearing, Tick, TreeNode)
@@ -60,22 +60,22 @@ def find_record(name: str) -> str:
     if name == LATEST and not os.path.exists(name):
         paths = _records_below(folders.records())
         if not paths:
-            raise MissionError([Fault(os.path.join(folders.records(), "*", FILE_NAME), 0, 0,
-                                      "there is no record yet", "name a record or its folder")])
+            place = os.path.join(folders.records(), "*", FILE_NAME)
+            raise MissionError.of(place, "there is no record yet", "name a record or its folder")
         return paths[-1]
     path = os.path.join(name, FILE_NAME)
     below = _records_below(name)
     if not below or os.path.exists(path):
         return path if os.path.isdir(name) else name
     if len(below) > 1:
-        raise MissionError([Fault(name, 0, 0, f"the folder has the records of {len(below)} runs",
-                                  f"name one, the newest is {os.path.dirname(below[-1])}")])
+        raise MissionError.of(name, f"the folder has the records of {len(below)} runs",
+                              f"name one, the newest is {os.path.dirname(below[-1])}")
     return below[0]
 
 
 def _records_below(folder: str) -> List[str]:
-    return sorted(
-        filter(os.path.isfile, glob.glob(os.path.join(glob.escape(folder), "*", FILE_NAME))))
+    paths = glob.glob(os.path.join(glob.escape(folder), "*", FILE_NAME))
+    return sorted(filter(os.path.isfile, paths))
 
 
 def read_record(path: str) -> List[Line]:
@@ -88,7 +88,7 @@ def stream_record(path: str) -> Iterator[Line]:
     try:
         data = read_bytes(path, MOST_BYTES)
     except Unreadable as error:
-        raise MissionError([Fault(path, 0, 0, f"the record cannot be read: {error}")]) from error
+        raise MissionError.of(path, f"the record cannot be read: {error}") from error
     return decode(data, path)
 
 
@@ -118,15 +118,14 @@ def _restored(what: str, read: Callable[[], Part]) -> Part:
     release cannot use it."""
     try:
         return read()
-    except FaultsFound as found:
-        more = len(found.faults) - 1
-        raise _unusable("its {} cannot be used: {}{}".format(
-            what, found.faults[0], f"; and {more} more" if more else "")) from found
+    except FaultsFound as invalid:
+        first, *others = invalid.faults
+        more = f"; and {len(others)} more" if others else ""
+        raise _unusable(f"its {what} cannot be used: {first}{more}") from invalid
 
 
-def _unusable(text: str) -> MissionError:
-    return MissionError(
-        [Fault("the record", 0, 0, text, "replay it with the release that wrote it")])
+def _unusable(text: str) -> FaultsFound:
+    return MissionError.of("the record", text, "replay it with the release that wrote it")
 
 
 class _Replay:
@@ -138,9 +137,11 @@ class _Replay:
             raise _unusable(
                 f"its interface is {sources.interface}; this release has {', '.join(INTERFACES)}")
         self.clock = ManualClock()
-        self.tree = load_tree(mission, clock=self.clock) if mission is not None else _restored(
-            "mission", lambda: build_tree([parse(text, file)
-                                           for file, text in sources.documents], clock=self.clock))
+        if mission is not None:
+            self.tree = load_tree(mission, clock=self.clock)
+        else:
+            self.tree = _restored("mission", lambda: build_tree(
+                [parse(text, file) for file, text in sources.documents], clock=self.clock))
         self._nodes = nodes  # of the record, by uid - 1
         self._world = _World(INTERFACES[sources.interface])
         self._health = Health()
@@ -195,9 +196,9 @@ class _Replay:
 
     def _compare(self, recorded: List[Tuple[str, str]], seconds: float) -> None:
         """Raise ``Diverged`` at the first difference."""
+        pairs = itertools.zip_longest(recorded, self._now)
         status = next((f"recorded is {_words(was)}, now it is {_words(now)}"
-                       for was, now in itertools.zip_longest(recorded, self._now) if was != now),
-                      "")
+                       for was, now in pairs if was != now), "")
         differences = "; ".join(filter(None, (status, self._world.difference())))
         if differences:
             raise Diverged(f"{seconds:.1f} s after its mission began: {differences}")
@@ -205,15 +206,17 @@ class _Replay:
 
 def _knowledge(sources: Tuple[Source, ...], interface: Interface) -> Optional[Knowledge]:
     if interface.has_knowledge_files != (len(sources) == 2):
-        raise ConfigurationError([Fault(
-            "sources.knowledge", 0, 0,
-            f"{len(sources)} files do not fit the robot {interface.name}")])
+        raise ConfigurationError.of(
+            "sources.knowledge", f"{len(sources)} files do not fit the robot {interface.name}")
     return knowledge_files.read(sources[0], sources[1]) if sources else None
 
 
 def _words(change: Optional[Tuple[str, str]]) -> str:
-    words: Dict[str, str] = {letter: NAMES[status] for status, letter in LETTERS.items()}
-    return "no further change" if change is None else f"{change[0]} {words[change[1]]}"
+    if change is None:
+        return "no further change"
+    path, changed_to = change
+    return next(f"{path} {NAMES[status]}" for status, letter in LETTERS.items()
+                if letter == changed_to)
 
 
 class _World(Gateway, Topics):
@@ -227,7 +230,7 @@ class _World(Gateway, Topics):
         self._messages: List[Tuple[Topic, int, Sample]] = []
         self._recent: Dict[Topic, Tuple[Sample, ...]] = {}
         self._reads: Dict[Topic, int] = {}
-        self._heard: List[str] = []  # on which topics the robot still hears something
+        self._hearing: List[str] = []  # on which topics the robot still hears something
         self._difference = ""  # between the requests that are made and the recorded ones
 
     def take(self, event: Union[Asked, Answered, Message, StillHearing]) -> None:
@@ -237,7 +240,7 @@ class _World(Gateway, Topics):
         elif isinstance(event, Answered):
             self._results[event.call] = event.result
         elif isinstance(event, StillHearing):
-            self._heard.append(event.topic)
+            self._hearing.append(event.topic)
         else:
             sample = Sample(event.value, event.arrived)
             self._messages.append((self._interface.topic(event.topic), event.read, sample))
@@ -272,17 +275,18 @@ class _World(Gateway, Topics):
     def recent(self, topic: Topic) -> Tuple[Sample, ...]:
         """Return the recorded messages for this read of a topic."""
         self._reads[topic] = self._reads.get(topic, 0) + 1
-        for entry in list(self._messages):
-            if entry[0] is topic and entry[1] <= self._reads[topic]:
-                self._recent[topic] = topic.kept(self._recent.get(topic, ()), entry[2])
-                self._messages.remove(entry)
+        for message in list(self._messages):
+            topic_read, read, sample = message
+            if topic_read is topic and read <= self._reads[topic]:
+                self._recent[topic] = topic.kept(self._recent.get(topic, ()), sample)
+                self._messages.remove(message)
         return self._recent.get(topic, ())
 
     def is_hearing(self, topic: Topic) -> bool:
         """Return whether it is recorded for this traversal, once for each time it was asked."""
-        if topic.name not in self._heard:
+        if topic.name not in self._hearing:
             return False
-        self._heard.remove(topic.name)
+        self._hearing.remove(topic.name)
         return True
 
     def wake_when(self, key: Any, topic: Topic, wanted: Any) -> None:
@@ -332,6 +336,5 @@ def _write(path: str, text: str) -> None:
         with open(path, "w", encoding="utf-8", errors="replace") as file:
             file.write(text)
     except (OSError, ValueError) as error:
-        raise MissionError([Fault(path, 0, 0,
-                                  "the report cannot be written: "
-                                  f"{getattr(error, 'strerror', None) or error}")]) from error
+        reason = getattr(error, "strerror", None) or error
+        raise MissionError.of(path, f"the report cannot be written: {reason}") from error

@@ -44,8 +44,8 @@ function showStatus(row, letter) {
 
 // those up to the moment
 function sentencesUntil(at) {
-  const told = [...document.querySelectorAll(".told li")].filter(one => Number(one.dataset.at) <= at + 0.001);
-  return told.map((one, place) => ({
+  const sentences = [...document.querySelectorAll(".told li")].filter(one => Number(one.dataset.at) <= at + 0.001);
+  return sentences.map((one, place) => ({
     number: place + 1, at: Number(one.dataset.at), time: one.querySelector("time").textContent, severity: one.className,
     text: one.querySelector("span").textContent, kind: one.dataset.kind, visit: one.closest(".visit").id.slice(1),
     incident: Number(one.dataset.incident || 0),

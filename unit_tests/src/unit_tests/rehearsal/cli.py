@@ -285,7 +285,7 @@ def main(argv: Optional[List[str]] = None) -> int:
             page.write(
                 html_report.to_html(heading(result), result.rows, result.shares, result.found))
     if result.found:
-        return exit_codes.FOUND
+        return exit_codes.FINDINGS
     return exit_codes.SUCCESS if result.plays == result.planned else exit_codes.UNAVAILABLE
 
 

@@ -25,7 +25,7 @@ class Building(NamedTuple):
 
 def of_files(known: knowledge_files.Knowledge) -> Building:
     """Return the places of release 1.0's files."""
-    return Building(known.tour, known.end, known.start)
+    return Building(known.tour, known.tour[-1], known.tour[0])
 
 
 def load(path: str) -> Building:

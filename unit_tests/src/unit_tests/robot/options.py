@@ -19,8 +19,8 @@ from typing import (Any, Callable, Collection, Dict, FrozenSet, Iterable, List, 
 from behavior_controller import folders as controller_folders, ros_arguments
 from behavior_controller.config import config_file, phrases, settings
 from behavior_controller.config.config_file import (
-    Key, REQUIRED, Reader, boolean, configured, filled, integer, key, keys_of, number, one_of,
-    read_configuration)
+    Key, REQUIRED, Reader, boolean, collected, filled, integer, key, keys_of, number, one_of,
+    read_source)
 from behavior_controller.config.settings import Settings, split_arguments, unread
 from behavior_controller.errors import ConfigurationError, Fault
 from behavior_controller.robot.declarations import Interface
@@ -332,7 +332,8 @@ def load_test(values: Mapping[str, str]) -> Configuration:
     others = (CONTROLLER - TEST).union(INTERNAL, (declared.name for declared in OWN))
     path = os.path.join(folders.share(), "config", FILE_NAME)
     given = _chosen(values, set(values) - others)
-    return filled(Configuration, read_configuration(path, KEYS, {}, given))
+    source = read_source(path, "the configuration")
+    return filled(Configuration, collected(source, KEYS, {}, given).result())
 
 
 def load_controller(values: Mapping[str, str]) -> Settings:
@@ -344,7 +345,8 @@ def load_controller(values: Mapping[str, str]) -> Settings:
 
 def _load_own(values: Mapping[str, str]) -> Dict[str, Any]:
     """Return the values of the keys of the test as a whole. Raises ConfigurationError."""
-    return configured(Source("", ""), OWN, {}, _chosen(values, {declared.name for declared in OWN}))
+    given = _chosen(values, {declared.name for declared in OWN})
+    return collected(Source("", ""), OWN, {}, given).result()
 
 
 def _chosen(values: Mapping[str, str], names: Collection[str]) -> Dict[str, str]:

@@ -343,7 +343,7 @@ def slots(service: Service) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
     or its action or msg file.
     """
     package, _, name = service.type.partition("/")
-    places = {extension.package: extension.folder for extension in extensions.found("interface")}
+    places = {extension.package: extension.folder for extension in extensions.exported("interface")}
     ending = FILES[type(service)]
     path = os.path.join(places.get(package, folders.share()), ending, name + "." + ending)
     if not os.path.isfile(path):
