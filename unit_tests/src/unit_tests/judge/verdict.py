@@ -76,7 +76,7 @@ class Case:
         end = self.witness.end - last.offset
         if self.overdue:
             return ""
-        long = [search.node.registration_id for search in last.waiting.values()
+        long = [search.node.registration_id for search in last.signs.waiting.values()
                 if end - search.at > LONG_WAIT]
         return long[0] if long else ""
 

@@ -16,10 +16,11 @@ from behavior_controller.robot.declarations import Action, Service, Topic
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Prompt
 
-from unit_tests.judge.execution import (
-    EARLY, Execution, Holding, LATE, Query, SignWait, described)
+from unit_tests.judge.calls import Query, described
+from unit_tests.judge.execution import EARLY, Execution, LATE
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.reference import FIELDS, HANDLERS, SAFE_STATE
+from unit_tests.judge.signs import Holding, SignWait
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import SERVICES, TOPICS, usual_seconds
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
@@ -73,8 +74,8 @@ class Witness:
         lines = [
             line for line in self._facts.journal if line.call and line.resource == service.name
         ]
-        queries = [query for execution in self._executions for query in execution.queries.values()
-                   if query.service == service.name]
+        queries = [query for execution in self._executions
+                   for query in execution.calls.queries.values() if query.service == service.name]
         queries.sort(key=lambda query: query.asked)
         for query, following in itertools.zip_longest(queries, queries[1:]):
             while lines and lines[0].time < query.asked - EARLY:
@@ -156,7 +157,7 @@ class Witness:
             is_well = cause in AWAY and self._is_away(service.node, query.asked)
         if not is_well:
             yield "{}: {} never got the request {}, and on record is {}".format(
-                query.node or THE_END, service.name, described(query.request), _outcome(query))
+                query.node or THE_END, service.name, described(query.request), query.outcome)
 
     def _until(self, query: Query) -> float:
         """Return until when an answer was awaited."""
@@ -196,7 +197,7 @@ class Witness:
                 else cause is _cause(fault, service)):
             yield "call {} of {} for {} was {}; on record is {}".format(
                 line.call, line.resource, name, "carried out" if fault is None
-                else "made to fail ({})".format(fault), _outcome(query))
+                else "made to fail ({})".format(fault), query.outcome)
 
     def _fits(self, query: Query, line: journal.JournalEntry, result: Any) -> bool:
         """Return whether a result is what the node has to say."""
@@ -257,19 +258,19 @@ class Witness:
             return
         lines = {topic: self._lines(topic) for topic in self._interface.topics
                  if topic.name in TOPICS and topic.node not in self._facts.real}
-        for event in execution.read:
+        for event in execution.signs.read:
             topic = execution.interface.topic(event.topic)
             if topic in lines and not _is_published(lines[topic], event, offset):
                 yield "the controller read {!r} from {}, and nobody published that".format(
                     event.value, event.topic)
         waiting = [search._replace(until=max(search.until, self.end - offset))
-                   for search in execution.waiting.values()]
-        for search in execution.searches + waiting:
+                   for search in execution.signs.waiting.values()]
+        for search in execution.signs.searches + waiting:
             if search.topic in lines:
                 yield from self._missed(search, lines[search.topic], offset,
                                         execution.settings.topic_max_age)
 
-        for holding in execution.holdings:
+        for holding in execution.signs.holdings:
             if holding.topic in lines:
                 yield from _outdated(holding, lines[holding.topic], offset)
 
@@ -345,7 +346,3 @@ def _outdated(holding: Holding, lines: Sequence[Tuple[float, Any]], offset: floa
     if time > holding.arrived + offset + EARLY and not holding.is_sign(value):
         yield "{} held, {:.1f} s after {} said {!r}".format(
             holding.node.registration_id, holding.at + offset - time, holding.topic.name, value)
-
-
-def _outcome(query: Query) -> str:
-    return query.result.cause.value if isinstance(query.result, Failure) else "an answer"
