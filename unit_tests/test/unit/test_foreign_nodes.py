@@ -6,7 +6,7 @@ from unittest import mock
 import pytest
 from msgspec.structs import replace
 
-from behavior_controller import extensions
+from behavior_controller import extensions, leaves
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.registry import Direction, Port
 from behavior_controller.config import settings
@@ -48,7 +48,9 @@ def package():
     CountVisits.visits = 0
     with mock.patch.object(extensions, "found", lambda kind: [
             extensions.Extension("counting", "counting", module)] if kind == "leaves" else []):
+        leaves.specs.cache_clear()
         yield
+    leaves.specs.cache_clear()
 
 
 def of_mission(inner, entry):

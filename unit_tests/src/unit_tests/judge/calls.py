@@ -9,6 +9,10 @@ from unit_tests.judge.comparison import label
 from unit_tests.judge.reference import Duty, Reply
 
 
+THE_END = "the safe state"
+"""What asks at the end of a run, without a node."""
+
+
 class Query(NamedTuple):
     """A request on record, the node that it was due for, and its result; ``dropped``: when the node
     was halted."""
@@ -22,6 +26,11 @@ class Query(NamedTuple):
     answered: Optional[float] = None
     result: Union[Answer, Failure, None] = None
     dropped: Optional[float] = None
+
+    @property
+    def asker(self) -> str:
+        """What made the request."""
+        return self.node or THE_END
 
     @property
     def outcome(self) -> str:

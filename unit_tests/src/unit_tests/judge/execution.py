@@ -19,7 +19,6 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple, Un
 from behavior_controller.bt.engine.clock import ManualClock
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.loader.tree_builder import build
-from behavior_controller.bt.registry import NodeSpec
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.config import knowledge_files, phrases, settings
 from behavior_controller.errors import BehaviorControllerError
@@ -109,7 +108,7 @@ class Execution(Course):
         self._clock_began: Optional[float] = None  # the offset at the first traversal of a pass
         self._result = ""  # of the tree in the newest traversal, if it has ended
         self._outcome, self._ready, self._pauses = "", 0.0, 0  # after the last pass
-        self._gone: Set[str] = set()
+        self.gone: Set[str] = set()  # services that are known to be gone
         self._traversal = Traversal()
         self._last = ""  # the leaf that ended last
         self._delays: Dict[str, List[float]] = {}  # of retries, by node type
@@ -130,8 +129,8 @@ class Execution(Course):
         spoken = phrases.load(language, chosen.scenario_specification)
         super().__init__(chosen, spoken, known, reference.Policy(sources.policy.text))
         self.clock = ManualClock()
-        self._registry = registry()
-        self.tree = build([parse(text, file) for file, text in sources.documents], self._registry,
+        self.registry = registry()
+        self.tree = build([parse(text, file) for file, text in sources.documents], self.registry,
                           self.clock)
         self.tree.setup(course=self)
 
@@ -166,7 +165,7 @@ class Execution(Course):
 
     def _note_health(self, event: HealthChanged, time: float) -> None:
         if event.respect == "gone":
-            (self._gone.discard if event.is_well else self._gone.add)(event.name)
+            (self.gone.discard if event.is_well else self.gone.add)(event.name)
         if self.passes and not self._is_in_pass:
             self._expect_pass(time)
 
@@ -249,7 +248,7 @@ class Execution(Course):
             self._next = time + SAFE_LIMIT, "the end of the run"
             return
         is_awaited = self._outcome == "FAILURE" and any(
-            resource in self._gone for resource in self.failed_for())
+            resource in self.gone for resource in self.failed_for())
         ready = math.inf if is_awaited else max(time, self._ready + (self.offset or 0.0))
         self._next = ready, "pass {}".format(self.passes + 1)
 
@@ -414,7 +413,8 @@ class Execution(Course):
     def ask(self, node: Duty, request: Union[Request, type]) -> Reply:
         """Return the reply to a request; of a node without a row only its kind is known."""
         if node.registration_id in TABLE and not isinstance(node, reference.Recovering):
-            self.decided(Decision(node.registration_id, node.full_path, "", reference.BEGINS))
+            self.reports.decided(
+                Decision(node.registration_id, node.full_path, "", reference.BEGINS))
         reply = Reply()
         if isinstance(request, QueryKnowledge) and self.known is not None:
             reply.result = Answer(exhibits=self.knowledge[request.what])
@@ -440,20 +440,6 @@ class Execution(Course):
     def drop(self, reply: Reply) -> None:
         """Note that nothing waits for an answer any more."""
         self.calls.drop(reply, self._unix_now)
-
-    def is_gone(self, resource: str) -> bool:
-        """Return whether that service is known to be gone."""
-        return resource in self._gone
-
-    def spec(self, node_id: str) -> NodeSpec:
-        """Return a node type, for a substitute."""
-        spec = self._registry.find(node_id)
-        assert spec is not None  # the policy was checked when the mission was loaded
-        return spec
-
-    def decided(self, decision: Decision) -> None:
-        """Note what the record has to say."""
-        self.reports.decided(decision)
 
     def retried(self, node: Duty, late: float) -> None:
         """Note a retry, and how many seconds after its pause it was made."""

@@ -709,7 +709,7 @@ class Round:
     def _decided(self, step: str, *values: Any, work: Optional[Duty] = None,
                  cause: Optional[Cause] = None) -> None:
         node = work or self._failed.node
-        self._course.decided(Decision(
+        self._course.reports.decided(Decision(
             node.registration_id, node.full_path, (cause or self.cause).value,
             step.format(*values), 0 if work else self._handler.uid))
 
@@ -751,7 +751,8 @@ class Round:
             self._safe_state = [self._course.ask(self._handler, request) for request in SAFE_STATE]
 
     def _substitute(self, node_id: str) -> Asking:
-        handler, spec = self._handler, self._course.spec(node_id)
+        # the policy was checked when the mission was loaded
+        handler, spec = self._handler, self._course.registry.find(node_id)
         node: Any = spec.factory(node_id)
         node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
         node.uid, node.full_path = handler.uid, handler.full_path
@@ -777,7 +778,7 @@ class Round:
         if any(reply.result is None for reply in self._safe_state):
             return None
         if self._safe_state:
-            self._course.decided(SAFE)
+            self._course.reports.decided(SAFE)
         self._decided(ENDED, self._outcome, self.retries, "give up" if self.gives_up else "skip")
         return self._outcome
 
@@ -818,7 +819,7 @@ class Round:
             return False
         if self._pause.callback is not None:
             return True
-        if self._rule.then != "giveUp" or not self._course.is_gone(self._failed.resource):
+        if self._rule.then != "giveUp" or self._failed.resource not in self._course.gone:
             return False
         if self._patience is None:
             self._patience = self._handler.clock.call_after(RETURN_WAIT, self._handler.wake)
@@ -877,7 +878,7 @@ def _false_unless(holds: Callable[[Any], bool]) -> Callable[[Any], Optional[Caus
 
 def tell_stop(node: Duty, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    node.course.decided(Decision(node.registration_id, node.full_path, "", STOP.format(
+    node.course.reports.decided(Decision(node.registration_id, node.full_path, "", STOP.format(
         index + 1, len(exhibits), exhibits[index].name, state)))
 
 

@@ -38,15 +38,18 @@ RETURN = 15.0
 come back."""
 
 
-THE_END = "the safe state"
-"""What asks at the end of a run, without a node."""
-
-
 class Pair(NamedTuple):
     """A request on record and the line of the node that got it; one of them may be missing."""
 
+    service: Service
     query: Optional[Query]
     line: Optional[journal.JournalEntry]
+
+    @property
+    def time(self) -> float:
+        """When the node got the request; if it did not, when it was made."""
+        assert self.line is not None or self.query is not None
+        return self.line.time if self.line is not None else self.query.asked  # type: ignore
 
 
 class Witness:
@@ -65,8 +68,7 @@ class Witness:
         self.pairs: List[Pair] = []
         for service in self._interface.services:
             self.pairs += self._pair(service)
-        self.pairs.sort(key=lambda pair: pair.line.time if pair.line is not None else
-                        pair.query.asked if pair.query is not None else 0.0)
+        self.pairs.sort(key=lambda pair: pair.time)
 
     def _pair(self, service: Service) -> Iterator[Pair]:
         """Yield the requests to a service, each with its line: the next one while it was under way.
@@ -79,11 +81,11 @@ class Witness:
         queries.sort(key=lambda query: query.asked)
         for query, following in itertools.zip_longest(queries, queries[1:]):
             while lines and lines[0].time < query.asked - EARLY:
-                yield Pair(None, lines.pop(0))
+                yield Pair(service, None, lines.pop(0))
             is_its = bool(lines) and self._is_of(lines, query, following, service)
-            yield Pair(query, lines.pop(0) if is_its else None)
+            yield Pair(service, query, lines.pop(0) if is_its else None)
         for line in lines:
-            yield Pair(None, line)
+            yield Pair(service, None, line)
 
     def _is_of(self, lines: Sequence[journal.JournalEntry], query: Query,
                following: Optional[Query], service: Service) -> bool:
@@ -104,38 +106,32 @@ class Witness:
 
     def objections(self) -> Iterator[str]:
         """Object to what has no witness."""
-        node = "the beginning"
+        asker = "the beginning"
         for pair in self.pairs:
-            service = self._service(pair)
-            if pair.query is not None:
-                node = pair.query.node or THE_END
-            if service.node not in self._facts.real:
-                yield from self._of_pair(pair, service, node)
+            asker = pair.query.asker if pair.query is not None else asker
+            if pair.service.node not in self._facts.real:
+                yield from self._of_pair(pair, asker)
         yield from self._of_health()
         for execution in self._executions:
             yield from self._of_messages(execution)
 
-    def _service(self, pair: Pair) -> Service:
-        query, line = pair
-        name = query.service if query is not None else line.resource if line is not None else ""
-        return next(service for service in self._interface.services if service.name == name)
-
-    def _of_pair(self, pair: Pair, service: Service, node: str) -> Iterator[str]:
-        query, line = pair
-        if query is None and line is not None:
-            yield "after {}, {} was asked {}, and no such request is on record".format(
-                node, line.resource, line.content)
-        elif query is not None and line is None:
+    def _of_pair(self, pair: Pair, asker: str) -> Iterator[str]:
+        """Object to a request; ``asker`` is what has made the newest one on record."""
+        service, query, line = pair
+        if line is None:
+            assert query is not None
             yield from self._unheard(query, service)
-        elif query is not None and line is not None:
-            name = query.node or THE_END
+        elif query is None:
+            yield "after {}, {} was asked {}, and no such request is on record".format(
+                asker, line.resource, line.content)
+        else:
             sent = self._fields(query, line, service)
             if sent != line.content:
-                yield "{}: {} was asked {} instead of {}".format(name, line.resource, line.content,
+                yield "{}: {} was asked {} instead of {}".format(asker, line.resource, line.content,
                                                                  sent)
             if line.objection is not None:
                 yield "{}: {} received a request that makes no sense: {}".format(
-                    name, line.resource, line.objection)
+                    asker, line.resource, line.objection)
             yield from self._of_result(query, line, service)
 
     def _fields(self, query: Query, line: journal.JournalEntry, service: Service) -> Dict[str, Any]:
@@ -157,7 +153,7 @@ class Witness:
             is_well = cause in AWAY and self._is_away(service.node, query.asked)
         if not is_well:
             yield "{}: {} never got the request {}, and on record is {}".format(
-                query.node or THE_END, service.name, described(query.request), query.outcome)
+                query.asker, service.name, described(query.request), query.outcome)
 
     def _until(self, query: Query) -> float:
         """Return until when an answer was awaited."""
@@ -174,7 +170,7 @@ class Witness:
     def _of_result(
             self, query: Query, line: journal.JournalEntry, service: Service) -> Iterator[str]:
         """Object to a result that is not that of the node."""
-        name, result, fault = query.node or THE_END, query.result, line.fault
+        name, result, fault = query.asker, query.result, line.fault
         if line.time > query.asked + LATE:
             yield "{}: {} got the request {:.1f} s late".format(name, service.name,
                                                                 line.time - query.asked)
@@ -239,7 +235,7 @@ class Witness:
             is_known = event.node in self._facts.real or event.name in test.absent_services
             if not is_known and not self._is_away(event.node, time):
                 yield "{} was taken for gone, and /{} was running".format(event.name, event.node)
-        for query, _ in self.pairs:
+        for _, query, _ in self.pairs:
             at = query.answered if query is not None and isinstance(
                 query.result, Failure) and query.result.cause in AWAY else None
             if query is None or at is None or at + LATE > self._facts.run.lines[-1].time:
