@@ -3,8 +3,8 @@ fail, and the sound controller under many settings, which it must not.
 
 ``sharpness``: each breakage of ``breakages`` is played at the failure rates 0 and 0.2, with one
 visitor after the other, until the run differs from that of the sound controller. What does not
-differ under any visitor cannot be seen by anybody ("nowhere"), nor what differs only in times that
-a busy machine may have too ("too fine": less than ``execution.LATE``). ``soundness``: drawn
+differ under any visitor is not visible ("nowhere", with the reason), nor what differs only in times
+that a busy machine may have too ("too fine": less than ``execution.LATE``). ``soundness``: drawn
 settings of the sound controller. A breakage also holds while the verdict is made: the judge runs
 beside the product, and a mistake in what both use must not hide itself.
 
@@ -40,7 +40,7 @@ from behavior_controller.execution.events import (  # noqa: E402
     EntriesWritten, LeafFinished, Message, Noticed, Recovered, Recovering, Retried, StepStarted,
     Tick)
 from behavior_controller.robot.gateway import Cause  # noqa: E402
-from behavior_controller.text import Source  # noqa: E402
+from behavior_controller.text import Source, count  # noqa: E402
 from unit_tests.judge.execution import LATE  # noqa: E402
 from unit_tests.judge.facts import Facts  # noqa: E402
 from unit_tests.judge.verdict import judge  # noqa: E402
@@ -142,6 +142,20 @@ class Outcome(NamedTuple):
     is_named: bool = False
     test: Optional[Configuration] = None
     is_too_fine: bool = False
+    plays: int = 0  # that might have shown it
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether the run tells it from the sound controller's."""
+        return bool(self.shown) and not self.is_too_fine
+
+    @property
+    def why_nowhere(self) -> str:
+        """Why nothing shows it."""
+        if not self.plays:
+            return "no visitor and no fault brings about what it needs"
+        return "in {} requests, times, journal, record and exit code are as they were".format(
+            count(self.plays, "play", "plays"))
 
 
 NEAR = 0.001
@@ -218,11 +232,12 @@ def is_too_fine(sound: Played, broken: Played) -> bool:
 
 def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:
     """Play a breakage until it shows, and judge that play."""
-    nothing = Outcome(name, breakage.family, str(breakage), rate)
+    nothing, plays = Outcome(name, breakage.family, str(breakage), rate), 0
     for test in tests(rate, seed):
         well = sound(name, test)
         if well.objections or breakage.needs and breakage.needs not in well.happened:
             continue
+        plays += 1
         with breakage.broken():
             played = stage(name).play(test)
             if played.error and ON_PURPOSE not in played.error:
@@ -237,8 +252,8 @@ def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:
                 too_fine = not told and shown.startswith("times") and is_too_fine(
                     well.played, played)
                 return nothing._replace(shown=shown, objections=told, is_named=is_named, test=test,
-                                        is_too_fine=too_fine)
-    return nothing
+                                        is_too_fine=too_fine, plays=plays)
+    return nothing._replace(plays=plays)
 
 
 def _attempt(task: Tuple[str, int, float, int]) -> Outcome:
@@ -287,8 +302,7 @@ def table(outcomes: Sequence[Outcome]) -> Iterator[str]:
 
 
 def _counts(outcomes: Sequence[Outcome], rate: float) -> Tuple[int, int, int]:
-    shown = [outcome for outcome in outcomes
-             if outcome.rate == rate and outcome.shown and not outcome.is_too_fine]
+    shown = [outcome for outcome in outcomes if outcome.rate == rate and outcome.is_visible]
     failed = [outcome for outcome in shown if outcome.objections]
     return len(shown), len(failed), sum(outcome.is_named for outcome in failed)
 
@@ -296,6 +310,10 @@ def _counts(outcomes: Sequence[Outcome], rate: float) -> Tuple[int, int, int]:
 def report(outcomes: Sequence[Outcome], why: bool = False) -> Iterator[str]:
     """Yield the table, and each breakage that passed, or whose node was not named."""
     yield from table(outcomes)
+    for rate in RATES:
+        shown, failed, named = _counts(outcomes, rate)
+        yield "rate {:g}: {:.2f} % FAILED, {:.2f} % with the node named".format(
+            rate, 100 * failed / max(1, shown), 100 * named / max(1, shown))
     for outcome in outcomes:
         if outcome.shown and not outcome.objections:
             yield "{} {:g} {}: {} [{}]; what differs: {:.200}".format(
@@ -305,11 +323,10 @@ def report(outcomes: Sequence[Outcome], why: bool = False) -> Iterator[str]:
             yield "{} {:g} {}: {} [{}]: {}".format(
                 "FAILED  " if outcome.is_named else "no name ", outcome.rate, outcome.stage,
                 outcome.what, _test(outcome.test), " | ".join(outcome.objections[:3]))
+    shown = {(outcome.stage, outcome.what) for outcome in outcomes if outcome.shown}
     for outcome in outcomes:
-        if not any(other.shown for other in outcomes
-                   if (other.stage, other.what) == (outcome.stage, outcome.what)) \
-                and outcome.rate == RATES[0]:
-            yield "nowhere  {}: {}".format(outcome.stage, outcome.what)
+        if outcome.rate == RATES[-1] and (outcome.stage, outcome.what) not in shown:
+            yield "nowhere  {}: {}; {}".format(outcome.stage, outcome.what, outcome.why_nowhere)
 
 
 def _test(test: Optional[Configuration]) -> str:
@@ -420,7 +437,7 @@ def run_broken(seed: int, most: Optional[int] = None, only: str = "", names: Seq
     outcomes = sharpness(chosen(seed, most, only, names), jobs)
     print("\n".join(report(outcomes, why)), flush=True)
     return [outcome.what for outcome in outcomes
-            if outcome.shown and not (outcome.objections or outcome.is_too_fine)]
+            if outcome.is_visible and not outcome.objections]
 
 
 def run_sound(seed: int, number: int, jobs: Optional[int] = None) -> List[str]:
