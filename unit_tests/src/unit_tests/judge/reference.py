@@ -367,48 +367,32 @@ class Listener(Duty):
     """A node that goes by the messages about one sense."""
 
     sense: Sense
-    _patience: Optional["Patience"] = None
+    _timer: Optional[Timer] = None
+    _is_late = False
 
     @property
     def topic(self) -> Topic:
         return self.course.interface.evidence(self.sense).topic
 
     def listens(self, seconds: float) -> bool:
-        """Return whether the node listens on, for so many seconds from the first call on."""
-        if self._patience is None:
-            self._patience = Patience(self, seconds)
-        return not self._patience.is_over()
+        """Return whether the node listens on: for so many seconds from the first call on, and for
+        what began within them."""
+        if self._timer is None:
+            self._timer = self.clock.call_after(min(seconds, 1e9), self.wake)
+        if self._timer.callback is not None and not self._is_late:
+            return True
+        if not self.course.signs.is_hearing(self.topic):
+            return False
+        if not self._is_late and self.topic.action is not None:
+            self._is_late = True
+            self._timer = self.clock.call_after(RESULT_WAIT, self.wake)
+        return True
 
     def stop_listening(self) -> None:
         """Listen no more."""
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
-
-
-class Patience:
-    """The time for which a node listens; what began within it may come later."""
-
-    def __init__(self, node: "Listener", seconds: float):
-        self._node = node
-        self._is_late = False
-        self._timer = node.clock.call_after(min(seconds, 1e9), node.wake)
-
-    def is_over(self) -> bool:
-        """Return whether nothing more may come."""
-        node = self._node
-        if self._timer.callback is not None and not self._is_late:
-            return False
-        if not node.course.signs.is_hearing(node.topic):
-            return True
-        if not self._is_late and node.topic.action is not None:
-            self._is_late = True
-            self._timer = node.clock.call_after(RESULT_WAIT, node.wake)
-        return False
-
-    def cancel(self) -> None:
-        """Stop waiting."""
-        self._timer.cancel()
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer, self._is_late = None, False
 
 
 class Sign(Listener, ConditionLeaf):
