@@ -5,24 +5,23 @@ Nothing is excused that the journal does not show: a failed call needs its fault
 away its crash, a wait without an end the silence of its topic. What a real node was asked and said
 has the record as its only witness.
 """
-import bisect
 import itertools
 import math
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
-from behavior_controller.execution.events import HealthChanged, Message
+from behavior_controller.execution.events import HealthChanged
 from behavior_controller.execution.health import GONE
-from behavior_controller.robot.declarations import Action, Service, Topic
+from behavior_controller.robot.declarations import Action, Service
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Prompt
 
+from unit_tests.judge import messages
 from unit_tests.judge.calls import Query, described
 from unit_tests.judge.execution import EARLY, Execution, LATE
-from unit_tests.judge.facts import Facts, of
+from unit_tests.judge.facts import RETURN, Facts, of
 from unit_tests.judge.reference import FIELDS, HANDLERS, SAFE_STATE
-from unit_tests.judge.signs import Holding, SignWait
 from unit_tests.robot import journal
-from unit_tests.robot.behaviour import SERVICES, TOPICS, usual_seconds
+from unit_tests.robot.behaviour import SERVICES, usual_seconds
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
 from unit_tests.robot.visitor import Visitor
 
@@ -32,10 +31,6 @@ CAUSE_OF = {REFUSED: Cause.REFUSED, EXCEPTION: Cause.HANDLER_EXCEPTION, UNANSWER
 
 AWAY = {Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.CONNECTION_LOST}
 """How calls fail between the crash of a node and its return."""
-
-RETURN = 15.0
-"""Seconds after a node's crash in which it may be away: its process and its connections have to
-come back."""
 
 
 class Pair(NamedTuple):
@@ -57,8 +52,7 @@ class Witness:
 
     def __init__(self, facts: Facts, executions: Sequence[Execution]):
         self._facts, self._interface = facts, facts.world.settings.interface
-        self._executions = executions
-        self._crashes = [line for line in facts.journal if line.fault == CRASH]
+        self._executions, self._crashes = executions, facts.crashes
         lines = list(facts.journal) + facts.run.lines[-1:]
         self.end = max((line.time for line in lines), default=0.0)
         self._answers = self._answers_of_nodes()
@@ -113,7 +107,7 @@ class Witness:
                 yield from self._of_pair(pair, asker)
         yield from self._of_health()
         for execution in self._executions:
-            yield from self._of_messages(execution)
+            yield from messages.objections(self._facts, execution, self.end)
 
     def _of_pair(self, pair: Pair, asker: str) -> Iterator[str]:
         """Object to a request; ``asker`` is what has made the newest one on record."""
@@ -245,69 +239,6 @@ class Witness:
                     for time, event in changes):
                 yield "{}: {} was gone, and that was not noticed".format(query.node, query.service)
 
-    # ------------------------------------------------------------------------------------- messages
-
-    def _of_messages(self, execution: Execution) -> Iterator[str]:
-        """Object to messages that nobody published, and to signs that were not seen."""
-        offset = execution.offset
-        if offset is None:
-            return
-        lines = {topic: self._lines(topic) for topic in self._interface.topics
-                 if topic.name in TOPICS and topic.node not in self._facts.real}
-        for event in execution.signs.read:
-            topic = execution.interface.topic(event.topic)
-            if topic in lines and not _is_published(lines[topic], event, offset):
-                yield "the controller read {!r} from {}, and nobody published that".format(
-                    event.value, event.topic)
-        waiting = [search._replace(until=max(search.until, self.end - offset))
-                   for search in execution.signs.waiting.values()]
-        for search in execution.signs.searches + waiting:
-            if search.topic in lines:
-                yield from self._missed(search, lines[search.topic], offset,
-                                        execution.settings.topic_max_age)
-
-        for holding in execution.signs.holdings:
-            if holding.topic in lines:
-                yield from _outdated(holding, lines[holding.topic], offset)
-
-    def _lines(self, topic: Topic) -> List[Tuple[float, Any]]:
-        """Return time and value of the messages of a topic."""
-        return [(line.time, TOPICS[topic.name].value(line.content)) for line in self._facts.journal
-                if line.node == topic.node and line.call == 0]
-
-    def _missed(self, search: SignWait, lines: Sequence[Tuple[float, Any]], offset: float,
-                age: float) -> Iterator[str]:
-        """Object to a sign that was there for ``LATE`` and was not seen."""
-        began = next(execution.began for execution in self._executions
-                     if search.node.course is execution)
-        after = max(search.after + offset, began)
-        at, until = search.at + offset, search.until + offset
-        unread = bisect.bisect_right(lines, (at - LATE, )) - 1
-        if search.topic.is_continuous and unread >= 0 and self._is_heard(
-                search.topic, lines[unread][0]) and lines[unread][0] > max(
-                    began + LATE, search.newest + offset + EARLY):
-            yield "{} did not read what {} said {:.1f} s before: {!r}".format(
-                search.node.registration_id, search.topic.name, at - lines[unread][0],
-                lines[unread][1])
-            return
-        first = after if not search.topic.is_continuous else max(after, at - age + EARLY)
-        for place in range(bisect.bisect_right(lines, (first, )), len(lines)):
-            time, value = lines[place]
-            if time > until - LATE:
-                return
-            if not search.is_sign(value) or not self._is_heard(search.topic, time):
-                continue
-            if search.topic.is_continuous and not _holds(lines, place, max(at, time + LATE),
-                                                         search):
-                continue
-            yield "{} did not see what {} said {:.1f} s before: {!r}".format(
-                search.node.registration_id, search.topic.name, until - time, value)
-            return
-
-    def _is_heard(self, topic: Topic, time: float) -> bool:
-        return not any(crash.node == topic.node and crash.time < time < crash.time + RETURN
-                       for crash in self._crashes)
-
 
 def _reaches(query: Query, line: journal.JournalEntry) -> bool:
     """Return whether a request with that result can have reached its node, as that line."""
@@ -319,26 +250,3 @@ def _reaches(query: Query, line: journal.JournalEntry) -> bool:
 def _cause(fault: str, service: Service) -> Cause:
     """Return the cause of a call's failure; the server of an action aborts a goal that raises."""
     return Cause.REFUSED if fault == EXCEPTION and isinstance(service, Action) else CAUSE_OF[fault]
-
-
-def _is_published(lines: Sequence[Tuple[float, Any]], event: Message, offset: float) -> bool:
-    arrived = event.arrived + offset
-    first = bisect.bisect_left(lines, (arrived - journal.REPEAT - LATE, ))
-    last = bisect.bisect_right(lines, (arrived + LATE, ))
-    return any(value == event.value for _, value in lines[first:last])
-
-
-def _holds(lines: Sequence[Tuple[float, Any]], place: int, until: float, search: SignWait) -> bool:
-    """Return whether a state stayed a sign until then."""
-    last = bisect.bisect_right(lines, (until, ))
-    return all(search.is_sign(value) for _, value in lines[place + 1:last])
-
-
-def _outdated(holding: Holding, lines: Sequence[Tuple[float, Any]], offset: float
-              ) -> Iterator[str]:
-    """Object to a sign that was over ``LATE`` before it was read."""
-    last = bisect.bisect_right(lines, (holding.at + offset - LATE, )) - 1
-    time, value = lines[last] if last >= 0 else (-math.inf, None)
-    if time > holding.arrived + offset + EARLY and not holding.is_sign(value):
-        yield "{} held, {:.1f} s after {} said {!r}".format(
-            holding.node.registration_id, holding.at + offset - time, holding.topic.name, value)
