@@ -1270,6 +1270,13 @@ def wrong_course(known: Catalogue) -> Iterator[Breakage]:
                    wrapping(MissionContext, "begin_visit", _other_language_later))
 
 
+PAUSES: Tuple[Tuple[str, Callable[..., float]], ...] = (
+    ("half as long", lambda method, self, number: method(self, number) / 2),
+    ("twice as long", lambda method, self, number: method(self, number) * 2),
+    ("as long as the first one", lambda method, self, number: method(self, 0)),
+)
+
+
 def wrong_missions(known: Catalogue) -> Iterator[Breakage]:
     """Yield the mistakes of the mission as a whole."""
     speech = tuple(place.node for place, asked in known.requests.items()
@@ -1296,6 +1303,9 @@ def wrong_missions(known: Catalogue) -> Iterator[Breakage]:
     yield Breakage("passes", "no pause after a pass that failed for a cause that persists",
                    ("pause", "pass"), None,
                    wrapping(Persistence, "cause", lambda method, *given: None))
+    for what, change in PAUSES:
+        yield Breakage("passes", "the pause after such a pass is " + what, ("pause", "pass"), None,
+                       wrapping(Policy, "pause", change))
 
 
 FAMILIES: Tuple[Callable[[Catalogue], Iterator[Breakage]], ...] = (
