@@ -1270,6 +1270,12 @@ def wrong_course(known: Catalogue) -> Iterator[Breakage]:
                    wrapping(MissionContext, "begin_visit", _other_language_later))
 
 
+def asks_after_the_end(method: Any, self: Any) -> Any:
+    code = method(self)
+    self.mission.gateway.start(self.mission.interface.safe_state[0])
+    return code
+
+
 PAUSES: Tuple[Tuple[str, Callable[..., float]], ...] = (
     ("half as long", lambda method, self, number: method(self, number) / 2),
     ("twice as long", lambda method, self, number: method(self, number) * 2),
@@ -1296,6 +1302,8 @@ def wrong_missions(known: Catalogue) -> Iterator[Breakage]:
                    wrapping(Runner, "_pass", counts_twice))
     yield Breakage("passes", "the exit code is another", ("exit code",), None,
                    wrapping(Runner, "run", lambda method, self: 3 - method(self)))
+    yield Breakage("passes", "a request follows the end of the run", ("the end",), None,
+                   wrapping(Runner, "run", asks_after_the_end))
     for ticks in (3, 40, 90):
         for what, then in (("ends by itself", lambda: True), ("crashes", crash)):
             yield Breakage("passes", "the controller {} after {} ticks".format(what, ticks),

@@ -514,6 +514,17 @@ def test_a_sign_that_was_over_is_none():
                    "IsVisitorDiscovered held, 1.5 s after ")
 
 
+def test_a_request_after_the_end_of_the_run():
+    of_test = facts()
+    last = max(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked))
+
+    def more(line):
+        yield line
+        if isinstance(line.event, RunFinished):
+            yield Line(line.time, Asked(last + 1, "/textToSpeech/say_text", Say("Psst")))
+    assert_objects(changed(of_test, more), "after the end of the run nothing is due", "“Psst”")
+
+
 def test_a_safe_state_that_was_never_sent():
     of_test = facts()
     last = max(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked))

@@ -6,11 +6,11 @@ from behavior_controller.robot.gateway import Failure
 from behavior_controller.robot.requests import Answer, Request
 
 from unit_tests.judge.comparison import label
-from unit_tests.judge.reference import Duty, Reply
+from unit_tests.judge.reference import HANDLERS, SAFE_STATE, Duty, Reply
 
 
-THE_END = "the safe state"
-"""What asks at the end of a run, without a node."""
+THE_END, LATER = "the safe state", "a later step"
+"""What asks without a node: the end of a run, and what follows the first difference."""
 
 
 class Query(NamedTuple):
@@ -30,7 +30,13 @@ class Query(NamedTuple):
     @property
     def asker(self) -> str:
         """What made the request."""
-        return self.node or THE_END
+        return self.node or (THE_END if self.is_for_safety else LATER)
+
+    @property
+    def is_for_safety(self) -> bool:
+        """Whether it may be a part of the safe state: a recovery that gives up asks for it, and the
+        end of the run."""
+        return self.node in HANDLERS and self.request in SAFE_STATE
 
     @property
     def outcome(self) -> str:

@@ -35,7 +35,7 @@ from unit_tests.judge.comparison import Reports, WrittenEntries, decision, label
 from unit_tests.judge.facts import Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import (
-    HANDLERS, SAFE, SAFE_STATE, Course, Decision, Duty, Reply)
+    SAFE, SAFE_STATE, Course, Decision, Duty, Reply)
 from unit_tests.judge.signs import Signs
 from unit_tests.robot.options import ACTION, Configuration
 
@@ -103,7 +103,7 @@ class Execution(Course):
         self.calls, self.signs = Calls(), Signs(self.clock)
         self.reports, self.entries = Reports(), WrittenEntries(self.tree)
         self._next = began, "the first pass"  # what is due next, and when
-        self._is_in_pass = False
+        self._is_in_pass = self._is_over = False
         self._pass_began = self._visit_began = 0.0
         self._clock_began: Optional[float] = None  # the offset at the first traversal of a pass
         self._result = ""  # of the tree in the newest traversal, if it has ended
@@ -146,6 +146,9 @@ class Execution(Course):
             handle(self, line.event, line.time)
 
     def _note_asked(self, event: Asked, time: float) -> None:
+        if self._is_over:
+            self._differ("after the end of the run nothing is due; what was asked: {}".format(
+                self.calls.described(event)), time)
         self.calls.note_asked(event, time)
 
     def _note_answer(self, event: Answered, time: float) -> None:
@@ -259,8 +262,7 @@ class Execution(Course):
         for request in SAFE_STATE:
             # of each handler the newest request, and of the end of the run
             newest = {query.path: query for query in self.calls.queries.values()
-                      if query.request == request and query.node in HANDLERS
-                      and query.asked > since}
+                      if query.request == request and query.is_for_safety and query.asked > since}
             for query in newest.values():
                 if query.result is None:
                     self.calls.queries[query.call] = query._replace(dropped=time)
@@ -288,7 +290,7 @@ class Execution(Course):
                 self._outcome, event.outcome), time)
         self.calls.unexplained.clear()
         self.reports.decisions.clear()
-        self._next = math.inf, ""
+        self._is_over, self._next = True, (math.inf, "")
 
     # ----------------------------------------------------------------------------------- traversals
 

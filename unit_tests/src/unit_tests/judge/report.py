@@ -63,7 +63,7 @@ def failure_lines(case: Case) -> List[str]:
                  "-", failed.failure.cause.value, " ".join(failed.failure.message.split()))
                 for failed in _failures(case.facts)]
     for _, query, line in case.witness.pairs:
-        if query is not None and line is not None and query.node in HANDLERS and line.fault:
+        if query is not None and line is not None and query.is_for_safety and line.fault:
             failures.append((line.time, query.node or "-", query.path or "-", line.resource,
                              CAUSE_OF[line.fault].value, IN_SAFE_STATE))
     return [

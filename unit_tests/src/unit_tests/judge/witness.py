@@ -19,7 +19,7 @@ from unit_tests.judge import messages
 from unit_tests.judge.calls import Query, described
 from unit_tests.judge.execution import EARLY, Execution, LATE
 from unit_tests.judge.facts import RETURN, Facts, of
-from unit_tests.judge.reference import FIELDS, HANDLERS, SAFE_STATE
+from unit_tests.judge.reference import FIELDS, SAFE_STATE
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import SERVICES, usual_seconds
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
@@ -174,7 +174,7 @@ class Witness:
         due = line.time + (usual_seconds(service, line.content) if takes else 0.0)
         due = deadline if fault == UNANSWERED else min(due, deadline)
         # of the safe state all results are read when the last one is there
-        latest = query.asked + self._safe_limit if query.node in HANDLERS else due
+        latest = query.asked + self._safe_limit if query.is_for_safety else due
         if until > latest + LATE or result is not None and until < due - EARLY:
             yield "{}: {} was waited for {:.1f} s; it was due after {:.1f} s, its deadline is " \
                 "{:g} s".format(name, service.name, until - query.asked, due - query.asked,
