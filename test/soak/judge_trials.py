@@ -2,10 +2,10 @@
 fail, and the sound controller under many settings, which it must not.
 
 ``sharpness``: each breakage of ``breakages`` is played at the failure rates 0 and 0.2, with one
-visitor after the other, until the run differs from that of the sound controller. What does not
-differ under any visitor is not visible ("nowhere", with the reason), nor what differs only in times
-that a busy machine may have too ("too fine": less than ``execution.LATE``). ``soundness``: drawn
-settings of the sound controller. A breakage also holds while the verdict is made: the judge runs
+visitor after the other, until the run differs visibly from that of the sound controller. What does
+not under any visitor is listed with the reason: nothing differs ("nowhere"), or it differs in times
+that a busy machine may have too, less than ``execution.LATE``, or in requests that left no trace
+("unseen"). ``soundness``: drawn settings of the sound controller. A breakage also holds while the verdict is made: the judge runs
 beside the product, and a mistake in what both use must not hide itself.
 
 ``python3 test/soak/judge_trials.py broken --only 'text that' --stage 'lab tour by voice' --why``
@@ -141,13 +141,13 @@ class Outcome(NamedTuple):
     objections: Tuple[str, ...] = ()
     is_named: bool = False
     test: Optional[Configuration] = None
-    is_too_fine: bool = False
+    unseen: str = ""  # why neither record nor journal can show it
     plays: int = 0  # that might have shown it
 
     @property
     def is_visible(self) -> bool:
         """Whether the run tells it from the sound controller's."""
-        return bool(self.shown) and not self.is_too_fine
+        return bool(self.shown) and not self.unseen
 
     @property
     def why_nowhere(self) -> str:
@@ -222,17 +222,21 @@ def difference(sound: Played, broken: Played) -> str:
     return ""
 
 
-def is_too_fine(sound: Played, broken: Played) -> bool:
-    """Return whether two plays differ in times alone, and by no more than a busy machine may make
-    them: nobody can see that in one run."""
-    same = all(one[1:] == other[1:] and abs(one[0] - other[0]) < LATE for one, other in
-               itertools.zip_longest(sound.asked, broken.asked, fillvalue=(math.inf, None)))
-    return same and sound.exit_code == broken.exit_code
+def unseen(sound: Played, broken: Played) -> str:
+    """Return why neither record nor journal can show a difference of two plays; empty: they can."""
+    if sound.exit_code != broken.exit_code:
+        return ""
+    if not any(first_difference(ASPECTS[name](sound), ASPECTS[name](broken))
+               for name in ("journal", "record")):
+        return "what was sent reached no node, and is not on record"
+    is_fine = difference(sound, broken).startswith("times") and all(
+        abs(at - then) < LATE for (at, _), (then, _) in zip(sound.asked, broken.asked))
+    return "the times differ by less than {:g} s".format(LATE) if is_fine else ""
 
 
 def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:
-    """Play a breakage until it shows, and judge that play."""
-    nothing, plays = Outcome(name, breakage.family, str(breakage), rate), 0
+    """Play a breakage until it is visible, and judge that play."""
+    found, plays = Outcome(name, breakage.family, str(breakage), rate), 0
     for test in tests(rate, seed):
         well = sound(name, test)
         if well.objections or breakage.needs and breakage.needs not in well.happened:
@@ -247,13 +251,14 @@ def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:
                 try:
                     told = verdict_on(stage(name), test, played)
                 except Exception as error:  # a judge that fails has not judged
-                    told, shown = (), "the judge raised {!r}".format(error)
-                is_named = any(word in text for word in breakage.names for text in told)
-                too_fine = not told and shown.startswith("times") and is_too_fine(
-                    well.played, played)
-                return nothing._replace(shown=shown, objections=told, is_named=is_named, test=test,
-                                        is_too_fine=too_fine, plays=plays)
-    return nothing._replace(plays=plays)
+                    return found._replace(shown="the judge raised {!r}".format(error), test=test)
+                found = found._replace(
+                    shown=shown, objections=told, test=test,
+                    is_named=any(word in text for word in breakage.names for text in told),
+                    unseen="" if told else unseen(well.played, played))
+                if found.is_visible:
+                    break
+    return found._replace(plays=plays)
 
 
 def _attempt(task: Tuple[str, int, float, int]) -> Outcome:
@@ -316,9 +321,10 @@ def report(outcomes: Sequence[Outcome], why: bool = False) -> Iterator[str]:
             rate, 100 * failed / max(1, shown), 100 * named / max(1, shown))
     for outcome in outcomes:
         if outcome.shown and not outcome.objections:
-            yield "{} {:g} {}: {} [{}]; what differs: {:.200}".format(
-                "too fine" if outcome.is_too_fine else "PASSED  ", outcome.rate, outcome.stage,
-                outcome.what, _test(outcome.test), outcome.shown)
+            yield "{} {:g} {}: {} [{}]; {}what differs: {:.200}".format(
+                "unseen  " if outcome.unseen else "PASSED  ", outcome.rate, outcome.stage,
+                outcome.what, _test(outcome.test), outcome.unseen and outcome.unseen + "; ",
+                outcome.shown)
         elif outcome.shown and (why or not outcome.is_named):
             yield "{} {:g} {}: {} [{}]: {}".format(
                 "FAILED  " if outcome.is_named else "no name ", outcome.rate, outcome.stage,
