@@ -56,6 +56,9 @@ STAGES: Dict[str, Dict[str, Any]] = {
     "lab tour by tablet": {"asrEnabled": False},
     "release 1.0 by voice": dict(RELEASE, asrEnabled=True),
     "release 1.0 by tablet": dict(RELEASE, asrEnabled=False, tabletSuccessIs="yes"),
+    "reception by voice": {"scenarioSpecification": "reception", "asrEnabled": True},
+    "release 1.0 reception by voice": dict(
+        RELEASE, scenarioSpecification="release_1_0_reception", asrEnabled=True),
 }
 
 
