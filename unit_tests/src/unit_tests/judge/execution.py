@@ -50,7 +50,8 @@ SHORTEST_PASS = 1.0
 """After a shorter pass the next one waits for so many seconds."""
 
 LATE_RETRY = 0.18
-"""Seconds that the promptest retry of a node may be late: others may meet a busy machine."""
+"""Seconds that the promptest of several retries of a node may be late: one of them may meet a busy
+machine, all of them do not."""
 
 WORDS = {"S": "SUCCESS", "F": "FAILURE", "R": "RUNNING", "-": "halted"}
 
@@ -449,9 +450,10 @@ class Execution(Course):
 
     @property
     def late_retries(self) -> List[str]:
-        """The nodes that were tried again too late every time."""
+        """The nodes that were tried again more than once, and too late every time."""
         return ["{} was tried again {:.1f} s later than the policy says".format(node, min(delays))
-                for node, delays in self._delays.items() if min(delays) > LATE_RETRY]
+                for node, delays in self._delays.items()
+                if len(delays) > 1 and min(delays) > LATE_RETRY]
 
     def ended(self, node: Duty, cause: Optional[Cause]) -> None:
         """Note that a leaf ended; ``cause`` None: it succeeded."""
