@@ -1270,6 +1270,19 @@ def wrong_course(known: Catalogue) -> Iterator[Breakage]:
                    wrapping(MissionContext, "begin_visit", _other_language_later))
 
 
+def asks_after_the_end(method: Any, self: Any) -> Any:
+    code = method(self)
+    self.mission.gateway.start(self.mission.interface.safe_state[0])
+    return code
+
+
+PAUSES: Tuple[Tuple[str, Callable[..., float]], ...] = (
+    ("half as long", lambda method, self, number: method(self, number) / 2),
+    ("twice as long", lambda method, self, number: method(self, number) * 2),
+    ("as long as the first one", lambda method, self, number: method(self, 0)),
+)
+
+
 def wrong_missions(known: Catalogue) -> Iterator[Breakage]:
     """Yield the mistakes of the mission as a whole."""
     speech = tuple(place.node for place, asked in known.requests.items()
@@ -1289,6 +1302,8 @@ def wrong_missions(known: Catalogue) -> Iterator[Breakage]:
                    wrapping(Runner, "_pass", counts_twice))
     yield Breakage("passes", "the exit code is another", ("exit code",), None,
                    wrapping(Runner, "run", lambda method, self: 3 - method(self)))
+    yield Breakage("passes", "a request follows the end of the run", ("the end",), None,
+                   wrapping(Runner, "run", asks_after_the_end))
     for ticks in (3, 40, 90):
         for what, then in (("ends by itself", lambda: True), ("crashes", crash)):
             yield Breakage("passes", "the controller {} after {} ticks".format(what, ticks),
@@ -1296,6 +1311,9 @@ def wrong_missions(known: Catalogue) -> Iterator[Breakage]:
     yield Breakage("passes", "no pause after a pass that failed for a cause that persists",
                    ("pause", "pass"), None,
                    wrapping(Persistence, "cause", lambda method, *given: None))
+    for what, change in PAUSES:
+        yield Breakage("passes", "the pause after such a pass is " + what, ("pause", "pass"), None,
+                       wrapping(Policy, "pause", change))
 
 
 FAMILIES: Tuple[Callable[[Catalogue], Iterator[Breakage]], ...] = (

@@ -2,10 +2,10 @@
 fail, and the sound controller under many settings, which it must not.
 
 ``sharpness``: each breakage of ``breakages`` is played at the failure rates 0 and 0.2, with one
-visitor after the other, until the run differs from that of the sound controller. What does not
-differ under any visitor cannot be seen by anybody ("nowhere"), nor what differs only in times that
-a busy machine may have too ("too fine": less than ``execution.LATE``). ``soundness``: drawn
-settings of the sound controller. A breakage also holds while the verdict is made: the judge runs
+visitor after the other, until the run differs visibly from that of the sound controller. What does
+not under any visitor is listed with the reason: nothing differs ("nowhere"), or it differs in times
+that a busy machine may have too, less than ``execution.LATE``, or in requests that left no trace
+("unseen"). ``soundness``: drawn settings of the sound controller. A breakage also holds while the verdict is made: the judge runs
 beside the product, and a mistake in what both use must not hide itself.
 
 ``python3 test/soak/judge_trials.py broken --only 'text that' --stage 'lab tour by voice' --why``
@@ -40,7 +40,7 @@ from behavior_controller.execution.events import (  # noqa: E402
     EntriesWritten, LeafFinished, Message, Noticed, Recovered, Recovering, Retried, StepStarted,
     Tick)
 from behavior_controller.robot.gateway import Cause  # noqa: E402
-from behavior_controller.text import Source  # noqa: E402
+from behavior_controller.text import Source, count  # noqa: E402
 from unit_tests.judge.execution import LATE  # noqa: E402
 from unit_tests.judge.facts import Facts  # noqa: E402
 from unit_tests.judge.verdict import judge  # noqa: E402
@@ -56,6 +56,9 @@ STAGES: Dict[str, Dict[str, Any]] = {
     "lab tour by tablet": {"asrEnabled": False},
     "release 1.0 by voice": dict(RELEASE, asrEnabled=True),
     "release 1.0 by tablet": dict(RELEASE, asrEnabled=False, tabletSuccessIs="yes"),
+    "reception by voice": {"scenarioSpecification": "reception", "asrEnabled": True},
+    "release 1.0 reception by voice": dict(
+        RELEASE, scenarioSpecification="release_1_0_reception", asrEnabled=True),
 }
 
 
@@ -141,7 +144,21 @@ class Outcome(NamedTuple):
     objections: Tuple[str, ...] = ()
     is_named: bool = False
     test: Optional[Configuration] = None
-    is_too_fine: bool = False
+    unseen: str = ""  # why neither record nor journal can show it
+    plays: int = 0  # that might have shown it
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether the run tells it from the sound controller's."""
+        return bool(self.shown) and not self.unseen
+
+    @property
+    def why_nowhere(self) -> str:
+        """Why nothing shows it."""
+        if not self.plays:
+            return "no visitor and no fault brings about what it needs"
+        return "in {} requests, times, journal, record and exit code are as they were".format(
+            count(self.plays, "play", "plays"))
 
 
 NEAR = 0.001
@@ -208,21 +225,26 @@ def difference(sound: Played, broken: Played) -> str:
     return ""
 
 
-def is_too_fine(sound: Played, broken: Played) -> bool:
-    """Return whether two plays differ in times alone, and by no more than a busy machine may make
-    them: nobody can see that in one run."""
-    same = all(one[1:] == other[1:] and abs(one[0] - other[0]) < LATE for one, other in
-               itertools.zip_longest(sound.asked, broken.asked, fillvalue=(math.inf, None)))
-    return same and sound.exit_code == broken.exit_code
+def unseen(sound: Played, broken: Played) -> str:
+    """Return why neither record nor journal can show a difference of two plays; empty: they can."""
+    if sound.exit_code != broken.exit_code:
+        return ""
+    if not any(first_difference(ASPECTS[name](sound), ASPECTS[name](broken))
+               for name in ("journal", "record")):
+        return "what was sent reached no node, and is not on record"
+    is_fine = difference(sound, broken).startswith("times") and all(
+        abs(at - then) < LATE for (at, _), (then, _) in zip(sound.asked, broken.asked))
+    return "the times differ by less than {:g} s".format(LATE) if is_fine else ""
 
 
 def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:
-    """Play a breakage until it shows, and judge that play."""
-    nothing = Outcome(name, breakage.family, str(breakage), rate)
+    """Play a breakage until it is visible, and judge that play."""
+    found, plays = Outcome(name, breakage.family, str(breakage), rate), 0
     for test in tests(rate, seed):
         well = sound(name, test)
         if well.objections or breakage.needs and breakage.needs not in well.happened:
             continue
+        plays += 1
         with breakage.broken():
             played = stage(name).play(test)
             if played.error and ON_PURPOSE not in played.error:
@@ -232,13 +254,14 @@ def attempt(name: str, breakage: Breakage, rate: float, seed: int) -> Outcome:
                 try:
                     told = verdict_on(stage(name), test, played)
                 except Exception as error:  # a judge that fails has not judged
-                    told, shown = (), "the judge raised {!r}".format(error)
-                is_named = any(word in text for word in breakage.names for text in told)
-                too_fine = not told and shown.startswith("times") and is_too_fine(
-                    well.played, played)
-                return nothing._replace(shown=shown, objections=told, is_named=is_named, test=test,
-                                        is_too_fine=too_fine)
-    return nothing
+                    return found._replace(shown="the judge raised {!r}".format(error), test=test)
+                found = found._replace(
+                    shown=shown, objections=told, test=test,
+                    is_named=any(word in text for word in breakage.names for text in told),
+                    unseen="" if told else unseen(well.played, played))
+                if found.is_visible:
+                    break
+    return found._replace(plays=plays)
 
 
 def _attempt(task: Tuple[str, int, float, int]) -> Outcome:
@@ -287,8 +310,7 @@ def table(outcomes: Sequence[Outcome]) -> Iterator[str]:
 
 
 def _counts(outcomes: Sequence[Outcome], rate: float) -> Tuple[int, int, int]:
-    shown = [outcome for outcome in outcomes
-             if outcome.rate == rate and outcome.shown and not outcome.is_too_fine]
+    shown = [outcome for outcome in outcomes if outcome.rate == rate and outcome.is_visible]
     failed = [outcome for outcome in shown if outcome.objections]
     return len(shown), len(failed), sum(outcome.is_named for outcome in failed)
 
@@ -296,20 +318,24 @@ def _counts(outcomes: Sequence[Outcome], rate: float) -> Tuple[int, int, int]:
 def report(outcomes: Sequence[Outcome], why: bool = False) -> Iterator[str]:
     """Yield the table, and each breakage that passed, or whose node was not named."""
     yield from table(outcomes)
+    for rate in RATES:
+        shown, failed, named = _counts(outcomes, rate)
+        yield "rate {:g}: {:.2f} % FAILED, {:.2f} % with the node named".format(
+            rate, 100 * failed / max(1, shown), 100 * named / max(1, shown))
     for outcome in outcomes:
         if outcome.shown and not outcome.objections:
-            yield "{} {:g} {}: {} [{}]; what differs: {:.200}".format(
-                "too fine" if outcome.is_too_fine else "PASSED  ", outcome.rate, outcome.stage,
-                outcome.what, _test(outcome.test), outcome.shown)
+            yield "{} {:g} {}: {} [{}]; {}what differs: {:.200}".format(
+                "unseen  " if outcome.unseen else "PASSED  ", outcome.rate, outcome.stage,
+                outcome.what, _test(outcome.test), outcome.unseen and outcome.unseen + "; ",
+                outcome.shown)
         elif outcome.shown and (why or not outcome.is_named):
             yield "{} {:g} {}: {} [{}]: {}".format(
                 "FAILED  " if outcome.is_named else "no name ", outcome.rate, outcome.stage,
                 outcome.what, _test(outcome.test), " | ".join(outcome.objections[:3]))
+    shown = {(outcome.stage, outcome.what) for outcome in outcomes if outcome.shown}
     for outcome in outcomes:
-        if not any(other.shown for other in outcomes
-                   if (other.stage, other.what) == (outcome.stage, outcome.what)) \
-                and outcome.rate == RATES[0]:
-            yield "nowhere  {}: {}".format(outcome.stage, outcome.what)
+        if outcome.rate == RATES[-1] and (outcome.stage, outcome.what) not in shown:
+            yield "nowhere  {}: {}; {}".format(outcome.stage, outcome.what, outcome.why_nowhere)
 
 
 def _test(test: Optional[Configuration]) -> str:
@@ -420,7 +446,7 @@ def run_broken(seed: int, most: Optional[int] = None, only: str = "", names: Seq
     outcomes = sharpness(chosen(seed, most, only, names), jobs)
     print("\n".join(report(outcomes, why)), flush=True)
     return [outcome.what for outcome in outcomes
-            if outcome.shown and not (outcome.objections or outcome.is_too_fine)]
+            if outcome.is_visible and not outcome.objections]
 
 
 def run_sound(seed: int, number: int, jobs: Optional[int] = None) -> List[str]:

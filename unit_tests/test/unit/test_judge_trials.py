@@ -24,7 +24,7 @@ def test_the_sound_controller_is_never_failed(seeds):
                          [([VOICE], 8), pytest.param(list(judge_trials.STAGES), 300, marks=MORE)])
 def test_a_broken_controller_is_failed_with_the_node_named(names, most):
     outcomes = judge_trials.sharpness(judge_trials.chosen(1, most, names=names), jobs=1)
-    shown = [outcome for outcome in outcomes if outcome.shown and not outcome.is_too_fine]
+    shown = [outcome for outcome in outcomes if outcome.is_visible]
     assert len(shown) >= most // 2
     missed = [outcome.what for outcome in shown if not outcome.is_named]
     assert len(missed) <= len(shown) // 100, missed

@@ -60,7 +60,7 @@ def asked_by(of_test):
     """Return what each node asked in a sound tour, of each the first request."""
     from unit_tests.judge.execution import execute
     found = {}
-    for query in execute(of_test)[0].queries.values():
+    for query in execute(of_test)[0].calls.queries.values():
         found.setdefault(query.node, query.request)
     return found
 

@@ -385,14 +385,17 @@ def later(seconds, kind, which=lambda event: True):
     return apply
 
 
-@pytest.mark.parametrize("seconds, is_late", [(0.05, False), (0.3, True)])
-def test_a_retry_that_comes_late(seconds, is_late):
-    of_test = facts([REFUSED])
-    again = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)
-             and getattr(line.event.request, "text", "").startswith("Would you like")][1]
-    late = changed(of_test, later(seconds, Asked, lambda event: event == again))
-    retried = [text for text in objections(late) if "was tried again" in text]
-    assert bool(retried) is is_late and all("QueryTourSpeech" in text for text in retried)
+@pytest.mark.parametrize("seconds, number, is_late", [(0.05, 2, False), (0.3, 1, False),
+                                                      (0.3, 2, True)])
+def test_retries_that_come_late_every_time(seconds, number, is_late):
+    """One that comes late may have met a busy machine."""
+    of_test = facts(["robotNavigation:1", "robotNavigation:2"])
+    goals = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)
+             and isinstance(line.event.request, GoTo)]
+    for again in goals[1:1 + number]:
+        of_test = changed(of_test, later(seconds, Asked, lambda event: event == again))
+    retried = [text for text in objections(of_test) if "was tried again" in text]
+    assert bool(retried) is is_late and all("Navigate" in text for text in retried)
 
 
 def test_a_pass_that_ends_otherwise_than_its_tree():
@@ -512,6 +515,17 @@ def test_a_sign_that_was_over_is_none():
         Message, lambda event: replace(event, arrived=event.arrived - 1.9)))
     assert_objects(older._replace(journal=sorted(lines, key=lambda line: line.time)),
                    "IsVisitorDiscovered held, 1.5 s after ")
+
+
+def test_a_request_after_the_end_of_the_run():
+    of_test = facts()
+    last = max(line.event.call for line in of_test.run.lines if isinstance(line.event, Asked))
+
+    def more(line):
+        yield line
+        if isinstance(line.event, RunFinished):
+            yield Line(line.time, Asked(last + 1, "/textToSpeech/say_text", Say("Psst")))
+    assert_objects(changed(of_test, more), "after the end of the run nothing is due", "“Psst”")
 
 
 def test_a_safe_state_that_was_never_sent():

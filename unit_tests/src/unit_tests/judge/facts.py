@@ -6,12 +6,17 @@ from behavior_controller.execution import events
 from behavior_controller.execution.run import Run
 from behavior_controller.missions.load import Mission
 
+from unit_tests.robot.faults import CRASH
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.options import Configuration
 from unit_tests.robot.world import World
 from unit_tests.rehearsal.faultless_play import Rehearsal
 
 Kind = TypeVar("Kind")
+
+RETURN = 15.0
+"""Seconds after a node's crash in which it may be away: its process and its connections have to
+come back."""
 
 
 class Facts(NamedTuple):
@@ -27,6 +32,11 @@ class Facts(NamedTuple):
     rehearsal: Optional[Rehearsal] = None  # the same mission on a robot without faults
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
     errors: Tuple[str, ...] = ()  # that the controller reported on its terminal
+
+    @property
+    def crashes(self) -> List[JournalEntry]:
+        """The calls at which nodes crashed."""
+        return [line for line in self.journal if line.fault == CRASH]
 
 
 def of(record: Iterable[events.Line], kind: Type[Kind]) -> List[Tuple[float, Kind]]:

@@ -6,12 +6,12 @@ from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 from behavior_controller.execution.events import PassFinished
 from behavior_controller.execution.state import LeafFailure, RecoveryRound
-from behavior_controller.robot.gateway import Failure
 from behavior_controller.text import clean
 
 from unit_tests.judge.facts import Facts, of
 from unit_tests.judge.reference import DONE, HANDLERS
 from unit_tests.judge.witness import Pair, Witness
+from unit_tests.robot.faults import WRONG
 
 AGAIN = "tried again"
 """What the recovery did about a failure whose next attempt failed too."""
@@ -45,9 +45,7 @@ class Rows:
     def __init__(self, facts: Facts, witness: Witness):
         self._facts = facts
         self._passes = [time for time, _ in of(facts.run.lines, PassFinished)]
-        self._open: List[Pair] = [
-            pair for pair in witness.pairs if pair.line is not None and pair.line.fault
-        ]
+        self._open: List[Pair] = list(filter(_fault, witness.pairs))
         # id() of a failure -> the recovery from it, and those around that one
         self._rounds: Dict[int, List[RecoveryRound]] = {}
         for each in facts.run.recoveries:
@@ -65,22 +63,19 @@ class Rows:
     def _of_failure(self, failed: LeafFailure) -> FailureRow:
         recovery, until = self._recovery(failed)
         pair = next((pair for pair in self._open if _explains(pair, failed)), None)
-        if pair is None or pair.line is None:
+        if pair is None:
             return self._row(failed.at, failed.node, failed.failure.resource or "-",
                              failed.failure.cause.value, recovery, until, False)
         self._open.remove(pair)
-        return self._row(pair.line.time, failed.node, _call(pair), pair.line.fault or "", recovery,
-                         until, True)
+        return self._row(pair.time, failed.node, _call(pair), _fault(pair), recovery, until, True)
 
     def _of_rest(self, pair: Pair) -> FailureRow:
         """Return the row of a fault that is no failure of a node."""
-        query, line = pair
-        assert line is not None
-        recovery = NOT_ON_RECORD
+        query, recovery = pair.query, NOT_ON_RECORD
         if query is not None:
             recovery = HALTED if query.result is None else IN_SAFE_STATE
-        return self._row(line.time, query.node if query is not None else "", _call(pair),
-                         line.fault or "", recovery, line.time, True)
+        return self._row(pair.time, query.node if query is not None else "", _call(pair),
+                         _fault(pair), recovery, pair.time, True)
 
     def _row(self, at: float, node: str, call: str, kind: str, recovery: str, until: float,
              is_injected: bool) -> FailureRow:
@@ -107,16 +102,16 @@ class Rows:
 def _explains(pair: Pair, failed: LeafFailure) -> bool:
     """Return whether a fault is that of a failure on record: the same service and cause, the newest
     before it."""
-    query, cause = pair.query, failed.failure.cause
-    if query is None or query.service != failed.failure.resource or query.node not in ("",
-                                                                                       failed.node):
+    query = pair.query
+    if query is None or query.service != failed.failure.resource or query.node not in (
+            "", failed.node) or (query.answered or 0.0) > failed.at:
         return False
-    if (query.answered or 0.0) > failed.at:
-        return False
-    result = query.result
-    return isinstance(
-        result,
-        Failure) and result.cause is cause or pair.line is not None and pair.line.fault == "wrong"
+    return query.outcome == failed.failure.cause.value or _fault(pair) == WRONG
+
+
+def _fault(pair: Pair) -> str:
+    """Return the fault that was injected; empty: none."""
+    return (pair.line.fault or "") if pair.line is not None else ""
 
 
 def _call(pair: Pair) -> str:

@@ -219,7 +219,7 @@ class Duty(Node):
         """Write ports. Raises PortError."""
         for port, value in entries.items():
             self.set_output(port, value)
-            self.course.stored(self, port)
+            self.course.entries.stored(self, port)
 
     def conclude(self, cause: Optional[Cause]) -> Result:
         """End the node; without a cause it has succeeded."""
@@ -258,22 +258,19 @@ class Attempt:
 
     def __init__(self, node: "Asking"):
         self._node = node
-        self._reply: Optional[Reply] = None
         try:
-            wanted = node.rule(node)
+            self._wanted = node.rule(node)
         except PortError:
-            wanted = Cause.MISSING_DATA
-        self._wanted = wanted
-        self._rest: Optional[Timer] = None
-        self._cause = wanted if isinstance(wanted, Cause) else None
-        if wanted is not None and self._cause is None:
-            self._reply = node.course.ask(node, wanted)
+            self._wanted = Cause.MISSING_DATA
+        is_asked = self._wanted is not None and not isinstance(self._wanted, Cause)
+        self._reply: Optional[Reply] = node.course.ask(node, self._wanted) if is_asked else None
+        self._rest: Optional[Timer] = None  # of what the robot says, after its answer
 
     def poll(self) -> Optional[Ended]:
         """Return how the attempt ended, or None."""
         node = self._node
         if self._reply is None:
-            return Ended(self._cause)
+            return Ended(self._wanted)
         result = self._reply.result
         if result is None or isinstance(result, Answer) and self._goes_on():
             return None
@@ -370,35 +367,32 @@ class Listener(Duty):
     """A node that goes by the messages about one sense."""
 
     sense: Sense
+    _timer: Optional[Timer] = None
+    _is_late = False
 
     @property
     def topic(self) -> Topic:
         return self.course.interface.evidence(self.sense).topic
 
-
-class Patience:
-    """The time for which a node listens; what began within it may come later."""
-
-    def __init__(self, node: "Listener", seconds: float):
-        self._node = node
-        self._is_late = False
-        self._timer = node.clock.call_after(min(seconds, 1e9), node.wake)
-
-    def is_over(self) -> bool:
-        """Return whether nothing more may come."""
-        node = self._node
+    def listens(self, seconds: float) -> bool:
+        """Return whether the node listens on: for so many seconds from the first call on, and for
+        what began within them."""
+        if self._timer is None:
+            self._timer = self.clock.call_after(min(seconds, 1e9), self.wake)
         if self._timer.callback is not None and not self._is_late:
-            return False
-        if not node.course.is_hearing(node.topic):
             return True
-        if not self._is_late and node.topic.action is not None:
+        if not self.course.signs.is_hearing(self.topic):
+            return False
+        if not self._is_late and self.topic.action is not None:
             self._is_late = True
-            self._timer = node.clock.call_after(RESULT_WAIT, node.wake)
-        return False
+            self._timer = self.clock.call_after(RESULT_WAIT, self.wake)
+        return True
 
-    def cancel(self) -> None:
-        """Stop waiting."""
-        self._timer.cancel()
+    def stop_listening(self) -> None:
+        """Listen no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer, self._is_late = None, False
 
 
 class Sign(Listener, ConditionLeaf):
@@ -406,14 +400,13 @@ class Sign(Listener, ConditionLeaf):
     what they answer."""
 
     counts_from = "attentionSetAt"
-    _patience: Optional[Patience] = None
 
     def update(self) -> Result:
         self.resource = self.topic.name
         try:
             return self._answer(self._after)
         except PortError:
-            self._stop()
+            self.stop_listening()
             return self.conclude(Cause.MISSING_DATA)
 
     @property
@@ -425,18 +418,18 @@ class Sign(Listener, ConditionLeaf):
     def _answer(self, after: float) -> Result:
         evidence, now = self._evidence, self.clock.now()
         limit = self.course.settings.topic_max_age if self.topic.is_continuous else math.inf
-        counting = [sample for sample in self.course.messages(self.topic)
+        counting = [sample for sample in self.course.signs.messages(self.topic)
                     if sample.arrived > after and now - sample.arrived <= limit]
         for sample in counting:
             if self.is_sign(sample.value):
-                self._stop()
-                self.course.saw(self, self.topic, sample, self.is_sign)
+                self.stop_listening()
+                self.course.signs.saw(self, self.topic, sample, self.is_sign)
                 self.use(sample)
                 return self.conclude(None)
-        self.course.sought(self, self.topic, after, self.is_sign)
+        self.course.signs.sought(self, self.topic, after, self.is_sign)
         if any(evidence.is_given_up(sample.value)
                for sample in counting) or not self._waits(evidence.wait):
-            self._stop()
+            self.stop_listening()
             return self.conclude(Cause.CONDITION_FALSE)
         return RUNNING
 
@@ -453,19 +446,10 @@ class Sign(Listener, ConditionLeaf):
 
     def _waits(self, wait: Optional[float]) -> bool:
         wait = self.course.settings.condition_wait if wait is None else wait
-        if not wait or is_asked_again(self):
-            return False
-        if self._patience is None:
-            self._patience = Patience(self, wait)
-        return not self._patience.is_over()
-
-    def _stop(self) -> None:
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
+        return bool(wait) and not is_asked_again(self) and self.listens(wait)
 
     def halt(self) -> None:
-        self._stop()
+        self.stop_listening()
         super().halt()
 
 
@@ -507,24 +491,22 @@ class Listening(Listener, ActionLeaf):
 
     sense = Sense.UTTERANCE
     _began = 0.0
-    _patience: Optional[Patience] = None
 
     def on_start(self) -> Result:
         self.resource, self._began = self.topic.name, self.clock.now()
-        self._patience = Patience(self, ANSWER_WAIT)
         return self.on_running()
 
     def on_running(self) -> Result:
         heard = [
-            sample.value for sample in self.course.messages(self.topic)
+            sample.value for sample in self.course.signs.messages(self.topic)
             if sample.arrived > self._began
         ]
         ending = next(filter(self._ends, heard), None)
-        if ending is None and self._patience is not None and not self._patience.is_over():
-            self.course.sought(self, self.topic, self._began, self._ends)
+        if ending is None and self.listens(ANSWER_WAIT):
+            self.course.signs.sought(self, self.topic, self._began, self._ends)
             return RUNNING
         is_failure = ending is not None and is_error(ending)
-        self._stop()
+        self.stop_listening()
         try:
             answer = None if ending is None or is_failure else spoken(self.course.phrases, ending)
             self.write(visitorResponse=answer or "")
@@ -535,12 +517,8 @@ class Listening(Listener, ActionLeaf):
     def _ends(self, text: str) -> bool:
         return is_error(text) or spoken(self.course.phrases, text) is not None
 
-    def _stop(self) -> None:
-        if self._patience is not None:
-            self._patience.cancel()
-
     def on_halted(self) -> None:
-        self._stop()
+        self.stop_listening()
         self.course.halted(self)
 
 
@@ -715,7 +693,7 @@ class Round:
     def _decided(self, step: str, *values: Any, work: Optional[Duty] = None,
                  cause: Optional[Cause] = None) -> None:
         node = work or self._failed.node
-        self._course.decided(Decision(
+        self._course.reports.decided(Decision(
             node.registration_id, node.full_path, (cause or self.cause).value,
             step.format(*values), 0 if work else self._handler.uid))
 
@@ -757,7 +735,8 @@ class Round:
             self._safe_state = [self._course.ask(self._handler, request) for request in SAFE_STATE]
 
     def _substitute(self, node_id: str) -> Asking:
-        handler, spec = self._handler, self._course.spec(node_id)
+        # the policy was checked when the mission was loaded
+        handler, spec = self._handler, self._course.registry.find(node_id)
         node: Any = spec.factory(node_id)
         node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
         node.uid, node.full_path = handler.uid, handler.full_path
@@ -783,7 +762,7 @@ class Round:
         if any(reply.result is None for reply in self._safe_state):
             return None
         if self._safe_state:
-            self._course.decided(SAFE)
+            self._course.reports.decided(SAFE)
         self._decided(ENDED, self._outcome, self.retries, "give up" if self.gives_up else "skip")
         return self._outcome
 
@@ -824,7 +803,7 @@ class Round:
             return False
         if self._pause.callback is not None:
             return True
-        if self._rule.then != "giveUp" or not self._course.is_gone(self._failed.resource):
+        if self._rule.then != "giveUp" or self._failed.resource not in self._course.gone:
             return False
         if self._patience is None:
             self._patience = self._handler.clock.call_after(RETURN_WAIT, self._handler.wake)
@@ -883,7 +862,7 @@ def _false_unless(holds: Callable[[Any], bool]) -> Callable[[Any], Optional[Caus
 
 def tell_stop(node: Duty, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    node.course.decided(Decision(node.registration_id, node.full_path, "", STOP.format(
+    node.course.reports.decided(Decision(node.registration_id, node.full_path, "", STOP.format(
         index + 1, len(exhibits), exhibits[index].name, state)))
 
 
@@ -921,7 +900,7 @@ def _keep_place(node: Duty, answer: Answer, has_gesture: bool) -> Optional[Cause
         node.write(gestureTarget=answer.exhibits[0].gesture)
     else:
         node.clear_output("gestureTarget")
-        node.course.stored(node, "gestureTarget")
+        node.course.entries.stored(node, "gestureTarget")
     return None
 
 

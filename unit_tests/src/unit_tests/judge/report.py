@@ -62,8 +62,8 @@ def failure_lines(case: Case) -> List[str]:
     failures = [(failed.at, failed.node, failed.path, failed.failure.resource or
                  "-", failed.failure.cause.value, " ".join(failed.failure.message.split()))
                 for failed in _failures(case.facts)]
-    for query, line in case.witness.pairs:
-        if query is not None and line is not None and query.node in HANDLERS and line.fault:
+    for _, query, line in case.witness.pairs:
+        if query is not None and line is not None and query.is_for_safety and line.fault:
             failures.append((line.time, query.node or "-", query.path or "-", line.resource,
                              CAUSE_OF[line.fault].value, IN_SAFE_STATE))
     return [

@@ -11,7 +11,7 @@ from typing import Callable, Iterable, Iterator, List, NamedTuple, Optional, Set
 
 from behavior_controller import exit_codes
 from behavior_controller.execution.events import (
-    LeafFinished, Lost, Noticed, PassFinished, Recovered, RunStarted)
+    LeafFinished, Lost, PassFinished, Recovered, RunStarted)
 from behavior_controller.monitoring.story import why
 from behavior_controller.text import clean, count
 
@@ -76,7 +76,7 @@ class Case:
         end = self.witness.end - last.offset
         if self.overdue:
             return ""
-        long = [search.node.registration_id for search in last.waiting.values()
+        long = [search.node.registration_id for search in last.signs.waiting.values()
                 if end - search.at > LONG_WAIT]
         return long[0] if long else ""
 
@@ -116,9 +116,8 @@ def _start(case: Case) -> Iterator[str]:
     if facts.run.state.started is None:
         yield from facts.errors
     yield from _not_as_given(facts)
-    for _, event in of(facts.run.lines, Noticed):
-        if event.level == "error":
-            yield "the controller reports an error: {}".format(event.text)
+    for event in facts.run.errors:
+        yield "the controller reports an error: {}".format(event.text)
 
 
 def _not_as_given(facts: Facts) -> Iterator[str]:

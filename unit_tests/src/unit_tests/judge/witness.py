@@ -5,23 +5,23 @@ Nothing is excused that the journal does not show: a failed call needs its fault
 away its crash, a wait without an end the silence of its topic. What a real node was asked and said
 has the record as its only witness.
 """
-import bisect
 import itertools
 import math
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
-from behavior_controller.execution.events import HealthChanged, Message
+from behavior_controller.execution.events import HealthChanged
 from behavior_controller.execution.health import GONE
-from behavior_controller.robot.declarations import Action, Service, Topic
+from behavior_controller.robot.declarations import Action, Service
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Prompt
 
-from unit_tests.judge.execution import (
-    EARLY, Execution, Holding, LATE, Query, SignWait, described)
-from unit_tests.judge.facts import Facts, of
-from unit_tests.judge.reference import FIELDS, HANDLERS, SAFE_STATE
+from unit_tests.judge import messages
+from unit_tests.judge.calls import Query, described
+from unit_tests.judge.execution import EARLY, Execution, LATE
+from unit_tests.judge.facts import RETURN, Facts, of
+from unit_tests.judge.reference import FIELDS, SAFE_STATE
 from unit_tests.robot import journal
-from unit_tests.robot.behaviour import SERVICES, TOPICS, usual_seconds
+from unit_tests.robot.behaviour import SERVICES, usual_seconds
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
 from unit_tests.robot.visitor import Visitor
 
@@ -32,20 +32,19 @@ CAUSE_OF = {REFUSED: Cause.REFUSED, EXCEPTION: Cause.HANDLER_EXCEPTION, UNANSWER
 AWAY = {Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.CONNECTION_LOST}
 """How calls fail between the crash of a node and its return."""
 
-RETURN = 15.0
-"""Seconds after a node's crash in which it may be away: its process and its connections have to
-come back."""
-
-
-THE_END = "the safe state"
-"""What asks at the end of a run, without a node."""
-
 
 class Pair(NamedTuple):
     """A request on record and the line of the node that got it; one of them may be missing."""
 
+    service: Service
     query: Optional[Query]
     line: Optional[journal.JournalEntry]
+
+    @property
+    def time(self) -> float:
+        """When the node got the request; if it did not, when it was made."""
+        assert self.line is not None or self.query is not None
+        return self.line.time if self.line is not None else self.query.asked  # type: ignore
 
 
 class Witness:
@@ -53,8 +52,7 @@ class Witness:
 
     def __init__(self, facts: Facts, executions: Sequence[Execution]):
         self._facts, self._interface = facts, facts.world.settings.interface
-        self._executions = executions
-        self._crashes = [line for line in facts.journal if line.fault == CRASH]
+        self._executions, self._crashes = executions, facts.crashes
         lines = list(facts.journal) + facts.run.lines[-1:]
         self.end = max((line.time for line in lines), default=0.0)
         self._answers = self._answers_of_nodes()
@@ -64,8 +62,7 @@ class Witness:
         self.pairs: List[Pair] = []
         for service in self._interface.services:
             self.pairs += self._pair(service)
-        self.pairs.sort(key=lambda pair: pair.line.time if pair.line is not None else
-                        pair.query.asked if pair.query is not None else 0.0)
+        self.pairs.sort(key=lambda pair: pair.time)
 
     def _pair(self, service: Service) -> Iterator[Pair]:
         """Yield the requests to a service, each with its line: the next one while it was under way.
@@ -73,16 +70,16 @@ class Witness:
         lines = [
             line for line in self._facts.journal if line.call and line.resource == service.name
         ]
-        queries = [query for execution in self._executions for query in execution.queries.values()
-                   if query.service == service.name]
+        queries = [query for execution in self._executions
+                   for query in execution.calls.queries.values() if query.service == service.name]
         queries.sort(key=lambda query: query.asked)
         for query, following in itertools.zip_longest(queries, queries[1:]):
             while lines and lines[0].time < query.asked - EARLY:
-                yield Pair(None, lines.pop(0))
+                yield Pair(service, None, lines.pop(0))
             is_its = bool(lines) and self._is_of(lines, query, following, service)
-            yield Pair(query, lines.pop(0) if is_its else None)
+            yield Pair(service, query, lines.pop(0) if is_its else None)
         for line in lines:
-            yield Pair(None, line)
+            yield Pair(service, None, line)
 
     def _is_of(self, lines: Sequence[journal.JournalEntry], query: Query,
                following: Optional[Query], service: Service) -> bool:
@@ -103,38 +100,32 @@ class Witness:
 
     def objections(self) -> Iterator[str]:
         """Object to what has no witness."""
-        node = "the beginning"
+        asker = "the beginning"
         for pair in self.pairs:
-            service = self._service(pair)
-            if pair.query is not None:
-                node = pair.query.node or THE_END
-            if service.node not in self._facts.real:
-                yield from self._of_pair(pair, service, node)
+            asker = pair.query.asker if pair.query is not None else asker
+            if pair.service.node not in self._facts.real:
+                yield from self._of_pair(pair, asker)
         yield from self._of_health()
         for execution in self._executions:
-            yield from self._of_messages(execution)
+            yield from messages.objections(self._facts, execution, self.end)
 
-    def _service(self, pair: Pair) -> Service:
-        query, line = pair
-        name = query.service if query is not None else line.resource if line is not None else ""
-        return next(service for service in self._interface.services if service.name == name)
-
-    def _of_pair(self, pair: Pair, service: Service, node: str) -> Iterator[str]:
-        query, line = pair
-        if query is None and line is not None:
-            yield "after {}, {} was asked {}, and no such request is on record".format(
-                node, line.resource, line.content)
-        elif query is not None and line is None:
+    def _of_pair(self, pair: Pair, asker: str) -> Iterator[str]:
+        """Object to a request; ``asker`` is what has made the newest one on record."""
+        service, query, line = pair
+        if line is None:
+            assert query is not None
             yield from self._unheard(query, service)
-        elif query is not None and line is not None:
-            name = query.node or THE_END
+        elif query is None:
+            yield "after {}, {} was asked {}, and no such request is on record".format(
+                asker, line.resource, line.content)
+        else:
             sent = self._fields(query, line, service)
             if sent != line.content:
-                yield "{}: {} was asked {} instead of {}".format(name, line.resource, line.content,
+                yield "{}: {} was asked {} instead of {}".format(asker, line.resource, line.content,
                                                                  sent)
             if line.objection is not None:
                 yield "{}: {} received a request that makes no sense: {}".format(
-                    name, line.resource, line.objection)
+                    asker, line.resource, line.objection)
             yield from self._of_result(query, line, service)
 
     def _fields(self, query: Query, line: journal.JournalEntry, service: Service) -> Dict[str, Any]:
@@ -156,7 +147,7 @@ class Witness:
             is_well = cause in AWAY and self._is_away(service.node, query.asked)
         if not is_well:
             yield "{}: {} never got the request {}, and on record is {}".format(
-                query.node or THE_END, service.name, described(query.request), _outcome(query))
+                query.asker, service.name, described(query.request), query.outcome)
 
     def _until(self, query: Query) -> float:
         """Return until when an answer was awaited."""
@@ -173,7 +164,7 @@ class Witness:
     def _of_result(
             self, query: Query, line: journal.JournalEntry, service: Service) -> Iterator[str]:
         """Object to a result that is not that of the node."""
-        name, result, fault = query.node or THE_END, query.result, line.fault
+        name, result, fault = query.asker, query.result, line.fault
         if line.time > query.asked + LATE:
             yield "{}: {} got the request {:.1f} s late".format(name, service.name,
                                                                 line.time - query.asked)
@@ -183,7 +174,7 @@ class Witness:
         due = line.time + (usual_seconds(service, line.content) if takes else 0.0)
         due = deadline if fault == UNANSWERED else min(due, deadline)
         # of the safe state all results are read when the last one is there
-        latest = query.asked + self._safe_limit if query.node in HANDLERS else due
+        latest = query.asked + self._safe_limit if query.is_for_safety else due
         if until > latest + LATE or result is not None and until < due - EARLY:
             yield "{}: {} was waited for {:.1f} s; it was due after {:.1f} s, its deadline is " \
                 "{:g} s".format(name, service.name, until - query.asked, due - query.asked,
@@ -196,7 +187,7 @@ class Witness:
                 else cause is _cause(fault, service)):
             yield "call {} of {} for {} was {}; on record is {}".format(
                 line.call, line.resource, name, "carried out" if fault is None
-                else "made to fail ({})".format(fault), _outcome(query))
+                else "made to fail ({})".format(fault), query.outcome)
 
     def _fits(self, query: Query, line: journal.JournalEntry, result: Any) -> bool:
         """Return whether a result is what the node has to say."""
@@ -238,7 +229,7 @@ class Witness:
             is_known = event.node in self._facts.real or event.name in test.absent_services
             if not is_known and not self._is_away(event.node, time):
                 yield "{} was taken for gone, and /{} was running".format(event.name, event.node)
-        for query, _ in self.pairs:
+        for _, query, _ in self.pairs:
             at = query.answered if query is not None and isinstance(
                 query.result, Failure) and query.result.cause in AWAY else None
             if query is None or at is None or at + LATE > self._facts.run.lines[-1].time:
@@ -247,69 +238,6 @@ class Witness:
                     event.name == query.service and at - RETURN < time < at + LATE
                     for time, event in changes):
                 yield "{}: {} was gone, and that was not noticed".format(query.node, query.service)
-
-    # ------------------------------------------------------------------------------------- messages
-
-    def _of_messages(self, execution: Execution) -> Iterator[str]:
-        """Object to messages that nobody published, and to signs that were not seen."""
-        offset = execution.offset
-        if offset is None:
-            return
-        lines = {topic: self._lines(topic) for topic in self._interface.topics
-                 if topic.name in TOPICS and topic.node not in self._facts.real}
-        for event in execution.read:
-            topic = execution.interface.topic(event.topic)
-            if topic in lines and not _is_published(lines[topic], event, offset):
-                yield "the controller read {!r} from {}, and nobody published that".format(
-                    event.value, event.topic)
-        waiting = [search._replace(until=max(search.until, self.end - offset))
-                   for search in execution.waiting.values()]
-        for search in execution.searches + waiting:
-            if search.topic in lines:
-                yield from self._missed(search, lines[search.topic], offset,
-                                        execution.settings.topic_max_age)
-
-        for holding in execution.holdings:
-            if holding.topic in lines:
-                yield from _outdated(holding, lines[holding.topic], offset)
-
-    def _lines(self, topic: Topic) -> List[Tuple[float, Any]]:
-        """Return time and value of the messages of a topic."""
-        return [(line.time, TOPICS[topic.name].value(line.content)) for line in self._facts.journal
-                if line.node == topic.node and line.call == 0]
-
-    def _missed(self, search: SignWait, lines: Sequence[Tuple[float, Any]], offset: float,
-                age: float) -> Iterator[str]:
-        """Object to a sign that was there for ``LATE`` and was not seen."""
-        began = next(execution.began for execution in self._executions
-                     if search.node.course is execution)
-        after = max(search.after + offset, began)
-        at, until = search.at + offset, search.until + offset
-        unread = bisect.bisect_right(lines, (at - LATE, )) - 1
-        if search.topic.is_continuous and unread >= 0 and self._is_heard(
-                search.topic, lines[unread][0]) and lines[unread][0] > max(
-                    began + LATE, search.newest + offset + EARLY):
-            yield "{} did not read what {} said {:.1f} s before: {!r}".format(
-                search.node.registration_id, search.topic.name, at - lines[unread][0],
-                lines[unread][1])
-            return
-        first = after if not search.topic.is_continuous else max(after, at - age + EARLY)
-        for place in range(bisect.bisect_right(lines, (first, )), len(lines)):
-            time, value = lines[place]
-            if time > until - LATE:
-                return
-            if not search.is_sign(value) or not self._is_heard(search.topic, time):
-                continue
-            if search.topic.is_continuous and not _holds(lines, place, max(at, time + LATE),
-                                                         search):
-                continue
-            yield "{} did not see what {} said {:.1f} s before: {!r}".format(
-                search.node.registration_id, search.topic.name, until - time, value)
-            return
-
-    def _is_heard(self, topic: Topic, time: float) -> bool:
-        return not any(crash.node == topic.node and crash.time < time < crash.time + RETURN
-                       for crash in self._crashes)
 
 
 def _reaches(query: Query, line: journal.JournalEntry) -> bool:
@@ -322,30 +250,3 @@ def _reaches(query: Query, line: journal.JournalEntry) -> bool:
 def _cause(fault: str, service: Service) -> Cause:
     """Return the cause of a call's failure; the server of an action aborts a goal that raises."""
     return Cause.REFUSED if fault == EXCEPTION and isinstance(service, Action) else CAUSE_OF[fault]
-
-
-def _is_published(lines: Sequence[Tuple[float, Any]], event: Message, offset: float) -> bool:
-    arrived = event.arrived + offset
-    first = bisect.bisect_left(lines, (arrived - journal.REPEAT - LATE, ))
-    last = bisect.bisect_right(lines, (arrived + LATE, ))
-    return any(value == event.value for _, value in lines[first:last])
-
-
-def _holds(lines: Sequence[Tuple[float, Any]], place: int, until: float, search: SignWait) -> bool:
-    """Return whether a state stayed a sign until then."""
-    last = bisect.bisect_right(lines, (until, ))
-    return all(search.is_sign(value) for _, value in lines[place + 1:last])
-
-
-def _outdated(holding: Holding, lines: Sequence[Tuple[float, Any]], offset: float
-              ) -> Iterator[str]:
-    """Object to a sign that was over ``LATE`` before it was read."""
-    last = bisect.bisect_right(lines, (holding.at + offset - LATE, )) - 1
-    time, value = lines[last] if last >= 0 else (-math.inf, None)
-    if time > holding.arrived + offset + EARLY and not holding.is_sign(value):
-        yield "{} held, {:.1f} s after {} said {!r}".format(
-            holding.node.registration_id, holding.at + offset - time, holding.topic.name, value)
-
-
-def _outcome(query: Query) -> str:
-    return query.result.cause.value if isinstance(query.result, Failure) else "an answer"

@@ -1,0 +1,155 @@
+"""What a record says of the ends of leaves, of decisions and of entries, beside what had to be; it
+is compared after each traversal."""
+import itertools
+from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Union
+
+from behavior_controller.bt.engine import ports
+from behavior_controller.bt.engine.tree import Tree
+from behavior_controller.execution.events import (
+    EntriesWritten, LeafFinished, Recovered, Recovering, Retried)
+from behavior_controller.monitoring.record.recorder import Entries, entry_text
+from behavior_controller.robot.gateway import Cause
+
+from unit_tests.judge import reference
+from unit_tests.judge.foreign import Foreign
+from unit_tests.judge.reference import Decision, Duty
+
+
+class Reports:
+    """Ends of leaves and decisions since the last comparison: on record, and as they had to be."""
+
+    def __init__(self) -> None:
+        self.finished: List[LeafFinished] = []
+        self.decisions: List[Decision] = []
+        self._ends: Dict[int, List[str]] = {}
+        self._due: List[Decision] = []
+
+    def ended(self, node: Duty, end: str) -> None:
+        """Note how a leaf had to end: SUCCESS, IDLE, or the cause of its failure."""
+        self._ends.setdefault(node.uid, []).append(end)
+
+    def cause(self, uid: int) -> str:
+        """Return why a leaf had to fail; empty: it had not."""
+        return next((end for end in self._ends.get(uid, ()) if end not in ("SUCCESS", "IDLE")), "")
+
+    def decided(self, decision: Decision) -> None:
+        """Note what the record has to say."""
+        self._due.append(decision)
+
+    def differences(self, nodes: Sequence[Any]) -> Iterator[str]:
+        """Yield what the record says otherwise, and forget both sides."""
+        yield from self._unlike_ends(nodes)
+        # decisions of recoveries first, then what is begun: of both the order counts
+        for due, other in itertools.zip_longest(*(
+                sorted(decisions, key=lambda decision: not decision.cause)
+                for decisions in (self._due, self.decisions))):
+            if due != other:
+                yield "this had to happen: {}; on record is: {}".format(
+                    due or "nothing", other or "nothing")
+        for each in (self.finished, self._ends, self._due, self.decisions):
+            each.clear()
+
+    def _unlike_ends(self, nodes: Sequence[Any]) -> Iterator[str]:
+        reported: Dict[int, List[str]] = {}
+        for event in self.finished:
+            reported.setdefault(event.uid, []).append(_value(event))
+        for uid in {**self._ends, **reported}:
+            node, wanted, values = nodes[uid - 1], self._ends.get(uid, []), reported.get(uid, [])
+            if isinstance(node, Foreign):
+                values = [value for value in values if value != "IDLE"]
+            # a condition that is asked again and again is on record when it changes
+            is_quiet = isinstance(node, Foreign) or isinstance(
+                node, reference.Sign) and wanted[-1:] not in ([], ["SUCCESS"])
+            if values != wanted and not (is_quiet and set(values) <= set(wanted)):
+                yield "{} ended with {}; on record is {}".format(
+                    label(node), ", ".join(wanted) or "nothing", ", ".join(values) or "nothing")
+
+
+def _value(ended: LeafFinished) -> str:
+    """Return how a leaf ended: SUCCESS, IDLE, or the cause of its failure."""
+    if (ended.failure is None) is (ended.status == "FAILURE"):
+        return "{} although it {}".format(ended.status, "failed" if ended.failure else
+                                          "did not fail")
+    return ended.status if ended.failure is None else ended.failure.cause.value
+
+
+def decision(event: Union[Recovering, Retried, Recovered]) -> Decision:
+    """Return what the record says of a recovery."""
+    if isinstance(event, Retried):
+        step = reference.FAILED_AGAIN.format(event.attempt)
+    elif isinstance(event, Recovered):
+        gives_up = event.policy.partition(": ")[0].endswith("give up")
+        step = reference.ENDED.format(event.outcome, event.attempts,
+                                      "give up" if gives_up else "skip")
+    elif event.attempt:
+        step = reference.RETRY.format(event.attempt, event.of)
+    else:
+        step = reference.INSTEAD.format(event.substitute)
+    return Decision(event.node, event.path, event.failure.cause.value, step,
+                    getattr(event, "uid", 0))
+
+
+class WrittenEntries:
+    """Entries of the blackboards: on record, and as they had to be."""
+
+    def __init__(self, tree: Tree):
+        self._tree, self._entries = tree, Entries(tree)
+        self._due: Dict[str, Optional[str]] = {}
+        self._recorded: Dict[str, Optional[str]] = {}
+        # on record since the last comparison, and the newest event of these
+        self._news: Dict[str, Optional[str]] = {}
+        self._newest: Sequence[Tuple[str, Optional[str]]] = ()
+        self._writers: Dict[str, str] = {}
+
+    def note(self, event: EntriesWritten) -> bool:
+        """Note entries on record; return whether they are there twice."""
+        is_again = bool(event.entries) and event.entries == self._newest
+        self._newest = event.entries
+        self._news.update(event.entries)
+        return is_again
+
+    def stored(self, node: Duty, port: str) -> None:
+        """Note that a node wrote an entry."""
+        self._writers[_entry_of(node, port).lstrip("@")] = node.registration_id
+
+    def copy(self, node: Duty, port: str) -> None:
+        """Write an entry of a node without a row, if the record has it now."""
+        board, key = node.blackboard.home(_entry_of(node, port))
+        path = next(path for path, other in self._tree.blackboards.items() if other is board)
+        name = "{}/{}".format(path, key) if path else key
+        if self._news.get(name) is not None:
+            board.set(key, self._news[name])
+        elif name in self._news:
+            board.unset(key)
+
+    def differences(self, last: str) -> Iterator[str]:
+        """Yield entries of another value than on record, or that one side wrote alone, and forget
+        who wrote them; ``last`` is the leaf that ended last."""
+        due = {name: None if value is None else entry_text(value)
+               for name, value in self._entries.news()}
+        self._due.update(due)
+        self._recorded.update(self._news)
+        for name in sorted({**self._due, **self._recorded}):
+            wanted, text = self._due.get(name), self._recorded.get(name)
+            is_written = (due.get(name) is None) is (self._news.get(name) is None)
+            if wanted != text or not is_written:
+                yield "{} had to leave {} = {}; on record is {}{}".format(
+                    self._writers.get(name.rpartition("/")[2]) or last, name,
+                    "nothing" if wanted is None else wanted, "nothing" if text is None else text,
+                    "" if is_written else ", from before")
+        self._newest = ()
+        self._news.clear()
+        self._writers.clear()
+
+
+def _entry_of(node: Duty, port: str) -> str:
+    """Return the name of the entry that a port of a node stands for."""
+    return ports.reference(node.attributes.get(port, ""), port) or port
+
+
+def label(node: Any) -> str:
+    """Return what a tester calls a node: its type, and its name if that says more."""
+    name = node.registration_id
+    if isinstance(node, reference.Recovering) and node.round is not None:
+        return "{} ({})".format(name, node.round)
+    return name if node.name in (name, "") else "{} {}".format(name, node.name)

@@ -1,0 +1,54 @@
+"""The nodes of other packages, which have no row in the table: they do what the record says."""
+import dataclasses
+
+from behavior_controller import extensions
+from behavior_controller.bt.engine.builtins import builtin_specs
+from behavior_controller.bt.engine.node import Result
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Registry
+from behavior_controller.bt.status import IDLE, RUNNING, SKIPPED
+from behavior_controller.config import phrases
+from behavior_controller.robot.gateway import Cause
+
+from unit_tests.judge import reference
+
+
+class Foreign(reference.Asking):
+    """A leaf without a row."""
+
+    def update(self) -> Result:
+        letter, cause = self.course.of_record(self)
+        for port in self.spec.ports:
+            if port.direction is not Direction.IN:
+                self.course.entries.copy(self, port.name)
+        if letter == "R" or not letter and self.status is RUNNING:
+            return RUNNING
+        if not letter:
+            return SKIPPED if self.status is IDLE else self.status
+        return self.conclude(None if letter == "S" else cause or Cause.CONDITION_FALSE)
+
+    def on_halted(self) -> None:
+        """It need not report that."""
+
+
+def _foreign(spec: NodeSpec) -> NodeSpec:
+    calls = getattr(spec, "calls", ())
+
+    def make(name: str) -> Foreign:
+        node = Foreign(name)
+        node.asks, node.rule = (calls or (object,))[0], lambda _: calls[0] if calls else None
+        return node
+    own = {str(kind): kind for kind in reference.TYPES.values()}
+    mine = tuple(port._replace(type=own.get(port.type, port.type)) for port in spec.ports)
+    is_leaf = spec.kind in (Kind.ACTION, Kind.CONDITION)
+    return dataclasses.replace(spec, ports=mine, factory=make if is_leaf else spec.factory)
+
+
+def registry() -> Registry:
+    """Return all node types: the engine's, the reference's, and those of other packages."""
+    found = Registry(builtin_specs() + list(reference.ROWS))
+    for extension in extensions.exported("phrases"):
+        for speech in extension.declared("SPEECHES", phrases.Speech):
+            found.extend([reference.speech(speech.node, speech.node, speech.asks)])
+    for extension in extensions.exported("leaves"):
+        found.extend(map(_foreign, extension.declared("SPECS", NodeSpec)))
+    return found

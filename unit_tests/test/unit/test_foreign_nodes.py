@@ -1,0 +1,84 @@
+"""The judge of missions with nodes of another package: it takes their results and entries from the
+record, and judges what comes of them."""
+from types import ModuleType
+from unittest import mock
+
+import pytest
+from msgspec.structs import replace
+
+from behavior_controller import extensions, leaves
+from behavior_controller.bt.loader.document import parse
+from behavior_controller.bt.registry import Direction, Port
+from behavior_controller.config import settings
+from behavior_controller.execution.events import EntriesWritten, Tick
+from behavior_controller.leaves.base import InstantAction, leaf_spec
+
+from unit_tests.judge.verdict import judge
+from unit_tests.rehearsal.play import Stage
+
+from plays import changed, facts
+
+
+class CountVisits(InstantAction):
+    """``<CountVisits/>``: counts to the parity of the visits, and says it at every second one."""
+
+    PORTS = (Port("parity", direction=Direction.OUT),)
+    visits = 0
+
+    def act(self):
+        """Write the parity, or remove it."""
+        CountVisits.visits += 1
+        if CountVisits.visits % 2:
+            self.set_output("parity", "odd")
+        else:
+            self.clear_output("parity")
+
+
+INNER = '<SubTree ID="Inner"{}/>'
+MISSION = """<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">
+<Sequence><START_OF_TREE/>{}<Fallback><WelcomeSpeech/><HandleFallBack/></Fallback></Sequence>
+</BehaviorTree><BehaviorTree ID="Inner"><Sequence><CountVisits parity="{}"/></Sequence>
+</BehaviorTree></root>"""
+
+
+@pytest.fixture(autouse=True)
+def package():
+    module = ModuleType("counting")
+    module.SPECS = (leaf_spec("CountVisits", CountVisits, "Counts the visits."),)
+    CountVisits.visits = 0
+    with mock.patch.object(extensions, "found", lambda kind: [
+            extensions.Extension("counting", "counting", module)] if kind == "leaves" else []):
+        leaves.specs.cache_clear()
+        yield
+    leaves.specs.cache_clear()
+
+
+def of_mission(inner, entry):
+    text = MISSION.format(inner, entry)
+    return facts(on=Stage(settings.defaults(), [parse(text)]), mission_runs=3)
+
+
+@pytest.mark.parametrize("inner, entry, name", [
+    (INNER.format(""), "{parity}", "/parity"), (INNER.format(""), "{@parity}", "parity"),
+    (INNER.format(' parity="{kept}"'), "{parity}", "kept"),
+    (INNER.format(' _autoremap="true"'), "{parity}", "parity")])
+def test_its_entries_are_those_of_the_record(inner, entry, name):
+    of_test = of_mission(inner, entry)
+    written = [item for line in of_test.run.lines if isinstance(line.event, EntriesWritten)
+               for item in line.event.entries if item[0].endswith("parity") or item[0] == "kept"]
+    assert [text for _, text in written] == ["odd", None, "odd"]
+    assert all(item[0].endswith(name) for item in written)
+    assert judge(of_test).objections == ()
+
+
+def test_what_comes_of_its_result_is_judged():
+    of_test = of_mission(INNER.format(""), "{parity}")
+    uid = 1 + [node.type for node in of_test.run.state.nodes].index("CountVisits")
+
+    def failed(line):
+        if isinstance(line.event, Tick):
+            changes = [(number, "F" if number == uid and letter == "S" else letter)
+                       for number, letter in line.event.changes]
+            return [replace(line, event=replace(line.event, changes=changes))]
+        return [line]
+    assert not judge(changed(of_test, failed)).passed
