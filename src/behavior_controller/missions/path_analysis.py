@@ -9,7 +9,6 @@ from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, S
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.possible_results import FAILS, SKIPS, SUCCEEDS, by, chosen
-from behavior_controller.bt.engine.controls import (ReactiveFallback, ReactiveSequence, WhileDoElse)
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import Fault
@@ -29,7 +28,6 @@ DEEPEST, LARGEST = 150, 2_000
 """Levels and elements of a mission beyond which its paths are not followed: no mission drawn by
 hand has so many."""
 
-_REACTIVE = (ReactiveFallback, ReactiveSequence, WhileDoElse)
 _ENDS = (SUCCEEDS, FAILS, SKIPS)
 
 
@@ -147,7 +145,7 @@ class _Follower:
             else:  # it may run any of its children in any order
                 after = _states(way for child in node.children for way in self._ways(child, states))
                 ways, again = _each(_ENDS, after), _forgotten(after)
-            if isinstance(node, _REACTIVE):
+            if node.spec.is_reactive:
                 again = self._during(node)
             if again <= states:
                 return ways
