@@ -21,7 +21,6 @@ from behavior_controller.leaves.data import CURRENT_EXHIBIT, VISITOR_RESPONSE
 from behavior_controller.leaves.dialogue import IsVisitorResponseYes, IsYesNoUttered
 from behavior_controller.leaves.lifecycle import IsASREnabled
 from behavior_controller.leaves.release_1_0 import HasVisitorResponded
-from behavior_controller.config.phrases import YES
 from behavior_controller.config.settings import Settings
 
 DEEPEST, LARGEST = 150, 2_000
@@ -100,7 +99,7 @@ class _Follower:
 
     def __init__(self, tree: Tree, settings: Settings, is_heard: bool):
         self._is_heard = is_heard
-        self._tablet_stores = settings.interface.tells_pressed or settings.tablet_success_is == YES
+        self._tablet_stores = settings.tablet_tells
         # by id() of the element: a tree is the same wherever it is used
         self._known: Dict[Tuple[int, States], Ways] = {}
         self._seen: Dict[int, States] = {}

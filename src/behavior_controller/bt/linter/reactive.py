@@ -1,5 +1,5 @@
 """The rule about an action that a reactive control does anew at every tick."""
-from typing import Iterator, Optional
+from typing import Iterator
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.facts import MissionFacts
@@ -72,6 +72,6 @@ def _ends_after(facts: MissionFacts, element: Element, leaf: Element) -> int:
     for child in element.children:
         holds = any(each is leaf for each in facts.inside(child))
         before = before and not holds
-        after: Optional[int] = _ends_after(facts, child, leaf) if holds else facts.ends[id(child)]
+        after = _ends_after(facts, child, leaf) if holds else facts.ends[id(child)]
         ends.append(spec.next_after if before and spec.next_after else after)
     return by(spec.outcome, element.attributes, ends)

@@ -81,7 +81,7 @@ class Outcome(NamedTuple):
     scene: Scene
     outcome: str
     seconds: float
-    stops: int  # that the robot was sent to
+    stops: Tuple[Tuple[str, int], ...]  # that the robot was sent to, with the leaf that did it
     found: Tuple[Finding, ...]
     reached: FrozenSet[int]
     succeeded: FrozenSet[int]  # the leaves
@@ -141,7 +141,7 @@ class Theatre:
                     if type(each.request) in kinds}
         outcome = play.outcome or (BROKEN if play.played.error else
                                    NO_VISITOR if findings.waits_for_a_visitor(play) else "")
-        return Outcome(scene, outcome, play.played.seconds, len(play.visited),
+        return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
                        tuple(findings.findings(play)), play.played.reached, play.succeeded,
                        tuple(switched.items()), tuple(play.calls()) if scene.is_listed else ())
 
