@@ -97,6 +97,11 @@ class Play:
         assert isinstance(spec, MissionSpec)
         return spec
 
+    def hears(self, uid: int) -> bool:
+        """Return whether a mission leaf listens to an answer."""
+        spec = self.spec(uid)
+        return spec.writes(data.VISITOR_RESPONSE.name) or Sense.UTTERANCE in spec.listens
+
     def name(self, uid: int) -> str:
         """Return the type of a node."""
         return clean(self.nodes[(uid or ROOT) - 1].registration_id)
@@ -448,7 +453,7 @@ def _drives_twice(play: Play) -> Iterator[Place]:
 def _shown_away(play: Play) -> Iterator[Place]:
     """Find a stop that is described or pointed at while the robot drives, or before it drives there.
     """
-    if play.faults:
+    if play.faults or play.behaviour != ENGAGES:
         return
     taken = _done(play, data.CURRENT_EXHIBIT)
     places = {place.location[:2] for place in play.visited}
@@ -467,27 +472,39 @@ def _shown_away(play: Play) -> Iterator[Place]:
 
 
 def _answer_mixed_up(play: Play) -> Iterator[Place]:
-    """Find an answer that is used after another question, or that another one replaces unused."""
+    """Find a question to which nothing listens, and an answer that is used after one, or that
+    another one replaces unused. What scripts do with answers is not known."""
     questions = play.stage.manners(play.behaviour).questions
-    asked = [each.asked for each in play.exchanges if isinstance(each.request, Say) and (
+    asked = [each for each in play.exchanges if isinstance(each.request, Say) and (
         each.request.text in questions or each.request.text.endswith("?"))]
+    heard_at = max([each.ended for each in play.leaves if play.hears(each.uid)] +
+                   [each.asked for each in play.exchanges if isinstance(each.request, Prompt)],
+                   default=START)
+    for each in asked if play.outcome and not play.faults else ():
+        node = play.nodes[(each.uid or ROOT) - 1]
+        if isinstance(node, MissionLeaf) and node.spec.writes(data.QUESTION_ASKED_AT.name) \
+                and each.asked > heard_at:
+            yield each.uid, "nothing listens to the answer"
     answer = "@" + data.VISITOR_RESPONSE.name
+    if play.faults or any(answer in text and text != "{" + answer + "}" for node in play.nodes
+                          for text in node.attributes.values()):
+        return
     known: Optional[NodeResult] = None  # the answer that counts
-    is_used = any(answer in text for node in play.nodes for name, text in node.attributes.items()
-                  if name not in node.spec.port_named)
-    used = is_used
-    for result in play.leaves if not play.faults else ():
+    is_used, listened = False, START
+    for result in play.leaves:
         node = play.nodes[result.uid - 1]
         if known is not None and answer in entries(node, False):
-            used = True
-            if any(known.ended < at < result.began for at in asked):
+            is_used = True
+            if any(listened < each.asked < result.began - AT_ONCE for each in asked):
                 yield result.uid, (f"it looks at the answer of {play.name(known.uid)} although "
                                    "another question was asked since")
-        if result.letter == "S" and answer in entries(node, True):
-            if known is not None and not used:
+        if answer in entries(node, True):
+            listened = result.ended
+            if result.letter == "S" and known is not None and not is_used:
                 yield result.uid, (f"it replaces the answer of {play.name(known.uid)}, which nothing "
                                    "has looked at")
-            known, used = result, is_used
+            if result.letter == "S":
+                known, is_used = result, False
 
 
 # ------------------------------------------------------------------------------------------ the end
@@ -501,7 +518,8 @@ def _goodbye(play: Play) -> Iterator[Place]:
 
 
 def _early_goodbye(play: Play) -> Iterator[Place]:
-    """Find words of goodbye after which the same visitor is shown a stop, or hears them again."""
+    """Find words of goodbye after which the same visitor is shown another stop, or hears them again.
+    """
     said: Dict[Request, Exchange] = {}
     for exchange in play.exchanges if not play.faults else ():
         node = play.nodes[(exchange.uid or ROOT) - 1]
@@ -514,9 +532,9 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
             if exchange.request in said:
                 yield exchange.uid, "the same visitor hears it again"
             said[exchange.request] = exchange
-    for show, _ in play.shown if said and not play.faults else ():
+    for show, chosen in play.shown if said and not play.faults else ():
         for bye in said.values():
-            if bye.asked < show.began and play.is_visitor_here(show.began):
+            if bye.asked < chosen.began and play.is_visitor_here(show.began):
                 yield bye.uid, f"{play.name(show.uid)} goes on after it"
 
 

@@ -200,6 +200,8 @@ class Survey:
         engaged = {number for number, each in enumerate(self._outcomes)
                    if each.scene.is_calm and each.scene.visitor == ENGAGES}
         plays = self._plays_of.get(key, engaged)
+        if key[0] == findings.ONE_WAY.name:  # of the plays of one way
+            return not plays.isdisjoint(self._plays_of.get(other, set()))
         return bool(plays) and plays <= self._plays_of.get(other, set())
 
     def _of_play(self, key: Key) -> Found:
