@@ -61,13 +61,16 @@ def _of_one(node: Any, states: States, settings: Settings) -> Iterator[Fault]:
     """Yield the warnings about a mission leaf that is reached with ``states``."""
     if isinstance(node, TopicCondition) and states and settings.interface.tells(node.sense):
         mode = settings.interface.evidence(node.sense).mode
-        if mode and mode not in {state.mode for state in states}:
+        modes = {state.mode for state in states}
+        if mode and mode not in modes:
             setter = next(name for name, state, _, _ in MODES if state == mode)
+            others = " or ".join(sorted(modes - {""}))
             yield node.element.fault(
                 rules.MODE_MISSING,
                 f"{node.registration_id} can never succeed: overtAttention reports "
                 f"{node.sense.noun} only in the mode {mode}",
-                f"no node before it sets that mode, as {setter} does")
+                f"the mode set last before it is {others}; {setter} sets that one" if others
+                else f"no node before it sets that mode, as {setter} does")
     missed_by = sorted({state.missed_by for state in states} - {""})
     if missed_by and isinstance(node, MissionLeaf) and node.spec.says_goodbye(node.name):
         yield node.element.fault(rules.FAREWELL_TO_NOBODY,
@@ -170,14 +173,15 @@ class _Follower:
         return bool(by(node.spec.outcome, node.attributes, []) & end)
 
     def _after(self, node: MissionLeaf, state: PathState, end: int) -> PathState:
-        """Return ``state`` after a mission leaf has ended with ``end``."""
+        """Return ``state`` after a mission leaf has ended with ``end``. A mode that could not be set
+        counts as set: the robot is not to report signs by a failure."""
+        if isinstance(node, OvertAttentionMode):
+            state = state._replace(mode=node.state)
         if end == FAILS:
             is_look = node.sense in (Sense.VISITOR, Sense.PRESENCE)
             return state._replace(missed_by=node.registration_id) if is_look else state
         if node.spec.is_recovery or node.sense in (Sense.VISITOR, Sense.PRESENCE, Sense.GAZE):
             return state._replace(missed_by="")
-        if isinstance(node, OvertAttentionMode):
-            return state._replace(mode=node.state)
         return state._replace(has_answer=state.has_answer or self._stores_answer(node))
 
     def _stores_answer(self, node: MissionLeaf) -> bool:

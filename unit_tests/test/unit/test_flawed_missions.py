@@ -190,10 +190,6 @@ FLAWED = [
         BEGIN, LIST, "<IfThenElse><IsASREnabled/>{}{}</IfThenElse>".format(
             each_exhibit(SHOW), steps(SHOW)), BYE, HOME
     ], {"one-way-only": "Navigate"}, CALM),
-    ("attention is off when the gaze is looked for", [
-        BEGIN, safe("SeekOvertAttentionMode"), LIST, SHOW,
-        "<ForceSuccess>{}</ForceSuccess>".format(wait("IsMutualGazeDiscovered", 3000)), BYE, HOME
-    ], {"never-true": "IsMutualGazeDiscovered"}, []),
     ("a sum of nothing", [BEGIN, "<Script code='n += 1'/>"], {"exception": "Script"}, CALM),
 ]
 

@@ -604,7 +604,7 @@ def _not_home(play: Play) -> Iterator[Place]:
 NEVER_SUCCEEDS = FindingKind("never-succeeds",
                              "No visitor's pass ends in SUCCESS, not even without a fault.")
 NEVER_TRUE = FindingKind(
-    "never-true", "The mission comes to this node, and no visitor makes it succeed.")
+    "never-true", "The mission comes to this node, and no visitor and no fault makes it succeed.")
 ONE_WAY = FindingKind(
     "one-way-only", "A stop is reached by answers of one way only: by voice, or by tablet.")
 NEVER_OFF = FindingKind(
@@ -722,8 +722,7 @@ def sibling_before(node: Node) -> Optional[Node]:
 
 def never_true(nodes: List[Node], reached: Collection[int],
                succeeded: Collection[int]) -> List[Finding]:
-    """Return the leaves that were ``reached`` in passes without faults and have never ``succeeded``
-    there.
+    """Return the leaves that were ``reached`` in a pass without faults and have never succeeded.
 
     A condition on a topic that is not simulated is none of them.
     """

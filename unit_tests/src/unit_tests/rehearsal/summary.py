@@ -94,16 +94,15 @@ class Survey:
         self._plays_of: Dict[Key, Set[int]] = {}
         self.reached: Set[int] = set()  # the uids of nodes
         self._calmly: Set[int] = set()  # reached without a fault
-        self._succeeded: Set[int] = set()  # without a fault
+        self._succeeded: Set[int] = set()
         self._switched: Dict[Request, int] = {}
 
     def take(self, outcome: Outcome) -> None:
         """Add the result of a scene."""
         self._outcomes.append(outcome._replace(found=(), calls=(), reached=_NONE, succeeded=_NONE))
         self.reached |= outcome.reached
-        if outcome.scene.is_calm:
-            self._calmly |= outcome.reached
-            self._succeeded |= outcome.succeeded
+        self._calmly |= outcome.reached if outcome.scene.is_calm else _NONE
+        self._succeeded |= outcome.succeeded
         self._switched.update(outcome.switched)
         for finding in outcome.found:
             key = finding.kind, self.place(finding.uid)
