@@ -89,6 +89,7 @@ class NodeSpec:
     children: str = ""  # what they are, for a message
     # the end of a child (SUCCEEDS or FAILS) after which the next child is ticked
     next_after: int = 0
+    is_reactive: bool = False  # it begins with its first child at every tick
     last_is_apart: bool = False  # the last child is ticked for other reasons
     # BehaviorTree.CPP refuses children that are written <Action ID="…">
     refuses_explicit: bool = False

@@ -103,6 +103,11 @@ class Settings:
         return INTERFACES[self.robot_interface]
 
     @property
+    def tablet_tells(self) -> bool:
+        """Whether a visitor can answer on the tablet."""
+        return self.interface.tells_pressed or self.tablet_success_is == YES
+
+    @property
     def gaze_value(self) -> int:
         """The value of /overtAttention/mode that means mutual gaze."""
         return self.interface.gaze_value or self.mutual_gaze_value

@@ -9,7 +9,6 @@ from typing import Any, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, S
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.possible_results import FAILS, SKIPS, SUCCEEDS, by, chosen
-from behavior_controller.bt.engine.controls import (ReactiveFallback, ReactiveSequence, WhileDoElse)
 from behavior_controller.bt.engine.node import PRE_CONDITIONS
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.errors import Fault
@@ -22,14 +21,12 @@ from behavior_controller.leaves.data import CURRENT_EXHIBIT, VISITOR_RESPONSE
 from behavior_controller.leaves.dialogue import IsVisitorResponseYes, IsYesNoUttered
 from behavior_controller.leaves.lifecycle import IsASREnabled
 from behavior_controller.leaves.release_1_0 import HasVisitorResponded
-from behavior_controller.config.phrases import YES
 from behavior_controller.config.settings import Settings
 
 DEEPEST, LARGEST = 150, 2_000
 """Levels and elements of a mission beyond which its paths are not followed: no mission drawn by
 hand has so many."""
 
-_REACTIVE = (ReactiveFallback, ReactiveSequence, WhileDoElse)
 _ENDS = (SUCCEEDS, FAILS, SKIPS)
 
 
@@ -64,13 +61,16 @@ def _of_one(node: Any, states: States, settings: Settings) -> Iterator[Fault]:
     """Yield the warnings about a mission leaf that is reached with ``states``."""
     if isinstance(node, TopicCondition) and states and settings.interface.tells(node.sense):
         mode = settings.interface.evidence(node.sense).mode
-        if mode and mode not in {state.mode for state in states}:
+        modes = {state.mode for state in states}
+        if mode and mode not in modes:
             setter = next(name for name, state, _, _ in MODES if state == mode)
+            others = " or ".join(sorted(modes - {""}))
             yield node.element.fault(
                 rules.MODE_MISSING,
                 f"{node.registration_id} can never succeed: overtAttention reports "
                 f"{node.sense.noun} only in the mode {mode}",
-                f"no node before it sets that mode, as {setter} does")
+                f"the mode set last before it is {others}; {setter} sets that one" if others
+                else f"no node before it sets that mode, as {setter} does")
     missed_by = sorted({state.missed_by for state in states} - {""})
     if missed_by and isinstance(node, MissionLeaf) and node.spec.says_goodbye(node.name):
         yield node.element.fault(rules.FAREWELL_TO_NOBODY,
@@ -102,7 +102,7 @@ class _Follower:
 
     def __init__(self, tree: Tree, settings: Settings, is_heard: bool):
         self._is_heard = is_heard
-        self._tablet_stores = settings.interface.tells_pressed or settings.tablet_success_is == YES
+        self._tablet_stores = settings.tablet_tells
         # by id() of the element: a tree is the same wherever it is used
         self._known: Dict[Tuple[int, States], Ways] = {}
         self._seen: Dict[int, States] = {}
@@ -147,7 +147,7 @@ class _Follower:
             else:  # it may run any of its children in any order
                 after = _states(way for child in node.children for way in self._ways(child, states))
                 ways, again = _each(_ENDS, after), _forgotten(after)
-            if isinstance(node, _REACTIVE):
+            if node.spec.is_reactive:
                 again = self._during(node)
             if again <= states:
                 return ways
@@ -173,14 +173,15 @@ class _Follower:
         return bool(by(node.spec.outcome, node.attributes, []) & end)
 
     def _after(self, node: MissionLeaf, state: PathState, end: int) -> PathState:
-        """Return ``state`` after a mission leaf has ended with ``end``."""
+        """Return ``state`` after a mission leaf has ended with ``end``. A mode that could not be set
+        counts as set: the robot is not to report signs by a failure."""
+        if isinstance(node, OvertAttentionMode):
+            state = state._replace(mode=node.state)
         if end == FAILS:
             is_look = node.sense in (Sense.VISITOR, Sense.PRESENCE)
             return state._replace(missed_by=node.registration_id) if is_look else state
         if node.spec.is_recovery or node.sense in (Sense.VISITOR, Sense.PRESENCE, Sense.GAZE):
             return state._replace(missed_by="")
-        if isinstance(node, OvertAttentionMode):
-            return state._replace(mode=node.state)
         return state._replace(has_answer=state.has_answer or self._stores_answer(node))
 
     def _stores_answer(self, node: MissionLeaf) -> bool:

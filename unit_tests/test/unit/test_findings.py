@@ -159,16 +159,17 @@ def test_one_service_carries_out_one_request_at_a_time(first, second, expected):
     assert kinds(play(first, second, late)) == expected
 
 
-def unrecovered(*more, outcome="FAILURE", faults=1, calm="SUCCESS"):
+def unrecovered(*more, outcome="FAILURE", other=None, calm="SUCCESS"):
     return play(leaf("hi", "FAILURE", replace(REFUSED, resource="/y")),
-                leaf("bye", "FAILURE", REFUSED), *more, ended(outcome), faults=faults,
-                calm=play(ended(calm)), journal=[FAULT, FAULT._replace(resource="/y", fault=None)])
+                leaf("bye", "FAILURE", REFUSED), *more, ended(outcome), faults=2,
+                calm=play(ended(calm)), journal=[FAULT, FAULT,
+                                                 FAULT._replace(resource="/y", fault=other)])
 
 
-def test_a_single_fault_that_ends_the_pass_without_a_recovery_is_unrecovered():
-    assert found(unrecovered()) == [
-        ("unrecovered", "bye", "its failure ends the pass, and no recovery handles it")]
-    for other in (unrecovered(faults=2), unrecovered(calm="FAILURE"),
+def test_a_service_whose_faults_end_the_pass_without_a_recovery_is_unrecovered():
+    told = [("unrecovered", "bye", "its failure ends the pass, and no recovery handles it")]
+    assert found(unrecovered()) == found(unrecovered(recovered("skipped", "/y"))) == told
+    for other in (unrecovered(other="refused"), unrecovered(calm="FAILURE"),
                   unrecovered(outcome="SUCCESS"), unrecovered(recovered("given up"))):
         assert findings.findings(other) == []
 
@@ -216,9 +217,15 @@ def test_after_a_service_was_given_up_the_operator_takes_the_robot_home(outcome,
 @pytest.mark.parametrize("steps, expected", [
     ([asked(BACK, "drive", None), leaf("drive", "IDLE")], ["abandoned-drive"]),
     ([asked(BACK, "drive", None), leaf("drive", "IDLE"), asked(BACK)], []),
+    ([asked(TOUR[0], "drive", None), leaf("drive", "IDLE"), asked(BACK)], ["abandoned-drive"]),
     ([asked(BACK)], []), ([asked(BACK, "drive", None)], [])])
 def test_a_drive_that_is_halted_for_good_is_abandoned(steps, expected):
     assert kinds(play(*steps)) == expected
+
+
+def test_a_drive_may_be_halted_for_another_if_something_is_wrong():
+    steps = [asked(TOUR[0], "drive", None), leaf("drive", "IDLE"), asked(BACK)]
+    assert kinds(play(*steps, faults=1)) == kinds(play(*steps, presence=[(START, False)])) == []
 
 
 @pytest.mark.parametrize("presence, seconds", [

@@ -31,7 +31,8 @@ OFF = safe("DisabledOvertAttentionMode")
 DRIVE = OFF + safe("Navigate")
 HOME = safe("LookUpHome") + DRIVE
 LIST = safe("RetrieveListOfExhibits")
-SHOW = "<SelectExhibit/>" + DRIVE + safe('DescribeExhibitSpeech name="1"')
+DESCRIBE = safe('DescribeExhibitSpeech name="1"')
+SHOW = "<SelectExhibit/>" + DRIVE + DESCRIBE
 BYE = "<ForceSuccess>{}</ForceSuccess>".format(steps("<IsVisitorDiscovered/>",
                                                      safe("SayGoodByeSpeech")))
 
@@ -157,6 +158,38 @@ FLAWED = [
     ("a description before the selection",
      [BEGIN, LIST, safe('DescribeExhibitSpeech name="1"'), SHOW, BYE,
       HOME], {"missing-data": "1"}, CALM),
+    ("a description before the drive",
+     [BEGIN, LIST, each_exhibit("<SelectExhibit/>", DESCRIBE, DRIVE), BYE,
+      HOME], {"shown-away": "1"}, CALM),
+    ("a description on the way",
+     [BEGIN, LIST, "<SelectExhibit/>", OFF, branches(safe("Navigate"), DESCRIBE), BYE,
+      HOME], {"shown-away": "1"}, CALM),
+    ("a drive that ends with the words", [
+        BEGIN, LIST, "<SelectExhibit/>", OFF,
+        branches(safe("Navigate"), safe("FollowMeSpeech")).replace('count="2"', 'count="1"'),
+        DESCRIBE, BYE, HOME
+    ], {"abandoned-drive": "Navigate"}, CALM),
+    ("the answer to another question", [
+        BEGIN, ASK, IF_YES.format(steps("<IsVisitorResponseYes/>", LIST, SHOW,
+                                        safe("QueryTourSpeech"), "<IsVisitorResponseYes/>",
+                                        SHOW, BYE, HOME))
+    ], {"answer-mixed-up": "IsVisitorResponseYes"}, CALM + VOICE),
+    ("an answer that the tablet overwrites", [
+        BEGIN, ASK, safe("PressYesNoSpeech"), "<ForceSuccess><PressYesNoDialogue/></ForceSuccess>",
+        IF_YES.format(steps("<IsVisitorResponseYes/>", TOUR))
+    ], {"answer-mixed-up": "PressYesNoDialogue"}, CALM + VOICE),
+    ("a question to which nothing listens", [BEGIN, safe("WelcomeSpeech"), safe("QueryTourSpeech")],
+     {"answer-mixed-up": "QueryTourSpeech"}, CALM),
+    ("a goodbye at each exhibit", [BEGIN, LIST, each_exhibit(SHOW, safe("SayGoodByeSpeech")), HOME],
+     {"early-goodbye": "SayGoodByeSpeech"}, CALM),
+    ("a further exhibit after the goodbye", [BEGIN, LIST, SHOW, safe("SayGoodByeSpeech"), SHOW,
+                                             HOME], {"early-goodbye": "SayGoodByeSpeech"}, CALM),
+    ("a tour by voice alone", [BEGIN, ASK, IF_YES.format(steps("<IsVisitorResponseYes/>", TOUR))],
+     {"one-way-only": "Navigate"}, CALM),
+    ("a shorter tour by tablet", [
+        BEGIN, LIST, "<IfThenElse><IsASREnabled/>{}{}</IfThenElse>".format(
+            each_exhibit(SHOW), steps(SHOW)), BYE, HOME
+    ], {"one-way-only": "Navigate"}, CALM),
     ("a sum of nothing", [BEGIN, "<Script code='n += 1'/>"], {"exception": "Script"}, CALM),
 ]
 

@@ -143,7 +143,8 @@ def test_a_finding_is_told_with_its_place_its_story_and_the_command_that_plays_i
 
 
 def outcome(scene, ended, seconds, exhibits=0, *found, calls=(), reached=()):
-    return Outcome(scene, ended, seconds, exhibits, found, frozenset(reached), frozenset(), (),
+    stops = tuple(("stop {}".format(number), 1) for number in range(exhibits))
+    return Outcome(scene, ended, seconds, stops, found, frozenset(reached), frozenset(), (),
                    tuple(calls))
 
 

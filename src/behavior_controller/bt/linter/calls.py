@@ -1,9 +1,9 @@
 """Rules about what SubTrees are given and give back, and about entries that nothing writes."""
 import itertools
-from typing import List, Set
+from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.dataflow import Read
+from behavior_controller.bt.linter.dataflow import Access
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.linter.nodes import condition_meant, is_cut_short
 from behavior_controller.bt.linter.scripts import WORDS
@@ -16,12 +16,11 @@ from behavior_controller.bt.script.values import TEXT
 
 def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
     """Apply the rules to a <SubTree> of ``tree``."""
-    check_ignored(facts, call)
     called = call.attributes["ID"]
     model = facts.trees.models.get(called, [])
     texts = given(call, model)
     forgotten = [name for name in facts.needs[called] if name not in texts]
-    is_told = False
+    is_told = check_ignored(facts, call)
     for name, text in call.attributes.items():
         if not is_port_name(name):
             continue
@@ -33,17 +32,18 @@ def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
         if not check_braces(facts, call, name, tree):
             used = facts.flow.used.get(called, set()) | {port.name for port in model}
             if name not in used:
-                is_told |= _check_unused(facts, call, name, outer is not None, forgotten)
+                is_told |= _check_unused(facts, call, name, outer, tree, forgotten)
             elif outer is None:
-                _check_result(facts, call, name, text, called)
+                _check_result(facts, call, name, text, tree)
     if not (is_told or remaps_all(call) or not facts.flow.is_known) and facts.is_host_known:
         for name in forgotten:
             _tell_forgotten(facts, call, name, tree)
 
 
-def _check_unused(facts: MissionFacts, call: Element, name: str, is_remapped: bool,
+def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional[str], tree: str,
                   forgotten: List[str]) -> bool:
-    """Warn of an entry that a tree is given and does not use; return whether that was done."""
+    """Warn of an entry that a tree is given and does not use, and that is ``outer`` of the caller;
+    return whether that was done."""
     called = call.attributes["ID"]
     known = facts.flow.used.get(called, set())
     model = sorted(port.name for port in facts.trees.models.get(called, []))
@@ -61,23 +61,27 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, is_remapped: bo
     elif model:
         facts.warn(rules.MODEL_PORT_UNKNOWN, call, f"the model of {called} has no port {name}",
                    near or f"its ports: {', '.join(model)}", name)
-    elif near or (is_remapped and facts.flow.is_known):
+    elif near or (outer is not None and facts.flow.is_known):
         has = ", ".join(itertools.islice(forgotten or sorted(known), 10))
         facts.warn(rules.SUBTREE_PORT_UNKNOWN, call, f"the tree {called} uses no entry {name}",
                    near or f"the tree {called} has {has or 'no entries'}", name)
     else:
         return False
+    if outer is not None:
+        facts.excuse(tree, outer)
     return True
 
 
-def _check_result(facts: MissionFacts, call: Element, name: str, text: str, called: str) -> None:
+def _check_result(facts: MissionFacts, call: Element, name: str, text: str, tree: str) -> None:
     """Warn of a text in place of the entry that a tree writes its result to."""
+    called = call.attributes["ID"]
     key = (called, name)
     if text.isidentifier() and key in facts.flow.own and key not in facts.flow.reads:
         facts.warn(
             rules.BRACES_FORGOTTEN, call,
             f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there is lost",
             f"the entry is written {{{text}}}", name)
+        facts.excuse(tree, text)
 
 
 def _tell_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) -> None:
@@ -113,9 +117,9 @@ def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, t
     known = facts.flow.used.get(key[0], set())
     if facts.flow.mentions[key] > 1 or not facts.findings.may_compare(len(known)):
         return
-    near = next((other for other in sorted(known) if is_misspelling(key[1], other)), "")
+    near = _meant(key[1], known)
     if near:
-        facts.misspelt.add(facts.flow.first(key))
+        facts.excuse(tree, outer)
         facts.warn(rules.ENTRY_MISSPELT, call, f"the entry {outer} is named nowhere else",
                    f"did you mean {near}?", name)
 
@@ -131,7 +135,7 @@ def check_entries(facts: MissionFacts) -> None:
     by_default: Set[int] = set()  # elements
     for read in facts.flow.never_written(facts.defaults.given):
         name = read.key[1]
-        if facts.flow.first(read.key) in facts.misspelt or name in WORDS or name != name.strip(
+        if facts.flow.first(read.key) in facts.excused or name in WORDS or name != name.strip(
         ) or "{" in name:
             continue  # reported already by another warning
         if read.attribute not in read.element.attributes:
@@ -139,14 +143,35 @@ def check_entries(facts: MissionFacts) -> None:
                 continue
             by_default.add(id(read.element))
         _check_read(facts, read)
+    if facts.is_host_known:
+        _check_written(facts)
 
 
-def _check_read(facts: MissionFacts, read: Read) -> None:
+def _check_written(facts: MissionFacts) -> None:
+    """Warn of an entry that is only written, once, if one of a similar name is written and read."""
+    flow = facts.flow
+    read, written, created = ({flow.first(key) for key in keys}
+                              for keys in (flow.reads, flow.written, flow.created))
+    for (tree, name), place in flow.writes.items():
+        key, known = flow.first((tree, name)), flow.used[tree]
+        if flow.mentions[tree, name] > 1 or key in read or key not in created \
+                or name in facts.defaults.known or not facts.findings.may_compare(len(known)):
+            continue
+        near = _meant(name, {other for other in known  # x_max and y_max are two entries
+                             if other[:1] + other[-1:] == name[:1] + name[-1:]
+                             and flow.first((tree, other)) in read & written & created})
+        if near:
+            facts.warn(rules.ENTRY_MISSPELT, place.element,
+                       f"the entry {name} is written here, and read nowhere",
+                       f"did you mean {near}?", place.attribute, place.at)
+
+
+def _check_read(facts: MissionFacts, read: Access) -> None:
     tree, name = read.key
     written = facts.written.get(tree, set())
     hint = _writer_elsewhere(facts, name)
-    if not hint and not facts.is_host_known and not any(
-            len(other) > 3 and is_misspelling(name, other) for other in written):
+    if not hint and not facts.is_host_known and not _meant(
+            name, written):
         return
     hint = hint or facts.defaults.written_by(name) or facts.findings.nearest(name, written)
     if not hint and _is_like_a_text(read):
@@ -156,7 +181,7 @@ def _check_read(facts: MissionFacts, read: Read) -> None:
                read.at)
 
 
-def _is_like_a_text(read: Read) -> bool:
+def _is_like_a_text(read: Access) -> bool:
     """Return whether a script compares an entry or assigns it, as it would do with a text."""
     if read.script is None:
         return False
@@ -172,6 +197,13 @@ def _writer_elsewhere(facts: MissionFacts, name: str) -> str:
     if not elsewhere:
         return ""
     return f"the tree {elsewhere[0]} writes one of its own; that of the whole mission is @{name}"
+
+
+def _meant(name: str, known: Collection[str]) -> str:
+    """Return the name of which this one is a misspelling; "" if there is none. Short names differ
+    on purpose."""
+    return next(
+        (other for other in sorted(known) if len(other) > 3 and is_misspelling(name, other)), "")
 
 
 def is_misspelling(word: str, other: str) -> bool:

@@ -12,8 +12,9 @@ from behavior_controller.bt.registry import Direction, Kind, Port, Registry, Rol
 Key = Tuple[str, str]  # tree, entry; the tree of ``@`` entries is that of the root
 
 
-class Read(NamedTuple):
-    """The first place where an entry is read; ``at`` is where in the attribute's value."""
+class Access(NamedTuple):
+    """The first place where an entry is read, or is written; ``at`` is where in the attribute's
+    value."""
 
     key: Key
     element: Element
@@ -47,7 +48,8 @@ class Flow:
 
     def __init__(self, main: str):
         self.main = main
-        self.reads: Dict[Key, Read] = {}
+        self.reads: Dict[Key, Access] = {}
+        self.writes: Dict[Key, Access] = {}  # by nodes
         self.written: Set[Key] = set()
         self.keys: Dict[str, Set[str]] = {}
         self.is_known = True
@@ -75,17 +77,20 @@ class Flow:
         """Note that an entry is read."""
         key = self._used(tree, name)
         at = script.facts.names[name] if script is not None else 0
-        self.reads.setdefault(key, Read(key, element, attribute, at, script))
+        self.reads.setdefault(key, Access(key, element, attribute, at, script))
 
     def needs(self, tree: str) -> List[str]:
         """Return the entries that ``tree`` reads, and that it leaves to its callers to write."""
         return [name for name in sorted(self.used.get(tree, ())) if (tree, name) in self.reads
                 and (tree, name) not in self.own and is_port_name(name)]
 
-    def write(self, tree: str, name: str, creates: bool = True, touches: bool = True) -> None:
+    def write(self, tree: str, name: str, element: Element, attribute: str, at: int = 0,
+              creates: bool = True, touches: bool = True) -> None:
         """Note that a node of ``tree`` writes an entry. ``creates``: it may be a new one;
         ``touches``: neither a script nor a text of the file does it."""
-        self.own.add(self._used(tree, name))
+        key = self._used(tree, name)
+        self.own.add(key)
+        self.writes.setdefault(key, Access(key, element, attribute, at))
         self.give(tree, name, creates, touches)
 
     def give(self, tree: str, name: str, creates: bool = True, touches: bool = True) -> None:
@@ -109,7 +114,7 @@ class Flow:
         if key in self.own:
             self.own.add(outer_key)
         elif key in self.reads:
-            self.reads.setdefault(outer_key, Read(outer_key, call, inner))
+            self.reads.setdefault(outer_key, Access(outer_key, call, inner))
         self.join(key, outer_key)
 
     def join(self, one: Key, other: Key) -> None:
@@ -124,7 +129,7 @@ class Flow:
             key = self._same[key]
         return key
 
-    def never_written(self, given: Set[str]) -> List[Read]:
+    def never_written(self, given: Set[str]) -> List[Access]:
         """Return the reads of the main tree's entries that nothing writes; ``given`` are those that
         the host provides. What another tree reads, its callers must give it, if they can."""
         written = {self.first(key) for key in self.written}
@@ -171,9 +176,10 @@ def _port(result: Flow, tree: str, element: Element, port: Port, is_condition: b
             result.read(tree, key, element, port.name)
             result.readers.setdefault(result.key(tree, key), port)
         if port.direction is not Direction.IN and port.role is not Role.WRITES:
-            result.write(tree, key)
+            result.write(tree, key, element, port.name)
         if port.name in element.attributes:  # when the tree is made
             result.created.add(result.key(tree, key))
+        if port.name in element.attributes or port.direction is not Direction.IN:
             result.types.setdefault(result.key(tree, key), set()).add(port.type)
     if port.role in (Role.SCRIPT, Role.WRITES) and key is not None:
         result.is_known = False
@@ -182,7 +188,7 @@ def _port(result: Flow, tree: str, element: Element, port: Port, is_condition: b
     elif port.role is Role.WRITES:
         value = element.attributes.get("value", "")
         is_text = ports.reference(value, "value") is None
-        result.write(tree, text, touches=not is_text)
+        result.write(tree, text, element, port.name, touches=not is_text)
         if is_text:
             result.texts.append(EntryPlace(tree, text, element, "value"))
 
@@ -196,10 +202,10 @@ def _script(result: Flow, tree: str, element: Element, attribute: str, text: str
     result.scripts.append(Use(tree, element, attribute, script, is_condition))
     for name in sorted(script.read):
         result.read(tree, name, element, attribute, script)
-    creates = {assignment.name for assignment in script.facts.assignments
-               if assignment.sign == ":="}
-    for name in script.written:
-        result.write(tree, name, name in creates, touches=False)
+    for name in sorted(script.written):
+        given = [each for each in script.facts.assignments if each.name == name]
+        creates = any(each.sign == ":=" for each in given)
+        result.write(tree, name, element, attribute, given[0].position, creates, touches=False)
 
 
 def _call(result: Flow, tree: str, element: Element, model: List[Port]) -> None:

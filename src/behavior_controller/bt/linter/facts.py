@@ -32,7 +32,11 @@ class MissionFacts:
         self.kinds = Kinds(self.flow, self.defaults.known, registry)
         # a mission for another robot may be given entries by it
         self.is_host_known = not any(self.spec(element).is_stub for _, element in self.walk())
-        self.misspelt: Set[Key] = set()  # entries that a warning is about
+        self.excused: Set[Key] = set()  # entries that a warning is about
+
+    def excuse(self, tree: str, name: str) -> None:
+        """Note that a warning is about an entry: that nothing writes it is no further mistake."""
+        self.excused.add(self.flow.first(self.flow.key(tree, name)))
 
     def walk(self) -> Iterator[Tuple[str, Element]]:
         """Yield each element of the trees in use, with its tree; called trees come first."""

@@ -8,10 +8,13 @@ from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.registry import Registry
 from behavior_controller.bt.script.operators import ScriptError, leading_number
 from behavior_controller.bt.script.parser import Assignment, Operand
-from behavior_controller.bt.script.values import GENERIC, TYPES
+from behavior_controller.bt.script.values import GENERIC, TEXT, TYPES
 
 NUMERAL = "numeral"
 """The kind of a text that is a number to a comparison, though not to a calculation."""
+
+SOME_TEXT = "some text"
+"""The kind of a text that only the running mission knows."""
 
 
 class Write(NamedTuple):
@@ -24,6 +27,11 @@ class Write(NamedTuple):
     use: Optional[Use] = None
     assignment: Optional[Assignment] = None
 
+    @property
+    def is_own(self) -> bool:
+        """Whether it is calculated from the entry itself, and so has the kind that this has."""
+        return self.assignment is not None and self.assignment.is_own
+
 
 class Kinds:
     """The kinds of entries that only scripts and texts write. ``given`` are entries that come from
@@ -35,9 +43,9 @@ class Kinds:
         self._writes: Dict[Key, List[Write]] = {}
         for key, write in self._all():
             self._writes.setdefault(flow.first(key), []).append(write)
-        touched = {flow.first(key) for key in flow.touched}
+        self._touched = {flow.first(key) for key in flow.touched}
         for key in list(self._writes):
-            if key in touched or key[1] in given:
+            if key in self._touched or key[1] in given:
                 del self._writes[key]
             else:
                 self._writes[key].sort(key=lambda write: (write.element.document.file,
@@ -66,7 +74,10 @@ class Kinds:
 
     def of(self, tree: str, name: str) -> str:
         """Return the kind of what an entry holds."""
-        kinds = {write.kind for write in self.writes(tree, name)}
+        key = self._flow.first(self._flow.key(tree, name))
+        if key in self._touched and self._types.get(key) == {TEXT}:
+            return SOME_TEXT
+        kinds = {write.kind for write in self.writes(tree, name) if not write.is_own}
         return kinds.pop() if len(kinds) == 1 else ""
 
     def is_number(self, tree: str, name: str) -> bool:

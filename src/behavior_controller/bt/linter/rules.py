@@ -155,7 +155,8 @@ NAME_IS_NUMBER = warning("The name of an entry is taken from an entry that holds
 # --------------------------------------------------------------------------------------------- data
 
 NEVER_WRITTEN = warning("An entry is read, and nothing writes it.")
-ENTRY_MISSPELT = warning("A SubTree is given an entry that is named nowhere else, but nearly so.")
+ENTRY_MISSPELT = warning(
+    "An entry is named once, where it is written or given to a SubTree, and another nearly so.")
 
 # ------------------------------------------------------------------------------------------ outcome
 
@@ -165,6 +166,8 @@ NEVER_WAITS = warning("A node repeats forever, and nothing in it waits.")
 RETRIES_FOR_EVER = warning(
     "A loop without a limit asks a service that fails at once again and again, and nothing in it "
     "pauses.")
+DONE_AGAIN = warning(
+    "A reactive control begins anew at every tick, and does again what has succeeded.")
 RECOVERY_MISPLACED = warning("A recovery has no failure before it.")
 
 # ------------------------------------------------------------------------------------------ palette

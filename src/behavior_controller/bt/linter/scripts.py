@@ -4,7 +4,7 @@ from typing import List, Optional, Set, Tuple
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.dataflow import Key, Use
 from behavior_controller.bt.linter.facts import MissionFacts
-from behavior_controller.bt.linter.kinds import NUMERAL, Write, literal_kind
+from behavior_controller.bt.linter.kinds import NUMERAL, SOME_TEXT, Write, literal_kind
 from behavior_controller.bt.script.parser import Operand, Operation
 from behavior_controller.text import did_you_mean
 
@@ -15,6 +15,8 @@ WORDS = {"not": "write !", "and": "write &&", "or": "write ||", "True": "write t
 """What other languages mean by a word, and scripts do not."""
 
 _COMPARISONS = ("==", "!=", "<", ">", "<=", ">=")
+_TEXTS = {"text", NUMERAL, SOME_TEXT}
+_JOINED = "texts are joined with .."
 
 
 def check_scripts(facts: MissionFacts) -> None:
@@ -73,6 +75,8 @@ class _Scripts:
                 self._warn(rules.SCRIPT_NO_EFFECT, use,
                            f"a statement of {use.attribute} has no effect", hint,
                            statement.position)
+                for name in use.script.read:
+                    self.facts.excuse(use.tree, name)
                 return
 
     def _assigning(self, use: Use) -> None:
@@ -93,7 +97,7 @@ class _Scripts:
         warning is about the script."""
         if not self.flow.is_known or not self.facts.is_host_known:
             return
-        for name, sign, _, position in use.script.facts.assignments:
+        for name, sign, _, position, _ in use.script.facts.assignments:
             key = self.flow.first(self.flow.key(use.tree, name))
             is_created = sign == ":=" or key in self.created or name.lstrip("@") in self.given
             if is_created or key in self.uncreated:
@@ -131,7 +135,8 @@ class _Scripts:
                 return
 
     def _changed(self, writes: List[Write]) -> None:
-        known = [write for write in writes if write.kind in ("text", "number")]
+        known = [write for write in writes if write.kind in ("text", "number")
+                 and not (write.is_own and write.kind == "number")]
         for write in known:
             if write.kind != known[0].kind and write.use is not None and write.assignment:
                 name, kind, first = write.assignment.name, write.kind, known[0].kind
@@ -143,13 +148,19 @@ class _Scripts:
 
     def _mixed(self, use: Use) -> None:
         facts = use.script.facts
-        compound = [Operation(sign, Operand("name", name, position), value)
-                    for name, sign, value, position in facts.assignments if sign not in (":=", "=")]
+        compound = [
+            Operation(each.sign, Operand("name", each.name, each.position), each.value)
+            for each in facts.assignments if each.sign not in (":=", "=")]
         for operation in facts.operations + compound:
             wrong = _wrong(operation, self._kind(use, operation.left),
                            self._kind(use, operation.right))
             if wrong:
                 self._warn(rules.TEXT_AND_NUMBER, use, *wrong, operation.left.position)
+        for signs, operand in facts.prefixed:
+            if self._kind(use, operand) in _TEXTS:
+                self._warn(rules.TEXT_AND_NUMBER, use,
+                           f"{signs}{operand.word} needs a number, and gets a text", "",
+                           operand.position)
 
     def _kind(self, use: Use, operand: Operand) -> str:
         if operand.kind == "name":
@@ -175,7 +186,9 @@ def _wrong(operation: Operation, left: str, right: str) -> Optional[Tuple[str, s
         if {left, right} == {"text", "number"}:
             return f"{said} compares a text with a number", ("a text needs single quotes, a number "
                                                              "none")
-    elif {"text", NUMERAL} & {left, right} and sign != ".." and (sign not in ("+", "+=") or
-                                                                 "number" in (left, right)):
-        return f"{said} calculates with a text", "texts are joined with .."
+    elif _TEXTS & {left, right} and sign != ".." and (
+            sign not in ("+", "+=") or "number" in (left, right)):
+        return f"{said} calculates with a text", _JOINED
+    elif sign in ("+", "+=") and left == right == NUMERAL:
+        return f"{said} joins two texts", "numbers stand in a script, without quotes"
     return None

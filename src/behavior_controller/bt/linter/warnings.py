@@ -8,6 +8,7 @@ from typing import List
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.facts import MissionFacts
+from behavior_controller.bt.linter.reactive import check_reactive
 from behavior_controller.bt.linter.structure import CONDITIONS
 from behavior_controller.bt.possible_results import FAILS, SKIPS, SUCCEEDS
 from behavior_controller.bt.engine import ports
@@ -46,10 +47,14 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
         _check_chain(facts, element, spec)
     if spec.repeats_on:
         _check_repeat(facts, element, spec)
+    if spec.is_reactive:
+        check_reactive(facts, element, spec)
 
 
-def check_ignored(facts: MissionFacts, element: Element) -> None:
-    """Warn of attributes that begin with _ and mean nothing, but nearly do."""
+def check_ignored(facts: MissionFacts, element: Element) -> bool:
+    """Warn of attributes that begin with _ and mean nothing, but nearly do; return whether there is
+    one."""
+    before = len(facts.findings.warnings)
     for name in element.attributes:
         if name[0] != "_" or name in CONDITIONS or name in IGNORED_ON_PURPOSE:
             continue
@@ -61,6 +66,7 @@ def check_ignored(facts: MissionFacts, element: Element) -> None:
         near = did_you_mean(name, CONDITIONS + ("_autoremap",))
         if near:
             facts.warn(rules.CONDITION_MISSPELT, element, f"{name} is ignored", near, name)
+    return len(facts.findings.warnings) > before
 
 
 # -------------------------------------------------------------------------------------------- ports

@@ -40,12 +40,14 @@ class Operand(NamedTuple):
 
 
 class Assignment(NamedTuple):
-    """``name sign value`` in a script."""
+    """``name sign value`` in a script; ``is_own`` if the value is calculated from the entry itself.
+    """
 
     name: str
     sign: str
     value: Operand
     position: int
+    is_own: bool = False
 
 
 class Operation(NamedTuple):
@@ -72,6 +74,7 @@ class ScriptFacts(NamedTuple):
     statements: List[Statement]
     assignments: List[Assignment]
     operations: List[Operation]
+    prefixed: List[Tuple[str, Operand]]  # the signs before an operand, and that
     names: Dict[str, int]  # the names that are read, and where first
 
 
@@ -159,7 +162,7 @@ class _ScriptParser:
         # the name that the operand read last is, if it is nothing more
         self.bare: Optional[str] = None
         self.last: Operand  # the operand read last
-        self.facts = ScriptFacts([], [], [], {})
+        self.facts = ScriptFacts([], [], [], [], {})
         self._is_assignment: bool  # the expression read last
 
     def script(self) -> List[Evaluate]:
@@ -201,10 +204,12 @@ class _ScriptParser:
 
     def _assignment(self, name: Optional[str]) -> Evaluate:
         position = self.last.position
-        sign = self._next()[0]
+        sign, known = self._next()[0], len(self.facts.operations)
         right = self.expression()
         source, self.bare = self.bare, None
-        self.facts.assignments.append(Assignment(name or "", sign, self.last, position))
+        is_own = any(name in (operation.left.word, operation.right.word)
+                     for operation in self.facts.operations[known:])
+        self.facts.assignments.append(Assignment(name or "", sign, self.last, position, is_own))
         if self.last.kind == "name":
             self.last = self.last._replace(kind="")
         if name is None:
@@ -272,6 +277,7 @@ class _ScriptParser:
         if not signs:
             return operand
         self._use()
+        self.facts.prefixed.append(("".join(signs), self.last))
         is_negative = signs == ["-"] and self.last.kind == "number" and self.last.word
         self.last = Operand("number", "-" + self.last.word if is_negative else "",
                             self.last.position)
@@ -350,7 +356,7 @@ def compile_script(text: str, allow_empty: bool = False) -> Script:
     """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: an empty one fails
     when it runs."""
     if allow_empty and not text:
-        return Script(text, [], set(), set(), ScriptFacts([], [], [], {}))
+        return Script(text, [], set(), set(), ScriptFacts([], [], [], [], {}))
     parser = _ScriptParser(text)
     statements = parser.script()
     return Script(text, statements, parser.read, parser.written, parser.facts)

@@ -1,6 +1,7 @@
 """The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
 detected in a play."""
 import bisect
+import re
 from functools import lru_cache
 from typing import (
     Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple)
@@ -16,7 +17,7 @@ from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.robot.declarations import Sense, Topic
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import (
-    Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say)
+    Answer, GoTo, PerformGesture, Prompt, QueryKnowledge, Request, Say, SetAttention)
 from behavior_controller.text import clean, count
 
 from unit_tests.rehearsal.play import BUSY, Played, START, Stage
@@ -30,8 +31,13 @@ SHOWN_AT_THE_PLACE = {"@" + datum.name for datum in (data.GESTURE_TARGET, data.D
                                                      data.DESCRIPTION_2)}
 """The entries whose readers need the robot to stand at the place that it was sent to."""
 
+AT_ONCE = 0.01
+"""Seconds by which things may differ in time that follow one another."""
+
 ROOT = 1
 """The uid of the root, which stands for the whole mission."""
+
+_PLACE = re.compile(r"\((\S[^()]*):(\d+):(\d+)\)$")
 
 Place = Tuple[int, str]
 """The uid of the node at which something is wrong, and what is wrong, in words."""
@@ -91,6 +97,11 @@ class Play:
         assert isinstance(spec, MissionSpec)
         return spec
 
+    def hears(self, uid: int) -> bool:
+        """Return whether a mission leaf listens to an answer."""
+        spec = self.spec(uid)
+        return spec.writes(data.VISITOR_RESPONSE.name) or Sense.UTTERANCE in spec.listens
+
     def name(self, uid: int) -> str:
         """Return the type of a node."""
         return clean(self.nodes[(uid or ROOT) - 1].registration_id)
@@ -113,10 +124,30 @@ class Play:
         return [result for result in self.leaves
                 if self.spec(result.uid).says_goodbye(self.nodes[result.uid - 1].name)]
 
+    @property
+    def stops(self) -> Dict[str, int]:
+        """The names of the stops that the robot was sent to, each with the leaf that did it."""
+        return {clean(place.name): next(drive.uid for drive in self.drives
+                                        if goal(drive)[:2] == place.location[:2])
+                for place in self.visited}
+
     def is_visitor_here(self, at: float) -> bool:
         """Return whether a visitor was present at that time."""
         return next((is_here for since, is_here in reversed(self.played.presence) if since <= at),
                     False)
+
+    @property
+    def shown(self) -> Iterator[Tuple[NodeResult, NodeResult]]:
+        """Yield how each leaf ended that has described a stop or pointed at it, and the leaf that
+        chose the stop."""
+        for show in self.leaves:
+            read = entries(self.nodes[show.uid - 1], False) & SHOWN_AT_THE_PLACE
+            if show.letter != "S" or not {Say, PerformGesture} & set(self.spec(show.uid).calls):
+                continue
+            chosen = [each for each in self.leaves if each.letter == "S" and each.ended <= show.began
+                      and entries(self.nodes[each.uid - 1], True) & read][-1:]
+            if chosen and self.spec(chosen[0].uid).writes(data.CURRENT_EXHIBIT.name):
+                yield show, chosen[0]
 
     def faulty(self) -> FrozenSet[str]:
         """Return the services of which a call went wrong on purpose."""
@@ -206,13 +237,25 @@ def _waiting(play: Play) -> int:
 def _exceptions(play: Play) -> Iterator[Place]:
     for text in filter(None, [play.played.error, *(error.text for error in play.run.errors)]):
         named = [node.uid for node in play.nodes if f"'{node.full_path}'" in text]
-        yield named[0] if named else ROOT, text
+        yield _script_at(play, text) or (named[0] if named else ROOT), text
+
+
+def _script_at(play: Play, text: str) -> int:
+    """Return the node whose script is at the place with which an error ends; 0 if there is none."""
+    found = _PLACE.search(text)
+    if found is None:
+        return 0
+    place = int(found[2]), int(found[3])
+    before = [node for node in play.nodes if clean(node.element.document.file) == found[1]
+              and node.element.place() <= place]
+    return max(before, key=lambda node: node.element.place()).uid if before else 0
 
 
 def _missing_data(play: Play) -> Iterator[Place]:
     for failed in play.run.failures:
-        # pressing nothing is the visitor's answer
-        if failed.failure.cause is Cause.MISSING_DATA and not failed.attempt \
+        # pressing nothing is the visitor's answer, and a substitute is the policy's
+        if failed.failure.cause is Cause.MISSING_DATA and not failed.attempt and failed.uid \
+                and not play.spec(failed.uid).is_recovery \
                 and Prompt not in play.spec(failed.uid).calls:
             yield failed.uid, failed.failure.message
     for recovery in play.run.recoveries:
@@ -259,10 +302,13 @@ def _cut_short(play: Play) -> Iterator[Place]:
 
 
 def _abandoned(play: Play) -> Iterator[Place]:
-    """Find a drive that was halted and not followed by another drive."""
-    last = play.drives[-1] if play.drives else None
-    if last is not None and last.result is None and last in play.run.exchanges:
-        yield last.uid, "it is halted while the robot drives, which no service can stop"
+    """Find a drive that was halted and not followed by another; or by one to another place, although
+    nothing was wrong and the visitor is still there."""
+    for drive, after in zip(play.drives, [*play.drives[1:], None]):
+        is_excused = after is not None and (
+            play.faults or goal(after) == goal(drive) or not play.is_visitor_here(drive.asked))
+        if drive.result is None and drive in play.run.exchanges and not is_excused:
+            yield drive.uid, "it is halted while the robot drives, which no service can stop"
 
 
 # ------------------------------------------------------------------------------ failures, swallowed
@@ -330,14 +376,14 @@ def _note_result(play: Play, result: NodeResult, failed: Dict[str, NodeResult]) 
 
 
 def _unrecovered(play: Play) -> Iterator[Place]:
-    """Find a single fault that ended the pass without a HandleFallBack dealing with it."""
-    if play.outcome != "FAILURE" or play.faults != 1 or play.run.recoveries:
+    """Find a service whose faults ended the pass without a HandleFallBack dealing with it."""
+    faulty, recoveries = play.faulty(), play.run.recoveries
+    if play.outcome != "FAILURE" or len(faulty) != 1 or play.calm is None \
+            or play.calm.outcome != "SUCCESS" or any(each.outcome == GIVEN_UP for each in recoveries):
         return
-    if play.calm is None or play.calm.outcome != "SUCCESS":
-        return
-    faulty = play.faulty()
     for failed in play.run.failures:
-        if failed.failure.resource in faulty:
+        if failed.failure.resource in faulty and not failed.attempt and not any(
+                recovery.path == failed.path for recovery in recoveries):
             yield failed.uid, "its failure ends the pass, and no recovery handles it"
             return
 
@@ -404,6 +450,63 @@ def _drives_twice(play: Play) -> Iterator[Place]:
             yield drive.uid, "the robot has just arrived there"
 
 
+def _shown_away(play: Play) -> Iterator[Place]:
+    """Find a stop that is described or pointed at while the robot drives, or before it drives there.
+    """
+    if play.faults or play.behaviour != ENGAGES:
+        return
+    taken = _done(play, data.CURRENT_EXHIBIT)
+    places = {place.location[:2] for place in play.visited}
+    by_stop: Dict[int, List[NodeResult]] = {}
+    for show, chosen in play.shown:
+        by_stop.setdefault(taken.index(chosen), []).append(show)
+        if any(drive.asked + AT_ONCE < show.ended and drive.answered is not None
+               and show.began < drive.answered - AT_ONCE for drive in play.drives):
+            yield show.uid, "the robot drives meanwhile"
+    for number, shows in by_stop.items():
+        until = taken[number + 1].began if taken[number + 1:] else play.played.ended
+        drives = [drive for drive in play.drives if taken[number].ended <= drive.asked < until
+                  and goal(drive)[:2] in places]
+        if drives and shows[-1].ended <= drives[0].asked:
+            yield shows[0].uid, "the robot drives there only after it"
+
+
+def _answer_mixed_up(play: Play) -> Iterator[Place]:
+    """Find a question to which nothing listens, and an answer that is used after one, or that
+    another one replaces unused. What scripts do with answers is not known."""
+    questions = play.stage.manners(play.behaviour).questions
+    asked = [each for each in play.exchanges if isinstance(each.request, Say) and (
+        each.request.text in questions or each.request.text.endswith("?"))]
+    heard_at = max([each.ended for each in play.leaves if play.hears(each.uid)] +
+                   [each.asked for each in play.exchanges if isinstance(each.request, Prompt)],
+                   default=START)
+    for each in asked if play.outcome and not play.faults else ():
+        node = play.nodes[(each.uid or ROOT) - 1]
+        if isinstance(node, MissionLeaf) and node.spec.writes(data.QUESTION_ASKED_AT.name) \
+                and each.asked > heard_at:
+            yield each.uid, "nothing listens to the answer"
+    answer = "@" + data.VISITOR_RESPONSE.name
+    if play.faults or any(answer in text and text != "{" + answer + "}" for node in play.nodes
+                          for text in node.attributes.values()):
+        return
+    known: Optional[NodeResult] = None  # the answer that counts
+    is_used, listened = False, START
+    for result in play.leaves:
+        node = play.nodes[result.uid - 1]
+        if known is not None and answer in entries(node, False):
+            is_used = True
+            if any(listened < each.asked < result.began - AT_ONCE for each in asked):
+                yield result.uid, (f"it looks at the answer of {play.name(known.uid)} although "
+                                   "another question was asked since")
+        if answer in entries(node, True):
+            listened = result.ended
+            if result.letter == "S" and known is not None and not is_used:
+                yield result.uid, (f"it replaces the answer of {play.name(known.uid)}, which nothing "
+                                   "has looked at")
+            if result.letter == "S":
+                known, is_used = result, False
+
+
 # ------------------------------------------------------------------------------------------ the end
 
 
@@ -412,6 +515,27 @@ def _goodbye(play: Play) -> Iterator[Place]:
         if result.letter == "S" and not play.is_visitor_here(result.began):
             seconds = result.began - _left(play, result.began)
             yield result.uid, f"the visitor had left {seconds:.0f} s before"
+
+
+def _early_goodbye(play: Play) -> Iterator[Place]:
+    """Find words of goodbye after which the same visitor is shown another stop, or hears them again.
+    """
+    said: Dict[Request, Exchange] = {}
+    for exchange in play.exchanges if not play.faults else ():
+        node = play.nodes[(exchange.uid or ROOT) - 1]
+        if exchange.request == SetAttention("scanning"):  # for the next visitor
+            said.clear()
+        if not isinstance(exchange.request, Say) or not isinstance(node, MissionLeaf) \
+                or not play.is_visitor_here(exchange.asked):
+            continue
+        if node.spec.says_goodbye(node.name):
+            if exchange.request in said:
+                yield exchange.uid, "the same visitor hears it again"
+            said[exchange.request] = exchange
+    for show, chosen in play.shown if said and not play.faults else ():
+        for bye in said.values():
+            if bye.asked < chosen.began and play.is_visitor_here(show.began):
+                yield bye.uid, f"{play.name(show.uid)} goes on after it"
 
 
 def _left(play: Play, at: float) -> float:
@@ -481,6 +605,8 @@ NEVER_SUCCEEDS = FindingKind("never-succeeds",
                              "No visitor's pass ends in SUCCESS, not even without a fault.")
 NEVER_TRUE = FindingKind(
     "never-true", "The mission comes to this node, and no visitor and no fault makes it succeed.")
+ONE_WAY = FindingKind(
+    "one-way-only", "A stop is reached by answers of one way only: by voice, or by tablet.")
 NEVER_OFF = FindingKind(
     "never-off", "Attention or lifelike movement is switched on, and no pass switches it off.")
 UNREACHED = FindingKind("unreached", "No play brings the mission to this node.")
@@ -509,8 +635,8 @@ KINDS = (
         "swallowed-failure", "A step fails, the mission ignores that, and a later step goes on as "
         "if it had been done.", _swallowed),
     FindingKind(
-        "unrecovered", "A single fault ends the pass, because no HandleFallBack stands beside the "
-        "node.", _unrecovered),
+        "unrecovered", "A service that fails ends the pass, because no HandleFallBack stands beside "
+        "the node.", _unrecovered),
     FindingKind(
         "shares-a-body", "Two branches use one service of the robot at the same time: it has one "
         "body. Let one branch wait for the other.", _shares_a_body),
@@ -520,8 +646,18 @@ KINDS = (
     FindingKind(
         "abandoned-drive", "The mission stops waiting for a drive, and the robot drives on.",
         _abandoned),
+    FindingKind(
+        "shown-away", "A stop is described or pointed at while the robot is still driving, or before "
+        "it drives there.", _shown_away),
+    FindingKind(
+        "answer-mixed-up", "The visitor's answer to one question is taken for that to another, or is "
+        "lost.", _answer_mixed_up),
+    FindingKind(
+        "early-goodbye", "The robot says goodbye, and then goes on with the same visitor.",
+        _early_goodbye),
     NEVER_TRUE,
     NEVER_SUCCEEDS,
+    ONE_WAY,
     FindingKind(
         "budget-spent", "Recoveries use up the budget of the policy although hardly a call fails: "
         "what fails later is given up at once.", _budget),

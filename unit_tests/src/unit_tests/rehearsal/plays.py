@@ -10,6 +10,7 @@ from typing import (Any, Callable, Dict, FrozenSet, Iterable, Iterator, List, Ma
 
 from behavior_controller.bt.loader.document import garbage_collection_paused
 from behavior_controller.config.settings import defaults
+from behavior_controller.robot.declarations import Sense
 from behavior_controller.robot.requests import Request
 
 from unit_tests.rehearsal import findings
@@ -81,7 +82,7 @@ class Outcome(NamedTuple):
     scene: Scene
     outcome: str
     seconds: float
-    stops: int  # that the robot was sent to
+    stops: Tuple[Tuple[str, int], ...]  # that the robot was sent to, with the leaf that did it
     found: Tuple[Finding, ...]
     reached: FrozenSet[int]
     succeeded: FrozenSet[int]  # the leaves
@@ -120,10 +121,18 @@ class Theatre:
                                    call_times=REAL)
         stage = self.stage(scene.by_voice)
         gap = min(MESSAGES, stage.settings.topic_max_age / 2)
-        played = stage.play(test, scene.silent, gap, scene.is_listed)
+        played = stage.play(test, scene.silent + self._unheard(stage), gap, scene.is_listed)
         faults = sum(line.fault is not None for line in played.journal) + len(scene.silent)
         calm = None if scene.is_calm else self._calm_play(scene.calm)
         return Play(stage, played, scene.visitor, faults, calm)
+
+    @staticmethod
+    def _unheard(stage: Stage) -> Tuple[str, ...]:
+        """Return the topic that says nothing because speech is not recognised, if it is so."""
+        robot = stage.settings.interface
+        if stage.settings.asr_enabled or not robot.tells(Sense.UTTERANCE):
+            return ()
+        return (robot.evidence(Sense.UTTERANCE).topic.name,)
 
     def _calm_play(self, scene: Scene) -> Play:
         if scene not in self._calm:
@@ -141,7 +150,7 @@ class Theatre:
                     if type(each.request) in kinds}
         outcome = play.outcome or (BROKEN if play.played.error else
                                    NO_VISITOR if findings.waits_for_a_visitor(play) else "")
-        return Outcome(scene, outcome, play.played.seconds, len(play.visited),
+        return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
                        tuple(findings.findings(play)), play.played.reached, play.succeeded,
                        tuple(switched.items()), tuple(play.calls()) if scene.is_listed else ())
 

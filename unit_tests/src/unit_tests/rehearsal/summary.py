@@ -3,7 +3,7 @@ of success."""
 import math
 import shlex
 from collections import Counter
-from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from behavior_controller.robot.requests import Request
 from behavior_controller.monitoring.story import Sentence, Story
@@ -22,6 +22,8 @@ Z = 1.96
 
 MOST_SENTENCES = 40
 """Sentences of a story that are shown."""
+
+_NONE: FrozenSet[int] = frozenset()
 
 Key = Tuple[str, str]
 """The kind of a finding and its place."""
@@ -87,7 +89,7 @@ class Survey:
         self._nodes = self._stage.mission.tree.nodes
         self._chosen = chosen
         self.plays = 0
-        self._outcomes: List[Tuple[Scene, str, float, int]] = []
+        self._outcomes: List[Outcome] = []
         self._shortest: Dict[Key, Tuple[Outcome, Finding]] = {}
         self._plays_of: Dict[Key, Set[int]] = {}
         self.reached: Set[int] = set()  # the uids of nodes
@@ -97,9 +99,9 @@ class Survey:
 
     def take(self, outcome: Outcome) -> None:
         """Add the result of a scene."""
-        self._outcomes.append((outcome.scene, outcome.outcome, outcome.seconds, outcome.stops))
+        self._outcomes.append(outcome._replace(found=(), calls=(), reached=_NONE, succeeded=_NONE))
         self.reached |= outcome.reached
-        self._calmly |= outcome.reached if outcome.scene.is_calm else set()
+        self._calmly |= outcome.reached if outcome.scene.is_calm else _NONE
         self._succeeded |= outcome.succeeded
         self._switched.update(outcome.switched)
         for finding in outcome.found:
@@ -113,16 +115,21 @@ class Survey:
     @property
     def has_ended(self) -> bool:
         """Whether each pass without faults ended: else nothing is known of what comes after."""
-        return all(outcome for scene, outcome, _, _ in self._outcomes if scene.is_calm)
+        return all(each.outcome for each in self._calm)
+
+    @property
+    def _calm(self) -> List[Outcome]:
+        return [each for each in self._outcomes if each.scene.is_calm]
 
     def whole(self, search: Optional[Search]) -> List[Finding]:
         """Return what only all plays together show, if each visitor and each fault was played, and
         ``search`` has planned faults towards the nodes that they do not reach."""
         if not self.has_ended:
             return []
+        found = self._never_succeeds() + self._one_way()
         if search is None:
-            return self._never_succeeds()
-        return self._never_succeeds() + findings.never_true(
+            return found
+        return found + findings.never_true(
             self._nodes, self._calmly, self._succeeded) + findings.never_off(
                 self._stage, self._switched) + [
                     Finding(findings.UNREACHED.name, node.uid, verdict(search, self.plays))
@@ -131,12 +138,27 @@ class Survey:
     def _never_succeeds(self) -> List[Finding]:
         """Return the finding that no visitor's pass succeeds without a fault, if all were played.
         """
-        calm = {scene: outcome for scene, outcome, _, _ in self._outcomes if scene.is_calm}
-        if {scene.visitor for scene in calm} != set(BEHAVIOURS) or not {
-                "SUCCESS", NO_VISITOR}.isdisjoint(calm.values()):
+        if {each.scene.visitor for each in self._calm} != set(BEHAVIOURS) or not {
+                "SUCCESS", NO_VISITOR}.isdisjoint(each.outcome for each in self._calm):
             return []
         return [Finding(findings.NEVER_SUCCEEDS.name, findings.ROOT,
-                        f"each of {count(len(calm), 'pass', 'passes')} fails")]
+                        f"each of {count(len(self._calm), 'pass', 'passes')} fails")]
+
+    def _one_way(self) -> List[Finding]:
+        """Return the finding that voice and tablet lead a visitor who engages to other stops, on a
+        robot that understands both."""
+        stops = {each.scene.by_voice: dict(each.stops) for each in self._calm
+                 if each.scene.visitor == ENGAGES}
+        if len(stops) < 2 or not self._stage.settings.tablet_tells:
+            return []
+        found = []
+        for by_voice, way in ((True, "tablet"), (False, "voice")):
+            missed = [name for name in stops[by_voice] if name not in stops[not by_voice]]
+            if missed:
+                found.append(Finding(findings.ONE_WAY.name, stops[by_voice][missed[0]],
+                                     "by {} the robot does not come to {}".format(
+                                         way, ", ".join(missed))))
+        return found
 
     def found(self, search: Optional[Search] = None) -> List[Found]:
         """Return the findings, those of one kind together, each with its consequences."""
@@ -174,9 +196,11 @@ class Survey:
             return True
         if other not in self._plays_of:  # the mission never comes to its proper end
             return key[0] != other[0]
-        engaged = {number for number, (scene, _, _, _) in enumerate(self._outcomes)
-                   if scene.is_calm and scene.visitor == ENGAGES}
+        engaged = {number for number, each in enumerate(self._outcomes)
+                   if each.scene.is_calm and each.scene.visitor == ENGAGES}
         plays = self._plays_of.get(key, engaged)
+        if key[0] == findings.ONE_WAY.name:  # of the plays of one way
+            return not plays.isdisjoint(self._plays_of.get(other, set()))
         return bool(plays) and plays <= self._plays_of.get(other, set())
 
     def _of_play(self, key: Key) -> Found:
@@ -219,21 +243,18 @@ class Survey:
     def rows(self) -> List[VisitorRow]:
         """Return the outcomes for each visitor."""
         rows = []
-        for scene, outcome, seconds, stops in self._outcomes:
-            if scene.is_calm:
-                counted = Counter(other[1] for other in self._outcomes if not other[0].is_calm
-                                  and other[0][:2] == scene[:2])
-                rows.append(VisitorRow(scene.visitor, scene.by_voice, outcome, seconds, stops,
-                                tuple(sorted(counted.items()))))
+        for calm in self._calm:
+            counted = Counter(each.outcome for each in self._outcomes if not each.scene.is_calm
+                              and each.scene[:2] == calm.scene[:2])
+            rows.append(VisitorRow(calm.scene.visitor, calm.scene.by_voice, calm.outcome,
+                                   calm.seconds, len(calm.stops), tuple(sorted(counted.items()))))
         return rows
 
     def shares(self) -> List[Share]:
         """Return the share of successes for each failure rate, of the plays with random faults."""
-        return [
-            _share(rate, [(outcome, seconds)
-                          for scene, outcome, seconds, _ in self._outcomes if scene.rate == rate])
-            for rate in sorted({scene.rate for scene, _, _, _ in self._outcomes if scene.seed})
-        ]
+        rates = sorted({each.scene.rate for each in self._outcomes if each.scene.seed})
+        return [_share(rate, [each for each in self._outcomes if each.scene.rate == rate])
+                for rate in rates]
 
 
 def planned(scene: Scene) -> List[str]:
@@ -261,8 +282,7 @@ def _length(outcome: Outcome) -> Tuple[Any, ...]:
             [KINDS.index(fault.kind) for fault in scene.planned + scene.lasting], scene)
 
 
-def _share(rate: float, ended: Iterable[Tuple[str, float]]) -> Share:
-    all_of_them = list(ended)
-    seconds = [seconds for outcome, seconds in all_of_them if outcome]
-    return Share(rate, len(all_of_them), sum(outcome == "SUCCESS" for outcome, _ in all_of_them),
+def _share(rate: float, outcomes: Sequence[Outcome]) -> Share:
+    seconds = [each.seconds for each in outcomes if each.outcome]
+    return Share(rate, len(outcomes), sum(each.outcome == "SUCCESS" for each in outcomes),
                  sum(seconds) / len(seconds) if seconds else math.nan)
