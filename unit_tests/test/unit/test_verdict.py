@@ -403,6 +403,12 @@ def test_a_pass_that_ends_otherwise_than_its_tree():
     assert_objects(of_test, "pass 1 ended with FAILURE; its tree ends with SUCCESS")
 
 
+def test_what_disturbed_the_test_comes_before_what_followed_from_it():
+    of_test = facts()
+    cut = of_test._replace(run=Run(list(of_test.run.lines)[:40]), cut_off="it was disturbed")
+    assert objections(cut)[0] == "it was disturbed" and objections(cut)[1:]
+
+
 @pytest.mark.parametrize("state", ["SetAttention", "SetAnimation"])
 def test_the_safe_state_at_the_end(state):
     of_test = facts()

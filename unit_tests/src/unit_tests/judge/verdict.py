@@ -87,11 +87,15 @@ class Case:
         return last.overdue(self.witness.end) if last is not None else ""
 
     @property
+    def has_timed_out(self) -> bool:
+        """Whether the test was cut off because it had lasted too long."""
+        return self.facts.cut_off.startswith(TIMED_OUT.split("{")[0])
+
+    @property
     def is_out_of_time(self) -> bool:
         """Whether the test was cut off while the mission had to wait."""
         is_paused = bool(self.executions) and self.executions[-1].is_paused and not self.overdue
-        return self.facts.cut_off.startswith(TIMED_OUT.split("{")[0]) and bool(
-            self.waiting_for or is_paused)
+        return self.has_timed_out and bool(self.waiting_for or is_paused)
 
 
 def judge(of_test: Union[Facts, Case]) -> Verdict:
@@ -108,8 +112,11 @@ def judge(of_test: Union[Facts, Case]) -> Verdict:
 
 
 def _start(case: Case) -> Iterator[str]:
-    """Object to a controller that did not start, or raised an exception."""
+    """Object to a test that was disturbed, and to a controller that did not start or raised an
+    exception."""
     facts = case.facts
+    if facts.cut_off and not case.has_timed_out:
+        yield facts.cut_off
     if facts.run.state.started is None and not facts.cut_off:
         yield "the controller {}{} before it started its mission{}".format(
             _ending(facts.exit_code), WHY.get(facts.exit_code or 0, ""), ":" * bool(facts.errors))
@@ -150,11 +157,10 @@ def _end(case: Case) -> Iterator[str]:
     facts = case.facts
     finished = facts.run.state.finished
     outcomes = [event.outcome for _, event in of(facts.run.lines, PassFinished)]
-    if facts.cut_off:
-        if not case.is_out_of_time:
-            last = case.executions[-1].under_way() if case.executions else ""
-            yield facts.cut_off + ("; {} goes on".format(last) if last else "")
-    elif facts.run.state.started is None:
+    if case.has_timed_out and not case.is_out_of_time:
+        last = case.executions[-1].under_way() if case.executions else ""
+        yield facts.cut_off + ("; {} goes on".format(last) if last else "")
+    elif facts.cut_off or facts.run.state.started is None:
         return
     elif finished is None:
         yield "the controller {} in the middle of its mission, in pass {}".format(
