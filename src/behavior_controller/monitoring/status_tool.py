@@ -160,9 +160,13 @@ class _Messages:
                 raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
             parts: Any = {}
             for message in self._texts(answer):
-                parts = patched(parts, _json(message))
-                self._waiting.put(_read(parts))
-        except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
+                parts = patched(parts, msgspec.json.decode(message))
+                self._waiting.put(msgspec.convert(parts, ShownState))
+        except msgspec.ValidationError as error:
+            reason = f"the answer is not a mission's: {error}"
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            reason = "the answer is not JSON"
+        except (OSError, ValueError, http.client.HTTPException) as error:
             reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
         self._waiting.put(NoMission(reason))
 
@@ -181,19 +185,6 @@ def _bounded(data: bytes) -> bytes:
         raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
     return data
 
-
-def _json(text: bytes) -> Any:
-    try:
-        return msgspec.json.decode(text)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        raise ValueError("the answer is not JSON")
-
-
-def _read(parts: Any) -> ShownState:
-    try:
-        return msgspec.convert(parts, ShownState)
-    except msgspec.ValidationError as error:
-        raise ValueError(f"the answer is not a mission's: {error}")
 
 
 def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:
