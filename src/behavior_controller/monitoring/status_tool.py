@@ -88,9 +88,10 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 return exit_codes.SUCCESS
     except NoMission as reason:
         why = clean(str(reason))
-        what = f"the connection to {place} is lost ({why})" if shown else (
-            f"no mission answers at {place} ({why}): does behaviorController run, with this "
-            "monitorPort?")
+        what = (f"no mission answers at {place} ({why}): does behaviorController run, with this "
+                "monitorPort?")
+        if shown:
+            what = f"the connection to {place} is lost ({why})"
         print("missionStatus:", what, file=sys.stderr)
         return exit_codes.UNAVAILABLE
     except OSError as error:
