@@ -1,5 +1,5 @@
-"""The ROS types of what is declared. A type that is not built, or lacks a declared field, is told
-when this is imported."""
+"""The ROS types of what is declared. A type that is not built, or lacks a declared field, is
+reported when this is imported."""
 import io
 import struct
 from typing import Any, Callable, Dict, Sequence, Tuple

@@ -67,7 +67,7 @@ class Statement(NamedTuple):
 
 
 class ScriptFacts(NamedTuple):
-    """What a script does, for those who judge it without running it."""
+    """What a script does, for checks that do not run it."""
 
     statements: List[Statement]
     assignments: List[Assignment]

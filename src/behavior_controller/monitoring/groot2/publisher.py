@@ -26,14 +26,13 @@ from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.registry import NodeSpec
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.bt.status import IDLE, NUMBERS
 from behavior_controller.execution.events import BreakpointChanged
 from behavior_controller.monitoring.groot2.tcp_proxy import Front
 from behavior_controller.monitoring.groot2.breakpoints import Hook, Hooks, Refused, read_fields
 from behavior_controller.monitoring.server import LoopThread, opened
 
 PROTOCOL = 2
-CODES = {IDLE: 0, RUNNING: 1, SUCCESS: 2, FAILURE: 3}
 WAS = 10
 """Added to the code of the status that a node had before IDLE, for a monitor that polls too late to
 see it."""
@@ -246,7 +245,7 @@ class _Shown:
         """Note the transitions. Called on the tick thread."""
         if self._recording_since is not None:
             moment = int(1e6 * (time.monotonic() - self._recording_since))
-            self._transitions.extend((moment, node.uid, CODES[new]) for node, _, new in changes)
+            self._transitions.extend((moment, node.uid, NUMBERS[new]) for node, _, new in changes)
 
     # ------------------------------------------------------------------------------------- requests
 
@@ -349,7 +348,7 @@ def _by_instance(tree: Tree) -> List[int]:
 
 def _code(node: Node) -> int:
     """Return the code of a node's status, or of what it was before it went back to IDLE."""
-    return CODES[node.status] or (WAS + CODES[node.was] if node.was is not IDLE else 0)
+    return NUMBERS[node.status] or (WAS + NUMBERS[node.was] if node.was is not IDLE else 0)
 
 
 def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:
