@@ -53,7 +53,7 @@ def _answer_of(offer: Offer, kind: Any) -> Any:
     """Return an empty message of those that the robot sends."""
     if isinstance(offer, Action):
         return kind().action_result.result
-    return (kind._response_class if type(offer) is Service else kind)()
+    return kind._response_class() if type(offer) is Service else kind()
 
 
 def _broken(offer: Offer, text: str) -> Exception:

@@ -13,6 +13,7 @@ import socket
 import struct
 import time
 import uuid
+from functools import partial
 from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
@@ -100,7 +101,8 @@ class Groot2Publisher:
     def show(self, tree: Tree) -> None:
         """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
         before = self._shown
-        hooks = Hooks(tree, self._announce, self._tell, self._held)
+        hooks = Hooks(tree, partial(self._call, self._publish),
+                      partial(self._call, self._lines.tell), self._held)
         self._shown = _Shown(tree, self._specs, hooks)
         if before is not None:
             before.hooks.remove_all(": another mission follows")
@@ -111,15 +113,10 @@ class Groot2Publisher:
         if self._thread is not None:
             self._thread.close()
 
-    def _announce(self, uid: int) -> None:
-        """Announce to the client that a breakpoint was reached. Any thread may call this."""
+    def _call(self, function: Callable[..., None], argument: Any) -> None:
+        """Have the publisher's thread call ``function``. Any thread may call this."""
         if self._thread is not None:
-            self._thread.call(self._publish, uid)
-
-    def _tell(self, text: str) -> None:
-        """Send the operator a line. Any thread may call this."""
-        if self._thread is not None:
-            self._thread.call(self._lines.tell, text)
+            self._thread.call(function, argument)
 
     # -------------------------------------------------------------------- on the publisher's thread
 
@@ -162,6 +159,7 @@ class Groot2Publisher:
                 shown.hooks.remove_all(": its client is gone")
 
     def _publish(self, uid: int) -> None:
+        """Announce to the client that a breakpoint was reached."""
         header = struct.pack("<BBI", PROTOCOL, ord("N"), int.from_bytes(os.urandom(4), "little"))
         self._news.send_multipart([header, str(uid).encode()])
 
