@@ -91,8 +91,9 @@ def given_to_roslaunch(command: Sequence[str], package: str, launch_file: str) -
     is_ours = any(os.path.basename(word) == launch_file and (
         word != launch_file or before == package or not _PACKAGE.fullmatch(before))
         for before, word in zip(command, command[1:]))
-    return [word for word in command
-            if ASSIGNMENT in word and not word.startswith("__")] if is_ours else []
+    if not is_ours:
+        return []
+    return [word for word in command if ASSIGNMENT in word and not word.startswith("__")]
 
 
 def is_roslaunch(command: Sequence[str]) -> bool:

@@ -44,8 +44,7 @@ def clean(text: str, longest: int = LONGEST) -> str:
     if len(text) > longest:
         text = text[:longest - _TAIL - 3] + " … " + text[-_TAIL:]
     if not text.isprintable():
-        text = "".join(letter if letter.isprintable() else letter.encode(
-            "unicode_escape").decode("ascii") for letter in text)
+        text = "".join(letter if letter.isprintable() else _escaped(letter) for letter in text)
     return text
 
 
@@ -55,8 +54,12 @@ def without_controls(text: str, redraws: bool = False) -> str:
 
     If it ``redraws`` a window, the control sequences for that stay too.
     """
-    return (_OTHER_CONTROL if redraws else _CONTROL).sub(
-        lambda match: match.group().encode("unicode_escape").decode("ascii"), text)
+    controls = _OTHER_CONTROL if redraws else _CONTROL
+    return controls.sub(lambda match: _escaped(match.group()), text)
+
+
+def _escaped(text: str) -> str:
+    return text.encode("unicode_escape").decode("ascii")
 
 
 def read_text(path: str) -> str:

@@ -44,7 +44,7 @@ RULES = (
          'self.execute_child(index) is SKIPPED'),
     Rule('ParallelAll fails at max_failures', 'engine/controls.py', 'ParallelAll.update',
          'self.failures >= allowed', 'self.failures > allowed'),
-    Rule('Parallel resets its children at the end', 'engine/controls.py', '_Side.end',
+    Rule('Parallel resets its children at the end', 'engine/controls.py', '_Side.complete',
          'self.halt_children()', ''),
     Rule('IfThenElse takes the second child on SUCCESS', 'engine/controls.py', 'IfThenElse.update',
          '1 if result is SUCCESS else 2', '2 if result is SUCCESS else 1'),

@@ -424,8 +424,8 @@ class TestGateway(unittest.TestCase):
                 types.message_class(dataclasses.replace(declared, **changed))
             self.assertEqual(str(raised.exception), told)
         self.assertIs(
-            types.message_class(dataclasses.replace(declared,
-                                            answer=lambda response: response.response[0])),
+            types.message_class(dataclasses.replace(
+                declared, answer=lambda response: response.response[0])),
             types.TYPES[declared])  # an answer need not be readable while it is empty
 
 

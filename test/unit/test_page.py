@@ -780,7 +780,7 @@ shown = Show(rig)
 print(shown.port, flush=True)
 while True:
     rig.tick()
-    rig.mission.health.heard[FACES.name] = time.monotonic()
+    rig.mission.health.last_arrivals[FACES.name] = time.monotonic()
     time.sleep(0.1)
     rig.clock.advance(0.1)
 """
@@ -1121,7 +1121,7 @@ def test_a_browser_that_disconnects_frees_its_place_though_nothing_happens(show,
     with socket.create_connection(("127.0.0.1", shown.port)) as browser:
         browser.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         wait_until(lambda: shown.page.streams)
-        monkeypatch.setattr(shown.page.board, "look", lambda: None)
+        monkeypatch.setattr(shown.page.board, "refresh", lambda: None)
     wait_until(lambda: not shown.page.streams)
 
 

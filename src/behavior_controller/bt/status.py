@@ -24,3 +24,5 @@ SKIPPED = Skipped.SKIPPED
 BY_NAME = {
     "IDLE": IDLE, "RUNNING": RUNNING, "SUCCESS": SUCCESS, "FAILURE": FAILURE, "SKIPPED": SKIPPED}
 NAMES = {status: name for name, status in BY_NAME.items()}
+NUMBERS = {status: number for number, status in enumerate(NAMES)}
+"""The statuses as BehaviorTree.CPP numbers them."""

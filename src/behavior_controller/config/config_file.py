@@ -110,9 +110,6 @@ def _is_file_name(text: str) -> bool:
     return re.fullmatch(r"[^/\\\0]+", text) is not None and text not in (".", "..")
 
 
-def _mission_name(text: str) -> str:
-    return text[:-4] if text.endswith(".xml") else text
-
 
 def _address(text: str) -> str:
     """Return an address or name; unclear forms are refused.
@@ -138,7 +135,7 @@ def _folder(text: str) -> str:
 
 language_name = reader("the name of a language, such as English", _is_file_name, str)
 mission_name = reader("the name of a mission in the data folder, without .xml", _is_file_name,
-                      _mission_name)
+                      lambda text: text[:-4] if text.endswith(".xml") else text)
 bind_address = Reader("an address or a host name of this computer, 127.0.0.1 for itself alone, "
                       "0.0.0.0 for all networks", _address)
 folder = Reader("a folder, nothing, or none", _folder)

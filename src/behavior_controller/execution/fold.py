@@ -438,7 +438,7 @@ def _feedback_received(state: State, event: FeedbackReceived) -> State:
 
 
 def _abandon(state: State, is_abandoned: Callable[[Exchange], bool]) -> State:
-    """Note that nobody waits for the results of requests any more."""
+    """Note that the results of requests are not awaited any more."""
     dropped = tuple(exchange for exchange in state.exchanges if is_abandoned(exchange))
     if not dropped:
         return state

@@ -87,12 +87,12 @@ class Recovery:
     def attempted(self, failure: Optional[Failure]) -> Step:
         """Take the outcome of a retry or of the substitute (None: it was done) and return what to
         do next."""
-        self.attempts += not self._is_substituting
+        if self._is_substituting:
+            return End(SUBSTITUTED) if failure is None else self.next_step()
+        self.attempts += 1
         if failure is None:
-            return End(SUBSTITUTED if self._is_substituting else DONE)
-        if not self._is_substituting:
-            self.failure = failure
-            # what was refused before may have been done this time: the rule is that of the new
-            # cause
-            self._rule = self._policy.rule(self._node, failure.cause)
+            return End(DONE)
+        self.failure = failure
+        # what was refused before may have been done this time: the rule is that of the new cause
+        self._rule = self._policy.rule(self._node, failure.cause)
         return self.next_step()

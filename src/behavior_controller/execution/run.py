@@ -5,12 +5,12 @@ import pickle
 import zlib
 from collections import deque
 from itertools import takewhile
-from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Tuple, Union
+from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Tuple, Union, get_args
 
 from behavior_controller.execution.events import Line, Noticed, TreeNode, TreeShown
 from behavior_controller.execution.fold import fold
 from behavior_controller.execution.state import (
-    Exchange, LeafFailure, NodeResult, RecoveryRound, Stop, State, Step, Visit)
+    Exchange, Fact, LeafFailure, NodeResult, RecoveryRound, State, Step, Stop, Visit)
 
 EVERY = 250
 """Number of events between two states that a ``History`` keeps.
@@ -93,18 +93,15 @@ class Run:
     def __init__(self, lines: Iterable[Line] = ()):
         self.state = State()
         self.lines: List[Line] = []
-        self.visits: List[Visit] = []
-        self.stops: List[Stop] = []
-        self.steps: List[Step] = []
-        self.exchanges: List[Exchange] = []
-        self.failures: List[LeafFailure] = []
-        self.recoveries: List[RecoveryRound] = []
-        self.results: List[NodeResult] = []
-        self.errors: List[Noticed] = []
-        self._lists: Dict[type, List[Any]] = {
-            Visit: self.visits, Stop: self.stops, Step: self.steps,
-            Exchange: self.exchanges, LeafFailure: self.failures, RecoveryRound: self.recoveries,
-            NodeResult: self.results, Noticed: self.errors}
+        self._facts: Dict[type, List[Any]] = {kind: [] for kind in get_args(Fact)}
+        self.visits: List[Visit] = self._facts[Visit]
+        self.stops: List[Stop] = self._facts[Stop]
+        self.steps: List[Step] = self._facts[Step]
+        self.exchanges: List[Exchange] = self._facts[Exchange]
+        self.failures: List[LeafFailure] = self._facts[LeafFailure]
+        self.recoveries: List[RecoveryRound] = self._facts[RecoveryRound]
+        self.results: List[NodeResult] = self._facts[NodeResult]
+        self.errors: List[Noticed] = self._facts[Noticed]
         self._history = History()
         self.extend(lines)
 
@@ -119,7 +116,7 @@ class Run:
         self._history.take(self.state, line)
         self.state = fold(self.state, line.time, line.event)
         for fact in self.state.facts:
-            self._lists[type(fact)].append(fact)
+            self._facts[type(fact)].append(fact)
         return self.state
 
     def at(self, time: float) -> State:

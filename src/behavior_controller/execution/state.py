@@ -122,8 +122,8 @@ class Step(Struct, frozen=True):
 
 
 class Exchange(Struct, frozen=True):
-    """A request to the robot and its result; no result: nobody waited for it any more, as when its
-    leaf was halted.
+    """A request to the robot and its result; no result: it was not awaited any more, as when
+    its leaf was halted.
 
     ``uid`` is the node on whose behalf it was sent; 0: none is known.
     """

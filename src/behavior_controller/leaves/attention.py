@@ -114,11 +114,9 @@ class IsMutualGazeDiscovered(TopicCondition):
     otherwise = "no gaze seen"
     values: GazeValues
 
-    def setup(self, **kwargs: Any) -> None:
+    def join(self) -> None:
         """Get the object that the mission's gaze leaves share."""
-        super().setup(**kwargs)
-        if "mission" in kwargs:
-            self.values = self.mission.shared(GazeValues)
+        self.values = self.mission.shared(GazeValues)
 
     def is_evidence(self, value: Any) -> bool:
         """Return whether the attention is seeking and has found a gaze."""

@@ -195,6 +195,10 @@ class MissionLeaf(Node):
         """Take the mission's context; a tree that is only drawn has none."""
         if "mission" in kwargs:
             self.mission = kwargs["mission"]
+            self.join()
+
+    def join(self) -> None:
+        """Get or tell what the mission's leaves share. Called once it has its ``mission``."""
 
     def get_input_or(self, port: str, otherwise: Any) -> Any:
         """Return the value of an input port, or ``otherwise`` if nothing has written its entry.

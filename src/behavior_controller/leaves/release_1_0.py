@@ -3,7 +3,7 @@ instance.
 
 Most are a leaf of D5.4.3 with the argument as its constant.
 """
-from typing import Any, Optional, Union
+from typing import Optional, Union
 
 from behavior_controller.bt import ActionLeaf, PortError, Result, IDLE, RUNNING
 from behavior_controller.robot.gateway import Cause, Failure, since
@@ -125,13 +125,11 @@ class GetVisitorResponse(MissionLeaf, ActionLeaf):
     topic: Topic
     _patience: Optional[Patience] = None
 
-    def setup(self, **kwargs: Any) -> None:
+    def join(self) -> None:
         """Get the topic of utterances."""
-        super().setup(**kwargs)
-        if "mission" in kwargs:
-            self.mission.has_questions = True
-            self.topic = self.mission.interface.evidence(self.sense).topic
-            self.resource = self.topic.name
+        self.mission.has_questions = True
+        self.topic = self.mission.interface.evidence(self.sense).topic
+        self.resource = self.topic.name
 
     def on_start(self) -> Result:
         """Clear an older answer and listen."""

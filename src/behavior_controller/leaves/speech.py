@@ -1,5 +1,5 @@
 """Leaves that speak (/textToSpeech/say_text)."""
-from typing import Any, Iterable, Optional, Tuple, Union
+from typing import Iterable, Optional, Tuple, Union
 
 from msgspec.structs import replace
 
@@ -57,11 +57,9 @@ class Question(FixedSpeech):
     PORTS = (QUESTION_ASKED_AT.written(),)
     is_question = True  # in sentences for people
 
-    def setup(self, **kwargs: Any) -> None:
+    def join(self) -> None:
         """Let the mission know that it asks."""
-        super().setup(**kwargs)
-        if "mission" in kwargs:
-            self.mission.has_questions = True
+        self.mission.has_questions = True
 
     def try_once(self) -> Attempt:
         """Begin to ask; what is said meanwhile is no answer."""

@@ -2,7 +2,7 @@
 """
 import os
 from dataclasses import dataclass
-from typing import Callable, Iterator, List, Optional, Sequence, Set, Tuple, TypeVar, Union
+from typing import Callable, Dict, Iterator, List, Optional, Sequence, Set, Tuple, TypeVar, Union
 
 from behavior_controller import extensions, folders, leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy
@@ -118,19 +118,19 @@ def load(settings: Settings, clock: Optional[Clock] = None, wake: Optional[WakeU
 def keys_without_meaning(settings: Settings, known: Optional[Knowledge]) -> Iterator[Fault]:
     """Yield a fault for each key that has no meaning for the robot, or without another key."""
     robot, usual = settings.interface, defaults()
-    answers = f"the robot {robot.name} answers when it has spoken"
-    is_early = robot.serves(Say) and robot.service(Say).answers_early(Say(""))
-    leave_out = "leave {} out, or choose another robotInterface"
+    without: Dict[str, str] = {}  # keys that have no meaning, and why
+    if robot.tells_pressed:
+        without["tabletSuccessIs"] = (
+            f"the tablet of the robot {robot.name} says which button was pressed")
+    if not (robot.serves(Say) and robot.service(Say).answers_early(Say(""))):
+        answers = f"the robot {robot.name} answers when it has spoken"
+        without.update(waitForSpeech=answers, speechPace=answers)
     if settings.start_by == OPERATOR and not settings.ros_interface:
         yield Fault("startBy", 0, 0, "without rosInterface true no operator can start the mission",
                     "set rosInterface true, or leave startBy out")
-    if robot.tells_pressed and settings.tablet_success_is != usual.tablet_success_is:
-        tells = f"the tablet of the robot {robot.name} says which button was pressed"
-        yield Fault("tabletSuccessIs", 0, 0, tells, leave_out.format("tabletSuccessIs"))
-    if not is_early and settings.wait_for_speech != usual.wait_for_speech:
-        yield Fault("waitForSpeech", 0, 0, answers, leave_out.format("waitForSpeech"))
-    if not is_early and settings.speech_pace != usual.speech_pace:
-        yield Fault("speechPace", 0, 0, answers, leave_out.format("speechPace"))
+    for key, why in without.items():
+        if settings.values[key] != usual.values[key]:
+            yield Fault(key, 0, 0, why, f"leave {key} out, or choose another robotInterface")
     if known is not None and settings.language not in (known.language, usual.language):
         yield Fault("language", 0, 0,
                     f"the culture file of the robot {robot.name} says {known.language}",

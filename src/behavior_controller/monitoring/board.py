@@ -1,4 +1,4 @@
-"""The state of a running mission, kept for those who show it: page and ``missionStatus``."""
+"""The state of a running mission, kept for what shows it: page and ``missionStatus``."""
 import collections
 import itertools
 import time

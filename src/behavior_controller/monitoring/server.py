@@ -84,8 +84,10 @@ class LoopThread:
 
     def close(self, finish: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
         """End the loop after ``finish``, and wait for its end for a second at most."""
-        self.call(self._loop.stop if finish is
-                  None else lambda: self._loop.create_task(self._end_after(finish)))
+        if finish is None:
+            self.call(self._loop.stop)
+        else:
+            self.call(lambda: self._loop.create_task(self._end_after(finish)))
         self._thread.join(1.0)
 
     async def _end_after(self, finish: Callable[[], Coroutine[Any, Any, None]]) -> None:

@@ -88,9 +88,10 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 return exit_codes.SUCCESS
     except NoMission as reason:
         why = clean(str(reason))
-        what = f"the connection to {place} is lost ({why})" if shown else (
-            f"no mission answers at {place} ({why}): does behaviorController run, with this "
-            "monitorPort?")
+        what = (f"no mission answers at {place} ({why}): does behaviorController run, with this "
+                "monitorPort?")
+        if shown:
+            what = f"the connection to {place} is lost ({why})"
         print("missionStatus:", what, file=sys.stderr)
         return exit_codes.UNAVAILABLE
     except OSError as error:
@@ -160,9 +161,13 @@ class _Messages:
                 raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
             parts: Any = {}
             for message in self._texts(answer):
-                parts = patched(parts, _json(message))
-                self._waiting.put(_read(parts))
-        except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
+                parts = patched(parts, msgspec.json.decode(message))
+                self._waiting.put(msgspec.convert(parts, ShownState))
+        except msgspec.ValidationError as error:
+            reason = f"the answer is not a mission's: {error}"
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            reason = "the answer is not JSON"
+        except (OSError, ValueError, http.client.HTTPException) as error:
             reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
         self._waiting.put(NoMission(reason))
 
@@ -181,19 +186,6 @@ def _bounded(data: bytes) -> bytes:
         raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
     return data
 
-
-def _json(text: bytes) -> Any:
-    try:
-        return msgspec.json.decode(text)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        raise ValueError("the answer is not JSON")
-
-
-def _read(parts: Any) -> ShownState:
-    try:
-        return msgspec.convert(parts, ShownState)
-    except msgspec.ValidationError as error:
-        raise ValueError(f"the answer is not a mission's: {error}")
 
 
 def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:

@@ -65,10 +65,10 @@ class Story:
 def sentences(before: State, event: Event, after: State) -> Tuple[Sentence, ...]:
     """Return the sentences about an event, given what was so before it and what is so after it."""
     words, failure = _WORDS.get(type(event)), getattr(event, "failure", None)
-    if words is None:
-        return ()
-    kind = failure.cause.text if failure else ""
-    return tuple(sentence._replace(cause=kind) for sentence in words(before, event, after))
+    said = tuple(words(before, event, after)) if words is not None else ()
+    if failure is None:
+        return said
+    return tuple(sentence._replace(cause=failure.cause.text) for sentence in said)
 
 
 # ----------------------------------------------------------------------------------------- phrases

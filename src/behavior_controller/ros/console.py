@@ -10,7 +10,8 @@ import os
 import tempfile
 import time
 import traceback
-from typing import Any, Dict, Tuple, Union
+from functools import partial
+from typing import Any, Callable, Dict
 
 from rosgraph.roslogging import RosStreamHandler
 
@@ -61,8 +62,9 @@ class Console:
         """Redirect the standard streams. Raises RuntimeError if no thread can be started."""
         self.is_verbose = False  # until the configuration is known
         os.environ.setdefault(FORMAT, FOR_PEOPLE)
-        self._lines = Sink("the console", self._write, lambda text: ("warning", text),
-                           MOST_WAITING, REST)
+        # what writes a line, or those of an event: rospy's logging takes longer than all that the
+        # tick thread does with one
+        self._lines = Sink("the console", lambda write: write(), self._warning, MOST_WAITING, REST)
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
         self._robot = robot_line(State())  # as it was written last
@@ -115,24 +117,19 @@ class Console:
 
     def __call__(self, event: Event) -> None:
         """Have the story's sentences about ``event`` written."""
-        self._lines.put((time.time(), event, self.is_verbose))
+        self._lines.put(partial(self._log_event, time.time(), event, self.is_verbose))
 
     def tell(self, severity: str, text: str) -> None:
         """Write ``text`` as one clean line at ``info``, ``warning`` or ``error``; from any thread.
         """
-        self._lines.put((severity, text))
+        self._lines.put(partial(self._log, severity, clean(text)))
 
     def warn(self, text: str) -> None:
         """Write ``text`` as a warning."""
         self.tell("warning", text)
 
-    def _write(self, item: Union[Tuple[str, str], Tuple[float, Event, bool]]) -> None:
-        """Write a line, or those of an event; rospy's logging takes longer than all that the tick
-        thread does with one."""
-        if isinstance(item[0], str):
-            self._log(item[0], clean(item[1]))
-        else:
-            self._log_event(*item)
+    def _warning(self, text: str) -> Callable[[], None]:
+        return partial(self._log, "warning", clean(text))
 
     def _log_event(self, at: float, event: Event, is_verbose: bool) -> None:
         for sentence in self._story.take(at, event):

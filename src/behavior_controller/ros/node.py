@@ -324,7 +324,7 @@ def _open_places(chosen: Settings) -> str:
     """Return the folder of the record, and ask for the addresses that the node will serve: a name
     server may hang."""
     for address in (chosen.groot2_address, chosen.monitor_address):
-        with contextlib.suppress(OSError, UnicodeError):  # who opens it reports it
+        with contextlib.suppress(OSError, UnicodeError):  # reported when it is opened
             socket.getaddrinfo(address, None)
     return chosen.record_directory or new_folder(rospkg.get_log_dir())
 

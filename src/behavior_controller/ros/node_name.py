@@ -74,7 +74,7 @@ def join(name: str, argv: List[str]) -> Optional[str]:
             rospy.init_node(name, argv=argv, disable_signals=True)
     except (rospy.ROSException, ValueError) as error:
         if rospy.is_shutdown():
-            raise Stopped("rospy has ended meanwhile")  # and the reason was told
+            raise Stopped("rospy has ended meanwhile")  # and has reported the reason
         raise ConfigurationError.of("command line", str(error))
     is_other = former not in (None, rospy.core.get_node_uri())
     return former if is_other and not _ends(former) else None

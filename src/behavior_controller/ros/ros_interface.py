@@ -31,8 +31,8 @@ REST = 0.02
 are: a flood of them must not take the processor from the robot."""
 
 HANDSHAKE = 3.0
-"""Seconds that a caller has to say what it wants: rospy alone would wait for it for ever, and let
-nobody else in."""
+"""Seconds that a caller has to say what it wants: rospy alone would wait for it for ever, and
+accept no other caller."""
 
 MOST_HANDSHAKES = 64
 """The most callers at a time that have not said it; a further one is sent away."""
@@ -108,7 +108,7 @@ class RosInterface:
         bound_handshakes()
         for name, command in commands.items():
             rospy.Service("~" + name, self._trigger, self._handler(command))
-        # who sees a state can call the services
+        # the state shows last: then the services can be called
         self._thread = threading.Thread(target=self._work, daemon=True, name="ROS interface")
         self._thread.start()
 

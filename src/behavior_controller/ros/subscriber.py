@@ -176,8 +176,10 @@ class Latch:
         self._seen_at = -math.inf  # arrival of the newest message that was read
         self.ignoring: Tuple[str, Callable[[Any], bool]] = ("", bool)
         """Why messages are ignored, and which; each reason is reported once."""
-        self.speech_action = None if topic.action is None else SpeechActionClient(
-            topic.action, lambda: self._is_published, self.hear, wake, warn)
+        self.speech_action: Optional[SpeechActionClient] = None
+        if topic.action is not None:
+            self.speech_action = SpeechActionClient(
+                topic.action, lambda: self._is_published, self.hear, wake, warn)
 
     # ----------------------------------------------------------------------------------- publishers
 

@@ -205,12 +205,13 @@ def _addresses(host: str, seconds: float) -> List[Any]:
 def _look_up(host: str, lookup: "Future[List[Any]]") -> None:
     try:
         lookup.set_result(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM))
-    except Exception as error:  # raised again by who waits
+    except Exception as error:  # raised again where it is awaited
         lookup.set_exception(error)
 
 
 _lookups: Dict[str, "Future[List[Any]]"] = {}
-"""The last lookup of each host; who needs one that is under way waits for it, as it may hang."""
+"""The last lookup of each host; one that is under way is awaited by all that need it, as it may
+hang."""
 
 _lookups_lock = threading.Lock()
 

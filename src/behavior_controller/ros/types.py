@@ -1,5 +1,5 @@
-"""The ROS types of what is declared. A type that is not built, or lacks a declared field, is told
-when this is imported."""
+"""The ROS types of what is declared. A type that is not built, or lacks a declared field, is
+reported when this is imported."""
 import io
 import struct
 from typing import Any, Callable, Dict, Sequence, Tuple
@@ -53,7 +53,7 @@ def _answer_of(offer: Offer, kind: Any) -> Any:
     """Return an empty message of those that the robot sends."""
     if isinstance(offer, Action):
         return kind().action_result.result
-    return (kind._response_class if type(offer) is Service else kind)()
+    return kind._response_class() if type(offer) is Service else kind()
 
 
 def _broken(offer: Offer, text: str) -> Exception:

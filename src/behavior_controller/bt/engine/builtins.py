@@ -19,17 +19,17 @@ Factory = Any  # a class of nodes
 class AlwaysSuccess(SyncActionLeaf):
     """SUCCESS, always."""
 
+    result: Result = SUCCESS
+
     def update(self) -> Result:
-        """Succeed."""
-        return SUCCESS
+        """Return the result."""
+        return self.result
 
 
-class AlwaysFailure(SyncActionLeaf):
+class AlwaysFailure(AlwaysSuccess):
     """FAILURE, always."""
 
-    def update(self) -> Result:
-        """Fail."""
-        return FAILURE
+    result = FAILURE
 
 
 class RunScript(decorators.Scripted, SyncActionLeaf):

@@ -77,8 +77,8 @@ class TimedAction(Timed, ActionLeaf):
 
 
 class SyncActionLeaf(Node):
-    """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error, told
-    once it is stored."""
+    """An action that is done within one tick (BT.CPP ``SyncActionNode``): RUNNING is an error,
+    reported once it is stored."""
 
     is_instant = True
 

@@ -7,10 +7,10 @@ from behavior_controller.bt.engine.leaf import TimedAction
 from behavior_controller.bt.engine.node import ConfigureError, NodeError, Result
 from behavior_controller.bt.script.parser import Script, compile_script
 from behavior_controller.bt.script.values import to_int
-from behavior_controller.bt.status import BY_NAME, FAILURE, SUCCESS
+from behavior_controller.bt.status import BY_NAME, FAILURE, NUMBERS, SUCCESS
 from behavior_controller.errors import BehaviorControllerError
 
-STATUS_NUMBERS = {name: number for number, name in enumerate(BY_NAME)}
+STATUS_NUMBERS = {name: NUMBERS[status] for name, status in BY_NAME.items()}
 
 
 class Substitutions(NamedTuple):

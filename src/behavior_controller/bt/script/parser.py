@@ -69,7 +69,7 @@ class Statement(NamedTuple):
 
 
 class ScriptFacts(NamedTuple):
-    """What a script does, for those who judge it without running it."""
+    """What a script does, for checks that do not run it."""
 
     statements: List[Statement]
     assignments: List[Assignment]
@@ -297,10 +297,10 @@ class _ScriptParser:
             self.last = Operand("text" if kind == "text" else "number", text, position)
             return lambda _blackboard, _enums: value
         if kind != "(":
-            before = self.at - (kind != "end") - 1  # before the first token is the end
+            # the end was not passed; before the first token is the end
+            before = self.tokens[self.at - (1 if kind == "end" else 2)][0]
             raise ScriptSyntaxError(f"Expected operand at position {position} (got "
-                                    f"'{shown(text)}')", position,
-                                    _hint_between(self.tokens[before][0], kind))
+                                    f"'{shown(text)}')", position, _hint_between(before, kind))
         inner = self.expression()
         self._expect(")")
         return inner

@@ -12,7 +12,7 @@ import re
 from functools import partial
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
-from behavior_controller.bt.status import BY_NAME, NAMES
+from behavior_controller.bt.status import BY_NAME, NAMES, NUMBERS
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.foreign_code import described, is_ctrl_c
 
@@ -227,7 +227,7 @@ def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], tex
         value = from_text(text)
     except ValueFault:
         raise
-    # a wrong text or a mistake in the converter: both are told at the place of the text
+    # a wrong text or a mistake in the converter: both are reported at the place of the text
     except BaseException as error:
         if is_ctrl_c(error):
             raise
@@ -280,8 +280,7 @@ def unread(text: str, type_name: str) -> str:
 
 
 _CLASSES = {"int": int, "double": float, TEXT: str, "bool": bool}
-_CODES = dict(enumerate(BY_NAME.values()))  # of the statuses, as BT.CPP numbers them
-_STATUSES = {status: code for code, status in _CODES.items()}
+_STATUSES = list(NAMES)  # by their numbers
 _STATUS_CLASSES = {type(status) for status in NAMES}
 
 
@@ -289,7 +288,7 @@ def stored(value: Any) -> Any:
     """Return ``value`` as an entry holds it: a boolean and a status are integers."""
     if isinstance(value, bool):
         return int(value)
-    return _STATUSES[value] if type(value) in _STATUS_CLASSES else value
+    return NUMBERS[value] if type(value) in _STATUS_CLASSES else value
 
 
 def is_vector(value: Any, wanted: str) -> bool:
@@ -381,7 +380,7 @@ def convert(value: Any, wanted: str, enums: Enums) -> Any:
     if wanted == "double":
         return to_real(value)
     if wanted == "NodeStatus":
-        return _CODES[to_int(value, 0, len(_CODES) - 1)]
+        return _STATUSES[to_int(value, 0, len(_STATUSES) - 1)]
     return to_int(value, *(TYPES[wanted].limits or INT))
 
 

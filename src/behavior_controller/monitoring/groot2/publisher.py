@@ -13,6 +13,7 @@ import socket
 import struct
 import time
 import uuid
+from functools import partial
 from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
@@ -26,14 +27,13 @@ from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.tree import Change, Tree
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.registry import NodeSpec
-from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SUCCESS
+from behavior_controller.bt.status import IDLE, NUMBERS
 from behavior_controller.execution.events import BreakpointChanged
 from behavior_controller.monitoring.groot2.tcp_proxy import Front
 from behavior_controller.monitoring.groot2.breakpoints import Hook, Hooks, Refused, read_fields
 from behavior_controller.monitoring.server import LoopThread, opened
 
 PROTOCOL = 2
-CODES = {IDLE: 0, RUNNING: 1, SUCCESS: 2, FAILURE: 3}
 WAS = 10
 """Added to the code of the status that a node had before IDLE, for a monitor that polls too late to
 see it."""
@@ -101,7 +101,8 @@ class Groot2Publisher:
     def show(self, tree: Tree) -> None:
         """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
         before = self._shown
-        hooks = Hooks(tree, self._announce, self._tell, self._held)
+        hooks = Hooks(tree, partial(self._call, self._publish),
+                      partial(self._call, self._lines.tell), self._held)
         self._shown = _Shown(tree, self._specs, hooks)
         if before is not None:
             before.hooks.remove_all(": another mission follows")
@@ -112,15 +113,10 @@ class Groot2Publisher:
         if self._thread is not None:
             self._thread.close()
 
-    def _announce(self, uid: int) -> None:
-        """Announce to the client that a breakpoint was reached. Any thread may call this."""
+    def _call(self, function: Callable[..., None], argument: Any) -> None:
+        """Have the publisher's thread call ``function``. Any thread may call this."""
         if self._thread is not None:
-            self._thread.call(self._publish, uid)
-
-    def _tell(self, text: str) -> None:
-        """Send the operator a line. Any thread may call this."""
-        if self._thread is not None:
-            self._thread.call(self._lines.tell, text)
+            self._thread.call(function, argument)
 
     # -------------------------------------------------------------------- on the publisher's thread
 
@@ -163,6 +159,7 @@ class Groot2Publisher:
                 shown.hooks.remove_all(": its client is gone")
 
     def _publish(self, uid: int) -> None:
+        """Announce to the client that a breakpoint was reached."""
         header = struct.pack("<BBI", PROTOCOL, ord("N"), int.from_bytes(os.urandom(4), "little"))
         self._news.send_multipart([header, str(uid).encode()])
 
@@ -246,7 +243,7 @@ class _Shown:
         """Note the transitions. Called on the tick thread."""
         if self._recording_since is not None:
             moment = int(1e6 * (time.monotonic() - self._recording_since))
-            self._transitions.extend((moment, node.uid, CODES[new]) for node, _, new in changes)
+            self._transitions.extend((moment, node.uid, NUMBERS[new]) for node, _, new in changes)
 
     # ------------------------------------------------------------------------------------- requests
 
@@ -349,7 +346,7 @@ def _by_instance(tree: Tree) -> List[int]:
 
 def _code(node: Node) -> int:
     """Return the code of a node's status, or of what it was before it went back to IDLE."""
-    return CODES[node.status] or (WAS + CODES[node.was] if node.was is not IDLE else 0)
+    return NUMBERS[node.status] or (WAS + NUMBERS[node.was] if node.was is not IDLE else 0)
 
 
 def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:

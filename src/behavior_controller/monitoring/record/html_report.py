@@ -235,11 +235,12 @@ def _letter(visit: Visit) -> str:
 
 def _heads(run: Drawn) -> List[str]:
     """Return when the mission ran, and how it ended."""
-    finished = run.run.finished
-    return [f"{strftime('%Y-%m-%d', localtime(run.began))} {clock(run.began)} to "
-            f"{clock(run.ended)}, {_seconds(run.ended - run.began)}", counted(run.run.outcomes),
-            "the record ends before the run: the node was killed, or the record full"
-            if finished is None else "ended: " + finished.outcome]
+    day = strftime("%Y-%m-%d", localtime(run.began))
+    ending = "the record ends before the run: the node was killed, or the record full"
+    if run.run.finished is not None:
+        ending = "ended: " + run.run.finished.outcome
+    return [f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}",
+            counted(run.run.outcomes), ending]
 
 
 def _lacks(run: Drawn, earlier: List[RunStarted]) -> Iterator[str]:

@@ -105,7 +105,8 @@ def replay(lines: List[Line], mission: Optional[str] = None) -> Replayed:
         if isinstance(event, RunStarted):
             replaying = _Replay(event, nodes, mission)
         elif replaying is not None:
-            passes += isinstance(event, PassFinished)
+            if isinstance(event, PassFinished):
+                passes += 1
             try:
                 changes += replaying.take(event)
             except Diverged as diverged:
