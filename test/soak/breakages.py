@@ -675,11 +675,6 @@ def wrong_rules(known: Catalogue) -> Iterator[Breakage]:
                            (node, "", "FAILURE") if node else None, by_rule(node, change))
 
 
-def _recovery(what: str, around: Callable[..., None]) -> Breakage:
-    return Breakage("recovery", what, ("HandleFallBack",), None,
-                    wrapping(Recovery, "__init__", around))
-
-
 def _affordable(method: Any, self: Any, policy: Any, node: Any, failure: Any, redo: bool,
                 affordable: bool, leave_out: Any) -> None:
     method(self, policy, node, failure, redo, True, leave_out)
@@ -705,13 +700,20 @@ def _as_refused(method: Any, self: Any, policy: Any, node: Any, failure: Any,
     method(self, policy, node, replace(failure, cause=Cause.REFUSED), *given)
 
 
+RECOVERIES: Tuple[Tuple[str, Callable[..., None]], ...] = (
+    ("the budget is not kept", _affordable),
+    ("the budget counts as spent", _unaffordable),
+    ("no step is tried again", _never_redone),
+    ("an exhibit that is left out is not noted", _not_left_out),
+    ("every cause counts as refused", _as_refused),
+)
+
+
 def wrong_recoveries(known: Catalogue) -> Iterator[Breakage]:
     """Yield the mistakes of the recovery as a whole."""
-    yield _recovery("the budget is not kept", _affordable)
-    yield _recovery("the budget counts as spent", _unaffordable)
-    yield _recovery("no step is tried again", _never_redone)
-    yield _recovery("an exhibit that is left out is not noted", _not_left_out)
-    yield _recovery("every cause counts as refused", _as_refused)
+    nodes = ("HandleFallBack",) + tuple(place.node for place in known.leaves)
+    for what, around in RECOVERIES:
+        yield Breakage("recovery", what, nodes, None, wrapping(Recovery, "__init__", around))
     yield Breakage("recovery", "a retry does not wait for a node that is gone",
                    ("HandleFallBack", "Navigate", "LookUpHome", "LookUpEntrance",
                     "RetrieveListOfExhibits", "RetrieveInitialLocation"), None,
@@ -1264,7 +1266,7 @@ def wrong_course(known: Catalogue) -> Iterator[Breakage]:
                    wrapping(Health, "report", lambda method, *given: None))
     yield Breakage("course", "a node that runs is taken for gone", ("/robotNavigation",), None,
                    wrapping(Health, "publish", _false_alarm))
-    yield Breakage("course", "the run is held, and nobody asked for it", anything, None,
+    yield Breakage("course", "the run is held, and nobody asked for it", ("an operator",), None,
                    wrapping(Runner, "_tick", _suspends))
     yield Breakage("course", "the second visitor is spoken to in another language", asking, None,
                    wrapping(MissionContext, "begin_visit", _other_language_later))

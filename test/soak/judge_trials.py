@@ -5,8 +5,9 @@ fail, and the sound controller under many settings, which it must not.
 visitor after the other, until the run differs visibly from that of the sound controller. What does
 not under any visitor is listed with the reason: nothing differs ("nowhere"), or it differs in times
 that a busy machine may have too, less than ``execution.LATE``, or in requests that left no trace
-("unseen"). ``soundness``: drawn settings of the sound controller. A breakage also holds while the verdict is made: the judge runs
-beside the product, and a mistake in what both use must not hide itself.
+("unseen"). ``soundness``: drawn settings of the sound controller. A breakage also holds while the
+verdict is made: the judge runs beside the product, and a mistake in what both use must not hide
+itself.
 
 ``python3 test/soak/judge_trials.py broken --only 'text that' --stage 'lab tour by voice' --why``
 repeats a part and prints the verdicts.
@@ -227,11 +228,15 @@ def difference(sound: Played, broken: Played) -> str:
 
 def unseen(sound: Played, broken: Played) -> str:
     """Return why neither record nor journal can show a difference of two plays; empty: they can."""
-    if sound.exit_code != broken.exit_code:
-        return ""
-    if not any(first_difference(ASPECTS[name](sound), ASPECTS[name](broken))
-               for name in ("journal", "record")):
+    differing = [name for name, aspect in ASPECTS.items()
+                 if first_difference(aspect(sound), aspect(broken))]
+    if not {"exit code", "journal", "record"} & set(differing):
         return "what was sent reached no node, and is not on record"
+    end = sound.events[-1][0] - LATE
+    if differing == ["record"] and not first_difference(*(
+            [(at, event) for at, event in recorded(played) if at < end]
+            for played in (sound, broken))):
+        return "the record ends within {:g} s of the difference".format(LATE)
     is_fine = difference(sound, broken).startswith("times") and all(
         abs(at - then) < LATE for (at, _), (then, _) in zip(sound.asked, broken.asked))
     return "the times differ by less than {:g} s".format(LATE) if is_fine else ""

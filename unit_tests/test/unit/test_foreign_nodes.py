@@ -46,7 +46,7 @@ def package():
     module = ModuleType("counting")
     module.SPECS = (leaf_spec("CountVisits", CountVisits, "Counts the visits."),)
     CountVisits.visits = 0
-    with mock.patch.object(extensions, "found", lambda kind: [
+    with mock.patch.object(extensions, "exported", lambda kind: [
             extensions.Extension("counting", "counting", module)] if kind == "leaves" else []):
         leaves.specs.cache_clear()
         yield
