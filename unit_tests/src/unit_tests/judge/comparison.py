@@ -8,7 +8,6 @@ from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.execution.events import (
     EntriesWritten, LeafFinished, Recovered, Recovering, Retried)
 from behavior_controller.monitoring.record.recorder import Entries, entry_text
-from behavior_controller.robot.gateway import Cause
 
 from unit_tests.judge import reference
 from unit_tests.judge.foreign import Foreign
