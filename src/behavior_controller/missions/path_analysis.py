@@ -173,8 +173,8 @@ class _Follower:
         return bool(by(node.spec.outcome, node.attributes, []) & end)
 
     def _after(self, node: MissionLeaf, state: PathState, end: int) -> PathState:
-        """Return ``state`` after a mission leaf has ended with ``end``. A mode that could not be set
-        counts as set: the robot is not to report signs by a failure."""
+        """Return ``state`` after a mission leaf has ended with ``end``. A mode that could not be
+        set counts as set: no mission counts on such a failure."""
         if isinstance(node, OvertAttentionMode):
             state = state._replace(mode=node.state)
         if end == FAILS:

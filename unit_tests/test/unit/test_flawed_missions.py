@@ -190,6 +190,11 @@ FLAWED = [
         BEGIN, LIST, "<IfThenElse><IsASREnabled/>{}{}</IfThenElse>".format(
             each_exhibit(SHOW), steps(SHOW)), BYE, HOME
     ], {"one-way-only": "Navigate"}, CALM),
+    ("a condition on nothing",
+     [BEGIN, "<WelcomeSpeech _skipIf='@answer == 1'/>"], {"exception": "WelcomeSpeech"}, CALM),
+    ("a target for which a substitute has no use either",
+     [BEGIN, LIST, SHOW, BYE, safe("LookUpHome"), safe("PerformDeicticGesture"),
+      DRIVE], {"missing-data": "PerformDeicticGesture"}, CALM),
     ("a sum of nothing", [BEGIN, "<Script code='n += 1'/>"], {"exception": "Script"}, CALM),
 ]
 

@@ -196,7 +196,8 @@ def _check_chain(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
         wrong = "is reached only if all before it succeeded: there is no failure to look at"
         hint = "it belongs into a Fallback, after the step that may fail"
     _check_reached(facts, children, spec.next_after | SKIPS, "succeeds" if is_sequence else "fails")
-    for child in children if is_sequence else children[:1]:
+    # the first of a Sequence may follow the failure of what is before the Sequence
+    for child in children[1:] if is_sequence else children[:1]:
         child_spec = facts.registry.find(child.type_id)
         if child_spec is not None and child_spec.is_recovery:
             facts.warn(rules.RECOVERY_MISPLACED, child, child.type_id + " " + wrong, hint)

@@ -144,7 +144,8 @@ class Play:
             read = entries(self.nodes[show.uid - 1], False) & SHOWN_AT_THE_PLACE
             if show.letter != "S" or not {Say, PerformGesture} & set(self.spec(show.uid).calls):
                 continue
-            chosen = [each for each in self.leaves if each.letter == "S" and each.ended <= show.began
+            chosen = [each for each in self.leaves
+                      if each.letter == "S" and each.ended <= show.began
                       and entries(self.nodes[each.uid - 1], True) & read][-1:]
             if chosen and self.spec(chosen[0].uid).writes(data.CURRENT_EXHIBIT.name):
                 yield show, chosen[0]
@@ -302,7 +303,7 @@ def _cut_short(play: Play) -> Iterator[Place]:
 
 
 def _abandoned(play: Play) -> Iterator[Place]:
-    """Find a drive that was halted and not followed by another; or by one to another place, although
+    """Find a drive that was halted and not followed by another, or by one to another place although
     nothing was wrong and the visitor is still there."""
     for drive, after in zip(play.drives, [*play.drives[1:], None]):
         is_excused = after is not None and (
@@ -378,8 +379,9 @@ def _note_result(play: Play, result: NodeResult, failed: Dict[str, NodeResult]) 
 def _unrecovered(play: Play) -> Iterator[Place]:
     """Find a service whose faults ended the pass without a HandleFallBack dealing with it."""
     faulty, recoveries = play.faulty(), play.run.recoveries
-    if play.outcome != "FAILURE" or len(faulty) != 1 or play.calm is None \
-            or play.calm.outcome != "SUCCESS" or any(each.outcome == GIVEN_UP for each in recoveries):
+    if play.outcome != "FAILURE" or play.calm is None or play.calm.outcome != "SUCCESS":
+        return
+    if len(faulty) != 1 or any(each.outcome == GIVEN_UP for each in recoveries):
         return
     for failed in play.run.failures:
         if failed.failure.resource in faulty and not failed.attempt and not any(
@@ -451,7 +453,7 @@ def _drives_twice(play: Play) -> Iterator[Place]:
 
 
 def _shown_away(play: Play) -> Iterator[Place]:
-    """Find a stop that is described or pointed at while the robot drives, or before it drives there.
+    """Find a stop that is described or pointed at while the robot drives, or just before it does.
     """
     if play.faults or play.behaviour != ENGAGES:
         return
@@ -472,37 +474,45 @@ def _shown_away(play: Play) -> Iterator[Place]:
 
 
 def _answer_mixed_up(play: Play) -> Iterator[Place]:
-    """Find a question to which nothing listens, and an answer that is used after one, or that
-    another one replaces unused. What scripts do with answers is not known."""
+    """Find a question to which nothing listens, and an answer that is used after another question,
+    or that is replaced unused."""
+    if play.faults:
+        return
     questions = play.stage.manners(play.behaviour).questions
     asked = [each for each in play.exchanges if isinstance(each.request, Say) and (
         each.request.text in questions or each.request.text.endswith("?"))]
     heard_at = max([each.ended for each in play.leaves if play.hears(each.uid)] +
                    [each.asked for each in play.exchanges if isinstance(each.request, Prompt)],
                    default=START)
-    for each in asked if play.outcome and not play.faults else ():
+    for each in asked if play.outcome else ():
         node = play.nodes[(each.uid or ROOT) - 1]
         if isinstance(node, MissionLeaf) and node.spec.writes(data.QUESTION_ASKED_AT.name) \
                 and each.asked > heard_at:
             yield each.uid, "nothing listens to the answer"
     answer = "@" + data.VISITOR_RESPONSE.name
-    if play.faults or any(answer in text and text != "{" + answer + "}" for node in play.nodes
-                          for text in node.attributes.values()):
-        return
+    # what scripts do with answers is not known
+    if not any(answer in text and text != "{" + answer + "}" for node in play.nodes
+               for text in node.attributes.values()):
+        yield from _wrong_answer(play, answer, [each.asked for each in asked])
+
+
+def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place]:
+    """Find a leaf that reads the ``answer`` to an earlier question, or that replaces one unread."""
     known: Optional[NodeResult] = None  # the answer that counts
     is_used, listened = False, START
     for result in play.leaves:
         node = play.nodes[result.uid - 1]
+        name = play.name(known.uid) if known is not None else ""
         if known is not None and answer in entries(node, False):
             is_used = True
-            if any(listened < each.asked < result.began - AT_ONCE for each in asked):
-                yield result.uid, (f"it looks at the answer of {play.name(known.uid)} although "
-                                   "another question was asked since")
+            if any(listened < at < result.began - AT_ONCE for at in asked):
+                yield result.uid, (f"it looks at the answer of {name} although another question "
+                                   "was asked since")
         if answer in entries(node, True):
             listened = result.ended
             if result.letter == "S" and known is not None and not is_used:
-                yield result.uid, (f"it replaces the answer of {play.name(known.uid)}, which nothing "
-                                   "has looked at")
+                yield result.uid, (f"it replaces the answer of {name}, which nothing has looked "
+                                   "at")
             if result.letter == "S":
                 known, is_used = result, False
 
@@ -518,8 +528,8 @@ def _goodbye(play: Play) -> Iterator[Place]:
 
 
 def _early_goodbye(play: Play) -> Iterator[Place]:
-    """Find words of goodbye after which the same visitor is shown another stop, or hears them again.
-    """
+    """Find words of goodbye after which the same visitor is shown another stop, or that are said
+    again."""
     said: Dict[Request, Exchange] = {}
     for exchange in play.exchanges if not play.faults else ():
         node = play.nodes[(exchange.uid or ROOT) - 1]
@@ -635,8 +645,8 @@ KINDS = (
         "swallowed-failure", "A step fails, the mission ignores that, and a later step goes on as "
         "if it had been done.", _swallowed),
     FindingKind(
-        "unrecovered", "A service that fails ends the pass, because no HandleFallBack stands beside "
-        "the node.", _unrecovered),
+        "unrecovered", "A service that fails ends the pass, because no HandleFallBack stands "
+        "beside the node.", _unrecovered),
     FindingKind(
         "shares-a-body", "Two branches use one service of the robot at the same time: it has one "
         "body. Let one branch wait for the other.", _shares_a_body),
@@ -647,11 +657,11 @@ KINDS = (
         "abandoned-drive", "The mission stops waiting for a drive, and the robot drives on.",
         _abandoned),
     FindingKind(
-        "shown-away", "A stop is described or pointed at while the robot is still driving, or before "
-        "it drives there.", _shown_away),
+        "shown-away", "A stop is described or pointed at while the robot is still driving, or "
+        "before it drives there.", _shown_away),
     FindingKind(
-        "answer-mixed-up", "The visitor's answer to one question is taken for that to another, or is "
-        "lost.", _answer_mixed_up),
+        "answer-mixed-up", "The visitor's answer to one question is taken for that to another, "
+        "or is lost.", _answer_mixed_up),
     FindingKind(
         "early-goodbye", "The robot says goodbye, and then goes on with the same visitor.",
         _early_goodbye),
