@@ -1,5 +1,4 @@
-"""The building of the simulated robot: the places that a mission goes through, the entrance, and the
-robot's home."""
+"""The building of the simulated robot: the places of a mission, the entrance, the robot's home."""
 import json
 from typing import Any, NamedTuple, Tuple
 
