@@ -3,6 +3,7 @@ and the commands that check the mission as it is then.
 
 ``python3 tools/tutorial.py`` runs all commands, and writes into the document what they say.
 """
+import argparse
 import os
 import re
 import shutil
@@ -99,6 +100,7 @@ def read() -> List[Step]:
 
 def main() -> None:
     """Write into the document what the commands say."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     with open(DOCUMENT, encoding="utf-8") as file:
         document = file.read()
     for step in steps(document):
