@@ -170,8 +170,7 @@ def _check_read(facts: MissionFacts, read: Access) -> None:
     tree, name = read.key
     written = facts.written.get(tree, set())
     hint = _writer_elsewhere(facts, name)
-    if not hint and not facts.is_host_known and not _meant(
-            name, written):
+    if not hint and not facts.is_host_known and not _meant(name, written):
         return
     hint = hint or facts.defaults.written_by(name) or facts.findings.nearest(name, written)
     if not hint and _is_like_a_text(read):
