@@ -4,7 +4,7 @@ fail, and the sound controller under many settings, which it must not.
 ``sharpness``: each breakage of ``breakages`` is played at the failure rates 0 and 0.2, with one
 visitor after the other, until the run differs visibly from that of the sound controller. What does
 not under any visitor is listed with the reason: nothing differs ("nowhere"), or it differs in times
-that a busy machine may have too, less than ``execution.LATE``, or in requests that left no trace
+that a busy machine may have too, less than ``facts.LATE``, or in requests that left no trace
 ("unseen"). ``soundness``: drawn settings of the sound controller. A breakage also holds while the
 verdict is made: the judge runs beside the product, and a mistake in what both use must not hide
 itself.
@@ -42,8 +42,7 @@ from behavior_controller.execution.events import (  # noqa: E402
     Tick)
 from behavior_controller.robot.gateway import Cause  # noqa: E402
 from behavior_controller.text import Source, count  # noqa: E402
-from unit_tests.judge.execution import LATE  # noqa: E402
-from unit_tests.judge.facts import Facts  # noqa: E402
+from unit_tests.judge.facts import LATE, Facts  # noqa: E402
 from unit_tests.judge.verdict import judge  # noqa: E402
 from unit_tests.robot.behaviour import OPTIONAL  # noqa: E402
 from unit_tests.robot.faults import KINDS, REFUSED  # noqa: E402

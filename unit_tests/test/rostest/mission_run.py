@@ -42,14 +42,15 @@ class MissionRun(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         folder = options.of_process().folder
-        cls.model, cls.exit_code, cut_off = test_node.wait_for_end(folder, cls.limit)
+        outcome = test_node.wait_for_end(folder, cls.limit)
+        cls.model, cls.exit_code = outcome.run, outcome.exit_code
         cls.journal = Journal(folder).news()
         cls.requests = [line for line in cls.journal if line.call > 0]
         test = options.defaults(visitorBehaviour=cls.behaviour, missionRuns=cls.runs,
                                 callTimes=options.NONE)
         around = world(cls.behaviour, settings.defaults(**cls.chosen))
         cls.verdict = judge(Facts(cls.model, cls.journal, cls.exit_code, test, around,
-                                  cut_off=cut_off))
+                                  cut_off=outcome.cut_off, stall=outcome.stall))
 
     def assert_ended_with_success(self):
         """Expect exit code 0 and a verdict without objections."""

@@ -1,10 +1,12 @@
 """Where the report of a test is written, and which process shows it."""
+import time
+
 import pytest
 
 pytest.importorskip("rosgraph", reason="needs ROS, which this interpreter does not have")
 
 from unit_tests import folders  # noqa: E402
-from unit_tests.run import test_node  # noqa: E402
+from unit_tests.run import controller, test_node  # noqa: E402
 
 
 @pytest.fixture
@@ -57,3 +59,15 @@ def test_under_run_test_the_report_waits_for_the_end_of_roslaunch(given, tmp_pat
 
 def test_a_run_without_an_end_has_no_verdict(tmp_path):
     assert test_node.read_verdict(str(tmp_path)) is None
+
+
+def test_the_wait_for_the_end_measures_how_long_the_machine_stood_still(given, tmp_path):
+    given("folder:={}".format(tmp_path))
+
+    def stand_still(_):
+        time.sleep(0.4)
+        (tmp_path / controller.EXIT_CODE).write_text("0\n")
+
+    outcome = test_node.wait_for_end(str(tmp_path), 60.0, stand_still)
+    assert outcome.exit_code == 0 and not outcome.cut_off
+    assert outcome.stall > 0.3

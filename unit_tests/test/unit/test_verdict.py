@@ -551,6 +551,25 @@ def test_a_safe_state_that_was_never_sent():
     assert_objects(changed(of_test, unsent)._replace(journal=journal), "never got the request")
 
 
+@pytest.mark.parametrize("stall, is_late", [(0.0, True), (0.3, True), (0.5, False)])
+def test_on_a_machine_that_stood_still_all_may_come_as_much_later(stall, is_late):
+    of_test = facts()
+    last = [line.event for line in of_test.run.lines if isinstance(line.event, Asked)][-1].call
+    journal = list(of_test.journal)
+    sent = calls(of_test)[-1]
+    journal[journal.index(sent)] = sent._replace(time=sent.time + 1.4)
+
+    def late(line):
+        event = line.event
+        if isinstance(event, SafeStateReported):
+            event = replace(event, seconds=event.seconds + 1.4)
+        is_after = isinstance(event, (SafeStateReported, RunFinished))
+        is_answer = isinstance(event, Answered) and event.call == last
+        return [Line(line.time + 1.4 * (is_after or is_answer), event)]
+    assert bool(objections(changed(of_test, late)._replace(
+        journal=sorted(journal), stall=stall))) is is_late
+
+
 def test_a_request_that_is_not_on_record_is_placed():
     of_test = facts()
     line = calls(of_test, "textToSpeech")[0]

@@ -9,7 +9,8 @@ recovery. The first difference from the record is the objection.
 
 Two things are not computed. A node of another package has no row: its results, requests and entries
 are those of the record. And the times of what the controller does: it is late if it was due more
-than ``LATE`` before (a timer, the next traversal, the next pass), and early by more than ``EARLY``.
+than ``Facts.late`` before (a timer, the next traversal, the next pass), and early by more than
+``EARLY``.
 """
 import itertools
 import math
@@ -32,16 +33,12 @@ from behavior_controller.robot.requests import Answer, QueryKnowledge, Request
 from unit_tests.judge import reference
 from unit_tests.judge.calls import Calls, described
 from unit_tests.judge.comparison import Reports, WrittenEntries, decision, label
-from unit_tests.judge.facts import Facts
+from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
 from unit_tests.judge.reference import (
     SAFE, SAFE_STATE, Course, Decision, Duty, Reply)
 from unit_tests.judge.signs import Signs
-from unit_tests.robot.options import ACTION, Configuration
-
-LATE, EARLY = 1.0, 0.25
-"""Seconds by which something may come late, on a busy machine too, and seem early: a request is on
-record before it is sent, a traversal after it."""
+from unit_tests.robot.options import ACTION
 
 SAFE_LIMIT = 1.0
 """Seconds that the safe state may take at the end."""
@@ -87,8 +84,7 @@ class Execution(Course):
     """One mission of a record, done again line by line. ``difference`` is the first one, and
     ``differs_at`` its time; empty: none."""
 
-    def __init__(self, begins: Line, passes: int, test: Configuration,
-                 shown: Sequence[TreeShown]):
+    def __init__(self, begins: Line, passes: int, facts: Facts, shown: Sequence[TreeShown]):
         """``passes`` have ended before; ``shown`` has the tree on record. Raises CannotRepeat."""
         began, started = begins.time, begins.event
         assert isinstance(started, RunStarted)
@@ -99,7 +95,7 @@ class Execution(Course):
                 "the mission on record cannot be done again: {}".format(error)) from error
         self.began = self.last_line = began  # times of its first and its newest line
         self.difference, self.differs_at = "", began
-        self.passes, self.test = passes, test
+        self.passes, self.test, self._facts = passes, facts.test, facts
         self.offset: Optional[float] = None  # from the mission's clock to Unix time
         self.calls, self.signs = Calls(), Signs(self.clock)
         self.reports, self.entries = Reports(), WrittenEntries(self.tree)
@@ -230,7 +226,7 @@ class Execution(Course):
 
     def _end_pass(self, event: PassFinished, time: float) -> None:
         now = self.clock.now()
-        if abs(event.seconds - (now - self._visit_began)) > LATE:
+        if abs(event.seconds - (now - self._visit_began)) > self._facts.late:
             self._differ("the pass took {:.1f} s; on record are {:.1f} s".format(
                 now - self._visit_began, event.seconds), time)
         if (event.number, event.outcome) != (self.passes + 1, self._result):
@@ -259,7 +255,7 @@ class Execution(Course):
     def _note_safe_state(self, event: SafeStateReported, time: float) -> None:
         self.reports.decisions.append(SAFE)
         reported = {part.service: part for part in event.parts}
-        since = time - event.seconds - LATE
+        since = time - event.seconds - self._facts.late
         for request in SAFE_STATE:
             # of each handler the newest request, and of the end of the run
             newest = {query.path: query for query in self.calls.queries.values()
@@ -327,10 +323,10 @@ class Execution(Course):
             self._differ("the mission went on, and no pass had begun", time)
         if self._clock_began is None:
             self._clock_began = offset
-            if not 0.0 <= tick.at - self._visit_began <= LATE:
+            if not 0.0 <= tick.at - self._visit_began <= self._facts.late:
                 self._differ("the pass began at {:.1f} s, its first step came at {:.1f} s".format(
                     self._visit_began, tick.at), time)
-        if abs(offset - self._clock_began) > LATE:
+        if abs(offset - self._clock_began) > self._facts.late:
             self._differ("the mission's clock is {:.1f} s wrong".format(
                 offset - self._clock_began), time)
 
@@ -352,7 +348,7 @@ class Execution(Course):
         """Return what had to come long before that time, and has not come; empty: nothing."""
         due, what = self._next
         return "{} was due {:.1f} s before".format(
-            what or self.under_way(), time - due) if time - due > LATE else ""
+            what or self.under_way(), time - due) if time - due > self._facts.late else ""
 
     def under_way(self) -> str:
         """Return the nodes that are running, without a running child."""
@@ -453,7 +449,7 @@ class Execution(Course):
         """The nodes that were tried again more than once, and too late every time."""
         return ["{} was tried again {:.1f} s later than the policy says".format(node, min(delays))
                 for node, delays in self._delays.items()
-                if len(delays) > 1 and min(delays) > LATE_RETRY]
+                if len(delays) > 1 and min(delays) > LATE_RETRY + self._facts.stall]
 
     def ended(self, node: Duty, cause: Optional[Cause]) -> None:
         """Note that a leaf ended; ``cause`` None: it succeeded."""
@@ -510,7 +506,7 @@ def execute(facts: Facts) -> List[Execution]:
             shown.append(line.event)
         elif isinstance(line.event, RunStarted):
             passes = found[-1].passes if found else 0
-            found.append(Execution(line, passes, facts.test, shown))
+            found.append(Execution(line, passes, facts, shown))
             shown = []
         elif found:
             found[-1].take(line)

@@ -14,6 +14,10 @@ from unit_tests.rehearsal.faultless_play import Rehearsal
 
 Kind = TypeVar("Kind")
 
+LATE, EARLY = 1.0, 0.25
+"""Seconds by which something may come late, on a busy machine too, and seem early: a request is on
+record before it is sent, a traversal after it."""
+
 RETURN = 15.0
 """Seconds after a node's crash in which it may be away: its process and its connections have to
 come back."""
@@ -32,6 +36,12 @@ class Facts(NamedTuple):
     rehearsal: Optional[Rehearsal] = None  # the same mission on a robot without faults
     real: FrozenSet[str] = frozenset()  # the robot's nodes that were not simulated
     errors: Tuple[str, ...] = ()  # that the controller reported on its terminal
+    stall: float = 0.0  # the longest time, in seconds, for which the test itself could not run
+
+    @property
+    def late(self) -> float:
+        """Seconds by which something may come late: nothing can be in time while nothing runs."""
+        return LATE + self.stall
 
     @property
     def crashes(self) -> List[JournalEntry]:

@@ -7,8 +7,8 @@ from typing import Any, Iterator, List, Tuple
 from behavior_controller.execution.events import Message
 from behavior_controller.robot.declarations import Topic
 
-from unit_tests.judge.execution import EARLY, Execution, LATE
-from unit_tests.judge.facts import RETURN, Facts
+from unit_tests.judge.execution import Execution
+from unit_tests.judge.facts import EARLY, RETURN, Facts
 from unit_tests.judge.signs import Holding, SignWait
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import TOPICS
@@ -46,7 +46,7 @@ class JournalMessages:
             (line.time, TOPICS[topic.name].value(line.content)) for line in facts.journal
             if line.node == topic.node and line.call == 0]
         self._crashes = [line.time for line in facts.crashes if line.node == topic.node]
-        self._offset = offset
+        self._offset, self._late = offset, facts.late
 
     def _until(self, time: float) -> int:
         """Return how many messages there were up to that time."""
@@ -55,26 +55,29 @@ class JournalMessages:
     def has(self, event: Message) -> bool:
         """Return whether a message on record was published when it arrived, or soon before."""
         arrived = event.arrived + self._offset
-        first = self._until(arrived - journal.REPEAT - LATE)
-        lines = self._lines[first:self._until(arrived + LATE)]
+        first = self._until(arrived - journal.REPEAT - self._late)
+        lines = self._lines[first:self._until(arrived + self._late)]
         return any(value == event.value for _, value in lines)
 
     def missed(self, search: SignWait, execution: Execution) -> Iterator[str]:
-        """Object to a sign that was there for ``LATE`` and was not seen."""
+        """Object to a sign that was there for ``Facts.late`` and was not seen."""
         offset, began = self._offset, execution.began
         at, until = search.at + offset, search.until + offset
         after = max(search.after + offset, began)
         if search.topic.is_continuous:
-            time, value = self._newest(at - LATE)
-            if self._is_heard(time) and time > max(began + LATE, search.newest + offset + EARLY):
+            time, value = self._newest(at - self._late)
+            earliest = max(began + self._late, search.newest + offset + EARLY)
+            if self._is_heard(time) and time > earliest:
                 yield "{} did not read what {} said {:.1f} s before: {!r}".format(
                     search.node.registration_id, search.topic.name, at - time, value)
                 return
             after = max(after, at - execution.settings.topic_max_age + EARLY)
-        for place in range(self._until(after), self._until(until - LATE)):
+        for place in range(self._until(after), self._until(until - self._late)):
             time, value = self._lines[place]
             # a state has to stay the sign until it could have been seen
-            last = self._until(max(at, time + LATE)) if search.topic.is_continuous else place + 1
+            last = place + 1
+            if search.topic.is_continuous:
+                last = self._until(max(at, time + self._late))
             if self._is_heard(time) and all(
                     search.is_sign(later) for _, later in self._lines[place:last]):
                 yield "{} did not see what {} said {:.1f} s before: {!r}".format(
@@ -82,9 +85,9 @@ class JournalMessages:
                 return
 
     def outdated(self, holding: Holding) -> Iterator[str]:
-        """Object to a sign that was over ``LATE`` before it was read."""
+        """Object to a sign that was over ``Facts.late`` before it was read."""
         at = holding.at + self._offset
-        time, value = self._newest(at - LATE)
+        time, value = self._newest(at - self._late)
         if time > holding.arrived + self._offset + EARLY and not holding.is_sign(value):
             yield "{} held, {:.1f} s after {} said {!r}".format(
                 holding.node.registration_id, at - time, holding.topic.name, value)

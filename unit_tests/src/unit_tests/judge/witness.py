@@ -17,8 +17,8 @@ from behavior_controller.robot.requests import Answer, Prompt
 
 from unit_tests.judge import messages
 from unit_tests.judge.calls import Query, described
-from unit_tests.judge.execution import EARLY, Execution, LATE
-from unit_tests.judge.facts import RETURN, Facts, of
+from unit_tests.judge.execution import Execution
+from unit_tests.judge.facts import EARLY, RETURN, Facts, of
 from unit_tests.judge.reference import FIELDS, SAFE_STATE
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import SERVICES, usual_seconds
@@ -53,6 +53,7 @@ class Witness:
     def __init__(self, facts: Facts, executions: Sequence[Execution]):
         self._facts, self._interface = facts, facts.world.settings.interface
         self._executions, self._crashes = executions, facts.crashes
+        self._late = facts.late
         lines = list(facts.journal) + facts.run.lines[-1:]
         self.end = max((line.time for line in lines), default=0.0)
         self._answers = self._answers_of_nodes()
@@ -92,7 +93,8 @@ class Witness:
             return line.time <= query.answered + EARLY
         if following is None or line.time <= following.asked:
             return True
-        if line.time > following.asked + LATE or line.content != self._fields(query, line, service):
+        is_in_time = line.time <= following.asked + self._late
+        if not is_in_time or line.content != self._fields(query, line, service):
             return False
         has_another = len(lines) > 1 and lines[1].time <= (following.answered or math.inf)
         return has_another or not _reaches(following, line) or line.content != self._fields(
@@ -141,7 +143,7 @@ class Witness:
         if service.name in self._facts.test.absent_services:
             is_well = cause is Cause.NOT_ADVERTISED if service.fails_without else cause is None
         elif query.result is None:  # it may have been dropped on its way
-            is_well = self._until(query) - query.asked < LATE - EARLY or self._is_away(
+            is_well = self._until(query) - query.asked < self._late - EARLY or self._is_away(
                 service.node, query.asked)
         else:
             is_well = cause in AWAY and self._is_away(service.node, query.asked)
@@ -155,9 +157,8 @@ class Witness:
 
     def _is_away(self, node: str, at: float) -> bool:
         """Return whether a node had crashed and was perhaps not back."""
-        crash = max((line.time
-                     for line in self._crashes if line.node == node and line.time <= at + LATE),
-                    default=None)
+        crash = max((crash.time for crash in self._crashes
+                     if crash.node == node and crash.time <= at + self._late), default=None)
         return crash is not None and (at < crash + RETURN or not any(
             line.node == node and crash < line.time < at for line in self._facts.journal))
 
@@ -165,7 +166,7 @@ class Witness:
             self, query: Query, line: journal.JournalEntry, service: Service) -> Iterator[str]:
         """Object to a result that is not that of the node."""
         name, result, fault = query.asker, query.result, line.fault
-        if line.time > query.asked + LATE:
+        if line.time > query.asked + self._late:
             yield "{}: {} got the request {:.1f} s late".format(name, service.name,
                                                                 line.time - query.asked)
         until, deadline = self._until(query), query.asked + self._executions[
@@ -175,12 +176,12 @@ class Witness:
         due = deadline if fault == UNANSWERED else min(due, deadline)
         # of the safe state all results are read when the last one is there
         latest = query.asked + self._safe_limit if query.is_for_safety else due
-        if until > latest + LATE or result is not None and until < due - EARLY:
+        if until > latest + self._late or result is not None and until < due - EARLY:
             yield "{}: {} was waited for {:.1f} s; it was due after {:.1f} s, its deadline is " \
                 "{:g} s".format(name, service.name, until - query.asked, due - query.asked,
                                 deadline - query.asked)
         cause = result.cause if isinstance(result, Failure) else None
-        is_too_late = cause is Cause.NO_ANSWER and due > deadline - LATE
+        is_too_late = cause is Cause.NO_ANSWER and due > deadline - self._late
         if result is None or is_too_late or line.objection is not None and fault is None:
             return
         if not (self._fits(query, line, result) if fault in (None, WRONG)
@@ -232,10 +233,10 @@ class Witness:
         for _, query, _ in self.pairs:
             at = query.answered if query is not None and isinstance(
                 query.result, Failure) and query.result.cause in AWAY else None
-            if query is None or at is None or at + LATE > self._facts.run.lines[-1].time:
+            if query is None or at is None or at > self._facts.run.lines[-1].time - self._late:
                 continue
             if query.service not in test.absent_services and not any(
-                    event.name == query.service and at - RETURN < time < at + LATE
+                    event.name == query.service and at - RETURN < time < at + self._late
                     for time, event in changes):
                 yield "{}: {} was gone, and that was not noticed".format(query.node, query.service)
 

@@ -4,7 +4,7 @@ import os
 import shutil
 import signal
 import time
-from typing import Callable, List, Optional, Sequence, Tuple
+from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 import rospkg
 import rospy
@@ -65,6 +65,21 @@ CHECK_INTERVAL = 1.0
 LOOK_INTERVAL = 0.1
 """Seconds between two reads of the controller's record."""
 
+WORTH_TELLING = 0.25
+"""Seconds of a stall that a report tells."""
+
+STALLED = ("this machine stood still for up to {:.1f} s: only what comes more than {:.1f} s late "
+           "is an objection")
+
+
+class Outcome(NamedTuple):
+    """How a wait for the end of a mission ended."""
+
+    run: Run  # the controller's
+    exit_code: Optional[int]  # of the controller; None: it has not ended
+    cut_off: str  # why the wait was over before; empty: it was not
+    stall: float  # by how many seconds the latest look at the record was late
+
 
 def main() -> int:
     """Return the exit code: 0 passed, 1 failed, 2 the configuration cannot be used, or a living
@@ -93,15 +108,16 @@ def _test(own: Options) -> int:
     folder = own.arguments.folder
     began = time.monotonic()
     claimed = claims.of_process(claims.REPORT, own)
-    run, exit_code, cut_off = wait_for_end(
-        folder, test.test_timeout, MissionProgress(folder).show,
-        lambda: claims.replacement(claimed, own.arguments))
-    cut_off = cut_off or claims.replacement(claimed, own.arguments)
+    outcome = wait_for_end(folder, test.test_timeout, MissionProgress(folder).show,
+                           lambda: claims.replacement(claimed, own.arguments))
+    cut_off = outcome.cut_off or claims.replacement(claimed, own.arguments)
     stage = _stage(world)
-    facts = Facts(run, Journal(folder).news(), exit_code, test, world,
+    facts = Facts(outcome.run, Journal(folder).news(), outcome.exit_code, test, world,
                   stage.mission if stage is not None else None, cut_off,
                   rehearse(stage, test.visitor_behaviour) if stage is not None else None,
-                  own.real_nodes, read_errors(folder))
+                  own.real_nodes, read_errors(folder), outcome.stall)
+    if outcome.stall > WORTH_TELLING:
+        warnings.append(STALLED.format(outcome.stall, facts.late))
     heading = title(facts, test, datetime.datetime.now())
     report = write(facts, heading, warnings)
     _save_junit(to_xml(report.verdict, time.monotonic() - began, heading))
@@ -110,7 +126,7 @@ def _test(own: Options) -> int:
     content = to_page(report, facts)
     page = save(content, folder, ".html") if content else ""
     columns = shutil.get_terminal_size(fallback=(WIDTH, 0)).columns
-    is_refused = run.state.started is None and exit_code == exit_codes.WRONG_INPUT
+    is_refused = outcome.run.state.started is None and outcome.exit_code == exit_codes.WRONG_INPUT
     code = PASSED if report.verdict.passed else NOT_RUN if is_refused else FAILED
     return finish(code, report.shown(columns, files, page))
 
@@ -160,8 +176,8 @@ def _stage(world: World) -> Optional[Stage]:
 
 
 def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda run: None,
-                 disturbance: Callable[[], str] = lambda: "") -> Tuple[Run, Optional[int], str]:
-    """Return the controller's run, and its exit code or, if it has not ended, why the wait is over.
+                 disturbance: Callable[[], str] = lambda: "") -> Outcome:
+    """Wait until the controller has ended, or ``limit`` seconds are over.
 
     ``show`` is called with the run so far at every read of the record. Every ``CHECK_INTERVAL``
     seconds ``disturbance`` returns why the test cannot go on, or an empty text.
@@ -169,18 +185,21 @@ def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda
     record = RecordTail(os.path.join(folder, RECORD))
     run = Run()
     began = checked = time.monotonic()
-    cut_off = ""
+    cut_off, stall = "", 0.0
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
-        run.extend(record.news())
-        show(run)
         if time.monotonic() > checked + CHECK_INTERVAL:
             cut_off, checked = disturbance(), time.monotonic()
+        # the master may let a disturbance wait; the rest takes as long as the machine lets it
+        looked = time.monotonic()
+        run.extend(record.news())
+        show(run)
         cut_off = cut_off or _overdue(run, time.monotonic() - began, limit)
         time.sleep(LOOK_INTERVAL)
+        stall = max(stall, time.monotonic() - looked - LOOK_INTERVAL)
     if rospy.is_shutdown():
         cut_off = "the test was stopped before the mission had ended"
     run.extend(record.news())
-    return run, read_exit_code(folder), cut_off
+    return Outcome(run, read_exit_code(folder), cut_off, stall)
 
 
 def _overdue(run: Run, waited: float, limit: float) -> str:
