@@ -18,8 +18,8 @@ import pytest
 from tornado.iostream import IOStream
 
 from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
-                                                  PassFinished, PassStarted, RunFinished,
-                                                  StepStarted)
+                                                  PassFinished, PassStarted, Recovering,
+                                                  RunFinished, StepStarted)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.execution.health import GONE
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say
@@ -78,14 +78,17 @@ class Show:
         """Run the lab tour until a request is ``wanted``, which stays unanswered."""
         answer = self.rig.answer
         self.rig.answer = lambda request: None if wanted(request) else answer(request)
-
-        def visitor(rig):
-            visitor_who(says="yes")(rig)
-            if any(wanted(request) for request in rig.requests):
-                raise Stop
-
         with pytest.raises(Stop):
-            self.rig.run(visitor)
+            self.rig.run(until(lambda: any(map(wanted, self.rig.requests))))
+
+
+def until(is_so):
+    """Return a visitor who answers with yes, and stops the mission."""
+    def act(rig):
+        visitor_who(says="yes")(rig)
+        if is_so():
+            raise Stop
+    return act
 
 
 @pytest.fixture
@@ -190,6 +193,43 @@ def test_the_page_counts_the_time_of_a_step_by_itself(show, browser):
     shown_as, value = browser.execute_script(
         "return [byId('elapsed').textContent, byId('limit').value]")
     assert value == pytest.approx(int(shown_as.split()[0]), abs=1.0)
+
+
+ROW_OF_TIP = """
+const tip = document.querySelector(".tip"), sign = tip && tip.querySelector(".sign");
+return tip && [Number(tip.dataset.uid), sign.textContent, sign.getAttribute("aria-label")]"""
+
+
+def test_a_step_that_a_recovery_does_again_is_marked_where_it_stands(show, browser):
+    drives = []
+
+    def answer(request):
+        if not isinstance(request, GoTo):
+            return NotImplemented
+        drives.append(request)
+        return refusal(request) if len(drives) == 1 else None
+
+    shown = show(Rig(answer=answer))
+    open_page(browser, shown)
+    with pytest.raises(Stop):
+        shown.rig.run(until(lambda: len(drives) == 2))
+    recovering = shown.rig.of(Recovering)[-1]
+    uid = next(node.uid for node in shown.rig.tree.nodes if node.full_path == recovering.path)
+    assert uid != recovering.uid
+    wait_until(lambda: browser.execute_script(ROW_OF_TIP) == [
+        uid, "↻", "done again after a failure"])
+    wait_until(lambda: browser.execute_script(IN_VIEW))
+    assert text(browser, "#running").endswith("Navigate #{}".format(uid))
+
+
+def test_the_row_where_the_run_is_stays_in_view_when_the_panel_changes_its_size(show, browser):
+    shown = show(Rig())
+    open_page(browser, shown, 1280, 1000)
+    shown.run_until(is_second_text)
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    for height in ("300px", "40vh", "220px"):
+        browser.execute_script("byId('tree').style.height = arguments[0]", height)
+        wait_until(lambda: browser.execute_script(IN_VIEW))
 
 
 @pytest.fixture

@@ -81,7 +81,8 @@ class MissionPart(Struct, frozen=True):
 
 
 class Statuses(Struct, frozen=True):
-    """The letter of each node, and the running leaf (0: none)."""
+    """The letter of each node, and the leaf where the run is (0: none): the one that runs, or the
+    failed one that a recovery does again."""
 
     letters: str
     tip: int = 0

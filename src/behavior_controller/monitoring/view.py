@@ -95,7 +95,13 @@ class View:
 
     def _statuses(self) -> Statuses:
         # the last in depth-first order: a running leaf, or what waits above it
-        return Statuses(self.state.letters, self.state.letters.rfind("R") + 1)
+        tip = self.state.letters.rfind("R") + 1
+        return Statuses(self.state.letters, self._done_again_by(tip) or tip)
+
+    def _done_again_by(self, uid: int) -> int:
+        """Return the failed node that the recovery ``uid`` does again; 0: none."""
+        return next((self.state.uids.get(recovery.path, 0) for recovery in self.state.recoveries
+                     if recovery.uid == uid), 0)
 
     def _story_part(self) -> StoryPart:
         visit = self.state.visit
@@ -133,7 +139,7 @@ _PARTS: Dict[str, Callable[[View], Any]] = {
     "visits": View._visits, "timeline": View._timeline, "blackboard": View._blackboard}
 
 MADE_OF: Dict[str, Tuple[str, ...]] = {
-    "mission": ("started", "nodes"), "statuses": ("letters",), "story": ("visits",),
+    "mission": ("started", "nodes"), "statuses": ("letters", "recoveries"), "story": ("visits",),
     "visits": ("outcomes", "finished"), "timeline": ("steps", "visit_count"),
     "blackboard": ("entries",), "health": ("robot",),
     "now": ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",

@@ -2,9 +2,9 @@
 // One moment of a run, now or earlier, on page and report: card, robot, stops, transcript, blackboard, and the scrubber.
 
 // the status of a node; small letters: before it went back to idle
-const SIGNS = {R: "▶", S: "✔", F: "✘", s: "✔", f: "✘", r: "■", "-": "·"};
+const SIGNS = {R: "▶", S: "✔", F: "✘", s: "✔", f: "✘", r: "■", "-": "·", again: "↻"};
 const WORDS = {R: "running", S: "success", F: "failure", s: "success earlier in this visit", f: "failure earlier in this visit",
-               r: "halted", "-": "not yet ticked"};
+               r: "halted", "-": "not yet ticked", again: "done again after a failure"};
 
 // --------------------------------------------------------------------------------------------------------- what is sent
 

@@ -9,7 +9,7 @@ const MOST_UNFOLDED = 500;  // nodes of a tree that is unfolded at first: then n
 let nodes = [];      // as the board has them, by uid - 1
 let items = [];      // their rows, by uid - 1; none for nodes that are not shown
 let letters = "";    // the status of each node, as shown
-let tip = 0;         // uid of the running leaf
+let tip = 0;         // uid of the running leaf, or of the failed one that a recovery does again
 let follow = true;
 let isAll = false;   // also the nodes that only say how the mission is put together
 let opened = new Set();  // rows that only the running leaf has unfolded
@@ -131,17 +131,25 @@ function showLetters(shown) {
 function mark(one, letter) {
   one.classList.remove("R", "S", "F", "s", "f", "r");
   if (letter !== "-") one.classList.add(letter);
-  const sign = one.querySelector(".sign");
-  sign.textContent = SIGNS[letter];
-  sign.setAttribute("aria-label", WORDS[letter]);
+  sign(one, letter);
+}
+
+function sign(one, letter) {
+  const made = one.querySelector(".sign");
+  put(made, SIGNS[letter]);
+  made.setAttribute("aria-label", WORDS[letter]);
 }
 
 // in the graph nothing unfolds by itself: all of it would move
 function markTip() {
-  for (const one of document.querySelectorAll(".tip")) one.classList.remove("tip");
+  for (const one of document.querySelectorAll(".tip")) {
+    one.classList.remove("tip");
+    sign(one, letters[one.dataset.uid - 1] || "-");
+  }
   const current = isGraph ? unfoldedOf(rowOf(tip)) : rowOf(tip);
   if (!current) return;
   current.classList.add("tip");
+  if (current === items[tip - 1] && letters[tip - 1] !== "R") sign(current, "again");
   if (!isGraph && current !== items[tip - 1] && follow && !isOpen(current)) {
     fold(current, false);
     opened.add(current);
@@ -480,9 +488,10 @@ function listenToTree() {
     else return;
     event.preventDefault();
   });
-  addEventListener("resize", () => {
-    if (isGraph) showWhole();
+  addEventListener("resize", () => { if (isGraph) showWhole(); });
+  // its size may change later than the window's, and without it
+  new ResizeObserver(() => {
     if (follow) goToTip();
     alignRows();
-  });
+  }).observe(byId("tree"));
 }
