@@ -180,7 +180,7 @@ def test_a_part_changes_with_each_field_of_the_model_that_it_shows(tmp_path, mon
             read.clear()
             shown.part(name)
             # the others change with these, or together with them
-            known = {"at", "course", "letters", "running", "visits", "visit_count"}
+            known = {"at", "course", "letters", "running", "uids", "visits", "visit_count"}
             assert read.intersection(State.__struct_fields__) <= known.union(view.MADE_OF[name])
         shown.show(state)
 

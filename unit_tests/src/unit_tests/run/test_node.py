@@ -72,7 +72,7 @@ STALLED = ("this machine stood still for up to {:.1f} s: only what comes more th
            "is an objection")
 
 
-class Outcome(NamedTuple):
+class WaitResult(NamedTuple):
     """How a wait for the end of a mission ended."""
 
     run: Run  # the controller's
@@ -176,7 +176,7 @@ def _stage(world: World) -> Optional[Stage]:
 
 
 def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda run: None,
-                 disturbance: Callable[[], str] = lambda: "") -> Outcome:
+                 disturbance: Callable[[], str] = lambda: "") -> WaitResult:
     """Wait until the controller has ended, or ``limit`` seconds are over.
 
     ``show`` is called with the run so far at every read of the record. Every ``CHECK_INTERVAL``
@@ -199,7 +199,7 @@ def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda
     if rospy.is_shutdown():
         cut_off = "the test was stopped before the mission had ended"
     run.extend(record.news())
-    return Outcome(run, read_exit_code(folder), cut_off, stall)
+    return WaitResult(run, read_exit_code(folder), cut_off, stall)
 
 
 def _overdue(run: Run, waited: float, limit: float) -> str:
