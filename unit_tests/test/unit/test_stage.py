@@ -89,6 +89,15 @@ def test_an_answer_that_means_nothing_is_found_unusable(node, leaf, cause):
     assert [event.failure.cause.value for event in of(LeafFinished, played)] == [cause]
 
 
+def test_the_visitor_answers_when_the_question_is_over():
+    played = play(call_times=REAL, arrival_rate=6000.0)
+    asked = next(event for event in of(LeafFinished, played) if event.node == "QueryTourSpeech")
+    over = next(at for at, event in played.events if event is asked)
+    answered = next(line.time for line in played.journal
+                    if line.content.get("data") == LAB_TOUR.world.visitor.manners.yes)
+    assert asked.seconds > 1.0 and over < answered < over + 1.0
+
+
 def test_a_request_without_sense_is_refused_at_once():
     blank = tuple(exhibit._replace(description1=" ") for exhibit in LAB_TOUR.knowledge.exhibits)
     on = Stage(settings.defaults(),

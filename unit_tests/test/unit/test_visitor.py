@@ -184,6 +184,13 @@ def test_a_robot_that_prepares_to_listen_does_not_go_on(call):
     assert after(DECLINES, say("A tour?"), call).utterance() == "No"
 
 
+@pytest.mark.parametrize("at, heard", ((13.9, ""), (14.1, ""), (15.0, "No")))
+def test_nobody_answers_before_the_robot_has_asked(at, heard):
+    person = after(DECLINES, attention("scanning"),
+                   say("A tour?")._replace(time=10.0, seconds=4.0), told(at))
+    assert person.utterance() == heard
+
+
 def test_a_question_may_be_put_again():
     assert after(DECLINES, say("A tour?"), say("Yes or no?")).utterance() == "No"
     assert after(DECLINES, say("A tour?"),

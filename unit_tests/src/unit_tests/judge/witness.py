@@ -21,7 +21,7 @@ from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
 from unit_tests.judge.reference import FIELDS, SAFE_STATE
 from unit_tests.robot import journal
-from unit_tests.robot.behaviour import SERVICES, usual_seconds
+from unit_tests.robot.behaviour import SERVICES
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
 from unit_tests.robot.visitor import Visitor
 
@@ -171,9 +171,7 @@ class Witness:
                                                                 line.time - query.asked)
         until, deadline = self._until(query), query.asked + self._executions[
             0].settings.deadlines[service.deadline_key]
-        takes = self._facts.test.takes_time and (line.done or fault in (REFUSED, WRONG))
-        due = line.time + (usual_seconds(service, line.content) if takes else 0.0)
-        due = deadline if fault == UNANSWERED else min(due, deadline)
+        due = deadline if fault == UNANSWERED else min(line.time + line.seconds, deadline)
         # of the safe state all results are read when the last one is there
         latest = query.asked + self._safe_limit if query.is_for_safety else due
         if until > latest + self._late or result is not None and until < due - EARLY:

@@ -28,6 +28,7 @@ class JournalEntry(NamedTuple):
     content: Dict[str, Any]  # the fields of the request or message
     fault: Optional[str] = None  # the injected fault: one of faults.KINDS
     objection: Optional[str] = None  # why the node itself refused the request
+    seconds: float = 0.0  # that the node takes until it answers
 
     @property
     def done(self) -> bool:

@@ -173,8 +173,8 @@ class RosNode:
             os._exit(CRASHED)
         if fault == UNANSWERED:
             self._stopped.wait()
-        elif self._test.takes_time and not reply.is_at_once:
-            self._stopped.wait(behaviour.usual_seconds(service, fields))
+        else:
+            self._stopped.wait(reply.entry.seconds)
         return response(service, reply.answer, fault)
 
     def _publish(self, topic: Topic) -> None:

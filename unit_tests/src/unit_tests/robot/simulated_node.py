@@ -11,7 +11,7 @@ from behavior_controller.robot.requests import Answer, Request
 from unit_tests.robot import behaviour
 from unit_tests.robot.arrivals import Arrivals
 from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS, Value
-from unit_tests.robot.faults import CRASH, EXCEPTION, Faults
+from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED, Faults
 from unit_tests.robot.journal import JournalEntry, RepeatFilter
 from unit_tests.robot.world import World
 from unit_tests.robot.options import ACTION, Configuration
@@ -107,8 +107,12 @@ class SimulatedNode:
         fault = behaviour.possible(self._faults.next(), service, response_fields)
         simulated = SERVICES.get(service.request)
         objection = simulated.object_to(fields) if simulated is not None else None
+        is_refused_at_once = objection is not None or fault in (EXCEPTION, CRASH, UNANSWERED)
+        seconds = 0.0
+        if self._test.takes_time and not is_refused_at_once:
+            seconds = behaviour.usual_seconds(service, fields)
         entry = JournalEntry(self._stamp(), self.name, resource, self._faults.calls, fields, fault,
-                             objection)
+                             objection, seconds)
         self._write(entry)
         answer = None
         if entry.done and simulated is not None:
@@ -125,6 +129,7 @@ class SimulatedNode:
         """
         if self.offers.topic is None:
             return None
+        self.world.visitor.now = self._stamp()
         simulated = TOPICS[self.offers.topic.name]
         value = simulated.content(self.world)
         if value is None:

@@ -288,10 +288,8 @@ class _VirtualCall:
         if reply.entry.fault == CRASH:
             node.crash()
         if reply.entry.fault != UNANSWERED:
-            seconds = 0.0 if reply.is_at_once else HANDLING
-            if self._robot.test.takes_time and not reply.is_at_once:
-                seconds = behaviour.usual_seconds(service, fields)
-            self._answer_after(seconds, self._result(reply))
+            handling = 0.0 if reply.is_at_once else HANDLING
+            self._answer_after(reply.entry.seconds or handling, self._result(reply))
 
     def _result(self, reply: Reply) -> Union[Answer, Failure]:
         """Return the result that the controller decodes from the response."""

@@ -30,6 +30,10 @@ LONG_WAIT = 300.0
 """Seconds without a request after which the next visitor always comes: longer than any step takes.
 """
 
+REACTION = 0.3
+"""Seconds from the end of a question to its answer, where speaking takes time: in those the robot
+learns that it has asked."""
+
 SMALL_TALK = "What a bright room"
 """What a visitor says when there is nothing to answer; it is an answer in no language."""
 
@@ -80,6 +84,8 @@ class Visitor:
         self.manners = manners
         self.attention = "disabled"  # the last mode of the robot's gaze
         self.is_listened_to = True  # until the robot switches its speech recognition off
+        self.now = -math.inf  # the time of what is seen and heard next
+        self._listens_until = -math.inf
         self._is_first_request = True
         self._last_request = math.inf
         self._come()
@@ -97,6 +103,7 @@ class Visitor:
 
     def notice(self, entry: JournalEntry) -> None:
         """Process a request of the robot; entries about topics only advance the time."""
+        self.now = entry.time
         if entry.call == 0:
             if not self.is_here and entry.time > self._last_request + LONG_WAIT:
                 self._come()
@@ -132,6 +139,7 @@ class Visitor:
         if words.endswith("?") or words in self.manners.questions:
             self._is_asked = True
             self._questions += 1
+            self._listens_until = entry.time + entry.seconds + REACTION * (entry.seconds > 0)
 
     def _notice_drive(self, entry: JournalEntry, _was_asked: bool) -> None:
         goal = (entry.content["goal_x"], entry.content["goal_y"])
@@ -181,10 +189,10 @@ class Visitor:
     def utterance(self) -> str:
         """Return the recognised words of the visitor; empty if there are none.
 
-        An answer is repeated until the robot goes on.
+        An answer is repeated until the robot goes on. Nobody answers before the robot has asked.
         """
         behaviour = self.manners.behaviour
-        if not self.is_here or behaviour == SILENT:
+        if not self.is_here or behaviour == SILENT or self.now < self._listens_until:
             return ""
         if not self._is_asked:
             return SMALL_TALK
@@ -198,6 +206,6 @@ class Visitor:
 
         There is nothing unclear to press, so an unclear visitor presses no.
         """
-        if not self.is_here or self.manners.behaviour == SILENT:
+        if not self.is_here or self.manners.behaviour == SILENT or self.now < self._listens_until:
             return ""
         return options[0] if self._agrees else options[-1]
