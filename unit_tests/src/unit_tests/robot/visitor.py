@@ -206,6 +206,6 @@ class Visitor:
 
         There is nothing unclear to press, so an unclear visitor presses no.
         """
-        if not self.is_here or self.manners.behaviour == SILENT or self.now < self._listens_until:
+        if not self.is_here or self.manners.behaviour == SILENT:
             return ""
         return options[0] if self._agrees else options[-1]
