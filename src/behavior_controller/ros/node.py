@@ -141,7 +141,8 @@ def _explain(arguments: List[str]) -> int:
     elif is_asked:
         print("\n".join([USAGE, "", "keys, their defaults and meanings:"] + help_lines(KEYS)))
     else:
-        print(f"behaviorController: unknown argument {arguments[0]!r}\n{USAGE}", file=sys.stderr)
+        print(f"{NAME}: unknown argument {arguments[0]!r}; allowed: _key:=value, "
+              "/name:=/other_name, --help, --version", file=sys.stderr)
     return exit_codes.SUCCESS if is_asked else exit_codes.WRONG_INPUT
 
 
