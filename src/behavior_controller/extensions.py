@@ -190,8 +190,8 @@ def _imported(package: str, export: str, name: str) -> ModuleType:
 def _give_up() -> None:
     error = late(IMPORT_LIMIT)
     if error is not None:
-        os.write(2, f"{os.path.basename(sys.argv[0])}: {error}\n".encode(
-            "utf-8", "backslashreplace"))
+        line = f"{os.path.basename(sys.argv[0])}: {error}\n"
+        os.write(2, line.encode("utf-8", "backslashreplace"))
         os._exit(exit_codes.WRONG_INPUT)
 
 

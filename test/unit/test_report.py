@@ -612,7 +612,7 @@ def test_whatever_stands_in_a_record_is_text_or_is_refused(to):
         "event": "Answered", "time": 1, "call": 1, "result": {"_type": "Answer", "exhibits": [[1]]}
     }), "Expected `str`, got `int` - at `$.event.result.exhibits[0][0]`"),
     (lines_of({"event": "Answered", "time": 1, "call": 0, "result": {"_type": "Answer"}
-               }), "calls and reads count from 1"),
+               }), "calls count from 1"),
     (lines_of({"event": "Answered", "time": 1, "call": 1, "result": {"_type": "Dance"}
                }), "Invalid value 'Dance' - at `$.event.result._type`"),
     (lines_of({

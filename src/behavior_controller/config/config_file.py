@@ -119,8 +119,8 @@ def _address(text: str) -> str:
     labels = text.lower().split(".")
     if ":" in text or re.fullmatch("[0-9]*|0x[0-9a-f]*", labels[-1]):
         return str(ipaddress.ip_address(text))
-    if len(text) > 253 or not all(
-            re.fullmatch("[0-9a-z_][0-9a-z_-]{0,62}", label) for label in labels):
+    are_valid = (re.fullmatch("[0-9a-z_][0-9a-z_-]{0,62}", label) for label in labels)
+    if len(text) > 253 or not all(are_valid):
         raise ValueError(text)
     return text
 

@@ -12,8 +12,8 @@ from behavior_controller.config.node_facts import whole_mission
 def _reader(record: Any, form: str) -> Callable[[str], object]:
     def read(text: str) -> object:
         numbers = [whole_real(part.strip()) for part in text.split(";")]
-        if len(numbers) != len(record._fields) or not all(
-                number is not None and math.isfinite(number) for number in numbers):
+        are_known = all(number is not None and math.isfinite(number) for number in numbers)
+        if len(numbers) != len(record._fields) or not are_known:
             raise ValueFault(
                 f"Can't convert string [{shown(text)}] to {record.__name__}; write {form}")
         return record(*numbers)

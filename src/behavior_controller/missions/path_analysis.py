@@ -79,8 +79,8 @@ def _of_one(node: Any, states: States, settings: Settings) -> Iterator[Fault]:
                                  "end the mission, or the branch, with FAILURE before it")
 
 
-def _without_recognition(nodes: List[Any], heard: "_Follower", deaf: "_Follower"
-                         ) -> Iterator[Fault]:
+def _without_recognition(
+        nodes: List[Any], heard: "_Follower", deaf: "_Follower") -> Iterator[Fault]:
     """Yield a warning if the mission takes its stops with speech recognition alone."""
     stops = [node for node in nodes
              if isinstance(node, MissionLeaf) and node.spec.writes(CURRENT_EXHIBIT.name)]

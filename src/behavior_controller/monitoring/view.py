@@ -83,9 +83,12 @@ class View:
         """Return the parts that may have changed since ``before``; to make one takes longer than to
         fold an event."""
         now = self.state
-        names = [name for name, fields in MADE_OF.items() if any(
-            getattr(now, field) is not getattr(before, field) and
-            getattr(now, field) != getattr(before, field) for field in fields)]
+
+        def differs(field: str) -> bool:
+            new, old = getattr(now, field), getattr(before, field)
+            return new is not old and new != old
+
+        names = [name for name, fields in MADE_OF.items() if any(map(differs, fields))]
         # without a step, the card shows the statuses
         return names + (["now"] if "statuses" in names and now.step is None else [])
 

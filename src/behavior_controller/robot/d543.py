@@ -10,8 +10,8 @@ from behavior_controller.robot.requests import (
 
 
 def _gesture(request: PerformGesture) -> Tuple[object, ...]:
-    return (request.type, request.id, request.duration_ms, request.bow_nod_angle_deg) + tuple(
-        request.target)
+    return (request.type, request.id, request.duration_ms, request.bow_nod_angle_deg,
+            *request.target)
 
 
 def _places(response: Message) -> Answer:

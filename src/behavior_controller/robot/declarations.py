@@ -283,8 +283,8 @@ class Interface:
         their order."""
         topics = [sense if isinstance(sense, Topic) else self.evidence(sense).topic
                   for sense in senses if self.tells(sense)]
-        return tuple(service for service in self.services if service.request in requests) + tuple(
-            topic for topic in self.topics if topic in topics)
+        services = (service for service in self.services if service.request in requests)
+        return (*services, *(topic for topic in self.topics if topic in topics))
 
     def with_more(self, services: Tuple[Service, ...], topics: Tuple[Topic, ...]) -> "Interface":
         """Return the interface of the same robot with these services and topics too. Raises

@@ -135,8 +135,8 @@ def check_entries(facts: MissionFacts) -> None:
     by_default: Set[int] = set()  # elements
     for read in facts.flow.never_written(facts.defaults.given):
         name = read.key[1]
-        if facts.flow.first(read.key) in facts.excused or name in WORDS or name != name.strip(
-        ) or "{" in name:
+        is_odd = name in WORDS or name != name.strip() or "{" in name
+        if is_odd or facts.flow.first(read.key) in facts.excused:
             continue  # reported already by another warning
         if read.attribute not in read.element.attributes:
             if id(read.element) in by_default:

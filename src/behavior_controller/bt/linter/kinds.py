@@ -57,8 +57,8 @@ class Kinds:
             for assignment in use.script.facts.assignments:
                 if assignment.sign in (":=", "="):
                     value = assignment.value
-                    yield self._flow.key(use.tree, assignment.name), Write(
-                        use.element, literal_kind(value), value.word, use, assignment)
+                    write = Write(use.element, literal_kind(value), value.word, use, assignment)
+                    yield self._flow.key(use.tree, assignment.name), write
         for tree, name, element, attribute in self._flow.texts:
             text = element.attributes.get(attribute, "")
             yield self._flow.key(tree, name), Write(element, _kind_of_text(text), text)

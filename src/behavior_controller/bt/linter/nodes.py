@@ -150,10 +150,11 @@ class Nodes:
                                   f"the attribute ID is not allowed in <{element.tag}>",
                                   "write name=\"…\" for the name of the node", "ID")
         elif is_port_name(name):
-            hint = _PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(
-                name) or self.nearest(name, spec.port_named, "its ports")
             if spec.names:
                 hint = f"its argument is its name: {', '.join(spec.names)}"
+            else:
+                hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
+                        or self.nearest(name, spec.port_named, "its ports"))
             self.fault_in_use(rules.UNKNOWN_PORT, element, f"{spec.id} has no port {name}", hint,
                               name)
 

@@ -54,11 +54,12 @@ def _done_first(facts: MissionFacts, element: Element) -> Iterator[Element]:
 def _does_more(facts: MissionFacts, leaf: Element, spec: NodeSpec) -> bool:
     """Return whether it matters that an action is done twice: it takes time, or goes on from what
     it wrote before."""
-    return not spec.is_instant or any(
-        port.direction is Direction.INOUT and port.role is not Role.WRITES
-        for port in spec.ports) or any(
-            assignment.is_own or assignment.sign not in (":=", "=") for use in facts.flow.scripts
-            if use.element is leaf for assignment in use.script.facts.assignments)
+    goes_on = any(port.direction is Direction.INOUT and port.role is not Role.WRITES
+                  for port in spec.ports)
+    assignments = [assignment for use in facts.flow.scripts if use.element is leaf
+                   for assignment in use.script.facts.assignments]
+    return not spec.is_instant or goes_on or any(
+        assignment.is_own or assignment.sign not in (":=", "=") for assignment in assignments)
 
 
 def _ends_after(facts: MissionFacts, element: Element, leaf: Element) -> int:

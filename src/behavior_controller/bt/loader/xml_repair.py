@@ -157,8 +157,8 @@ def stray_text(text: str) -> Iterator[MarkupFault]:
         if opened[:1] == ["root"] and opened[1:2] in ([], ["BehaviorTree"]):
             yield from _dropped(text, end, match.start())
             if match.group().startswith("<![CDATA["):
-                yield from _dropped(
-                    text, match.start() + len("<![CDATA["), match.end() - len("]]>"))
+                content = match.start() + len("<![CDATA["), match.end() - len("]]>")
+                yield from _dropped(text, *content)
         if kind == "end":
             del opened[-1:]
         elif kind == "open" or (kind == "repair" and not match.group("repair")):

@@ -141,9 +141,10 @@ class Decoder:
         elif isinstance(event, Tick) and self.has_mission:
             if not all(0 < uid <= self._running for uid, _ in event.changes):
                 raise ValueError(f"the tree has only {self._running} nodes")
-        elif isinstance(event, (Asked, Answered)) and event.call < 1 or isinstance(
-                event, Message) and event.read < 1:
-            raise ValueError("calls and reads count from 1")
+        elif isinstance(event, (Asked, Answered)) and event.call < 1:
+            raise ValueError("calls count from 1")
+        elif isinstance(event, Message) and event.read < 1:
+            raise ValueError("reads count from 1")
         return line
 
     def _start(self, event: RunStarted) -> None:

@@ -57,8 +57,8 @@ class Reports:
             if isinstance(node, Foreign):
                 values = [value for value in values if value != "IDLE"]
             # a condition that is asked again and again is on record when it changes
-            is_quiet = isinstance(node, Foreign) or isinstance(
-                node, reference.Sign) and wanted[-1:] not in ([], ["SUCCESS"])
+            is_false = isinstance(node, reference.Sign) and wanted[-1:] not in ([], ["SUCCESS"])
+            is_quiet = isinstance(node, Foreign) or is_false
             if values != wanted and not (is_quiet and set(values) <= set(wanted)):
                 yield "{} ended with {}; on record is {}".format(
                     label(node), ", ".join(wanted) or "nothing", ", ".join(values) or "nothing")

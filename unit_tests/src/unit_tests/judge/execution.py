@@ -76,8 +76,8 @@ class Traversal:
     @property
     def misstep(self) -> Optional[int]:
         """The place of the first change that differs; None: none does."""
-        return next((place for place, (due, other) in enumerate(
-            itertools.zip_longest(self.due, self.recorded)) if due != other), None)
+        pairs = enumerate(itertools.zip_longest(self.due, self.recorded))
+        return next((place for place, (due, other) in pairs if due != other), None)
 
 
 class Execution(Course):
@@ -383,10 +383,9 @@ class Execution(Course):
         due, came = "nothing more had to be", "nothing"
         for uid, letter in self._traversal.due[place:place + 1]:
             node, cause = self.tree.nodes[uid - 1], self.reports.cause(uid)
-            due = "{} had to be {}{}{}".format(
-                self._label(uid), WORDS[letter], " ({})".format(cause) * bool(
-                    cause and letter == "F"),
-                " (in {})".format(label(node.parent)) if node.parent is not None else "")
+            reason = " ({})".format(cause) if cause and letter == "F" else ""
+            place_of = " (in {})".format(label(node.parent)) if node.parent is not None else ""
+            due = "{} had to be {}{}{}".format(self._label(uid), WORDS[letter], reason, place_of)
         for uid, letter in self._traversal.recorded[place:place + 1]:
             came = "{} {}".format(self._label(uid), WORDS[letter])
         return "{}{}; on record is {}".format(self._after(place), due, came)

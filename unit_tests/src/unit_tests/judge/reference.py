@@ -314,8 +314,8 @@ class Asking(Duty, ActionLeaf):
     attempt: Optional[Attempt] = None
 
     def on_start(self) -> Result:
-        self.resource = self.course.interface.resource(self.asks) if self.course.interface.serves(
-            self.asks) else ""
+        interface = self.course.interface
+        self.resource = interface.resource(self.asks) if interface.serves(self.asks) else ""
         self.attempt = Attempt(self)
         return self.on_running()
 
@@ -646,8 +646,9 @@ class Recovering(Duty, ActionLeaf):
         If it does not, the exhibit goes back to the list, once.
         """
         exhibits, index = self.entry("exhibits", ()), self.entry("nextExhibit", 0) - 1
-        if not 0 <= index < len(exhibits) or self.entry(
-                "targetLocation") != exhibits[index].location:
+        if not 0 <= index < len(exhibits):
+            return True
+        if self.entry("targetLocation") != exhibits[index].location:
             return True
         tell_stop(self, exhibits, index, OMITTED)
         before = self.entry("leftOutExhibits", [])
@@ -669,8 +670,8 @@ class Round:
         self.cause, self.resource = failed.cause, failed.resource
         self.retries = 0
         now, policy = handler.clock.now(), course.policy
-        course.recoveries = [began for began in course.recoveries if began > now - policy.seconds
-                             ] + [now]
+        recent = [began for began in course.recoveries if began > now - policy.seconds]
+        course.recoveries = recent + [now]
         self._rule = policy.rule(failed.node, failed.cause)
         if len(course.recoveries) > policy.most:
             self._rule = self._rule._replace(retries=0, then="giveUp")
@@ -934,8 +935,10 @@ UTILITY = {
 
 def _say_utility(node: Duty) -> Union[Request, Cause]:
     number, course = int(node.word), node.course
-    text = course.phrases.speeches.get(UTILITY.get(
-        number, "")) if course.known is None else course.known.phrases.get(number)
+    if course.known is None:
+        text = course.phrases.speeches.get(UTILITY.get(number, ""))
+    else:
+        text = course.known.phrases.get(number)
     return Cause.MISSING_DATA if text is None else Say(text, course.language)
 
 
@@ -999,8 +1002,8 @@ def _row(node_id: str, leaf: type, rule: Optional[Callable[[Any], Any]] = None, 
             setattr(node, key, value)
         return node
 
-    kind = Kind.CONDITION if issubclass(
-        leaf, Sign) or node_id[:2] == "Is" or node_id[:3] == "Has" else Kind.ACTION
+    is_condition = issubclass(leaf, Sign) or node_id.startswith(("Is", "Has"))
+    kind = Kind.CONDITION if is_condition else Kind.ACTION
     return NodeSpec(node_id, kind, make, _ports(ports) + more, is_recovery=leaf is Recovering)
 
 

@@ -52,8 +52,9 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     told += [(name, given[name]) for name, usual in settings.defaults().values.items()
              if name not in NOT_TOLD and given.get(name, usual) != usual]
     told += [("use_real_" + node, True) for node in sorted(facts.real)]
-    return clean("{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission, "; ".join(
-        "{} {}".format(name, to_text(value)) for name, value in told)))
+    chosen_keys = "; ".join("{} {}".format(name, to_text(value)) for name, value in told)
+    return clean("{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission,
+                                             chosen_keys))
 
 
 def failure_lines(case: Case) -> List[str]:
@@ -95,8 +96,8 @@ def summary_lines(facts: Facts) -> List[str]:
         lines.append("{:<28} {:>6} {:>8}".format(node, len(calls),
                                                  sum(line.fault is not None for line in calls)))
     ended = Counter(event.outcome for _, event in of(facts.run.lines, Recovered))
-    lines += ["", "recoveries: {}{}".format(sum(ended.values()), "".join(
-        "; {} {}".format(number, outcome) for outcome, number in sorted(ended.items())))]
+    outcomes = ["{} {}".format(number, outcome) for outcome, number in sorted(ended.items())]
+    lines += ["", "recoveries: " + "; ".join([str(sum(ended.values())), *outcomes])]
     return lines + coverage_lines(facts)
 
 
@@ -166,10 +167,10 @@ class Report(NamedTuple):
 
     def _top(self, shown: List[str]) -> List[str]:
         objections = self.verdict.objections[1:]
-        more = " (and {}: see the end)".format(count(len(objections), "objection",
-                                                     "objections")) if objections else ""
-        lines = ["# " + self.title, str(self.verdict).split("\n")[0] + more] + list(
-            self.visitors) + [""]
+        number = count(len(objections), "objection", "objections")
+        more = " (and {}: see the end)".format(number) if objections else ""
+        first = str(self.verdict).split("\n")[0] + more
+        lines = ["# " + self.title, first, *self.visitors, ""]
         return lines + shown + [""] if self.rows else lines
 
 

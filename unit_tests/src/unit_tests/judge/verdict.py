@@ -238,13 +238,13 @@ def _praise(case: Case) -> Iterator[str]:
     if any("budget" in event.reason for _, event in of(facts.run.lines, Recovered)):
         yield "the budget of recoveries was spent, which calls that take no time do in seconds"
     if case.is_out_of_time:
-        told = "{} waited for a sign of the visitor that never came".format(
-            case.waiting_for
-        ) if case.waiting_for else "it waited for the end of a cause that persists"
-        yield "at last {}: {}".format(told, facts.cut_off)
+        reason = "it waited for the end of a cause that persists"
+        if case.waiting_for:
+            reason = case.waiting_for + " waited for a sign of the visitor that never came"
+        yield "at last {}: {}".format(reason, facts.cut_off)
     if facts.real:
-        yield "not simulated, so that the record is the only witness: {}".format(", ".join(
-            sorted(facts.real)))
+        yield "not simulated, so that the record is the only witness: " + ", ".join(
+            sorted(facts.real))
 
 
 def reached(facts: Facts) -> Set[str]:

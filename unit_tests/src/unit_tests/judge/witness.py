@@ -97,8 +97,8 @@ class Witness:
         if not is_in_time or line.content != self._fields(query, line, service):
             return False
         has_another = len(lines) > 1 and lines[1].time <= (following.answered or math.inf)
-        return has_another or not _reaches(following, line) or line.content != self._fields(
-            following, line, service)
+        fits_following = line.content == self._fields(following, line, service)
+        return has_another or not _reaches(following, line) or not fits_following
 
     def objections(self) -> Iterator[str]:
         """Object to what has no witness."""
@@ -159,8 +159,10 @@ class Witness:
         """Return whether a node had crashed and was perhaps not back."""
         crash = max((crash.time for crash in self._crashes
                      if crash.node == node and crash.time <= at + self._late), default=None)
-        return crash is not None and (at < crash + RETURN or not any(
-            line.node == node and crash < line.time < at for line in self._facts.journal))
+        if crash is None or at < crash + RETURN:
+            return crash is not None
+        return not any(line.node == node and crash < line.time < at
+                       for line in self._facts.journal)
 
     def _of_result(
             self, query: Query, line: journal.JournalEntry, service: Service) -> Iterator[str]:
@@ -229,13 +231,14 @@ class Witness:
             if not is_known and not self._is_away(event.node, time):
                 yield "{} was taken for gone, and /{} was running".format(event.name, event.node)
         for _, query, _ in self.pairs:
-            at = query.answered if query is not None and isinstance(
-                query.result, Failure) and query.result.cause in AWAY else None
+            result, at = (query.result, query.answered) if query is not None else (None, None)
+            if not isinstance(result, Failure) or result.cause not in AWAY:
+                continue
             if query is None or at is None or at > self._facts.run.lines[-1].time - self._late:
                 continue
-            if query.service not in test.absent_services and not any(
-                    event.name == query.service and at - RETURN < time < at + self._late
-                    for time, event in changes):
+            is_noticed = any(event.name == query.service and at - RETURN < time < at + self._late
+                             for time, event in changes)
+            if query.service not in test.absent_services and not is_noticed:
                 yield "{}: {} was gone, and that was not noticed".format(query.node, query.service)
 
 

@@ -78,11 +78,10 @@ class Plan(NamedTuple):
                                options.seed or 1, self.kinds)
         elif options.planned or options.silent:
             given = options.planned or ()
-            yield [
-                scene._replace(is_traced=True, silent=tuple(options.silent or ()), planned=tuple(
-                    fault for fault, is_lasting in given if not is_lasting), lasting=tuple(
-                        fault for fault, is_lasting in given if is_lasting)) for scene in self.calm
-            ]
+            planned = tuple(fault for fault, is_lasting in given if not is_lasting)
+            lasting = tuple(fault for fault, is_lasting in given if is_lasting)
+            yield [scene._replace(is_traced=True, silent=tuple(options.silent or ()),
+                                  planned=planned, lasting=lasting) for scene in self.calm]
         else:
             yield self.calm
             if options.faults != NONE:
@@ -223,10 +222,9 @@ def plan(options: argparse.Namespace) -> Plan:
     is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and options.limit >= LIMIT \
         and options.faults in (None, SINGLE, PAIRS) \
         and not (options.runs or options.planned or options.silent or options.kinds)
-    chosen = [options.mission
-              ] + [word for word in options.settings if not word.startswith(ASR + ":=")]
+    others = [word for word in options.settings if not word.startswith(ASR + ":=")]
     return Plan(made, theatre, options, plays.calm(visitors, ways), options.kinds or KINDS,
-                is_complete, chosen)
+                is_complete, [options.mission, *others])
 
 
 def _settings(words: Sequence[str]) -> Dict[str, str]:

@@ -223,9 +223,9 @@ def waits_for_a_visitor(play: Play) -> bool:
     seekers = [each for each in play.leaves if Sense.VISITOR in play.spec(each.uid).listens]
     if any(result.letter == "S" for result in seekers):
         return False
-    waiting = [play.nodes[uid - 1].spec for uid in play.played.waiting]
-    return bool(seekers) or any(
-        isinstance(spec, MissionSpec) and Sense.VISITOR in spec.listens for spec in waiting)
+    specs = [play.nodes[uid - 1].spec for uid in play.played.waiting]
+    return bool(seekers) or any(isinstance(spec, MissionSpec) and Sense.VISITOR in spec.listens
+                                for spec in specs)
 
 
 def _waiting(play: Play) -> int:
@@ -383,9 +383,10 @@ def _unrecovered(play: Play) -> Iterator[Place]:
         return
     if len(faulty) != 1 or any(each.outcome == GIVEN_UP for each in recoveries):
         return
+    handled = {recovery.path for recovery in recoveries}
     for failed in play.run.failures:
-        if failed.failure.resource in faulty and not failed.attempt and not any(
-                recovery.path == failed.path for recovery in recoveries):
+        is_first = failed.failure.resource in faulty and not failed.attempt
+        if is_first and failed.path not in handled:
             yield failed.uid, "its failure ends the pass, and no recovery handles it"
             return
 
@@ -567,8 +568,8 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
     omitted = [result.uid for result in play.calm.goodbyes if result.uid not in tried]
     failed = next((each for each in play.run.failures
                    if not each.attempt and each.failure.resource in play.faulty()), None)
-    if omitted and failed is not None and not any(
-            recovery.path == failed.path for recovery in play.run.recoveries):
+    handled = {recovery.path for recovery in play.run.recoveries}
+    if omitted and failed is not None and failed.path not in handled:
         yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
 
 
@@ -587,8 +588,9 @@ def _left_on(play: Play) -> Iterator[Place]:
 def doing(request: Request) -> str:
     """Return in words what a request makes the robot do."""
     words = request.words
-    return " ".join(filter(None, (words.doing, words.what))) if words is not None else type(
-        request).__name__
+    if words is None:
+        return type(request).__name__
+    return " ".join(filter(None, (words.doing, words.what)))
 
 
 def _not_home(play: Play) -> Iterator[Place]:

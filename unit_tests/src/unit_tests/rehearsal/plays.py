@@ -112,9 +112,9 @@ class Theatre:
 
     def play(self, scene: Scene) -> Play:
         """Play a scene."""
-        planned = scene.planned + tuple(
-            fault._replace(call=fault.call + later) for fault in scene.lasting
-            for later in range(MOST_REQUESTS))
+        lasting = (fault._replace(call=fault.call + later) for fault in scene.lasting
+                   for later in range(MOST_REQUESTS))
+        planned = (*scene.planned, *lasting)
         test = dataclasses.replace(CALM, visitor_behaviour=scene.visitor, planned_faults=planned,
                                    failure_rate=scene.rate, random_seed=scene.seed,
                                    fault_kinds=scene.kinds, test_timeout=self._limit,

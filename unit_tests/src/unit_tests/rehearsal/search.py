@@ -98,8 +98,8 @@ class Search:
                 first.setdefault(call.uid, PlannedFault(call.node, call.number, self._kind))
             for fault in first.values():
                 for length in BURSTS:
-                    yield scene._replace(planned=tuple(
-                        fault._replace(call=fault.call + later) for later in range(length)))
+                    burst = (fault._replace(call=fault.call + later) for later in range(length))
+                    yield scene._replace(planned=tuple(burst))
             nodes: Dict[str, PlannedFault] = {}
             for fault in first.values():
                 nodes.setdefault(fault.node, fault)

@@ -129,11 +129,10 @@ class Survey:
         found = self._never_succeeds() + self._one_way()
         if search is None:
             return found
-        return found + findings.never_true(
-            self._nodes, self._calmly, self._succeeded) + findings.never_off(
-                self._stage, self._switched) + [
-                    Finding(findings.UNREACHED.name, node.uid, verdict(search, self.plays))
-                    for node in search.targets()]
+        found += findings.never_true(self._nodes, self._calmly, self._succeeded)
+        found += findings.never_off(self._stage, self._switched)
+        return found + [Finding(findings.UNREACHED.name, node.uid, verdict(search, self.plays))
+                        for node in search.targets()]
 
     def _never_succeeds(self) -> List[Finding]:
         """Return the finding that no visitor's pass succeeds without a fault, if all were played.

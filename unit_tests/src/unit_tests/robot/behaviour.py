@@ -60,8 +60,9 @@ def _object_to_gesture(request: Fields) -> Optional[str]:
 def _object_to_place(request: Fields) -> Optional[str]:
     if all(map(math.isfinite, request.values())):
         return None
-    return "{} is not a place".format(", ".join(
-        "{} {:g}".format(name, value) for name, value in request.items()))
+    numbers = ", ".join("{} {:g}".format(*field) for field in request.items())
+    return "{} is not a place".format(numbers)
+
 
 def _object_to_query(request: Fields) -> Optional[str]:
     return _object_to_subject({"parameters": request["parameters"].lower()})
@@ -98,8 +99,9 @@ LETTERS_A_SECOND = 14.0
 
 def _seconds_of_speech(request: Fields) -> float:
     """Return how long speaking takes; the robot of release 1.0 answers at once in English."""
-    return 0.0 if request.get("language") == "English" else len(
-        request["message"]) / LETTERS_A_SECOND
+    if request.get("language") == "English":
+        return 0.0
+    return len(request["message"]) / LETTERS_A_SECOND
 
 
 NOWHERE = Exhibit("nowhere", "", "", Location(math.nan, 0.0, 0.0), Point(0.0, 0.0, 0.0))
@@ -196,11 +198,10 @@ def _meets_gaze(world: World) -> bool:
 
 
 def _attention(world: World) -> AttentionStatus:
-    visitor = world.visitor
+    visitor, robot = world.visitor, world.settings.interface
     if visitor.attention == "seeking":
         return AttentionStatus("seeking", GAZE_VALUES[world.settings.gaze_value][visitor.gaze()])
-    if visitor.attention in ("scanning", "social") and _is_seen_by_attention(
-            world.settings.interface):
+    if visitor.attention in ("scanning", "social") and _is_seen_by_attention(robot):
         return AttentionStatus(visitor.attention, DETECTED if visitor.is_here else SEARCHING)
     return AttentionStatus(visitor.attention, 0)
 

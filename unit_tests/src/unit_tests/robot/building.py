@@ -38,10 +38,9 @@ def load(path: str) -> Building:
             [Fault(path, 0, 0, "the places cannot be read: {}".format(error))]) from error
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         reason = "{}: {}".format(type(error).__name__, error)
-        raise ConfigurationError([
-            Fault(path, 0, 0, "the places cannot be read: {}".format(reason),
-                  "see the file that the package brings for the form")
-        ]) from error
+        fault = Fault(path, 0, 0, "the places cannot be read: {}".format(reason),
+                      "see the file that the package brings for the form")
+        raise ConfigurationError([fault]) from error
 
 
 def _place(place: Any) -> Exhibit:

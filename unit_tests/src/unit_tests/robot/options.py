@@ -226,8 +226,8 @@ def check_words(arguments: Arguments) -> None:
                                                  ROBOT_LAUNCH):
         name = word.partition(ASSIGNMENT)[0]
         if name not in declared:  # roslaunch ignores it
-            faults.append(Fault("argument " + word, 0, 0, "{} does not declare it".format(
-                ROBOT_LAUNCH), did_you_mean(name, declared)))
+            text = "{} does not declare it".format(ROBOT_LAUNCH)
+            faults.append(Fault("argument " + word, 0, 0, text, did_you_mean(name, declared)))
     if faults:
         raise ConfigurationError(faults)
 
@@ -410,8 +410,12 @@ def usage(remarks: Mapping[str, str]) -> str:
                            remarks.get(declared.name, ""))
     lines += ["", "short for " + ", ".join("{}: {}".format(*pair) for pair in SHORT.items())]
     width = shutil.get_terminal_size().columns
-    return "\n".join(line for text in lines for line in textwrap.wrap(
-        text, width, subsequent_indent=" " * (len(text) - len(text.lstrip()))) or [""])
+
+    def wrapped(text: str) -> List[str]:
+        indent = " " * (len(text) - len(text.lstrip()))
+        return textwrap.wrap(text, width, subsequent_indent=indent) or [""]
+
+    return "\n".join(line for text in lines for line in wrapped(text))
 
 
 def _help(declared: Key, value: object, remark: str) -> Tuple[str, str]:

@@ -269,8 +269,8 @@ class _VirtualCall:
             absent = self._failure(Cause.NOT_ADVERTISED, NOT_OFFERED)
             self._answer_after(0.0, absent if service.fails_without else Answer())
         elif node.is_away:
-            self._answer_after(0.0, self._failure(
-                Cause.NOT_REACHABLE, "the master lists it, but " + CONNECTION_REFUSED))
+            text = "the master lists it, but " + CONNECTION_REFUSED
+            self._answer_after(0.0, self._failure(Cause.NOT_REACHABLE, text))
         else:
             self._carry_out(node)
 
