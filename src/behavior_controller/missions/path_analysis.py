@@ -224,7 +224,7 @@ class _Follower:
     def _ended(node: Any, end: int, states: Iterable[PathState]) -> Ways:
         """Return how a node with one child ends when that ends with ``end``."""
         can_end = by(node.spec.outcome, node.attributes, [end])
-        return _each([each for each in _ENDS if each & can_end], states)
+        return _each([flag for flag in _ENDS if flag & can_end], states)
 
 
 def _states(ways: Iterable[Tuple[int, PathState]]) -> States:

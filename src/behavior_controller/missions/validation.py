@@ -151,10 +151,10 @@ class Validation:
                 or fault.code not in self.ignored]
 
     def _palette(self, path: str, documents: List[Document]) -> Judgement:
-        found = Findings()
-        check_models(documents, leaves.registry(), found)
+        findings = Findings()
+        check_models(documents, leaves.registry(), findings)
         faults = stubs(documents, Registry())[1] + [
-            fault for fault in found.warnings if fault.code != rules.PALETTE_UNKNOWN_NODE.code]
+            fault for fault in findings.warnings if fault.code != rules.PALETTE_UNKNOWN_NODE.code]
         palette = documents[-1].root.children[0]
         if not palette.children:
             faults.append(palette.fault(rules.PALETTE_EMPTY, "the palette has no node types",
@@ -164,10 +164,10 @@ class Validation:
     def _mission(self, path: str, documents: List[Document], palettes: List[Document],
                  main: Optional[str]) -> Judgement:
         registry = leaves.registry()
-        found, faults = stubs(documents + palettes, registry)
-        registry.extend(found)
+        specs, faults = stubs(documents + palettes, registry)
+        registry.extend(specs)
         used = set(used_types(documents))
-        judgement = Judgement(path, faults, stubs=tuple(spec.id for spec in found
+        judgement = Judgement(path, faults, stubs=tuple(spec.id for spec in specs
                                                         if spec.id in used),
                               mains=_main_trees(documents, main))
         for tree_id in judgement.mains or (main,):
@@ -182,7 +182,7 @@ class Validation:
                                                      self._robot.knowledge))
                     judgement.faults.extend(self._robot.faults_of_phrases(path))
                 judgement.nodes += len(tree.nodes)
-        judgement.faults += list(_near_misses(documents, found))
+        judgement.faults += list(_near_misses(documents, specs))
         judgement.faults = sorted(self._told(judgement.faults), key=by_place)
         return judgement
 
@@ -258,11 +258,11 @@ def listed(path: str) -> List[str]:
     their names."""
     if not os.path.isdir(path):
         return [path]
-    found = []
+    paths = []
     for folder, inner, names in os.walk(path):
         inner[:] = sorted(name for name in inner if not name.startswith("."))
-        found += [os.path.join(folder, name) for name in sorted(names) if name.endswith(ENDINGS)]
-    return found
+        paths += [os.path.join(folder, name) for name in sorted(names) if name.endswith(ENDINGS)]
+    return paths
 
 
 def _may_be_a_mission(path: str) -> bool:
@@ -329,10 +329,10 @@ def _completed(documents: List[Document]) -> List[Document]:
         documents = [helper] + documents
 
 
-def _near_misses(documents: Sequence[Document], found: List[NodeSpec]) -> Iterator[Fault]:
+def _near_misses(documents: Sequence[Document], stub_specs: List[NodeSpec]) -> Iterator[Fault]:
     """Yield a warning for each stub whose name is nearly that of a node type of ours."""
     known = [spec.id for spec in leaves.registry().all()]
-    names = {spec.id for spec in found}
+    names = {spec.id for spec in stub_specs}
     for model in models(documents):
         name = model.attributes.get("ID", "")
         hint = did_you_mean(name, known, likeness=0.93) if name in names else ""

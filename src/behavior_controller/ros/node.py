@@ -184,8 +184,8 @@ class _Node:
         except Stopped:
             console.tell("info", "stopped before the mission began")
             return exit_codes.UNAVAILABLE if self._stop_code is None else self._stop_code
-        except FaultsFound as found:
-            report_faults(found, console.tell, "nothing was started")
+        except FaultsFound as error:
+            report_faults(error, console.tell, "nothing was started")
             return exit_codes.WRONG_INPUT
         except NodesMissing as missing:
             for line in str(missing).split("\n"):
@@ -505,8 +505,8 @@ class _Run:
             self._wake.emit()  # if the node waits for the end of a persistent cause
             self._console.tell("info",
                                "reloaded: this mission follows when the visitor's pass is over")
-        except FaultsFound as found:
-            report_faults(found, self._console.tell, "refused, the running mission stays")
+        except FaultsFound as error:
+            report_faults(error, self._console.tell, "refused, the running mission stays")
         except NodesMissing as missing:
             self._console.tell("error", f"refused, the running mission stays: {missing}")
         # an internal error in reading a file must not end the running mission

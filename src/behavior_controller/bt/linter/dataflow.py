@@ -203,8 +203,8 @@ def _script(result: Flow, tree: str, element: Element, attribute: str, text: str
     for name in sorted(script.read):
         result.read(tree, name, element, attribute, script)
     for name in sorted(script.written):
-        given = [each for each in script.facts.assignments if each.name == name]
-        creates = any(each.sign == ":=" for each in given)
+        given = [assignment for assignment in script.facts.assignments if assignment.name == name]
+        creates = any(assignment.sign == ":=" for assignment in given)
         result.write(tree, name, element, attribute, given[0].position, creates, touches=False)
 
 

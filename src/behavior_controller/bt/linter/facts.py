@@ -47,9 +47,9 @@ class MissionFacts:
     def inside(self, element: Element) -> Iterator[Element]:
         """Yield an element and all below it, also of the trees that it calls, each once."""
         waiting, called = [element, *element.below], set()
-        for each in waiting:
-            yield each
-            tree = each.attributes.get("ID", "") if each.tag == "SubTree" else ""
+        for inner in waiting:
+            yield inner
+            tree = inner.attributes.get("ID", "") if inner.tag == "SubTree" else ""
             if tree and tree not in called:
                 called.add(tree)
                 waiting += self.elements[tree]

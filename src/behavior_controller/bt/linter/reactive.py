@@ -71,7 +71,7 @@ def _ends_after(facts: MissionFacts, element: Element, leaf: Element) -> int:
         return _ends_after(facts, facts.elements[element.attributes["ID"]][0], leaf)
     ends, before = [], True
     for child in element.children:
-        holds = any(each is leaf for each in facts.inside(child))
+        holds = any(element is leaf for element in facts.inside(child))
         before = before and not holds
         after = _ends_after(facts, child, leaf) if holds else facts.ends[id(child)]
         ends.append(spec.next_after if before and spec.next_after else after)

@@ -192,11 +192,11 @@ PHRASE_MISSING = warning("A node says a phrase that the robot's culture file doe
 
 def _by_code(names: Mapping[str, Any]) -> Dict[str, LintRule]:
     """Give each rule its code, and return the rules by their codes."""
-    found = {name.lower().replace("_", "-"): rule for name, rule in names.items()
+    by_code = {name.lower().replace("_", "-"): rule for name, rule in names.items()
              if isinstance(rule, LintRule)}
-    for code, rule in found.items():
+    for code, rule in by_code.items():
         rule.code = code
-    return found
+    return by_code
 
 
 RULES = _by_code(globals())

@@ -148,10 +148,12 @@ class _Scripts:
 
     def _mixed(self, use: Use) -> None:
         facts = use.script.facts
-        compound = [
-            Operation(each.sign, Operand("name", each.name, each.position), each.value)
-            for each in facts.assignments if each.sign not in (":=", "=")]
-        for operation in facts.operations + compound:
+        operations = list(facts.operations)
+        for assignment in facts.assignments:
+            if assignment.sign not in (":=", "="):
+                target = Operand("name", assignment.name, assignment.position)
+                operations.append(Operation(assignment.sign, target, assignment.value))
+        for operation in operations:
             wrong = _wrong(operation, self._kind(use, operation.left),
                            self._kind(use, operation.right))
             if wrong:

@@ -249,8 +249,8 @@ class Trees:
                 opened[tree_id] = len(path)
                 path.append(tree_id)
                 waiting.append((tree_id, None))
-                waiting.extend((found.attributes.get("ID", ""), found)
-                               for found in reversed(self.calls[tree_id]))
+                waiting.extend((call.attributes.get("ID", ""), call)
+                               for call in reversed(self.calls[tree_id]))
 
     def check_unused(self, document: Document) -> None:
         """Warn of trees of the mission file itself that the mission does not use; what is included

@@ -230,9 +230,9 @@ def _check_pause(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     fails."""
     _, _, endlessly, hint = _REPEATS[spec.repeats_on]
     inside = list(facts.inside(element.children[0]))
-    asks = [each for each in inside if facts.spec(each).may_fail_at_once]
+    asks = [element for element in inside if facts.spec(element).may_fail_at_once]
     goes_on = spec.repeats_on == FAILS or not facts.ends[id(element.children[0])] & FAILS
-    if not all(_is_instant(facts.spec(each)) for each in inside):
+    if not all(_is_instant(facts.spec(element)) for element in inside):
         return
     if not asks:
         facts.warn(rules.NEVER_WAITS, element, f"{spec.id} {endlessly}", hint, spec.rounds)
