@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from behavior_controller import ros_arguments
+from behavior_controller import command, ros_arguments
 from behavior_controller.config import config_file, settings
 
 
@@ -87,3 +87,9 @@ def test_the_command_of_the_parent_is_read_word_by_word(monkeypatch):
      (["bash"], False), (["vi", "notes", "roslaunch"], False), ([], False)))
 def test_only_roslaunch_is_asked_to_end(command, expected):
     assert ros_arguments.is_roslaunch(command) is expected
+
+
+@pytest.mark.parametrize("error, reason", ((OSError("no pipes left"), "no pipes left"),
+                                           (MemoryError(), "MemoryError")))
+def test_a_shortage_of_the_machine_has_its_reason(error, reason):
+    assert command.no_resources(error).endswith(reason)

@@ -98,8 +98,7 @@ class Validation:
     def judge(self, paths: Iterable[str]) -> Iterator[Judgement]:
         """Yield a judgement for the configuration if it is faulty, then for each file; a folder
         means all its files, and a name a mission of a data folder."""
-        yield from (Judgement(file, faults, is_mission=False)
-                    for file, faults in self._robot.faults.items())
+        yield from (Judgement(file, faults) for file, faults in self._robot.faults.items())
         read_ones: Dict[str, List[Document]] = {}
         done: Dict[str, Judgement] = {}  # without a mission
         files = dict.fromkeys(self.palettes)

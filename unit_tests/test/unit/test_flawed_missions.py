@@ -198,13 +198,18 @@ FLAWED = [
     ("a sum of nothing", [BEGIN, "<Script code='n += 1'/>"], {"exception": "Script"}, CALM),
 ]
 
+BY_TABLET = "<ForceSuccess>{}</ForceSuccess>".format(
+    retry(3, safe("PressYesNoSpeech"), "<PressYesNoDialogue/>"))
+
 SOUND = [
     ("one exhibit only", [BEGIN, LIST, SHOW, BYE, HOME]),
     ("a greeter", [BEGIN, safe("WelcomeGesture"), safe("WelcomeSpeech"), OFF]),
     ("a tour on the tablet's yes",
-     [BEGIN, "<ForceSuccess>{}</ForceSuccess>".format(
-         retry(3, safe("PressYesNoSpeech"), "<PressYesNoDialogue/>")),
-      IF_YES.format(steps("<IsVisitorResponseYes/>", TOUR))]),
+     [BEGIN, BY_TABLET, IF_YES.format(steps("<IsVisitorResponseYes/>", TOUR))]),
+    ("two questions, and a look at each answer",
+     [BEGIN, *[BY_TABLET + "<ForceSuccess>{}</ForceSuccess>".format(
+         steps("<IsVisitorResponseYes/>", safe(node)))
+               for node in ("WelcomeSpeech", "WelcomeGesture")], OFF]),
     ("another way after three refusals",
      [BEGIN, "<Fallback>{}<WelcomeGesture/><AlwaysSuccess/></Fallback>".format(
          retry(3, "<WelcomeSpeech/>")), OFF]),
