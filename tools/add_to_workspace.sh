@@ -45,8 +45,9 @@ refuse_another_package() {
 
 # The Python that the workspace was, or will be, built with.
 workspace_python() {
-  local cache="$WORKSPACE/build/CMakeCache.txt"
-  { [ ! -f "$cache" ] || sed -n 's/^PYTHON_EXECUTABLE:[A-Z]*=//p' "$cache"; echo /usr/bin/python3; } | head -n 1
+  local cache="$WORKSPACE/build/CMakeCache.txt" python=""
+  [ ! -f "$cache" ] || python="$(sed -n '/^PYTHON_EXECUTABLE:/{s/^[^=]*=//p;q}' "$cache")"
+  echo "${python:-/usr/bin/python3}"
 }
 
 # catkin_make would choose the first python3 on PATH, which may be one without ROS (of pyenv, conda).

@@ -29,7 +29,8 @@ from behavior_controller.missions.load import find, load_tree, missions
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.ros_arguments import CommandParser
 from behavior_controller.text import clean, did_you_mean
-from behavior_controller.missions.validation import Judgement, Validation, as_json, listed
+from behavior_controller.missions.validation import (
+    Judgement, Validation, as_json, listed, may_be_a_mission)
 
 _WATCH_EVERY = 0.3  # seconds
 
@@ -136,14 +137,18 @@ def export_node_model(argv: Optional[List[str]] = None) -> int:
         "0 if it is printed or written, 2 if the call is wrong, 1 if there is no output")
     parser.add_argument(
         "--project", metavar="FILE.btproj",
-        help="write a project for Groot2 instead: the palette, and the missions of the folder data")
+        help="write a project for Groot2 instead: the palette, and the missions of its own folder; "
+        "if there are none, those of the folder data")
     options = ros_arguments.parse(parser, argv)
     if options.project is None:
         print(_document([], ""))
         return exit_codes.SUCCESS
     _refuse_other_file(parser, options.project)
     here = os.path.dirname(os.path.abspath(options.project))
-    includes = [os.path.relpath(path, here) for path in missions()]
+    beside = sorted(os.listdir(here)) if os.path.isdir(here) else []
+    own = [name for name in beside
+           if name.endswith(".xml") and may_be_a_mission(os.path.join(here, name))]
+    includes = own or [os.path.relpath(path, here) for path in missions()]
     name = os.path.splitext(os.path.basename(options.project))[0]
     with open(options.project, "w", encoding="utf-8") as file:
         file.write(_document(includes, f" project_name={quoteattr(name)}") + "\n")

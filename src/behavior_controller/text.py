@@ -1,6 +1,7 @@
 """Reads text files safely, makes outside text safe to show, and suggests the word that was meant.
 """
 import difflib
+import itertools
 import os
 import re
 import stat
@@ -14,6 +15,7 @@ MOST_BYTES = 1_000_000
 """The most bytes of a text file that a person writes."""
 
 _TAIL = 36
+_MOST_NAMES = 20  # in a list
 
 _CONTROLS = "[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]"
 _CONTROL = re.compile(_CONTROLS)
@@ -118,6 +120,12 @@ def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     by_lower = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), list(by_lower), cutoff=likeness)
     return f"did you mean {by_lower[near[0]]}?" if near else ""
+
+
+def first_names(names: Iterable[str]) -> str:
+    """Return the names with commas between them; of many the first, and an ellipsis."""
+    shown = list(itertools.islice(names, _MOST_NAMES + 1))
+    return ", ".join(shown[:_MOST_NAMES] + ["…"] * (len(shown) > _MOST_NAMES))
 
 
 def count(number: int, one: str, more: str) -> str:

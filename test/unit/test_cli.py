@@ -239,6 +239,14 @@ def test_a_project_has_the_palette_and_the_missions_of_the_data_folder(tmp_path,
     assert sorted(found.group(2).split(", ")) == sorted(trees)
 
 
+def test_a_project_beside_missions_has_these(file, tmp_path):
+    file(GOOD, "mine.xml")
+    file("<palette/>", "other.xml")
+    path = tmp_path / "p.btproj"
+    assert cli.export_node_model(["--project", str(path)]) == 0
+    assert re.findall('<include path="(.*)"/>', path.read_text()) == ["mine.xml"]
+
+
 def test_a_file_that_is_no_project_is_not_overwritten(file, tmp_path, capsys):
     project = str(tmp_path / "p.btproj")
     for _ in range(2):  # a project may be written again

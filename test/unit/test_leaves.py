@@ -9,9 +9,9 @@ from msgspec.structs import replace
 
 from behavior_controller import leaves
 from behavior_controller.bt.loader.tree_builder import load_text
-from behavior_controller.bt.engine.node import Node
+from behavior_controller.bt.engine.node import Node, TickError
 from behavior_controller.bt.engine.ports import literal_fault
-from behavior_controller.bt.registry import Kind, NodeSpec
+from behavior_controller.bt.registry import Kind, NodeSpec, Port
 from behavior_controller.bt.status import FAILURE, RUNNING, SUCCESS
 from behavior_controller.errors import FaultsFound
 from behavior_controller.execution.events import LeafFinished, StepStarted, LeafSummary, StopChanged
@@ -22,7 +22,8 @@ from behavior_controller.robot.requests import (
     SetAnimation, SetAttention)
 from behavior_controller.robot.interfaces import INTERFACES
 from behavior_controller.leaves import data, registry
-from behavior_controller.leaves.base import FailureLog, InstantCondition, ServiceLeaf, leaf_spec
+from behavior_controller.leaves.base import (
+    FailureLog, InstantAction, InstantCondition, ServiceLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import TopicCondition
 from behavior_controller.leaves.speech import DescribeExhibitSpeech, FixedSpeech
 from behavior_controller.config.node_facts import MissionSpec, whole_mission
@@ -606,6 +607,41 @@ def test_a_request_of_a_wrong_kind_is_an_error_of_its_leaf(wanted, words):
             return wanted
     with pytest.raises(TypeError, match=words):
         FixtureBell("bell").try_once()
+
+
+def rig_with(monkeypatch, leaf, element):
+    """Return a rig whose mission is one leaf of this type, which answers each request."""
+    types = registry()
+    types.extend([leaf_spec(leaf.__name__, leaf, "A leaf with a mistake.")])
+    monkeypatch.setattr(leaves, "registry", lambda: types)
+    return one_leaf(element, lambda request: Answer())
+
+
+@pytest.mark.parametrize("leaf", (InstantAction, ServiceLeaf))
+@pytest.mark.parametrize("returned", (SUCCESS, True))
+def test_a_leaf_that_returns_a_status_in_place_of_a_failure_is_told_what_is_allowed(
+        monkeypatch, leaf, returned):
+    class FixtureDone(leaf):
+        asks = Say
+        request = staticmethod(lambda: Say("Hello"))
+        act = accept = staticmethod(lambda *answer: returned)
+
+    rig = rig_with(monkeypatch, FixtureDone, "<FixtureDone/>")
+    with pytest.raises(TickError, match=r"FixtureDone.*returned .*allowed: None"):
+        rig.tick()
+        rig.tick()
+
+
+def test_a_port_that_a_leaf_does_not_declare_is_an_error_with_the_ports_that_it_has(monkeypatch):
+    class FixtureNear(InstantAction):
+        PORTS = (Port("colour"), Port("place"))
+
+        def act(self):
+            self.get_input("color")
+
+    rig = rig_with(monkeypatch, FixtureNear, "<FixtureNear colour='red' place='hall'/>")
+    with pytest.raises(TickError, match=r"\[color\].*colour, place.*test_leaves\.py:\d+"):
+        rig.tick()
 
 
 def test_each_leaf_and_decorator_has_its_row():

@@ -353,6 +353,15 @@ def test_a_robot_that_could_not_drive_home_is_to_be_fetched_until_it_drives():
     assert played.robot.instruction == "" and played.robot.place == "driving to exhibit 1"
 
 
+def test_a_visit_goes_on_from_a_stop_when_the_robot_can_drive_again():
+    played = Situation(Rig(answer=lambda request: None if isinstance(request, PerformGesture) and (
+        played.robot.place == "at exhibit 1") else NotImplemented))
+    played.play(visitor_who("yes"), lambda: (
+        isinstance(played.asked, PerformGesture) and played.robot.place == "at exhibit 1"))
+    played.report(GONE, gone())
+    assert played.robot.instruction == "Restart /robotNavigation"
+
+
 def test_what_a_node_was_asked_for_is_unknown_when_it_comes_back():
     played = ticked("<Sequence><SeekOvertAttentionMode/><EnableAnimateBehavior/>"
                     "<Sleep msec='60000'/></Sequence>", 1)

@@ -92,8 +92,11 @@ def home(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def workspace(home):
-    """A workspace into which the packages were put by the command, built and installed."""
+    """A workspace that was built before, into which the packages were put by the command; built
+    again and installed."""
     place = home / "catkin_ws"
+    (place / "src").mkdir(parents=True)
+    Shell(home).do("cd {} && catkin_make".format(place), BUILD_LIMIT)
     Shell(home).do("{}/tools/add_to_workspace.sh {}".format(REPOSITORY, place), BUILD_LIMIT)
     (place / "src/greeter").symlink_to(os.path.join(REPOSITORY, "examples/greeter"))
     Shell(home).do("cd {} && catkin_make && catkin_make install".format(place), BUILD_LIMIT)

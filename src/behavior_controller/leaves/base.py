@@ -262,7 +262,7 @@ class InstantLeaf(MissionLeaf):
         """Act and report."""
         self.started_at = self.mission.clock.now()
         try:
-            return self.ended(self.act())
+            return self.ended(_checked_end("act", self.act()))
         except PortError as error:
             return self.failed(self.missing(error))
 
@@ -322,7 +322,7 @@ class Attempt:
             return None
         self._leaf.summary = self._leaf.done(self._words) if self._words is not None else None
         try:
-            failure = self._leaf.accept(result)
+            failure = _checked_end("accept", self._leaf.accept(result))
         except PortError as error:
             failure = self._leaf.missing(error)
         if failure is not None:
@@ -345,6 +345,14 @@ class Attempt:
             self._call.drop()
         if self._rest is not None:
             self._rest.cancel()
+
+
+def _checked_end(method: str, failure: Optional[Failure]) -> Optional[Failure]:
+    """Return what a leaf's method returned. Raises TypeError if it is of a wrong kind."""
+    if failure is not None and not isinstance(failure, Failure):
+        raise TypeError(f"its {method}() returned {reprlib.repr(failure)}; allowed: None if it is "
+                        "done, or a Failure")
+    return failure
 
 
 def _check_request(asks: type, wanted: object) -> None:

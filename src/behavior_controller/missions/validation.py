@@ -16,10 +16,9 @@ from behavior_controller.errors import ConfigurationError, Fault, MissionError
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.missions.load import (
     POLICY, build_tree, find, keys_without_meaning, on_robot)
-from behavior_controller.text import Unreadable, clean, did_you_mean, read_text
+from behavior_controller.text import Unreadable, clean, did_you_mean, first_names, read_text
 
 ENDINGS = (".xml", ".btproj")
-_MOST_STUBS = 20  # that are named
 _PERHAPS_MISSION = re.compile(r"<(?:root|BehaviorTree|TreeNodesModel)\b")
 
 
@@ -64,10 +63,9 @@ class Judgement:
     def _stubs(self) -> str:
         if not self.stubs:
             return ""
-        more = ["…"] if len(self.stubs) > _MOST_STUBS else []
-        named = ", ".join([*map(clean, self.stubs[:_MOST_STUBS]), *more])
         return ("; not a mission of this robot, which lacks "
-                f"{_count(len(self.stubs), 'node type')} (taken as stubs): {named}")
+                f"{_count(len(self.stubs), 'node type')} (taken as stubs): "
+                f"{first_names(map(clean, self.stubs))}")
 
 
 def _count(number: int, what: str) -> str:
@@ -249,7 +247,7 @@ def expanded(path: str) -> List[str]:
     A folder without any is returned itself: it cannot be read as a mission.
     """
     return [file
-            for file in listed(path) if os.path.isdir(path) and _may_be_a_mission(file)] or [path]
+            for file in listed(path) if os.path.isdir(path) and may_be_a_mission(file)] or [path]
 
 
 def listed(path: str) -> List[str]:
@@ -264,7 +262,8 @@ def listed(path: str) -> List[str]:
     return paths
 
 
-def _may_be_a_mission(path: str) -> bool:
+def may_be_a_mission(path: str) -> bool:
+    """Return whether the file has an element of a mission, or cannot be read."""
     try:
         return bool(_PERHAPS_MISSION.search(read_text(path)))
     except Unreadable:

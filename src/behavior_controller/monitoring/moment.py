@@ -216,7 +216,9 @@ def _instruction(state: State) -> str:
     robot = state.robot
     steps = list(_repairs(state))
     is_away = robot.goal_name and (robot.place is None or robot.last_place != HOME)
-    if is_away and (state.finished is not None or robot.is_lost or _cannot_drive(robot)):
+    # at a stop the visit goes on as soon as it can drive again
+    is_stuck = robot.place is None and _cannot_drive(robot)
+    if is_away and (state.finished is not None or robot.is_lost or is_stuck):
         steps.append("take the robot home")
     text = clean("; ".join(steps))
     return text[:1].upper() + text[1:]

@@ -4,10 +4,12 @@ The ROS edge, the start-up check, the monitoring, the configuration's deadlines 
 robot use only these declarations for their knowledge of a service or topic.
 """
 import enum
+import reprlib
 from dataclasses import dataclass, replace
 from typing import (Any, Callable, Collection, Dict, Generic, Mapping, NamedTuple, Optional,
-                    Protocol, Tuple, Type, TypeVar, Union)
+                    Protocol, Sequence, Tuple, Type, TypeVar, Union)
 
+from behavior_controller.foreign_code import described
 from behavior_controller.robot.requests import Answer, Listen, QueryKnowledge, Request
 
 
@@ -30,6 +32,11 @@ MOST_EVENTS = 100
 
 class Unusable(ValueError):
     """A positive answer has unusable content; the text says which."""
+
+
+class Unsendable(ValueError):
+    """A declaration does not turn a request into a message; the text says why, and where in Python.
+    """
 
 
 class Success(NamedTuple):
@@ -96,6 +103,25 @@ class Service(Generic[Asked]):
     def deadline_key(self) -> str:
         """The configuration's key for the deadline."""
         return self.node + "Deadline"
+
+    def values(self, request: Asked, names: Sequence[str]) -> Sequence[object]:
+        """Return the values of the message's fields, which have these names. Raises Unsendable."""
+        try:
+            values = self.fields(request)
+            if not isinstance(values, (tuple, list)) or len(values) != len(names):
+                raise TypeError(f"fields returned {reprlib.repr(values)}; {self.type} has the "
+                                f"fields {', '.join(names) or '-'}: return a tuple with a value "
+                                "for each")
+        except BaseException as error:  # that of another package may raise anything
+            raise Unsendable(f"its declaration: {described(error, self.fields)}") from error
+        return values
+
+    def rehearse(self, request: Asked) -> Answer:
+        """Return the answer in a rehearsal. Raises Unusable."""
+        try:
+            return self.rehearsed(request)
+        except BaseException as error:
+            raise Unusable(f"its declaration: {described(error, self.rehearsed)}") from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -102,7 +102,7 @@ class ActionClient:
 
     def send(self, request: Request) -> None:
         """Send a goal. Raises ``Trouble`` if it does not fit, or the client was never connected."""
-        goal = filled(self._type().action_goal.goal, self._action.fields(request), request)
+        goal = filled(self._type().action_goal.goal, self._action, request)
         if self._client is None:
             raise Trouble(Cause.NOT_ADVERTISED, NO_ACTION)
         self._sent_at, self._result_due = time.monotonic(), math.inf

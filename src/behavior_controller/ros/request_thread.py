@@ -8,7 +8,7 @@ import rosgraph
 import rospy
 
 from behavior_controller.foreign_code import described
-from behavior_controller.robot.declarations import Service
+from behavior_controller.robot.declarations import Service, Unsendable
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.tcpros import Trouble
@@ -100,6 +100,8 @@ class RequestThread:
             if trouble.cause is Cause.NOT_ADVERTISED and may_lack:
                 return Answer()
             return Failure(trouble.cause, str(trouble), self.name)
+        except Unsendable as error:
+            return Failure(Cause.TYPE_MISMATCH, str(error), self.name)
         except (rospy.ROSException, rosgraph.MasterException, OSError) as error:
             return Failure(Cause.NOT_REACHABLE, f"it cannot be connected to: {error}", self.name)
         except BaseException as error:  # the declaration of another package may raise anything

@@ -94,10 +94,11 @@ def _check_handshake(connection: Connection, answer: Dict[str, str], md5sum: str
 
 def encode(service: Service, request: Request) -> bytes:
     """Return ``request`` as TCPROS carries it: its length, then its fields. Raises ``Trouble`` if
-    it does not fit."""
-    buffer = io.BytesIO()
+    it does not fit, and Unsendable."""
+    buffer, message = io.BytesIO(), TYPES[service]._request_class
+    values = service.values(request, message.__slots__)
     try:
-        TYPES[service]._request_class(*service.fields(request)).serialize(buffer)
+        message(*values).serialize(buffer)
     except (genpy.SerializationError, struct.error, UnicodeError, TypeError) as error:
         raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {service.type}: {error}")
     return struct.pack("<I", buffer.tell()) + buffer.getvalue()
@@ -169,7 +170,7 @@ class PublisherThread(RequestThread):
 
     def exchange(self, job: Job) -> Answer:
         """Publish, once there is a subscriber."""
-        message = filled(TYPES[self.service](), self.service.fields(job.request), job.request)
+        message = filled(TYPES[self.service](), self.service, job.request)
         publisher, deadline = self._registered(), time.monotonic() + STEP_LIMIT
         while not publisher.get_num_connections():
             if job.cut.wait(PREPARE) or time.monotonic() > deadline:

@@ -2,7 +2,7 @@
 reported when this is imported."""
 import io
 import struct
-from typing import Any, Callable, Dict, Sequence, Tuple
+from typing import Any, Callable, Dict, Tuple
 
 import genpy
 import roslib.message
@@ -13,6 +13,7 @@ from behavior_controller.foreign_code import is_ctrl_c
 from behavior_controller.robot.declarations import Action, Offer, Publication, Service, Topic
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.interfaces import DECLARED_BY, INTERFACES
+from behavior_controller.robot.requests import Request
 from behavior_controller.ros.tcpros import Trouble
 
 _KINDS: Dict[type, Tuple[Callable[[str], Any], str, str]] = {
@@ -78,18 +79,16 @@ def _read_empty(offer: Offer, read: Callable[[Any], object], message: Any) -> No
             raise
 
 
-def filled(message: Any, values: Sequence[object], what: object) -> Any:
-    """Return ``message`` with these values of its fields; nested ones are dicts or lists, and a
-    stamp may be ``now``. Raises ``Trouble``, which says that ``what`` does not fit."""
+def filled(message: Any, service: Service, request: Request) -> Any:
+    """Return ``message`` with the values of a request; nested ones are dicts or lists, and a stamp
+    may be ``now``. Raises ``Trouble`` if they do not fit, and Unsendable."""
+    values = service.values(request, message.__slots__)
     try:
-        if len(values) != len(message.__slots__):
-            names = ", ".join(message.__slots__) or "none"
-            raise ValueError(f"{len(values)} values for the fields: {names}")
         genpy.message.fill_message_args(message, [dict(zip(message.__slots__, values))],
                                         {"now": rospy.get_rostime()})
         message.serialize(io.BytesIO())
     except (ValueError, TypeError, struct.error, genpy.MessageException) as error:
-        raise Trouble(Cause.TYPE_MISMATCH, f"{what} cannot be sent as {message._type}: {error}")
+        raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {message._type}: {error}")
     return message
 
 

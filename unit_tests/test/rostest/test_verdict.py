@@ -1,13 +1,26 @@
 #!/usr/bin/env python3
 """Does the test end by itself with the right exit code, whatever the controller does?"""
+import os
+import pathlib
 import re
 import sys
+import tempfile
 import unittest
 
 import rospy
 import rostest
 
 from whole_test import run_test
+
+
+FAULTY = {
+    "package.xml": """<package format="2"><name>faulty</name><version>1.0.0</version>
+<description>a mission with a fault</description><maintainer email="a@example.org">a</maintainer>
+<license>BSD</license><export><cssr_system leaves="faulty_leaves"/></export></package>""",
+    "faulty_leaves.py": "SPECS = ()\n",
+    "data/faulty.xml": """<root BTCPP_format="4"><BehaviorTree ID="M"><Nope/></BehaviorTree>
+</root>"""}
+"""A package with a mission that cannot be run."""
 
 
 class TestVerdict(unittest.TestCase):
@@ -48,10 +61,22 @@ class TestVerdict(unittest.TestCase):
                          ["tried again", "tried again", "given up"])
 
     def test_a_controller_that_does_not_start(self):
-        code, printed, report = run_test("scenarioSpecification:=no_such_mission")[:3]
+        with tempfile.TemporaryDirectory() as folder:
+            for path, text in FAULTY.items():
+                file = pathlib.Path(folder, "faulty", path)
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(text)
+            paths = {name: os.pathsep.join([os.path.join(folder, "faulty"), os.environ[name]])
+                     for name in ("ROS_PACKAGE_PATH", "PYTHONPATH")}
+            code, printed, report = run_test("scenarioSpecification:=faulty", **paths)[:3]
         self.assertEqual(code, 2, printed)
         self.assertRegex(report[1], r"^FAILED: .*exit code 2\b.*and 2 objections")
-        self.assertIn("no_such_mission", report[-2], "why it did not start")
+        self.assertIn("Nope", report[-2], "why it did not start")
+
+    def test_a_mission_that_is_not_there_is_told_at_once(self):
+        code, printed, report = run_test("scenarioSpecification:=lab_tuor")[:3]
+        self.assertEqual((code, report), (2, []), printed)
+        self.assertRegex(printed, r"^scenarioSpecification: .*did you mean lab_tour.*\n.*\n$")
 
     def test_a_mission_that_does_not_end(self):
         code, printed, report = run_test("mission:=lab_tour", "scenario:=silent",

@@ -877,15 +877,32 @@ def test_a_package_says_what_its_service_answers_in_a_rehearsal(tmp_path):
     assert code == exit_codes.FINDINGS and "exception: " in text and "the answer was blue" in text
 
 
-def test_a_service_that_gives_another_number_of_fields_is_told_by_name(tmp_path):
+@pytest.mark.parametrize("fields", ("()", "(request.colour)", "(request.color,)"))
+def test_a_service_whose_fields_do_not_fit_is_told_with_both_places(tmp_path, fields):
     folder = tmp_path / "greeter"
     shutil.copytree(GREETER, str(folder))
     interface = folder / "src" / "greeter" / "interface.py"
-    interface.write_text(interface.read_text().replace("(request.colour,)", "()"))
+    interface.write_text(interface.read_text().replace("(request.colour,)", fields))
+    mission = folder / "data" / "greet.xml"
+    mission.write_text(mission.read_text().replace("<HandleFallBack/>", ""))
     code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
     assert code == exit_codes.FINDINGS
-    assert ("the declaration of /lights/set_colour gives 0 values for the fields of greeter/"
-            "lightsService: colour" in text)
+    assert re.search(r"Lights failed: type mismatch, its declaration: .*greeter/interface\.py:\d+",
+                     text), text
+
+
+def test_a_leaf_that_does_not_return_is_an_exception_in_its_code(tmp_path):
+    folder = tmp_path / "greeter"
+    shutil.copytree(GREETER, str(folder))
+    source = folder / "src" / "greeter" / "leaves.py"
+    text = source.read_text().replace(
+        '        """Set the colour."""\n', "        while True:\n            pass\n")
+    source.write_text(text)
+    line = text[:text.index("while True")].count("\n") + 1
+    code, text = rehearse_package(folder, "greet", "--faults", "none", "--visitors", "engages")
+    assert code == exit_codes.FINDINGS
+    places = re.search(r"Lights.*TimeoutError: .*\(greeter/leaves\.py:(\d+)\)", text)
+    assert places is not None and int(places.group(1)) in (line, line + 1), text
 
 
 def test_all_visitors_are_played():

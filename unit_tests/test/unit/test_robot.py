@@ -283,6 +283,18 @@ def test_a_file_of_places_that_cannot_be_used_is_named(tmp_path, text):
         building.load(str(tmp_path / "none.json"))
 
 
+@pytest.mark.parametrize("place, named", (
+    ('{"nam": "x", "location": [1, 2, 3]}', "`nam` - at `$.exhibits[0]`"),
+    ('{"name": "x", "location": [1, "a", 3]}', "`$.exhibits[0].location[1]`"),
+    ('{"name": "x",\n location: 1}', "exhibits.json:2:2: ")))
+def test_a_mistake_in_a_place_is_named_with_its_entry(tmp_path, place, named):
+    path = tmp_path / "exhibits.json"
+    path.write_text('{"exhibits": [' + place + "]}")
+    with pytest.raises(ConfigurationError) as caught:
+        building.load(str(path))
+    assert named in str(caught.value) and building.FORM in str(caught.value)
+
+
 def test_a_place_needs_no_descriptions_and_no_gesture(tmp_path):
     place = {"name": "x", "location": [1, 2, 90]}
     (tmp_path / "exhibits.json").write_text(

@@ -358,13 +358,15 @@ class Node(Behaviour):
         ports.write(text, port, self.blackboard, value)
 
     def clear_output(self, name: str) -> None:
-        """Empty the entry of an output port. Raises PortError if the port does not exist."""
+        """Empty the entry of an output port."""
         ports.clear(self.attributes.get(name, ""), self._port(name), self.blackboard)
 
     def _port(self, name: str) -> Port:
         port = self.spec.port_named.get(name)
         if port is None:
-            raise ports.PortError(f"{self.registration_id} declares no port [{name}]")
+            declared = ", ".join(self.spec.port_named) or "none"
+            raise LookupError(f"{self.registration_id} declares no port [{name}]; its ports: "
+                              f"{declared}")
         return port
 
     @property

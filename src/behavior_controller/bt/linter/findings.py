@@ -1,11 +1,10 @@
 """The findings about one mission: each rule adds to them, and all share one budget."""
-import itertools
 from typing import Collection, List, Optional, Set, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.errors import Fault
-from behavior_controller.text import did_you_mean
+from behavior_controller.text import did_you_mean, first_names
 
 MOST_FAULTS = 1_000  # errors that are reported, and as many warnings
 _COMPARISONS = 40_000  # names compared for suggestions: each takes some 10 microseconds
@@ -51,12 +50,12 @@ class Findings:
         return self._comparisons > 0
 
     def nearest(self, word: str, known: Collection[str], otherwise: str = "") -> str:
-        """Return ``did you mean …?``, or ``otherwise`` and the known names if they are few."""
+        """Return ``did you mean …?``, or ``otherwise`` and the known names."""
         may_compare = len(word) < 60 and self.may_compare(len(known))
         near = did_you_mean(word, sorted(known)) if may_compare else ""
         if near or not otherwise:
             return near
-        return f"{otherwise}: {', '.join(itertools.islice(known, 10)) or 'none'}"
+        return f"{otherwise}: {first_names(known) or 'none'}"
 
 
 def by_place(fault: Fault) -> Tuple[str, int, int, str, str]:

@@ -110,7 +110,9 @@ class Nodes:
             self.fault(rules.TREE_AS_NODE, element, f"{node_id} is a tree, not a node",
                        f"it is called with <SubTree ID=\"{node_id}\"/>", attribute)
         else:
-            hint = ELSEWHERE.get(node_id) or self.nearest(node_id, list(self._known) + ["SubTree"])
+            hint = (ELSEWHERE.get(node_id)
+                    or self.nearest(node_id, list(self._known) + ["SubTree"])
+                    or "exportNodeModel prints every node type with its ports")
             self.fault(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
 
     def _kinds_of_children(self, element: Element, spec: NodeSpec) -> None:

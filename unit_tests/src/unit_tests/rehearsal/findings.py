@@ -239,6 +239,11 @@ def _exceptions(play: Play) -> Iterator[Place]:
     for text in filter(None, [play.played.error, *(error.text for error in play.run.errors)]):
         named = [node.uid for node in play.nodes if f"'{node.full_path}'" in text]
         yield _script_at(play, text) or (named[0] if named else ROOT), text
+    for failed in play.run.failures:
+        # no fault does this: what a package declares does not fit its messages
+        if failed.failure.cause is Cause.TYPE_MISMATCH or (
+                failed.failure.cause is Cause.UNUSABLE_ANSWER and not play.faults):
+            yield failed.uid, failed.failure.message
 
 
 def _script_at(play: Play, text: str) -> int:
@@ -627,7 +632,8 @@ KINDS = (
     FindingKind(
         "busy-loop", "The mission never waits: it takes a whole core, and nothing else of the "
         "robot gets a turn. Put a Sleep or a Delay into the loop.", _busy),
-    FindingKind("exception", "A node raises an exception, which ends the pass at once.",
+    FindingKind("exception", "A node raises an exception, which ends the pass at once, or "
+                "a declaration does not fit its messages.",
                 _exceptions),
     FindingKind("missing-data", "A node reads an entry or an answer that is not there.",
                 _missing_data),

@@ -25,6 +25,7 @@ from behavior_controller.missions.runner import PACE, Runner, Running
 from behavior_controller.monitoring.record.recorder import Entries, shown, traversed, written
 from behavior_controller.robot.requests import Request
 
+from unit_tests.rehearsal import blocked_leaf
 from unit_tests.rehearsal.situations import Situations
 from unit_tests.robot.behaviour import TOPICS, rehearsed_topics
 from unit_tests.robot.building import Building
@@ -250,7 +251,8 @@ def _ended(runner: Runner) -> Tuple[Optional[int], str, str]:
     """Run, and return the exit code, why the end was not awaited, and the exception that ended the
     run."""
     try:
-        return runner.run(), "", ""
+        with blocked_leaf.ended():
+            return runner.run(), "", ""
     except _TimeIsUp as reason:
         return None, str(reason), ""
     except Exception as error:  # as the node does: an exception in a leaf is an outcome too

@@ -118,7 +118,7 @@ class SimulatedNode:
         if entry.done and simulated is not None:
             answer = simulated.answer(fields, self.world)
         elif entry.done:
-            answer = service.rehearsed(request)
+            answer = service.rehearse(request)
         return Reply(entry, answer)
 
     def message(self, resource: str, now: float) -> Optional[Published]:

@@ -16,7 +16,8 @@ from behavior_controller import extensions, folders
 from behavior_controller.execution.events import Event, Message
 from behavior_controller.execution.health import GONE, Health, SLOW_SHARE, available_again, gone
 from behavior_controller.missions.load import Mission
-from behavior_controller.robot.declarations import Action, Publication, Service, Topic
+from behavior_controller.robot.declarations import (
+    Action, Publication, Service, Topic, Unsendable, Unusable)
 from behavior_controller.robot.gateway import (Call, Cause, Failure, FakeTopics, Gateway,
                                                NOT_OFFERED, NO_SUBSCRIBER, Sample, result_of,
                                                waited)
@@ -283,8 +284,13 @@ class _VirtualCall:
         """Carry out the request as the node does."""
         service = self._service
         request_fields, response_fields = slots(service)
-        fields = _fields(service, self._request, request_fields)
-        reply = node.model.reply(service, service.name, fields, response_fields, self._request)
+        try:
+            fields = _fields(service, self._request, request_fields)
+            reply = node.model.reply(service, service.name, fields, response_fields, self._request)
+        except Unsendable as error:
+            return self._answer_after(0.0, self._failure(Cause.TYPE_MISMATCH, str(error)))
+        except Unusable as error:
+            return self._answer_after(0.0, self._failure(Cause.UNUSABLE_ANSWER, str(error)))
         if reply.entry.fault == CRASH:
             node.crash()
         if reply.entry.fault != UNANSWERED:
@@ -325,14 +331,10 @@ def _exhibit(exhibit: Exhibit) -> SimpleNamespace:
 
 def _fields(service: Service, request: Request, names: Sequence[str]) -> Fields:
     """Return the fields of the srv request; without an srv file, those of the record. Raises
-    ValueError."""
+    Unsendable."""
     if not names:
         return asdict(request)
-    values = service.fields(request)
-    if len(names) != len(values):
-        raise ValueError("the declaration of {} gives {} values for the fields of {}: {}".format(
-            service.name, len(values), service.type, ", ".join(names)))
-    return dict(zip(names, values))
+    return dict(zip(names, service.values(request, names)))
 
 
 @functools.lru_cache(maxsize=None)

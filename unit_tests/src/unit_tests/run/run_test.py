@@ -9,6 +9,7 @@ from typing import Dict, Optional, Sequence
 
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError
+from behavior_controller.missions import load as missions
 from behavior_controller.ros_arguments import version
 
 from unit_tests.rehearsal import arrival_waits
@@ -28,7 +29,9 @@ def main(words: Optional[Sequence[str]] = None) -> int:
             print(options.usage({"arrivalRate": _of_arrival_rate()}))
             return 0
         values = options.parse(given)
-        claims.check_test(options.read(Arguments([], values)))
+        own = options.read(Arguments([], values))
+        missions.find(own.world.settings.scenario_specification)
+        claims.check_test(own)
     except BehaviorControllerError as error:
         print("{}\n{}".format(error, NOTHING_TESTED))
         return NOT_RUN
