@@ -28,7 +28,7 @@ from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.moment import card, robot_line
 from unit_tests.rehearsal.findings import BY_NAME
 from unit_tests.rehearsal.html_report import to_html as rehearsal_html
-from unit_tests.rehearsal.summary import Found, Share, VisitorRow
+from unit_tests.rehearsal.summary import FindingSummary, Share, VisitorRow
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen
 from recorded_tours import KINDS, recorded_day
 from test_page import wait_until
@@ -714,8 +714,8 @@ def test_the_report_of_a_rehearsal_is_accessible_and_has_the_page_s_look(report,
     source, page = axe(), tmp_path / "rehearsal.html"
     shares = [Share(0.0, 10, 10, 60.0), Share(1.0, 10, 0, 60.0)]
     rows = [VisitorRow("engages", True, "SUCCESS", 119.6, 5, (("SUCCESS", 7), ("", 2)))]
-    found = Found(BY_NAME["left-on"], "Say::2", "m.xml:3:4", "<b> is on")
-    page.write_text(rehearsal_html("lab_tour", rows, shares, [found]), encoding="utf-8")
+    finding = FindingSummary(BY_NAME["left-on"], "Say::2", "m.xml:3:4", "<b> is on")
+    page.write_text(rehearsal_html("lab_tour", rows, shares, [finding]), encoding="utf-8")
     set_screen(report, 400, 800, "dark")
     report.get("file://{}".format(page))
     assert run(report, "document.documentElement.scrollWidth <= innerWidth")

@@ -238,7 +238,7 @@ def told(found):
 
 @pytest.mark.parametrize("nodes, expected, words", list(map(case_of, FLAWED)))
 def test_a_mistake_is_found_at_its_node(tmp_path, nodes, expected, words):
-    found = rehearse(tmp_path, nodes, words).found
+    found = rehearse(tmp_path, nodes, words).findings
     assert {each.kind.name: each.where.rpartition("/")[2].partition("::")[0]
             for each in found} == expected, told(found)
     assert all(each.place.startswith(str(tmp_path)) for each in found)
@@ -246,5 +246,5 @@ def test_a_mistake_is_found_at_its_node(tmp_path, nodes, expected, words):
 
 @pytest.mark.parametrize("nodes", list(map(case_of, SOUND)))
 def test_nothing_is_found_in_a_sound_mission(tmp_path, nodes):
-    found = rehearse(tmp_path, nodes, []).found
+    found = rehearse(tmp_path, nodes, []).findings
     assert found == [], told(found)

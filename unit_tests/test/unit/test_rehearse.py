@@ -26,7 +26,8 @@ from unit_tests.rehearsal import cli, findings, html_report, plays
 from unit_tests.rehearsal.findings import RobotCall, Finding
 from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
 from unit_tests.rehearsal.search import Search
-from unit_tests.rehearsal.summary import Found, VisitorRow, Share, Survey, shortened
+from unit_tests.rehearsal.summary import (
+    FindingSummary, VisitorRow, Share, Survey, shortened)
 from unit_tests.robot.faults import KINDS, PlannedFault
 from unit_tests.robot.visitor import BEHAVIOURS
 
@@ -118,7 +119,7 @@ def test_nothing_is_found_in_the_lab_tour_with_drawn_faults(capsys):
                                    ["release_1_0_tour", "robotInterface:=release-1.0"],
                                    ["release_1_0_reception", "robotInterface:=release-1.0"]])
 def test_nothing_is_found_in_the_delivered_missions_with_each_single_fault(words):
-    assert cli.rehearse(cli.plan(cli.read(words)), jobs=2).found == []
+    assert cli.rehearse(cli.plan(cli.read(words)), jobs=2).findings == []
 
 
 def test_the_tour_of_release_1_0_is_rehearsed_too(capsys):
@@ -154,7 +155,7 @@ def test_the_shortest_play_of_a_finding_has_the_fewest_faults():
     faulty = Scene("engages", planned=(PlannedFault("textToSpeech", 1, "refused"),))
     for scene, seconds in ((faulty, 5.0), (Scene("leaves"), 90.0), (Scene("engages"), 80.0)):
         survey.take(outcome(scene, "SUCCESS", seconds, 0, finding))
-    told, = survey.found()
+    told, = survey.findings()
     assert (told.scene, told.plays, told.seconds) == (Scene("engages"), 3, 80.0)
 
 
@@ -354,10 +355,11 @@ def test_the_page_tells_the_visitors_the_shares_and_the_findings():
     shares = [Share(0.5, 10, 8, 125.0), Share(1.0, 10, 0, float("nan"))]
     left_on, not_home = (findings.BY_NAME[name] for name in ("left-on", "not-home"))
     told = [
-        Found(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
-              (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""), ), "lab_tour --planned 'a b'",
-              (Found(not_home, "Go::3", "m.xml:5:6", "to <c>"),)),
-        Found(not_home, "M::1", "m.xml:1:2", "far away")
+        FindingSummary(left_on, "Say::2", "m.xml:3:4", "<b> is on", 3, Scene("engages"), 80.0,
+                       (Sentence(1.25, 1, "said", "info", "said “&”", 0, ""), ),
+                       "lab_tour --planned 'a b'",
+                       (FindingSummary(not_home, "Go::3", "m.xml:5:6", "to <c>"),)),
+        FindingSummary(not_home, "M::1", "m.xml:1:2", "far away")
     ]
     parts = re.sub(r"(?s)<style>.*</style>|<svg.*</svg>", "",
                    html_report.to_html("a < b", rows, shares, told))
@@ -538,15 +540,17 @@ def test_the_only_play_is_told(capsys, tmp_path):
 
 SAID = Sentence(0.5, 1, "said", "info", "the robot says hello", 0, "")
 TWO = (PlannedFault("textToSpeech", 1, "crash"), PlannedFault("textToSpeech", 2, "crash"))
-FOUND = [
-    Found(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5", "it is ticked again and again", 12,
-          Scene("engages", True, TWO, ("/faces", )), 4.0,
-          (SAID, SAID._replace(at=61.04, text="it waits")), "again 1"),
-    Found(findings.BY_NAME["busy-loop"], "M", "m.xml:1:1", "and again", 1,
-          Scene("silent", False, rate=0.5, seed=7), 4.0, (SAID, ), "again 2"),
-    Found(findings.BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1, Scene("silent"), 4.0,
-          (SAID, ), "again 3", (Found(findings.BY_NAME["left-on"], "Nod", "m.xml:6:7", "on"),)),
-    Found(findings.UNREACHED, "Nap", "m.xml:4:5", "not reached by 7 simulated runs")
+FINDINGS = [
+    FindingSummary(findings.BY_NAME["busy-loop"], "Loop", "m.xml:3:5",
+                   "it is ticked again and again", 12,
+                   Scene("engages", True, TWO, ("/faces", )), 4.0,
+                   (SAID, SAID._replace(at=61.04, text="it waits")), "again 1"),
+    FindingSummary(findings.BY_NAME["busy-loop"], "M", "m.xml:1:1", "and again", 1,
+                   Scene("silent", False, rate=0.5, seed=7), 4.0, (SAID, ), "again 2"),
+    FindingSummary(findings.BY_NAME["not-home"], "M", "m.xml:1:1", "the last drive", 1,
+                   Scene("silent"), 4.0, (SAID, ), "again 3",
+                   (FindingSummary(findings.BY_NAME["left-on"], "Nod", "m.xml:6:7", "on"),)),
+    FindingSummary(findings.UNREACHED, "Nap", "m.xml:4:5", "not reached by 7 simulated runs")
 ]
 TOLD = """
 mission, robot D5.4.3: 7 simulated runs in 1.5 s, stopped before the other 5
@@ -590,15 +594,15 @@ def made_result(tmp_path):
         VisitorRow("engages", True, "SUCCESS", 65.0, 5, (("", 1), ("SUCCESS", 3))),
         VisitorRow("silent", False, "", 9.0, 0, ())
     ]
-    return cli.Result(todo, rows, [Share(0.5, 4, 1, 59.0)], FOUND, 7, 12, 1.5, ("one line",))
+    return cli.Result(todo, rows, [Share(0.5, 4, 1, 59.0)], FINDINGS, 7, 12, 1.5, ("one line",))
 
 
 def test_a_result_is_told_as_text(result):
     # Wilson's interval of 1 in 4: (0.25 + 0.4802 ± 1.96 * sqrt(0.046875 + 0.060025)) / 1.9604
     assert "\n" + cli.as_text(result) == TOLD
     assert cli.as_text(
-        result._replace(found=FOUND[2:3])).endswith("\n\nfound: 1 kind of mistake at 1 place")
-    calm = result._replace(rows=[], shares=[], found=[], plays=12)
+        result._replace(findings=FINDINGS[2:3])).endswith("\n\nfound: 1 kind of mistake at 1 place")
+    calm = result._replace(rows=[], shares=[], findings=[], plays=12)
     assert cli.as_text(
         calm
     ) == "mission, robot D5.4.3: 12 simulated runs in 1.5 s\n\none line\n\nnothing was found"
@@ -689,7 +693,7 @@ def test_what_is_found_comes_in_the_order_of_the_kinds_and_then_of_the_time(tmp_
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, 0, later, sooner,
                         Finding("left-out", 1, "y"), reached=[1, 2]))
     survey.take(outcome(Scene("engages"), "SUCCESS", 3.0, 0, other, reached=[1, 2]))
-    told = survey.found()
+    told = survey.findings()
     assert [(each.kind.name, each.where) for each in told] == [
         ("left-out", "Fallback::1"), ("left-on", "Fallback::1"), ("left-on", "AlwaysSuccess::2"),
         ("left-on", "WelcomeSpeech::3")]
@@ -703,11 +707,11 @@ def test_what_only_all_plays_show_is_told_once_all_are_played(tmp_path):
     survey, outcomes = Survey(theatre), []
     search = Search(theatre.stage(True).mission.tree.nodes, survey.reached, outcomes, "refused")
     survey.take(outcome(Scene("silent"), "SUCCESS", 4.0, reached=[1, 2]))
-    assert survey.found() == []
-    told, = survey.found(search)
+    assert survey.findings() == []
+    told, = survey.findings(search)
     assert (told.where, told.scene, told.command) == ("WelcomeSpeech::3", None, "")
     survey.take(outcome(Scene("leaves"), "", 900.0))
-    assert survey.found(search) == [], "what is behind a pass that does not end is not known"
+    assert survey.findings(search) == [], "what is behind a pass that does not end is not known"
 
 
 def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
@@ -717,7 +721,7 @@ def test_a_finding_in_no_play_without_another_is_its_consequence(tmp_path):
     survey.take(outcome(Scene("engages"), "FAILURE", 4.0, 0, cause, also, free))
     survey.take(outcome(Scene("silent"), "FAILURE", 4.0, 0, cause, free))
     survey.take(outcome(Scene("leaves"), "FAILURE", 4.0, 0, free))
-    told = survey.found()
+    told = survey.findings()
     assert [(each.kind.name, [other.kind.name for other in each.consequences])
             for each in told] == [("missing-data", ["not-home"]), ("left-on", [])]
 
@@ -744,7 +748,7 @@ def test_of_two_plays_the_shorter_is_told(tmp_path, shorter, longer, turn):
         survey.take(
             outcome(scene, "SUCCESS", 5.0 + 0.1 * (scene is shorter), 0,
                     Finding("not-home", 1, "x")))
-    assert survey.found()[0].scene == shorter
+    assert survey.findings()[0].scene == shorter
 
 
 class Terminal(io.StringIO):

@@ -34,8 +34,8 @@ def test_the_chance_of_two_messages():
 def test_the_chance_of_one_message():
     # 6 a minute: 1 is expected in 10 s; 1 - e^-1
     assert SPEECH.chance(6) == pytest.approx(0.63212, abs=1e-5)
-    assert SPEECH.told(6).endswith(" in about 63 % of waits")
-    assert SPEECH.told(0.1).endswith(" in about 2 % of waits")  # 1 - e^(-1/60)
+    assert SPEECH.warning(6).endswith(" in about 63 % of waits")
+    assert SPEECH.warning(0.1).endswith(" in about 2 % of waits")  # 1 - e^(-1/60)
 
 
 def test_the_chance_of_three_messages():
@@ -71,7 +71,7 @@ def test_each_condition_has_one_line_and_the_rate_that_is_enough_is_told():
 
 
 def test_a_chance_that_is_next_to_none_is_no_zero():
-    assert GAZE._replace(seconds=1.0).told(1).endswith("which happens in less than 1 % of waits")
+    assert GAZE._replace(seconds=1.0).warning(1).endswith("which happens in less than 1 % of waits")
 
 
 def test_the_lowest_rate_of_the_lab_tour(given):

@@ -45,8 +45,8 @@ class Reports:
             if due != other:
                 yield "this had to happen: {}; on record is: {}".format(
                     due or "nothing", other or "nothing")
-        for each in (self.finished, self._ends, self._due, self.decisions):
-            each.clear()
+        for notes in (self.finished, self._ends, self._due, self.decisions):
+            notes.clear()
 
     def _unlike_ends(self, nodes: Sequence[Any]) -> Iterator[str]:
         reported: Dict[int, List[str]] = {}

@@ -498,15 +498,15 @@ PACING = (PassStarted, Tick, PassFinished, RunFinished)
 def execute(facts: Facts) -> List[Execution]:
     """Do all missions of a record again: a node may take up another one while it runs. Raises
     CannotRepeat."""
-    found: List[Execution] = []
+    executions: List[Execution] = []
     shown: List[TreeShown] = []
     for line in facts.run.lines:
         if isinstance(line.event, TreeShown):
             shown.append(line.event)
         elif isinstance(line.event, RunStarted):
-            passes = found[-1].passes if found else 0
-            found.append(Execution(line, passes, facts, shown))
+            passes = executions[-1].passes if executions else 0
+            executions.append(Execution(line, passes, facts, shown))
             shown = []
-        elif found:
-            found[-1].take(line)
-    return found
+        elif executions:
+            executions[-1].take(line)
+    return executions

@@ -48,17 +48,17 @@ class Rows:
         self._open: List[Pair] = list(filter(_fault, witness.pairs))
         # id() of a failure -> the recovery from it, and those around that one
         self._rounds: Dict[int, List[RecoveryRound]] = {}
-        for each in facts.run.recoveries:
-            if each.recovered is not None and not each.is_halted:
-                for failed in each.failures + each.instead:
-                    self._rounds.setdefault(id(failed), []).append(each)
+        for recovery in facts.run.recoveries:
+            if recovery.recovered is not None and not recovery.is_halted:
+                for failed in recovery.failures + recovery.instead:
+                    self._rounds.setdefault(id(failed), []).append(recovery)
 
     def all(self) -> List[FailureRow]:
         """Return a row for each injected fault, and for each failure beside them that is no false
         condition."""
-        found = [self._of_failure(failed) for failed in self._facts.run.failures
-                 if not failed.is_false_condition and failed.node not in HANDLERS]
-        return sorted(found + list(map(self._of_rest, self._open)), key=lambda row: row.at)
+        rows = [self._of_failure(failed) for failed in self._facts.run.failures
+                if not failed.is_false_condition and failed.node not in HANDLERS]
+        return sorted(rows + list(map(self._of_rest, self._open)), key=lambda row: row.at)
 
     def _of_failure(self, failed: LeafFailure) -> FailureRow:
         recovery, until = self._recovery(failed)

@@ -45,10 +45,10 @@ def _foreign(spec: NodeSpec) -> NodeSpec:
 
 def registry() -> Registry:
     """Return all node types: the engine's, the reference's, and those of other packages."""
-    found = Registry(builtin_specs() + list(reference.ROWS))
+    node_types = Registry(builtin_specs() + list(reference.ROWS))
     for extension in extensions.exported("phrases"):
         for speech in extension.declared("SPEECHES", phrases.Speech):
-            found.extend([reference.speech(speech.node, speech.node, speech.asks)])
+            node_types.extend([reference.speech(speech.node, speech.node, speech.asks)])
     for extension in extensions.exported("leaves"):
-        found.extend(map(_foreign, extension.declared("SPECS", NodeSpec)))
-    return found
+        node_types.extend(map(_foreign, extension.declared("SPECS", NodeSpec)))
+    return node_types

@@ -71,14 +71,13 @@ _DIRECTIONS = {"<": Direction.IN, ">": Direction.OUT, "=": Direction.INOUT}
 def _ports(text: str) -> Tuple[Port, ...]:
     """Return the ports of a row: ``<`` reads, ``>`` writes, ``=`` does both; ``<port:entry`` if its
     name is another."""
-    found = []
+    ports = []
     for word in text.split():
         name, _, entry = word[1:].partition(":")
         entry = entry or name
-        found.append(
-            Port(name, TYPES[entry], _DIRECTIONS[word[0]], "{{@{}}}".format(entry),
-                 is_optional=True))
-    return tuple(found)
+        default = "{{@{}}}".format(entry)
+        ports.append(Port(name, TYPES[entry], _DIRECTIONS[word[0]], default, is_optional=True))
+    return tuple(ports)
 
 
 # ------------------------------------------------------------------------------ what a node goes by
@@ -531,8 +530,8 @@ def spoken(phrases: Phrases, text: str) -> Optional[str]:
     if text.lstrip().lower().startswith("error"):
         return None
     words = tuple(_WORD.findall(text.lower().replace("’", "'")))
-    known = sorted(((phrase, meaning) for meaning, found in phrases.meanings.items()
-                    for phrase in found), key=lambda pair: -len(pair[0]))
+    known = sorted(((phrase, meaning) for meaning, synonyms in phrases.meanings.items()
+                    for phrase in synonyms), key=lambda pair: -len(pair[0]))
     meanings, at = set(), 0
     while at < len(words):
         phrase, meaning = next((pair for pair in known if words[at:at + len(pair[0])] == pair[0]),

@@ -24,14 +24,14 @@ from unit_tests.judge.witness import CAUSE_OF
 from unit_tests.robot.behaviour import servers
 from unit_tests.robot.options import Configuration, KEYS
 
-ALWAYS_TOLD = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
+ALWAYS_SHOWN = ("visitorBehaviour", "failureRate", "arrivalRate", "randomSeed")
 """Keys of the test that the title always shows."""
 
-TOLD_IF_SET = ("missionRuns", "faultKinds", "plannedFaults", "recogniseBy", "absentServices")
+SHOWN_IF_SET = ("missionRuns", "faultKinds", "plannedFaults", "recogniseBy", "absentServices")
 """Keys of the test that it shows if they differ from the default. The others do not change the
 test."""
 
-NOT_TOLD = {
+NOT_SHOWN = {
     "scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port",
     "groot2Address", "monitorPort", "monitorAddress", "recordDirectory"
 }
@@ -45,14 +45,14 @@ def title(facts: Facts, test: Configuration, when: datetime.datetime) -> str:
     begun = facts.run.state.started
     mission = os.path.basename(begun.mission) if begun is not None else "that did not start"
     chosen = values_of(test)
-    told = [(name, chosen[name]) for name in ALWAYS_TOLD]
-    told += [(key.name, chosen[key.name]) for key in KEYS
-             if key.name in TOLD_IF_SET and chosen[key.name] != key.default]
+    shown = [(name, chosen[name]) for name in ALWAYS_SHOWN]
+    shown += [(key.name, chosen[key.name]) for key in KEYS
+             if key.name in SHOWN_IF_SET and chosen[key.name] != key.default]
     given = begun.settings if begun is not None else {}
-    told += [(name, given[name]) for name, usual in settings.defaults().values.items()
-             if name not in NOT_TOLD and given.get(name, usual) != usual]
-    told += [("use_real_" + node, True) for node in sorted(facts.real)]
-    chosen_keys = "; ".join("{} {}".format(name, to_text(value)) for name, value in told)
+    shown += [(name, given[name]) for name, usual in settings.defaults().values.items()
+             if name not in NOT_SHOWN and given.get(name, usual) != usual]
+    shown += [("use_real_" + node, True) for node in sorted(facts.real)]
+    chosen_keys = "; ".join("{} {}".format(name, to_text(value)) for name, value in shown)
     return clean("{}: mission {}; {}".format(when.isoformat(timespec="seconds"), mission,
                                              chosen_keys))
 

@@ -209,15 +209,15 @@ class Witness:
         world = world._replace(visitor=Visitor(world.visitor.manners))
         services = {service.name: SERVICES[service.request]
                     for service in self._interface.services if service.request in SERVICES}
-        found: Dict[Tuple[str, int], Optional[Answer]] = {}
+        answers: Dict[Tuple[str, int], Optional[Answer]] = {}
         for line in self._facts.journal:
             world.visitor.notice(line)
             simulated = services.get(line.resource) if line.call else None
             if simulated is not None and line.fault == WRONG:
-                found[line.node, line.call] = simulated.nonsense
+                answers[line.node, line.call] = simulated.nonsense
             elif simulated is not None and line.done:
-                found[line.node, line.call] = simulated.answer(line.content, world)
-        return found
+                answers[line.node, line.call] = simulated.answer(line.content, world)
+        return answers
 
     # --------------------------------------------------------------------------------------- health
 

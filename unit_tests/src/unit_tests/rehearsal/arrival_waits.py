@@ -57,7 +57,7 @@ class Wait(NamedTuple):
         asked = min(1.0, sum(1 - wait.chance(rate) for wait in self.after)) if self.after else 1.0
         return asked * (1 - self.chance(rate))
 
-    def told(self, rate: float) -> str:
+    def warning(self, rate: float) -> str:
         """Return in a line what ``rate`` means for it."""
         share = 100 * self.chance(rate)
         often = f"about {share:.0f}" if share >= 1 else "less than 1"
@@ -74,7 +74,7 @@ def warnings(waits: Sequence[Wait], rate: float) -> List[str]:
         if wait.missed(rate) > max(1 - ENOUGH,
                                    worst[wait.node].missed(rate) if wait.node in worst else 0.0):
             worst[wait.node] = wait
-    return [wait.told(rate) for wait in worst.values()] + ([sufficient(waits)] if worst else [])
+    return [wait.warning(rate) for wait in worst.values()] + ([sufficient(waits)] if worst else [])
 
 
 def sufficient(waits: Sequence[Wait]) -> str:
@@ -112,14 +112,14 @@ def of_mission(world: World) -> List[Wait]:
     tree = loaded.tree
     gateway = FakeGateway(lambda: None, lambda request: Answer())
     tree.setup(mission=loaded.context(gateway, FakeTopics(tree.clock.now), Events()))
-    found: Dict[Any, Wait] = {}
+    waits: Dict[Any, Wait] = {}
     for node in tree.nodes:  # those of a Fallback that come before stand before
         if isinstance(node, TopicCondition):
             seconds, messages = _seconds(node), _messages(node, world)
             if seconds is not None and messages is not None:
-                after = tuple(found[before] for before in _asked_before(node) if before in found)
-                found[node] = Wait(node.registration_id, node.topic.name, messages, seconds, after)
-    return list(found.values())
+                after = tuple(waits[before] for before in _asked_before(node) if before in waits)
+                waits[node] = Wait(node.registration_id, node.topic.name, messages, seconds, after)
+    return list(waits.values())
 
 
 def _asked_before(node: Any) -> Iterator[Any]:

@@ -21,7 +21,7 @@ from unit_tests.rehearsal import html_report, plays
 from unit_tests.rehearsal.play import Stage
 from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
 from unit_tests.rehearsal.search import Search
-from unit_tests.rehearsal.summary import Found, VisitorRow, Share, Survey, planned
+from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey, planned
 from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.faults import KINDS, PlannedFault
 from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES
@@ -87,7 +87,8 @@ class Plan(NamedTuple):
             if options.faults != NONE:
                 yield from self._faulty(list(outcomes), outcomes)
             # what comes after a pass that does not end is not known
-            if self.is_complete and all(each.outcome for each in outcomes if each.scene.is_calm):
+            calm = [outcome for outcome in outcomes if outcome.scene.is_calm]
+            if self.is_complete and all(outcome.outcome for outcome in calm):
                 yield from search.rounds()
 
     def _faulty(self, calm: List[Outcome], outcomes: List[Outcome]) -> Iterator[List[Scene]]:
@@ -280,9 +281,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     print(json.dumps(as_json(result), indent=1) if options.json else as_text(result))
     if page is not None:
         with page:
-            page.write(
-                html_report.to_html(heading(result), result.rows, result.shares, result.found))
-    if result.found:
+            page.write(html_report.to_html(heading(result), result.rows, result.shares,
+                                           result.findings))
+    if result.findings:
         return exit_codes.FINDINGS
     return exit_codes.SUCCESS if result.plays == result.planned else exit_codes.UNAVAILABLE
 
@@ -312,9 +313,9 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
             sys.stderr.write("\r\x1b[K")  # takes the line away
     is_whole = todo.is_complete and survey.plays == planned
     story = survey.story(scenes[0]) if planned == survey.plays == 1 else ()
-    return Result(todo, survey.rows(), survey.shares(), survey.found(search if is_whole else None),
-                  survey.plays, planned, time.monotonic() - began, tuple(_story_lines(story)),
-                  _unmet(todo, outcomes))
+    findings = survey.findings(search if is_whole else None)
+    return Result(todo, survey.rows(), survey.shares(), findings, survey.plays, planned,
+                  time.monotonic() - began, tuple(_story_lines(story)), _unmet(todo, outcomes))
 
 
 def _unmet(todo: Plan, outcomes: Iterable[Outcome]) -> Tuple[PlannedFault, ...]:
@@ -348,7 +349,7 @@ class Result(NamedTuple):
     plan: Plan
     rows: List[VisitorRow]
     shares: List[Share]
-    found: List[Found]
+    findings: List[FindingSummary]
     plays: int
     planned: int
     seconds: float
@@ -381,35 +382,36 @@ def as_text(result: Result) -> str:
     if result.shares:
         lines += [""] + _columns(html_report.SHARE_HEAD,
                                  [html_report.share_cells(share) for share in result.shares])
-    if result.story and not result.found:
+    if result.story and not result.findings:
         lines += [""] + list(result.story)
-    told = ""
-    for found in result.found:
-        lines += _found_lines(found, found.kind.name != told)
-        told = found.kind.name
-    kinds = count(len({found.kind for found in result.found}), "kind of mistake",
-                  "kinds of mistakes")
-    places = count(len(result.found), "place", "places")
-    return "\n".join([*lines, "", f"found: {kinds} at {places}" if result.found else
-                      "nothing was found"])
+    explained = ""  # the kind of the finding before
+    for finding in result.findings:
+        lines += _finding_lines(finding, finding.kind.name != explained)
+        explained = finding.kind.name
+    number = len({finding.kind for finding in result.findings})
+    kinds = count(number, "kind of mistake", "kinds of mistakes")
+    places = count(len(result.findings), "place", "places")
+    total = f"found: {kinds} at {places}" if result.findings else "nothing was found"
+    return "\n".join([*lines, "", total])
 
 
-def _found_lines(found: Found, is_first: bool) -> List[str]:
+def _finding_lines(finding: FindingSummary, is_first: bool) -> List[str]:
     """Return a finding in lines; the first of its kind with its meaning and its story."""
-    lines = [""] + [
-        f"{found.kind.name}: {line}" if number == 0 else "  " + line
-        for number, line in enumerate(textwrap.wrap(found.kind.means, WIDTH))] if is_first else []
-    lines.append(f"  {found.where} ({found.place}): {found.what}")
+    lines = []
+    if is_first:
+        first, *others = textwrap.wrap(finding.kind.means, WIDTH)
+        lines += ["", f"{finding.kind.name}: {first}"] + ["  " + line for line in others]
+    lines.append(f"  {finding.where} ({finding.place}): {finding.what}")
     lines += [
         f"    as a consequence, {other.kind.name} at {other.where} ({other.place}): {other.what}"
-        for other in found.consequences]
-    if found.scene is None:
+        for other in finding.consequences]
+    if finding.scene is None:
         return lines
-    runs = count(found.plays, "simulated run", "simulated runs")
-    lines.append(f"    in {runs}, the shortest: {words(found.scene)}")
+    runs = count(finding.plays, "simulated run", "simulated runs")
+    lines.append(f"    in {runs}, the shortest: {words(finding.scene)}")
     if is_first:
-        lines += ["      " + line for line in _story_lines(found.story)]
-    return lines + ["    again: " + found.command]
+        lines += ["      " + line for line in _story_lines(finding.story)]
+    return lines + ["    again: " + finding.command]
 
 
 def _story_lines(story: Sequence[Any]) -> List[str]:
@@ -437,12 +439,13 @@ def as_json(result: Result) -> Dict[str, Any]:
         "silent_topics": result.plan.silent,
         "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],
         "shares": [dict(share._asdict(), share=share.share, interval=list(share.interval))
-                   for share in result.shares], "found": list(map(_found_as_json, result.found))}
+                   for share in result.shares],
+        "found": list(map(_finding_as_json, result.findings))}
 
 
-def _found_as_json(found: Found) -> Dict[str, Any]:
-    scene = found.scene
-    return dict(found._asdict(), kind=found.kind.name, means=found.kind.means,
+def _finding_as_json(finding: FindingSummary) -> Dict[str, Any]:
+    scene = finding.scene
+    return dict(finding._asdict(), kind=finding.kind.name, means=finding.kind.means,
                 scene=None if scene is None else {**scene._asdict(), "planned": planned(scene)},
-                story=[sentence._asdict() for sentence in found.story],
-                consequences=list(map(_found_as_json, found.consequences)))
+                story=[sentence._asdict() for sentence in finding.story],
+                consequences=list(map(_finding_as_json, finding.consequences)))

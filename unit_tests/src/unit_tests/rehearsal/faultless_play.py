@@ -49,9 +49,9 @@ def rehearse(stage: Stage, behaviour: str) -> Optional[Rehearsal]:
 
 def branches(tree: Tree) -> Tuple[FrozenSet[str], ...]:
     """Return the branches of a tree that have mission leaves."""
-    found = (_leaves_below(child) for node in tree.nodes if len(node.children) > 1
-             for child in node.children)
-    return tuple(paths for paths in found if paths)
+    leaves = (_leaves_below(child) for node in tree.nodes if len(node.children) > 1
+              for child in node.children)
+    return tuple(paths for paths in leaves if paths)
 
 
 def _leaves_below(node: Node) -> FrozenSet[str]:

@@ -81,15 +81,16 @@ class Play:
         self.outcome = visit.outcome if visit is not None else ""  # empty: the pass did not end
         asked = [*self.run.exchanges, *self.run.state.exchanges]
         # what is asked after the end is the safe state
-        self.exchanges = sorted((each for each in asked if each.asked <= played.ended),
+        self.exchanges = sorted((exchange for exchange in asked if exchange.asked <= played.ended),
                                 key=lambda exchange: exchange.call)
-        self.drives = [each for each in self.exchanges if isinstance(each.request, GoTo)]
+        self.drives = [exchange for exchange in self.exchanges
+                       if isinstance(exchange.request, GoTo)]
         goals = {goal(drive)[:2] for drive in self.drives}
         self.visited = [place for place in stage.knowledge.exhibits
                         if place.location[:2] in goals]
         self.leaves = [result for result in self.run.results
                        if isinstance(self.nodes[result.uid - 1], MissionLeaf)]
-        self.succeeded = frozenset(each.uid for each in self.leaves if each.letter == "S")
+        self.succeeded = frozenset(result.uid for result in self.leaves if result.letter == "S")
 
     def spec(self, uid: int) -> MissionSpec:
         """Return the node type of a mission leaf."""
@@ -144,11 +145,11 @@ class Play:
             read = entries(self.nodes[show.uid - 1], False) & SHOWN_AT_THE_PLACE
             if show.letter != "S" or not {Say, PerformGesture} & set(self.spec(show.uid).calls):
                 continue
-            chosen = [each for each in self.leaves
-                      if each.letter == "S" and each.ended <= show.began
-                      and entries(self.nodes[each.uid - 1], True) & read][-1:]
-            if chosen and self.spec(chosen[0].uid).writes(data.CURRENT_EXHIBIT.name):
-                yield show, chosen[0]
+            choices = [result for result in self.leaves
+                       if result.letter == "S" and result.ended <= show.began
+                       and entries(self.nodes[result.uid - 1], True) & read]
+            if choices and self.spec(choices[-1].uid).writes(data.CURRENT_EXHIBIT.name):
+                yield show, choices[-1]
 
     def faulty(self) -> FrozenSet[str]:
         """Return the services of which a call went wrong on purpose."""
@@ -197,12 +198,12 @@ def _busy(play: Play) -> Iterator[Place]:
 def _retries_for_ever(play: Play) -> Iterator[Place]:
     if not play.is_cut_off or play.calm is None or not play.calm.outcome:
         return
-    failed = [each for each in play.late if isinstance(each.result, Failure)]
+    failed = [exchange for exchange in play.late if isinstance(exchange.result, Failure)]
     if failed:
-        number = sum(exchange.uid == failed[-1].uid for exchange in play.exchanges)
-        yield failed[-1].uid, (
-            f"after {count(number, 'request', 'requests')} in {play.played.seconds:.0f} s it still "
-            "tries again")
+        uid = failed[-1].uid
+        number = sum(exchange.uid == uid for exchange in play.exchanges)
+        requests = count(number, "request", "requests")
+        yield uid, f"after {requests} in {play.played.seconds:.0f} s it still tries again"
 
 
 def _endless(play: Play) -> Iterator[Place]:
@@ -220,7 +221,7 @@ def waits_for_a_visitor(play: Play) -> bool:
     limit."""
     if not play.is_cut_off or play.late:
         return False
-    seekers = [each for each in play.leaves if Sense.VISITOR in play.spec(each.uid).listens]
+    seekers = [result for result in play.leaves if Sense.VISITOR in play.spec(result.uid).listens]
     if any(result.letter == "S" for result in seekers):
         return False
     specs = [play.nodes[uid - 1].spec for uid in play.played.waiting]
@@ -248,11 +249,11 @@ def _exceptions(play: Play) -> Iterator[Place]:
 
 def _script_at(play: Play, text: str) -> int:
     """Return the node whose script is at the place with which an error ends; 0 if there is none."""
-    found = _PLACE.search(text)
-    if found is None:
+    match = _PLACE.search(text)
+    if match is None:
         return 0
-    place = int(found[2]), int(found[3])
-    before = [node for node in play.nodes if clean(node.element.document.file) == found[1]
+    place = int(match[2]), int(match[3])
+    before = [node for node in play.nodes if clean(node.element.document.file) == match[1]
               and node.element.place() <= place]
     return max(before, key=lambda node: node.element.place()).uid if before else 0
 
@@ -324,25 +325,26 @@ def _abandoned(play: Play) -> Iterator[Place]:
 def entries(node: Node, is_written: bool) -> FrozenSet[str]:
     """Return the entries that a node writes, or those that it reads; an entry of a SubTree with the
     path of that SubTree."""
-    found = set()
+    names = set()
     for port in node.spec.ports:
         if port.direction is (Direction.IN if is_written else Direction.OUT):
             continue
         entry = reference(node.attributes.get(port.name, port.default or ""), port.name)
         if entry is not None:
-            found.add(entry if entry.startswith("@") else
+            names.add(entry if entry.startswith("@") else
                       node.full_path.rpartition("/")[0] + "/" + entry)
-    return frozenset(found)
+    return frozenset(names)
 
 
 def _swallowed(play: Play) -> Iterator[Place]:
     """Find a request that builds on a step whose failure nothing has dealt with: it uses what an
     earlier step has left on the blackboard, or shows what the robot has not driven to."""
     failed: Dict[str, NodeResult] = {}  # by entry: the failure of its last writer
-    steps = sorted([(each.ended, 0, each) for each in play.leaves if each.letter in "SF"] +
-                   [(each.ended or 0.0, 1, each) for each in play.run.recoveries] +
-                   [(each.asked, 2, each) for each in play.exchanges if each.uid],
-                   key=lambda step: step[:2])
+    steps = sorted(
+        [(result.ended, 0, result) for result in play.leaves if result.letter in "SF"] +
+        [(recovery.ended or 0.0, 1, recovery) for recovery in play.run.recoveries] +
+        [(exchange.asked, 2, exchange) for exchange in play.exchanges if exchange.uid],
+        key=lambda step: step[:2])
     last_drive: Optional[Exchange] = None
     for _, _, step in steps:
         if isinstance(step, NodeResult):
@@ -355,8 +357,8 @@ def _swallowed(play: Play) -> Iterator[Place]:
             for entry in sorted(read & set(failed)):
                 if step.uid != failed[entry].uid:
                     old = entry.rpartition("/")[2].lstrip("@")
-                    yield failed[
-                        entry].uid, f"it fails, and {play.name(step.uid)} uses the old {old}"
+                    what = f"it fails, and {play.name(step.uid)} uses the old {old}"
+                    yield failed[entry].uid, what
             if isinstance(step.request, GoTo):
                 last_drive = step
             elif isinstance(step.request, (Say, PerformGesture)) and read & SHOWN_AT_THE_PLACE \
@@ -364,8 +366,8 @@ def _swallowed(play: Play) -> Iterator[Place]:
                 yield last_drive.uid, (f"the drive fails, and {play.name(step.uid)} goes on as if "
                                        "the robot were there")
         elif step.has_helped:
-            for entry in [entry for entry, each in failed.items()
-                          if play.nodes[each.uid - 1].full_path == step.path]:
+            for entry in [entry for entry, result in failed.items()
+                          if play.nodes[result.uid - 1].full_path == step.path]:
                 del failed[entry]
 
 
@@ -386,7 +388,7 @@ def _unrecovered(play: Play) -> Iterator[Place]:
     faulty, recoveries = play.faulty(), play.run.recoveries
     if play.outcome != "FAILURE" or play.calm is None or play.calm.outcome != "SUCCESS":
         return
-    if len(faulty) != 1 or any(each.outcome == GIVEN_UP for each in recoveries):
+    if len(faulty) != 1 or any(recovery.outcome == GIVEN_UP for recovery in recoveries):
         return
     handled = {recovery.path for recovery in recoveries}
     for failed in play.run.failures:
@@ -399,10 +401,11 @@ def _unrecovered(play: Play) -> Iterator[Place]:
 def _budget(play: Play) -> Iterator[Place]:
     """Find a budget of recoveries that is spent, most of it on failures that no fault caused."""
     policy, faulty = play.stage.mission.policy, play.faulty()
-    rounds = sorted((each for each in play.run.recoveries if each.recovered is not None),
-                    key=lambda recovery: recovery.decided)
-    own = sum(each.recovered is not None and each.recovered.failure.resource not in faulty
-              for each in rounds)
+    rounds = sorted(
+        (recovery for recovery in play.run.recoveries if recovery.recovered is not None),
+        key=lambda recovery: recovery.decided)
+    own = sum(recovery.recovered is not None
+              and recovery.recovered.failure.resource not in faulty for recovery in rounds)
     for late, early in zip(rounds[policy.most:], rounds):
         if late.decided - early.decided < policy.seconds and 2 * own > policy.most:
             yield late.uid, (f"more than {policy.most} recoveries in {policy.seconds:g} s: "
@@ -433,21 +436,21 @@ def _left_out(play: Play) -> Iterator[Place]:
     if any(recovery.outcome in (SKIPPED, GIVEN_UP) for recovery in play.run.recoveries):
         return
     taken = _done(play, data.CURRENT_EXHIBIT)
-    if len(taken) == len({each.uid for each in taken}):
+    if len(taken) == len({result.uid for result in taken}):
         return
-    if any(each.began > taken[0].began for each in _done(play, data.VISITOR_RESPONSE)):
+    if any(result.began > taken[0].began for result in _done(play, data.VISITOR_RESPONSE)):
         return
     missed = [clean(place.name) for place in play.stage.knowledge.exhibits
               if place not in play.visited]
     if missed:
-        yield taken[-1].uid, "the visitor says yes, and the robot does not drive to {}".format(
-            ", ".join(missed))
+        stops = ", ".join(missed)
+        yield taken[-1].uid, f"the visitor says yes, and the robot does not drive to {stops}"
 
 
 def _done(play: Play, entry: data.Datum) -> List[NodeResult]:
     """Return the results of the leaves that wrote an entry."""
-    return [each for each in play.leaves
-            if each.letter == "S" and play.spec(each.uid).writes(entry.name)]
+    return [result for result in play.leaves
+            if result.letter == "S" and play.spec(result.uid).writes(entry.name)]
 
 
 def _drives_twice(play: Play) -> Iterator[Place]:
@@ -485,21 +488,22 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
     if play.faults:
         return
     questions = play.stage.manners(play.behaviour).questions
-    asked = [each for each in play.exchanges if isinstance(each.request, Say) and (
-        each.request.text in questions or each.request.text.endswith("?"))]
-    heard_at = max([each.ended for each in play.leaves if play.hears(each.uid)] +
-                   [each.asked for each in play.exchanges if isinstance(each.request, Prompt)],
-                   default=START)
-    for each in asked if play.outcome else ():
-        node = play.nodes[(each.uid or ROOT) - 1]
+    asked = [exchange for exchange in play.exchanges if isinstance(exchange.request, Say)
+             and (exchange.request.text in questions or exchange.request.text.endswith("?"))]
+    heard = [result.ended for result in play.leaves if play.hears(result.uid)]
+    prompted = [exchange.asked for exchange in play.exchanges
+                if isinstance(exchange.request, Prompt)]
+    heard_at = max(heard + prompted, default=START)
+    for question in asked if play.outcome else ():
+        node = play.nodes[(question.uid or ROOT) - 1]
         if isinstance(node, MissionLeaf) and node.spec.writes(data.QUESTION_ASKED_AT.name) \
-                and each.asked > heard_at:
-            yield each.uid, "nothing listens to the answer"
+                and question.asked > heard_at:
+            yield question.uid, "nothing listens to the answer"
     answer = "@" + data.VISITOR_RESPONSE.name
     # what scripts do with answers is not known
     if not any(answer in text and text != "{" + answer + "}" for node in play.nodes
                for text in node.attributes.values()):
-        yield from _wrong_answer(play, answer, [each.asked for each in asked])
+        yield from _wrong_answer(play, answer, [question.asked for question in asked])
 
 
 def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place]:
@@ -571,8 +575,8 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
         return
     tried = {result.uid for result in play.goodbyes}
     omitted = [result.uid for result in play.calm.goodbyes if result.uid not in tried]
-    failed = next((each for each in play.run.failures
-                   if not each.attempt and each.failure.resource in play.faulty()), None)
+    failed = next((failure for failure in play.run.failures
+                   if not failure.attempt and failure.failure.resource in play.faulty()), None)
     handled = {recovery.path for recovery in play.run.recoveries}
     if omitted and failed is not None and failed.path not in handled:
         yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
@@ -584,7 +588,8 @@ def _left_on(play: Play) -> Iterator[Place]:
     if not play.outcome or not play.drives:
         return
     for safe in play.stage.settings.interface.safe_state:
-        asked = [each for each in play.exchanges if type(each.request) is type(safe)]
+        asked = [exchange for exchange in play.exchanges
+                 if type(exchange.request) is type(safe)]
         if asked and asked[-1].request != safe:
             last = doing(asked[-1].request)
             yield asked[-1].uid, f"{safe.switches} is left on: the last request is {last}"
@@ -610,10 +615,11 @@ def _not_home(play: Play) -> Iterator[Place]:
     last = play.drives[-1]
     is_unknown = any(exchange.request == QueryKnowledge("home") and exchange.asked > last.asked
                      for exchange in play.exchanges)
+    given_up = [recovery for recovery in play.run.recoveries
+                if recovery.outcome == GIVEN_UP and recovery.decided > last.asked]
     is_reported = any(
-        each.outcome == GIVEN_UP and each.decided > last.asked and each.recovered is not None
-        and each.recovered.failure.cause is not Cause.CONDITION_FALSE and not each.is_idle
-        for each in play.run.recoveries)
+        recovery.recovered is not None and not recovery.is_idle
+        and recovery.recovered.failure.cause is not Cause.CONDITION_FALSE for recovery in given_up)
     if not (is_unknown or is_reported):
         yield last.uid, "the last drive leads to {:g}, {:g} and not home".format(*goal(last)[:2])
 
@@ -754,10 +760,10 @@ def never_true(nodes: List[Node], reached: Collection[int],
 def never_off(stage: Stage, switched: Dict[Request, int]) -> List[Finding]:
     """Return what no play has switched off; ``switched`` are all requests of the kinds that the
     safe state sends, with the leaf of each."""
-    found = []
+    left_on = []
     for safe in stage.settings.interface.safe_state:
         others = [uid for request, uid in switched.items() if type(request) is type(safe)]
         if safe not in switched and others:
-            found.append(Finding(NEVER_OFF.name, others[0] or ROOT,
-                                 f"{safe.switches} is never switched off"))
-    return found
+            what = f"{safe.switches} is never switched off"
+            left_on.append(Finding(NEVER_OFF.name, others[0] or ROOT, what))
+    return left_on

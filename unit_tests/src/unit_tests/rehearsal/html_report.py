@@ -6,7 +6,7 @@ from typing import Any, List, Sequence
 from behavior_controller.monitoring.report_frame import encodable, framed
 from behavior_controller.text import count
 
-from unit_tests.rehearsal.summary import Found, VisitorRow, Share
+from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share
 
 ROW_HEAD = ("visitor", "answers by", "outcome", "after", "stops", "with faults")
 SHARE_HEAD = ("failure rate", "runs", "successes", "share", "95 % interval", "pass takes")
@@ -40,15 +40,15 @@ def duration(seconds: float) -> str:
 
 
 def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
-            found: Sequence[Found]) -> str:
+            findings: Sequence[FindingSummary]) -> str:
     """Return the page."""
     sections = {}
     if rows:
         sections["Visitors"] = _table(ROW_HEAD, [row_cells(row) for row in rows])
     if shares:
         sections["Successes"] = plot(shares) + _table(
-            SHARE_HEAD, [share_cells(each) for each in shares])
-    sections["Findings"] = "\n".join(map(_found, found)) or "<p>Nothing was found.</p>"
+            SHARE_HEAD, [share_cells(share) for share in shares])
+    sections["Findings"] = "\n".join(map(_finding, findings)) or "<p>Nothing was found.</p>"
     content = "\n".join("<section id=\"{0}\"><h2>{0}</h2>{1}</section>".format(name, part)
                         for name, part in sections.items())
     return framed(title, [], {name: name for name in sections}, content)
@@ -67,20 +67,21 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "<table class=\"cells\">{}</table>".format("\n".join(lines))
 
 
-def _found(found: Found) -> str:
-    story = "".join(f"<tr><td class=\"at\">{each.at:.1f} s</td><td>{_text(each.text)}</td></tr>"
-                    for each in found.story)
-    shown = "" if found.scene is None else (
-        "<details><summary>the shortest of {}</summary><table>{}</table></details>"
-        "<p>Again: <code>{}</code></p>").format(
-            count(found.plays, "simulated run", "simulated runs"), story, _text(found.command))
+def _finding(finding: FindingSummary) -> str:
+    story = "".join(
+        f"<tr><td class=\"at\">{sentence.at:.1f} s</td><td>{_text(sentence.text)}</td></tr>"
+        for sentence in finding.story)
+    runs = count(finding.plays, "simulated run", "simulated runs")
+    shown = "" if finding.scene is None else (
+        f"<details><summary>the shortest of {runs}</summary><table>{story}</table></details>"
+        f"<p>Again: <code>{_text(finding.command)}</code></p>")
     others = "".join(
-        f"<p>As a consequence, {_text(each.kind.name)} at {_text(each.where)} "
-        f"(<code>{_text(each.place)}</code>): {_text(each.what)}</p>"
-        for each in found.consequences)
-    return (f"<h3>{_text(found.kind.name)}: {_text(found.where)}</h3>"
-            f"<p>{_text(found.kind.means)}</p>"
-            f"<p>{_text(found.what)} (<code>{_text(found.place)}</code>)</p>{others}{shown}")
+        f"<p>As a consequence, {_text(other.kind.name)} at {_text(other.where)} "
+        f"(<code>{_text(other.place)}</code>): {_text(other.what)}</p>"
+        for other in finding.consequences)
+    return (f"<h3>{_text(finding.kind.name)}: {_text(finding.where)}</h3>"
+            f"<p>{_text(finding.kind.means)}</p>"
+            f"<p>{_text(finding.what)} (<code>{_text(finding.place)}</code>)</p>{others}{shown}")
 
 
 def plot(shares: Sequence[Share]) -> str:

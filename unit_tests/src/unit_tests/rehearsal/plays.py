@@ -83,7 +83,7 @@ class Outcome(NamedTuple):
     outcome: str
     seconds: float
     stops: Tuple[Tuple[str, int], ...]  # that the robot was sent to, with the leaf that did it
-    found: Tuple[Finding, ...]
+    findings: Tuple[Finding, ...]
     reached: FrozenSet[int]
     succeeded: FrozenSet[int]  # the leaves
     # the requests of the kinds that the safe state sends, with a leaf that makes each
@@ -146,8 +146,8 @@ class Theatre:
 
     def _evaluated(self, scene: Scene, play: Play) -> Outcome:
         kinds = {type(request) for request in play.stage.settings.interface.safe_state}
-        switched = {each.request: each.uid for each in play.exchanges
-                    if type(each.request) in kinds}
+        switched = {exchange.request: exchange.uid for exchange in play.exchanges
+                    if type(exchange.request) in kinds}
         outcome = play.outcome or (BROKEN if play.played.error else
                                    NO_VISITOR if findings.waits_for_a_visitor(play) else "")
         return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),

@@ -44,8 +44,8 @@ class Situations:
         visitor = [(name, value) for name, value in vars(self._robot.world.visitor).items()
                    if name not in ("manners", "_last_request")]
         letters = "".join(LETTERS[node.status] for node in tree.nodes)
-        found = letters, list(self._kept()), entries, waiting, visitor, self._robot.away()
-        return hashlib.blake2b(repr(found).encode(), digest_size=8).digest()
+        state = letters, list(self._kept()), entries, waiting, visitor, self._robot.away()
+        return hashlib.blake2b(repr(state).encode(), digest_size=8).digest()
 
     def _kept(self) -> Iterator[Tuple[int, str, Any]]:
         for place, node in enumerate(self._nodes):

@@ -29,7 +29,7 @@ Key = Tuple[str, str]
 """The kind of a finding and its place."""
 
 
-class Found(NamedTuple):
+class FindingSummary(NamedTuple):
     """A finding: what, where and how often; the shortest play with it, None if only all plays
     together show it. ``consequences`` are other findings that are gone without this one."""
 
@@ -42,7 +42,7 @@ class Found(NamedTuple):
     seconds: float = 0.0
     story: Tuple[Sentence, ...] = ()
     command: str = ""
-    consequences: Tuple["Found", ...] = ()
+    consequences: Tuple["FindingSummary", ...] = ()
 
 
 class VisitorRow(NamedTuple):
@@ -99,12 +99,13 @@ class Survey:
 
     def take(self, outcome: Outcome) -> None:
         """Add the result of a scene."""
-        self._outcomes.append(outcome._replace(found=(), calls=(), reached=_NONE, succeeded=_NONE))
+        self._outcomes.append(
+            outcome._replace(findings=(), calls=(), reached=_NONE, succeeded=_NONE))
         self.reached |= outcome.reached
         self._calmly |= outcome.reached if outcome.scene.is_calm else _NONE
         self._succeeded |= outcome.succeeded
         self._switched.update(outcome.switched)
-        for finding in outcome.found:
+        for finding in outcome.findings:
             key = finding.kind, self.place(finding.uid)
             self._plays_of.setdefault(key, set()).add(self.plays)
             known = self._shortest.get(key)
@@ -115,30 +116,31 @@ class Survey:
     @property
     def has_ended(self) -> bool:
         """Whether each pass without faults ended: else nothing is known of what comes after."""
-        return all(each.outcome for each in self._calm)
+        return all(outcome.outcome for outcome in self._calm)
 
     @property
     def _calm(self) -> List[Outcome]:
-        return [each for each in self._outcomes if each.scene.is_calm]
+        return [outcome for outcome in self._outcomes if outcome.scene.is_calm]
 
     def whole(self, search: Optional[Search]) -> List[Finding]:
         """Return what only all plays together show, if each visitor and each fault was played, and
         ``search`` has planned faults towards the nodes that they do not reach."""
         if not self.has_ended:
             return []
-        found = self._never_succeeds() + self._one_way()
+        of_all = self._never_succeeds() + self._one_way()
         if search is None:
-            return found
-        found += findings.never_true(self._nodes, self._calmly, self._succeeded)
-        found += findings.never_off(self._stage, self._switched)
-        return found + [Finding(findings.UNREACHED.name, node.uid, verdict(search, self.plays))
-                        for node in search.targets()]
+            return of_all
+        of_all += findings.never_true(self._nodes, self._calmly, self._succeeded)
+        of_all += findings.never_off(self._stage, self._switched)
+        return of_all + [Finding(findings.UNREACHED.name, node.uid, verdict(search, self.plays))
+                         for node in search.targets()]
 
     def _never_succeeds(self) -> List[Finding]:
         """Return the finding that no visitor's pass succeeds without a fault, if all were played.
         """
-        if {each.scene.visitor for each in self._calm} != set(BEHAVIOURS) or not {
-                "SUCCESS", NO_VISITOR}.isdisjoint(each.outcome for each in self._calm):
+        visitors = {outcome.scene.visitor for outcome in self._calm}
+        outcomes = {outcome.outcome for outcome in self._calm}
+        if visitors != set(BEHAVIOURS) or outcomes & {"SUCCESS", NO_VISITOR}:
             return []
         return [Finding(findings.NEVER_SUCCEEDS.name, findings.ROOT,
                         f"each of {count(len(self._calm), 'pass', 'passes')} fails")]
@@ -146,33 +148,32 @@ class Survey:
     def _one_way(self) -> List[Finding]:
         """Return the finding that voice and tablet lead a visitor who engages to other stops, on a
         robot that understands both."""
-        stops = {each.scene.by_voice: dict(each.stops) for each in self._calm
-                 if each.scene.visitor == ENGAGES}
+        stops = {outcome.scene.by_voice: dict(outcome.stops) for outcome in self._calm
+                 if outcome.scene.visitor == ENGAGES}
         if len(stops) < 2 or not self._stage.settings.tablet_tells:
             return []
-        found = []
+        one_way = []
         for by_voice, way in ((True, "tablet"), (False, "voice")):
             missed = [name for name in stops[by_voice] if name not in stops[not by_voice]]
             if missed:
-                found.append(Finding(findings.ONE_WAY.name, stops[by_voice][missed[0]],
-                                     "by {} the robot does not come to {}".format(
-                                         way, ", ".join(missed))))
-        return found
+                what = f"by {way} the robot does not come to {', '.join(missed)}"
+                one_way.append(Finding(findings.ONE_WAY.name, stops[by_voice][missed[0]], what))
+        return one_way
 
-    def found(self, search: Optional[Search] = None) -> List[Found]:
+    def findings(self, search: Optional[Search] = None) -> List[FindingSummary]:
         """Return the findings, those of one kind together, each with its consequences."""
         of_plays = {key: self._of_play(key) for key in self._shortest}
-        whole: Dict[Key, Found] = {}
+        whole: Dict[Key, FindingSummary] = {}
         for finding in self.whole(search):
             key = finding.kind, self.place(finding.uid)
             if not any(place == key[1] for _, place in of_plays) or finding.uid == findings.ROOT:
-                whole.setdefault(key, Found(findings.BY_NAME[finding.kind], self._path(finding.uid),
-                                            key[1], finding.what))
+                kind, where = findings.BY_NAME[finding.kind], self._path(finding.uid)
+                whole.setdefault(key, FindingSummary(kind, where, key[1], finding.what))
         every = {**of_plays, **whole}
         order = list(findings.BY_NAME)
         keys = sorted(every, key=lambda key: (order.index(key[0]), every[key].seconds,
                                               every[key].where))
-        below: Dict[Key, List[Found]] = {key: [] for key in keys}
+        below: Dict[Key, List[FindingSummary]] = {key: [] for key in keys}
         for key in keys:
             cause = self._cause(key, keys)
             if cause is not None:
@@ -195,18 +196,19 @@ class Survey:
             return True
         if other not in self._plays_of:  # the mission never comes to its proper end
             return key[0] != other[0]
-        engaged = {number for number, each in enumerate(self._outcomes)
-                   if each.scene.is_calm and each.scene.visitor == ENGAGES}
+        engaged = {number for number, outcome in enumerate(self._outcomes)
+                   if outcome.scene.is_calm and outcome.scene.visitor == ENGAGES}
         plays = self._plays_of.get(key, engaged)
         if key[0] == findings.ONE_WAY.name:  # of the plays of one way
             return not plays.isdisjoint(self._plays_of.get(other, set()))
         return bool(plays) and plays <= self._plays_of.get(other, set())
 
-    def _of_play(self, key: Key) -> Found:
+    def _of_play(self, key: Key) -> FindingSummary:
         outcome, finding = self._shortest[key]
-        return Found(findings.BY_NAME[finding.kind], self._path(finding.uid), key[1], finding.what,
-                     len(self._plays_of[key]), outcome.scene, outcome.seconds,
-                     shortened(self.story(outcome.scene)), self.command(outcome.scene))
+        return FindingSummary(
+            findings.BY_NAME[finding.kind], self._path(finding.uid), key[1], finding.what,
+            len(self._plays_of[key]), outcome.scene, outcome.seconds,
+            shortened(self.story(outcome.scene)), self.command(outcome.scene))
 
     def _path(self, uid: int) -> str:
         return clean(self._nodes[uid - 1].full_path)
@@ -243,16 +245,17 @@ class Survey:
         """Return the outcomes for each visitor."""
         rows = []
         for calm in self._calm:
-            counted = Counter(each.outcome for each in self._outcomes if not each.scene.is_calm
-                              and each.scene[:2] == calm.scene[:2])
+            counted = Counter(
+                outcome.outcome for outcome in self._outcomes
+                if not outcome.scene.is_calm and outcome.scene[:2] == calm.scene[:2])
             rows.append(VisitorRow(calm.scene.visitor, calm.scene.by_voice, calm.outcome,
                                    calm.seconds, len(calm.stops), tuple(sorted(counted.items()))))
         return rows
 
     def shares(self) -> List[Share]:
         """Return the share of successes for each failure rate, of the plays with random faults."""
-        rates = sorted({each.scene.rate for each in self._outcomes if each.scene.seed})
-        return [_share(rate, [each for each in self._outcomes if each.scene.rate == rate])
+        rates = sorted({outcome.scene.rate for outcome in self._outcomes if outcome.scene.seed})
+        return [_share(rate, [outcome for outcome in self._outcomes if outcome.scene.rate == rate])
                 for rate in rates]
 
 
@@ -282,6 +285,6 @@ def _length(outcome: Outcome) -> Tuple[Any, ...]:
 
 
 def _share(rate: float, outcomes: Sequence[Outcome]) -> Share:
-    seconds = [each.seconds for each in outcomes if each.outcome]
-    return Share(rate, len(outcomes), sum(each.outcome == "SUCCESS" for each in outcomes),
+    seconds = [outcome.seconds for outcome in outcomes if outcome.outcome]
+    return Share(rate, len(outcomes), sum(outcome.outcome == "SUCCESS" for outcome in outcomes),
                  sum(seconds) / len(seconds) if seconds else math.nan)

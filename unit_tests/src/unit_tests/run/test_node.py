@@ -62,7 +62,7 @@ WIDTH = 120
 CHECK_INTERVAL = 1.0
 """Seconds between two checks whether all nodes of the test are its own."""
 
-LOOK_INTERVAL = 0.1
+POLL_INTERVAL = 0.1
 """Seconds between two reads of the controller's record."""
 
 WORTH_TELLING = 0.25
@@ -149,13 +149,13 @@ class MissionProgress:
     def __init__(self, folder: str):
         self._journal = Journal(folder)
         self._calls = self._faults = 0
-        self._began = self._told = time.monotonic()
+        self._began = self._shown = time.monotonic()
 
     def show(self, run: Run) -> None:
         """Print a line of progress, unless the last one is recent."""
-        if time.monotonic() - self._told < PROGRESS_INTERVAL:
+        if time.monotonic() - self._shown < PROGRESS_INTERVAL:
             return
-        self._told = time.monotonic()
+        self._shown = time.monotonic()
         for line in self._journal.news():
             self._calls += line.call > 0
             self._faults += line.fault is not None
@@ -163,7 +163,7 @@ class MissionProgress:
                     for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
         print(
             "{:4.0f} s: pass {}, {} calls, {} of them made to fail; last: {}".format(
-                self._told - self._began,
+                self._shown - self._began,
                 len(run.visits) + 1, self._calls, self._faults, ran or "not started"), flush=True)
 
 
@@ -190,12 +190,12 @@ def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda
         if time.monotonic() > checked + CHECK_INTERVAL:
             cut_off, checked = disturbance(), time.monotonic()
         # the master may let a disturbance wait; the rest takes as long as the machine lets it
-        looked = time.monotonic()
+        polled = time.monotonic()
         run.extend(record.news())
         show(run)
         cut_off = cut_off or _overdue(run, time.monotonic() - began, limit)
-        time.sleep(LOOK_INTERVAL)
-        stall = max(stall, time.monotonic() - looked - LOOK_INTERVAL)
+        time.sleep(POLL_INTERVAL)
+        stall = max(stall, time.monotonic() - polled - POLL_INTERVAL)
     if rospy.is_shutdown():
         cut_off = "the test was stopped before the mission had ended"
     run.extend(record.news())
@@ -280,4 +280,4 @@ def _end_launch() -> None:
         os.kill(os.getppid(), signal.SIGINT)
         ends = time.monotonic() + END_LIMIT
         while not rospy.is_shutdown() and time.monotonic() < ends:
-            time.sleep(LOOK_INTERVAL)
+            time.sleep(POLL_INTERVAL)
