@@ -1,5 +1,4 @@
 """Rules about what SubTrees are given and give back, and about entries that nothing writes."""
-import itertools
 from typing import Collection, List, Optional, Set
 
 from behavior_controller.bt.linter import rules
@@ -12,6 +11,7 @@ from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.script.values import TEXT
+from behavior_controller.text import first_names
 
 
 def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
@@ -62,7 +62,7 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
         facts.warn(rules.MODEL_PORT_UNKNOWN, call, f"the model of {called} has no port {name}",
                    near or f"its ports: {', '.join(model)}", name)
     elif near or (outer is not None and facts.flow.is_known):
-        has = ", ".join(itertools.islice(forgotten or sorted(known), 10))
+        has = first_names(forgotten or sorted(known))
         facts.warn(rules.SUBTREE_PORT_UNKNOWN, call, f"the tree {called} uses no entry {name}",
                    near or f"the tree {called} has {has or 'no entries'}", name)
     else:
