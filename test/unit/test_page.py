@@ -29,8 +29,7 @@ from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring import server
 from behavior_controller.monitoring import web_page as page_module
 from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.view import SENTENCES
-from behavior_controller.monitoring.parts import PARTS
+from behavior_controller.monitoring.view import PARTS, SENTENCES
 from behavior_controller.monitoring.story import condition, counted, how_it_ended, why
 from behavior_controller.monitoring.web_page import Page
 from browser import MODES, SCREENS, axe, findings, first, open_browser, reset_screen, set_screen

@@ -25,7 +25,7 @@ from behavior_controller.leaves import registry
 from behavior_controller.config.settings import KEYS
 from behavior_controller.monitoring import status_tool
 from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.parts import PARTS
+from behavior_controller.monitoring.view import PARTS
 from mission_rig import Rig, one_leaf, refusal, visitor_who
 
 SOURCE = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))),

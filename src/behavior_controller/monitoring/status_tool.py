@@ -8,7 +8,7 @@ import sys
 import textwrap
 import threading
 import time
-from typing import Any, Dict, Iterator, List, Optional, Union
+from typing import Any, Callable, Dict, Iterator, List, Optional, Union
 
 import msgspec
 from msgspec import Struct
@@ -71,11 +71,10 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Return the exit code, see ``EXIT_CODES``."""
     chosen = _read_arguments(arguments)
     place = f"http://{chosen.address}:{chosen.port}"
-    messages = _Messages(chosen.address, chosen.port, "/events" if chosen.watch else "/state")
+    is_window = chosen.watch and sys.stdout.isatty()
     shown: List[str] = []
     try:
-        for state in _states(messages, chosen.watch):
-            is_window = chosen.watch and sys.stdout.isatty()
+        for state in _states(chosen.address, chosen.port, chosen.watch):
             text = lines(state, chosen.all)
             if is_window:
                 size = os.get_terminal_size(sys.stdout.fileno())
@@ -130,68 +129,16 @@ def _print(text: List[str], is_window: bool) -> None:
 # ----------------------------------------------------------------------------------------- the node
 
 
-class _Messages:
-    """The node's messages, read on a separate thread: a server may hang or send slowly at any
-    moment."""
-
-    def __init__(self, address: str, port: int, path: str):
-        self._waiting: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
-        self._path = path
-        threading.Thread(target=self._read, args=(address, port), name="messages",
-                         daemon=True).start()
-
-    def get(self, seconds: float) -> Optional[ShownState]:
-        """Return the board as of the next message, or None after ``seconds``. Raises NoMission if
-        no further message comes."""
-        try:
-            state = self._waiting.get(timeout=seconds)
-        except queue.Empty:
-            return None
-        if isinstance(state, NoMission):
-            raise state
-        return state
-
-    def _read(self, address: str, port: int) -> None:
-        reason = "the connection was closed"
-        try:
-            connection = http.client.HTTPConnection(address, port)
-            connection.request("GET", self._path)
-            answer = connection.getresponse()
-            if answer.status != http.client.OK:
-                raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
-            parts: Any = {}
-            for message in self._texts(answer):
-                parts = patched(parts, msgspec.json.decode(message))
-                self._waiting.put(msgspec.convert(parts, ShownState))
-        except msgspec.ValidationError as error:
-            reason = f"the answer is not a mission's: {error}"
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            reason = "the answer is not JSON"
-        except (OSError, ValueError, http.client.HTTPException) as error:
-            reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
-        self._waiting.put(NoMission(reason))
-
-    def _texts(self, answer: http.client.HTTPResponse) -> Iterator[bytes]:
-        """Yield each message as JSON text."""
-        if self._path == "/state":
-            yield _bounded(answer.read(MOST_BYTES + 1))
-            return
-        for line in iter(lambda: _bounded(answer.readline(MOST_BYTES + 1)), b""):
-            if line.startswith(b"data: "):
-                yield line[6:]
-
-
-def _bounded(data: bytes) -> bytes:
-    if len(data) > MOST_BYTES:
-        raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
-    return data
-
-
-
-def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:
+def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
     """Yield the whole board after each message and, while none comes, again, with ``silent``:
-    seconds since the last one."""
-    state = messages.get(LIMIT)
+    seconds since the last one. Raises NoMission if no further message comes.
+
+    A separate thread reads: a server may hang or send slowly at any moment.
+    """
+    messages: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
+    threading.Thread(target=_read, args=(address, port, is_watching, messages.put),
+                     name="messages", daemon=True).start()
+    state = _next(messages, LIMIT)
     if state is None:
         raise NoMission(f"no complete answer within {LIMIT:g} s")
     came = time.monotonic()
@@ -202,9 +149,55 @@ def _states(messages: _Messages, is_watching: bool) -> Iterator[ShownState]:
         yield replace(state, silent=silent)
         if not is_watching:
             return
-        news = messages.get(LATE if silent < LATE else 1.0)
+        news = _next(messages, LATE if silent < LATE else 1.0)
         if news is not None:
             state, came = news, time.monotonic()
+
+
+def _next(messages: "queue.Queue[Union[ShownState, NoMission]]",
+          seconds: float) -> Optional[ShownState]:
+    """Return the board as of the next message, or None after ``seconds``."""
+    try:
+        state = messages.get(timeout=seconds)
+    except queue.Empty:
+        return None
+    if isinstance(state, NoMission):
+        raise state
+    return state
+
+
+def _read(address: str, port: int, is_stream: bool,
+          put: Callable[[Union[ShownState, NoMission]], None]) -> None:
+    reason = "the connection was closed"
+    try:
+        connection = http.client.HTTPConnection(address, port)
+        connection.request("GET", "/events" if is_stream else "/state")
+        answer = connection.getresponse()
+        if answer.status != http.client.OK:
+            raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
+        parts: Any = {}
+        for message in _texts(answer, is_stream):
+            parts = patched(parts, msgspec.json.decode(message))
+            put(msgspec.convert(parts, ShownState))
+    except msgspec.ValidationError as error:
+        reason = f"the answer is not a mission's: {error}"
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        reason = "the answer is not JSON"
+    except (OSError, ValueError, http.client.HTTPException) as error:
+        reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
+    put(NoMission(reason))
+
+
+def _texts(answer: http.client.HTTPResponse, is_stream: bool) -> Iterator[bytes]:
+    """Yield each message as JSON text."""
+    lines_of_stream = iter(lambda: answer.readline(MOST_BYTES + 1), b"")
+    for text in lines_of_stream if is_stream else [answer.read(MOST_BYTES + 1)]:
+        if len(text) > MOST_BYTES:
+            raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
+        if not is_stream:
+            yield text
+        elif text.startswith(b"data: "):
+            yield text[6:]
 
 
 # ----------------------------------------------------------------------------------------- the text

@@ -2,7 +2,7 @@
 """
 import collections
 import time
-from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from behavior_controller.execution.events import Event, PassStarted, TreeShown
 from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
@@ -88,13 +88,15 @@ class View:
             new, old = getattr(now, field), getattr(before, field)
             return new is not old and new != old
 
-        names = [name for name, fields in MADE_OF.items() if any(map(differs, fields))]
+        names = [name for name, part in PARTS.items() if any(map(differs, part.fields))]
         # without a step, the card shows the statuses
         return names + (["now"] if "statuses" in names and now.step is None else [])
 
     def part(self, name: str) -> Any:
         """Return one of ``MOMENT``."""
-        return _PARTS[name](self)
+        make = PARTS[name].make
+        assert make is not None
+        return make(self)
 
     def _statuses(self) -> Statuses:
         # the last in depth-first order: a running leaf, or what waits above it
@@ -137,19 +139,28 @@ class View:
         return [_result(*result) for result in reversed(self._results.get(uid, ()))]
 
 
-_PARTS: Dict[str, Callable[[View], Any]] = {
-    "statuses": View._statuses, "now": lambda view: now_of(view.state), "story": View._story_part,
-    "visits": View._visits, "timeline": View._timeline, "blackboard": View._blackboard}
+class Part(NamedTuple):
+    """A part of the board: the fields of the model that it shows, and what makes it from a view;
+    None: it is not known for each moment, and the board makes it."""
 
-MADE_OF: Dict[str, Tuple[str, ...]] = {
-    "mission": ("started", "nodes"), "statuses": ("letters", "recoveries"), "story": ("visits",),
-    "visits": ("outcomes", "finished"), "timeline": ("steps", "visit_count"),
-    "blackboard": ("entries",), "health": ("robot",),
-    "now": ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",
-            "visits", "safe_state", "nodes", "failures")}
-"""The fields of the model that each part of the board shows."""
+    fields: Tuple[str, ...]
+    make: Optional[Callable[[View], Any]] = None
 
-MOMENT = tuple(_PARTS)
+
+PARTS = {
+    "mission": Part(("started", "nodes")),
+    "statuses": Part(("letters", "recoveries"), View._statuses),
+    "now": Part(("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",
+                 "visits", "safe_state", "nodes", "failures"), lambda view: now_of(view.state)),
+    "story": Part(("visits",), View._story_part),
+    "visits": Part(("outcomes", "finished"), View._visits),
+    "timeline": Part(("steps", "visit_count"), View._timeline),
+    "blackboard": Part(("entries",), View._blackboard),
+    "health": Part(("robot",)),
+    "alive": Part(())}
+"""All parts, in the order in which they are sent."""
+
+MOMENT = tuple(name for name, part in PARTS.items() if part.make is not None)
 """The parts of the board that are known for each moment."""
 
 

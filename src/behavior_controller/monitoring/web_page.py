@@ -21,8 +21,9 @@ from tornado.web import Application, RequestHandler, StaticFileHandler
 
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.monitoring.board import Board
-from behavior_controller.monitoring.parts import PARTS, changes
+from behavior_controller.monitoring.parts import changes
 from behavior_controller.monitoring.server import Connections, LoopThread, opened
+from behavior_controller.monitoring.view import PARTS
 
 FILES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "page_files")
 PUSH_INTERVAL = 0.05
