@@ -6,16 +6,16 @@ on its own thread. The tick thread only notes each change of a status, at next t
 """
 import asyncio
 import collections
+import ctypes
 import itertools
-import json
 import os
 import socket
 import struct
 import time
 import uuid
 from functools import partial
-from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
-from xml.sax.saxutils import quoteattr
+from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple, Union
+from xml.etree import ElementTree
 
 import msgspec
 import zmq
@@ -30,7 +30,8 @@ from behavior_controller.bt.registry import NodeSpec
 from behavior_controller.bt.status import IDLE, NUMBERS
 from behavior_controller.execution.events import BreakpointChanged
 from behavior_controller.monitoring.groot2.tcp_proxy import Front
-from behavior_controller.monitoring.groot2.breakpoints import Hook, Hooks, Refused, read_fields
+from behavior_controller.monitoring.groot2.breakpoints import (
+    ALLOWED, Hook, Hooks, Place, Unlocking)
 from behavior_controller.monitoring.server import LoopThread, opened
 
 PROTOCOL = 2
@@ -66,6 +67,10 @@ connection's input."""
 
 MOST_LINES = 20
 """The most lines about hooks that the operator gets in a second."""
+
+
+class Refused(ValueError):
+    """A request that cannot be carried out; the text goes back to the client."""
 
 
 class Groot2Publisher:
@@ -232,7 +237,9 @@ class _Shown:
         self.tree = tree
         self.uuid = uuid.uuid4().bytes
         self.hooks = hooks
-        self._order = _by_instance(tree)
+        # as the library has them: grouped by subtree instance, in the order in which these were made
+        instances = [id(board) for board in tree.blackboards.values()]
+        self._nodes = sorted(tree.nodes, key=lambda node: instances.index(id(node.blackboard)))
         self._specs = specs
         self._xml = b""
         self._transitions: Deque[Tuple[int, int, int]] = collections.deque(maxlen=MOST_TRANSITIONS)
@@ -250,13 +257,12 @@ class _Shown:
     def full_tree(self, frames: List[bytes]) -> bytes:
         """``T``: the unfolded tree and the model of all node types, as XML."""
         if not self._xml:
-            self._xml = full_tree(self.tree, self._specs).encode()
+            self._xml = full_tree(self.tree, self._specs)
         return self._xml
 
     def status(self, frames: List[bytes]) -> bytes:
         """``S``: uid and status of each node, grouped by subtree instance."""
-        nodes = self.tree.nodes
-        return b"".join(struct.pack("<HB", uid, _code(nodes[uid - 1])) for uid in self._order)
+        return b"".join(struct.pack("<HB", node.uid, _code(node)) for node in self._nodes)
 
     def blackboard(self, frames: List[bytes]) -> bytes:
         """``B``: the entries of the named subtree instances, and the root's if another one is
@@ -271,25 +277,26 @@ class _Shown:
 
     def insert_hooks(self, frames: List[bytes]) -> None:
         """``I``: one hook or an array of them; if one is wrong, none is set."""
-        given = _json(frames)
-        hooks = given if isinstance(given, list) else [given]
-        self.hooks.insert([Hook(*read_fields(hook, *Hook._fields)) for hook in hooks])
+        given = _read(frames, Union[Hook, List[Hook]])
+        self.hooks.insert(given if isinstance(given, list) else [given])
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""
-        if not self.hooks.remove(*read_fields(_json(frames), "position", "uid")):
+        place = _read(frames, Place)
+        if not self.hooks.remove(place.position, place.uid):
             raise Refused("Node ID not found")
 
     def unlock(self, frames: List[bytes]) -> None:
         """``U``: a breakpoint may go on."""
-        names = ("position", "uid", "desired_status", "remove_when_done")
-        if not self.hooks.unlock(*read_fields(_json(frames), *names)):
+        unlocking = _read(frames, Unlocking)
+        if not self.hooks.unlock(unlocking.position, unlocking.uid, unlocking.desired_status,
+                                 unlocking.remove_when_done):
             raise Refused("Node ID not found")
 
     def dump_hooks(self, frames: List[bytes]) -> bytes:
         """``D``: all hooks as JSON."""
-        hooks = [hook._asdict() for hook in self.hooks.all()]
-        return json.dumps(hooks, sort_keys=True, separators=(",", ":")).encode()
+        hooks = msgspec.to_builtins(self.hooks.all())
+        return msgspec.json.encode([dict(sorted(hook.items())) for hook in hooks])
 
     def record(self, frames: List[bytes]) -> Optional[bytes]:
         """``r``: start or stop recording transitions; a start is answered with the time in
@@ -324,24 +331,14 @@ def _second(frames: List[bytes]) -> bytes:
     return frames[1]
 
 
-def _json(frames: List[bytes]) -> Any:
-    text = _second(frames)
+def _read(frames: List[bytes], kind: Any) -> Any:
     try:
-        return json.loads(text.decode())
-    except ValueError as error:
-        raise Refused(f"not JSON: {error}")
+        return msgspec.json.decode(_second(frames), type=kind)
+    except msgspec.ValidationError as error:
+        raise Refused(f"{error}; allowed: {ALLOWED}")
 
 
 # ----------------------------------------------------------------------------------------- the tree
-
-
-def _by_instance(tree: Tree) -> List[int]:
-    """Return the uids grouped by subtree instance, in the order in which the instances were made.
-    """
-    groups: Dict[int, List[int]] = {id(board): [] for board in tree.blackboards.values()}
-    for node in tree.nodes:
-        groups[id(node.blackboard)].append(node.uid)
-    return [uid for uids in groups.values() for uid in uids]
 
 
 def _code(node: Node) -> int:
@@ -349,43 +346,35 @@ def _code(node: Node) -> int:
     return NUMBERS[node.status] or (WAS + NUMBERS[node.was] if node.was is not IDLE else 0)
 
 
-def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> str:
+def full_tree(tree: Tree, specs: Sequence[NodeSpec]) -> bytes:
     """Return the tree as Groot2 reads it: a ``<BehaviorTree>`` for each subtree instance, then the
     model."""
-    lines = ['<root BTCPP_format="4">']
-    inside = {id(node.children[0].blackboard): node for node in tree.nodes
-              if node.registration_id == "SubTree"}
+    document = ElementTree.Element("root", BTCPP_format="4")
+    roots = {id(node.children[0].blackboard): (node.attributes["ID"], node.children[0])
+             for node in tree.nodes if node.registration_id == "SubTree"}
     for path, board in tree.blackboards.items():
-        subtree = inside.get(id(board))
-        name = tree.id if subtree is None else subtree.attributes["ID"]
-        lines.append(f"  <BehaviorTree ID={quoteattr(name)} _fullpath={quoteattr(path)}>")
-        root = tree.root if subtree is None else subtree.children[0]
-        lines.extend("    " + line for line in _element(root, inside, tree))
-        lines.append("  </BehaviorTree>")
-    return "\n".join(lines + [tree_nodes_model(specs, "  "), "</root>"])
+        name, root = roots.get(id(board), (tree.id, tree.root))
+        _add(ElementTree.SubElement(document, "BehaviorTree", ID=name, _fullpath=path), root, tree)
+    document.append(ElementTree.fromstring(tree_nodes_model(specs)))
+    return ElementTree.tostring(document, "utf-8")
 
 
-def _element(node: Node, inside: Dict[int, Node], tree: Tree) -> List[str]:
-    """Return the lines of one node and those below it, down to the SubTrees."""
+def _add(above: ElementTree.Element, node: Node, tree: Tree) -> None:
+    """Add the element of one node and those below it, down to the SubTrees."""
+    shown = {"name": node.name, "_uid": str(node.uid)}
+    names = {port.name for port in node.spec.ports}
+    children = node.children
     if node.registration_id == "SubTree":
-        board = node.children[0].blackboard
+        board = children[0].blackboard
         path = next(path for path, other in tree.blackboards.items() if other is board)
         shown = {"ID": node.attributes["ID"], "_fullpath": path, "_uid": str(node.uid)}
-        shown.update((key, text) for key, text in node.attributes.items()
-                     if key in CONDITIONS or key not in ("ID", "name") and key[:1] != "_")
-        children: List[Node] = []
-    else:
-        shown = {"name": node.name, "_uid": str(node.uid)}
-        ports = {port.name for port in node.spec.ports}
-        shown.update((key, text) for key, text in node.attributes.items()
-                     if key in CONDITIONS or key in ports)
-        children = node.children
-    attributes = " ".join(f"{key}={quoteattr(text)}" for key, text in shown.items())
-    start = f"<{node.registration_id} {attributes}"
-    if not children:
-        return [start + "/>"]
-    lines = ["  " + line for child in children for line in _element(child, inside, tree)]
-    return [start + ">"] + lines + [f"</{node.registration_id}>"]
+        names = {key for key in node.attributes if key not in ("ID", "name") and key[:1] != "_"}
+        children = []
+    shown.update((key, text) for key, text in node.attributes.items()
+                 if key in names or key in CONDITIONS)
+    element = ElementTree.SubElement(above, node.registration_id, shown)
+    for child in children:
+        _add(element, child, tree)
 
 
 # ----------------------------------------------------------------------------------- the blackboard
@@ -401,16 +390,9 @@ def _as_written(value: Any) -> Any:
         return {key: _as_written(value[key]) for key in sorted(value)}
     if isinstance(value, list):
         return list(map(_as_written, value))
-    if isinstance(value, float) and _fits_single(value):
+    if isinstance(value, float) and ctypes.c_float(value).value == value:
         return msgspec.Raw(struct.pack(">Bf", 0xca, value))
     return value
-
-
-def _fits_single(value: float) -> bool:
-    try:
-        return struct.unpack("<f", struct.pack("<f", value))[0] == value
-    except OverflowError:
-        return False
 
 
 def _entries(board: Blackboard) -> Dict[str, Any]:
