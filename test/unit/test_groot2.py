@@ -118,13 +118,13 @@ class Client:
 
 
 @pytest.fixture
-def served(request):
+def served(request, monkeypatch):
     """A publisher on free ports, and a way to make clients; the parameter is its heartbeat in
     seconds."""
     warnings, clients = [], []
     port = free_ports()
-    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append,
-                                heartbeat=getattr(request, "param", 60.0))
+    monkeypatch.setattr(groot2, "HEARTBEAT", getattr(request, "param", 60.0))
+    publisher = Groot2Publisher("127.0.0.1", port, SPECS, warnings.append)
     publisher.port, publisher.warnings = port, warnings
 
     def client():

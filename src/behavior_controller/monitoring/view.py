@@ -7,11 +7,10 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 from behavior_controller.execution.events import Event, PassStarted, TreeShown
 from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
 from behavior_controller.leaves import data
+from behavior_controller.monitoring import story
 from behavior_controller.monitoring.moment import card, robot_line
 from behavior_controller.monitoring.parts import (
     Now, SentenceRow, Statuses, StepRow, StopRow, StoryPart, VisitRow, Visits)
-from behavior_controller.monitoring.story import (
-    Sentence, Story, cause, counted, how_it_ended, safe_state, step_words, why)
 
 SENTENCES = 100
 """Number of the newest sentences of the story that are kept."""
@@ -39,8 +38,8 @@ class View:
     def __init__(self, before: State = State()):
         self.newest = 0
         self.step_over: Optional[Step] = None
-        self._story = Story(before)
-        self._sentences: Deque[Tuple[int, Sentence]] = collections.deque(maxlen=SENTENCES)
+        self._story = story.Story(before)
+        self._sentences: Deque[Tuple[int, story.Sentence]] = collections.deque(maxlen=SENTENCES)
         self._steps: Deque[Step] = collections.deque(maxlen=STEPS)  # of this visit, that ended
         self._results: Dict[int, Deque[Tuple[NodeResult, int]]] = {}  # and how often in a row
 
@@ -53,7 +52,7 @@ class View:
         """Have ``state`` be what is so now."""
         self._story.state = state
 
-    def take(self, at: float, event: Event) -> Tuple[Sentence, ...]:
+    def take(self, at: float, event: Event) -> Tuple[story.Sentence, ...]:
         """Fold the next event, and return the sentences about it."""
         before = self.state
         sentences = self._story.take(at, event)
@@ -115,7 +114,7 @@ class View:
 
     def _visits(self) -> Visits:
         ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
-        return Visits(counted(self.state.outcomes), self.state.outcomes, ended)
+        return Visits(story.counted(self.state.outcomes), self.state.outcomes, ended)
 
     def _timeline(self) -> List[StepRow]:
         """Return the steps of the visit that ended."""
@@ -172,7 +171,7 @@ def now_of(state: State) -> Now:
 
 def how_it_stopped(state: State, outcome: str) -> str:
     """Return how the run ended, and what was reached of the safe state."""
-    return "; ".join(filter(None, (outcome, safe_state(state))))
+    return "; ".join(filter(None, (outcome, story.safe_state(state))))
 
 
 def clock(at: float) -> str:
@@ -180,24 +179,24 @@ def clock(at: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(at))
 
 
-def _sentence(number: int, sentence: Sentence) -> SentenceRow:
+def _sentence(number: int, sentence: story.Sentence) -> SentenceRow:
     return SentenceRow(number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind,
                        sentence.severity, sentence.text, sentence.uid, sentence.incident)
 
 
 def _step(step: Step) -> StepRow:
     seconds = (step.ended or step.began) - step.began
-    return StepRow(step_words(step), step.began, step.uid, step.is_wait, round(seconds, 2))
+    return StepRow(story.step_words(step), step.began, step.uid, step.is_wait, round(seconds, 2))
 
 
 def _result(last: NodeResult, times: int) -> Dict[str, Any]:
     return {"time": clock(last.ended), "letter": last.letter, "times": times,
             "seconds": last.ended - last.began,
-            "why": cause(last.failure) if last.failure is not None else ""}
+            "why": story.cause(last.failure) if last.failure is not None else ""}
 
 
 def _visit(visit: Visit) -> VisitRow:
-    stops = [StopRow(stop.number, stop.of, stop.name, stop.state, why(stop.why), stop.noun)
+    stops = [StopRow(stop.number, stop.of, stop.name, stop.state, story.why(stop.why), stop.noun)
              for stop in visit.stops]
     return VisitRow(visit.number, clock(visit.arrived or visit.began), visit.began, visit.arrived,
-                    visit.outcome, stops, how_it_ended(visit))
+                    visit.outcome, stops, story.how_it_ended(visit))

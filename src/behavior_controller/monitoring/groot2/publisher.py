@@ -78,7 +78,7 @@ class Groot2Publisher:
     (breakpoints reached)."""
 
     def __init__(self, address: str, port: int, specs: Sequence[NodeSpec],
-                 warn: Callable[[str], None], heartbeat: float = HEARTBEAT,
+                 warn: Callable[[str], None],
                  held: Callable[[BreakpointChanged], None] = lambda event: None):
         """Open the sockets; if a port is taken, ``warn`` gets one line and nothing is served.
 
@@ -89,7 +89,6 @@ class Groot2Publisher:
         self._lines = _Lines(warn)
         self._held = held
         self._shown: Optional[_Shown] = None
-        self._heartbeat = heartbeat
         self._last_request = 0.0
         self._is_closed = False
         self._thread: Optional[LoopThread] = None
@@ -160,7 +159,7 @@ class Groot2Publisher:
             await asyncio.sleep(CHECK_INTERVAL)
             self._lines.flush()
             shown, silence = self._shown, time.monotonic() - self._last_request
-            if shown is not None and shown.hooks and silence >= self._heartbeat:
+            if shown is not None and shown.hooks and silence >= HEARTBEAT:
                 shown.hooks.remove_all(": its client is gone")
 
     def _publish(self, uid: int) -> None:

@@ -1,14 +1,12 @@
 """A recorded run as one self-contained web page: its story, a timeline, the tree with its outcomes,
 the mission file."""
-import collections
 import itertools
 import json
 import os
 import re
 from time import localtime, strftime
 from types import SimpleNamespace
-from typing import (
-    Counter, DefaultDict, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union)
+from typing import Counter, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from msgspec.structs import replace
 from tornado.template import Template
@@ -25,9 +23,8 @@ from behavior_controller.execution.run import with_nodes
 from behavior_controller.execution.state import UNDER_WAY, NodeResult, State, Step, Visit
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.missions.load import build_tree
+from behavior_controller.monitoring import story
 from behavior_controller.monitoring.moment import robot_line
-from behavior_controller.monitoring.story import (
-    Sentence, Story, cause, completed, counted, how_it_ended, step_words, title, why)
 from behavior_controller.monitoring.board import is_bare, port_texts
 from behavior_controller.monitoring.record.timeline import Bar, Lanes
 from behavior_controller.monitoring.record.moments import Moments
@@ -73,7 +70,7 @@ class Drawn:
         self.nodes = nodes
         self.visits: Dict[int, Visit] = {}
         # by visit; 0 is what was before the first
-        self.sentences: Dict[int, List[Sentence]] = {}
+        self.sentences: Dict[int, List[story.Sentence]] = {}
         self.counts: List[Counter[str]] = [Counter() for _ in nodes]  # results of each node
         # kinds of results of each mission leaf
         self.finished: List[Counter[str]] = [Counter() for _ in nodes]
@@ -114,20 +111,20 @@ class Drawn:
 
     def _end_step(self, step: Step) -> None:
         end = self._since(step.ended or step.began)
-        self.steps.append(Bar(self._since(step.began), end, DONE, step_words(step)))
+        self.steps.append(Bar(self._since(step.began), end, DONE, story.step_words(step)))
         self.lanes.end_wait(step.uid, NO, end)  # a condition tells that it does not hold once
 
     def _draw(self, time: float, event: Event) -> None:
         end = self._since(time)
         if isinstance(event, Retried):
-            bar = Bar(end, end, RETRY, cause(event.failure))
+            bar = Bar(end, end, RETRY, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)
         elif isinstance(event, LeafFinished) and 0 < event.uid <= len(self.nodes):
             is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
             kind = NO if is_no else LETTER_OF.get(event.status, "-")
             self.finished[event.uid - 1][kind] += 1
-            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind,
-                      cause(event.failure) if event.failure else "")
+            why = story.cause(event.failure) if event.failure else ""
+            bar = Bar(end - min(end, max(0.0, event.seconds)), end, kind, why)
             self.lanes.add(event.uid, bar, is_asked_again=is_no)
 
     def _since(self, time: float) -> float:
@@ -147,23 +144,21 @@ def to_html(lines: Iterable[Line], verdict: str = "") -> str:
     """
     earlier, run = _last(lines)
     written, doubt = _written(run)
-    groups = {number: _grouped(sentences) for number, sentences in run.sentences.items()}
-    visits: List[Tuple[Optional[Visit], List[Tuple[int, Sentence]]]] = [(None, groups[0])]
-    visits += [(visit, groups[visit.number]) for visit in run.visits.values()]
+    visits = [(visit, _grouped(run.sentences[number]))
+              for number, visit in {0: None, **run.visits}.items()]
     documents = [(encodable(file), re.split("\r\n?|\n", encodable(text)))
                  for file, text in run.started.sources.documents]
     live = file_text("page_files", "index.html")
     content = Template(file_text("report_files", "report.html")).generate(
-        clock=clock, seconds=_seconds, sign=_sign, why=why, how_it_ended=how_it_ended,
-        letter_of=_letter, completed=completed, verdict=verdict, choices=_choices(run),
-        legend=LEGEND, lanes=run.lanes, visits=visits, rows=_rows(run, written),
-        doubt=encodable(doubt),
+        clock=clock, seconds=_seconds, sign=_sign, why=story.why, letter_of=_letter,
+        how_it_ended=story.how_it_ended, completed=story.completed, verdict=verdict,
+        choices=_choices(run), legend=LEGEND, lanes=run.lanes, visits=visits,
+        rows=_rows(run, written), doubt=encodable(doubt),
         settings={encodable(key): encodable(value) for key, value in run.started.settings.items()},
         documents=documents, moment=_between(live, '<div id="card">', "</section>"),
         robot_then=_between(live, '<div id="robot"', "</div>") + "</div>")
-    heads = ["; ".join(_heads(run)), "Robot at the end: " + robot_line(run.run).text]
     sections = dict({"verdict": "Verdict"} if verdict else {}, **SECTIONS)
-    return framed("Mission " + title(run.started.mission), heads + list(_lacks(run, earlier)),
+    return framed("Mission " + story.title(run.started.mission), list(_heads(run, earlier)),
                   sections, content.decode(), _script(), _data(run, written))
 
 
@@ -233,18 +228,15 @@ def _letter(visit: Visit) -> str:
     return LETTER_OF.get(visit.outcome, "R" if visit.ended is None else "-")
 
 
-def _heads(run: Drawn) -> List[str]:
-    """Return when the mission ran, and how it ended."""
+def _heads(run: Drawn, earlier: List[RunStarted]) -> Iterator[str]:
+    """Yield when the mission ran, how it ended, and what the report does not have."""
     day = strftime("%Y-%m-%d", localtime(run.began))
     ending = "the record ends before the run: the node was killed, or the record full"
     if run.run.finished is not None:
         ending = "ended: " + run.run.finished.outcome
-    return [f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}",
-            counted(run.run.outcomes), ending]
-
-
-def _lacks(run: Drawn, earlier: List[RunStarted]) -> Iterator[str]:
-    """Yield what the report does not have."""
+    yield (f"{day} {clock(run.began)} to {clock(run.ended)}, {_seconds(run.ended - run.began)}; "
+           f"{story.counted(run.run.outcomes)}; {ending}")
+    yield "Robot at the end: " + robot_line(run.run).text
     if earlier:
         yield "Before it the record has {}, which this report leaves out.".format(
             ", ".join(mission.mission for mission in earlier))
@@ -263,7 +255,7 @@ def _choices(run: Drawn) -> List[Tuple[str, str, str, Counter[str]]]:
             ("Cause", "cause", "any", Counter(said.cause for said in sentences if said.cause))]
 
 
-def _grouped(sentences: List[Sentence]) -> List[Tuple[int, Sentence]]:
+def _grouped(sentences: List[story.Sentence]) -> List[Tuple[int, story.Sentence]]:
     """Return sentences; one that is repeated within a second comes once, with its count."""
     groups = itertools.groupby(sentences, lambda said: said._replace(at=int(said.at)))
     alike = (list(group) for _, group in groups)
@@ -330,7 +322,7 @@ class ResultRow(NamedTuple):
 def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[ResultRow, str]]:
     """Yield the nodes of the tree in order, and between them the tags that nest their lists."""
     nodes = run.nodes
-    children: DefaultDict[int, List[int]] = collections.defaultdict(list)
+    children: List[List[int]] = [[] for _ in range(len(nodes) + 1)]  # of each node; 0: the root
     for number, node in enumerate(nodes, 1):
         children[node.parent].append(number)
     registry = leaves.registry()
@@ -370,7 +362,7 @@ def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) 
 
 def story_lines(lines: Iterable[Line]) -> Iterator[str]:
     """Yield the sentences of a record, each with the time of day."""
-    story = Story()
+    run = story.Story()
     for line in lines:
-        for sentence in story.take(line.time, line.event):
+        for sentence in run.take(line.time, line.event):
             yield f"{clock(sentence.at)} {sentence.text}"
