@@ -584,7 +584,7 @@ def test_an_earlier_moment_is_shown_as_it_was_shown_then(monkeypatch):
     board = board_of(rig)
 
     def visitor(rig):
-        then[next(numbers)] = {name: board.part(name) for name in view.MOMENT + ("health",)}
+        then[next(numbers)] = {name: board.part(name) for name in [*view.MOMENT, "health"]}
         if len(then) == 9:
             rig.mission.health.report(GONE, GONE_AWAY)
         visitor_who(says="yes")(rig)

@@ -375,8 +375,8 @@ BAD = {
 }
 
 
-ALLOWED = ("allowed: position 0 (before the node) or 1 (after it), mode 0 (breakpoint) or 1 (replace), "
-           "desired_status SUCCESS, FAILURE, SKIPPED, IDLE, RUNNING")
+ALLOWED = ("allowed: position 0 (before the node) or 1 (after it), mode 0 (breakpoint) or "
+           "1 (replace), desired_status SUCCESS, FAILURE, SKIPPED, IDLE, RUNNING")
 
 
 @pytest.mark.parametrize("kind", sorted(GOOD))

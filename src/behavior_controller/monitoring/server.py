@@ -84,17 +84,15 @@ class LoopThread:
 
     def close(self, finish: Optional[Callable[[], Coroutine[Any, Any, None]]] = None) -> None:
         """End the loop after ``finish``, and wait for its end for a second at most."""
-        if finish is None:
-            self.call(self._loop.stop)
-        else:
-            self.call(lambda: self._loop.create_task(self._end_after(finish)))
-        self._thread.join(1.0)
+        async def end() -> None:
+            try:
+                if finish is not None:
+                    await finish()
+            finally:
+                self._loop.stop()
 
-    async def _end_after(self, finish: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        try:
-            await finish()
-        finally:
-            self._loop.stop()
+        self.call(lambda: self._loop.create_task(end()))
+        self._thread.join(1.0)
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)

@@ -82,30 +82,22 @@ class View:
         """Return the parts that may have changed since ``before``; to make one takes longer than to
         fold an event."""
         now = self.state
-
-        def differs(field: str) -> bool:
-            new, old = getattr(now, field), getattr(before, field)
-            return new is not old and new != old
-
-        names = [name for name, part in PARTS.items() if any(map(differs, part.fields))]
+        names = [name for name, part in PARTS.items()
+                 if any(getattr(now, field) != getattr(before, field) for field in part.fields)]
         # without a step, the card shows the statuses
         return names + (["now"] if "statuses" in names and now.step is None else [])
 
     def part(self, name: str) -> Any:
         """Return one of ``MOMENT``."""
-        make = PARTS[name].make
-        assert make is not None
-        return make(self)
+        return MOMENT[name](self)
 
     def _statuses(self) -> Statuses:
         # the last in depth-first order: a running leaf, or what waits above it
         tip = self.state.letters.rfind("R") + 1
-        return Statuses(self.state.letters, self._done_again_by(tip) or tip)
-
-    def _done_again_by(self, uid: int) -> int:
-        """Return the failed node that the recovery ``uid`` does again; 0: none."""
-        return next((self.state.uids.get(recovery.path, 0) for recovery in self.state.recoveries
-                     if recovery.uid == uid), 0)
+        # a recovery that runs does a failed node again
+        failed = (self.state.uids.get(recovery.path, 0) for recovery in self.state.recoveries
+                  if recovery.uid == tip)
+        return Statuses(self.state.letters, next(failed, 0) or tip)
 
     def _story_part(self) -> StoryPart:
         visit = self.state.visit
@@ -159,8 +151,8 @@ PARTS = {
     "alive": Part(())}
 """All parts, in the order in which they are sent."""
 
-MOMENT = tuple(name for name, part in PARTS.items() if part.make is not None)
-"""The parts of the board that are known for each moment."""
+MOMENT = {name: part.make for name, part in PARTS.items() if part.make is not None}
+"""What makes the parts of the board that are known for each moment."""
 
 
 def now_of(state: State) -> Now:

@@ -208,23 +208,22 @@ class _Lines:
 
     def __init__(self, warn: Callable[[str], None]):
         self.warn = warn
-        self._began, self._sent, self._left_out = 0.0, 0, 0
+        self._began, self._count = 0.0, 0
 
     def tell(self, text: str) -> None:
-        """Send a line to the operator, or count it as left out."""
+        """Send a line to the operator, if it is not one too many."""
         self.flush()
-        if self._sent < MOST_LINES:
-            self._sent += 1
+        self._count += 1
+        if self._count <= MOST_LINES:
             self.warn(text)
-        else:
-            self._left_out += 1
 
     def flush(self) -> None:
         """Start the next second if one has passed, with a line about those left out."""
         now = time.monotonic()
         if now - self._began >= 1.0:
-            left_out, self._began, self._sent, self._left_out = self._left_out, now, 0, 0
-            if left_out:
+            left_out = self._count - MOST_LINES
+            self._began, self._count = now, 0
+            if left_out > 0:
                 self.warn(f"Groot2: {left_out} more changes of breakpoints and replacements in one "
                           "second")
 
@@ -236,7 +235,7 @@ class _Shown:
         self.tree = tree
         self.uuid = uuid.uuid4().bytes
         self.hooks = hooks
-        # as the library has them: grouped by subtree instance, in the order in which these were made
+        # as in the library: grouped by subtree instance, in the order in which these were made
         instances = [id(board) for board in tree.blackboards.values()]
         self._nodes = sorted(tree.nodes, key=lambda node: instances.index(id(node.blackboard)))
         self._specs = specs

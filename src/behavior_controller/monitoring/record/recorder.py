@@ -217,20 +217,18 @@ class Record(Topics):
         while not is_last:
             is_last = self._is_over.wait(REST)
             while self._notes:
-                line = self._line(*self._notes.popleft())
+                at, make, values = self._notes.popleft()
+                event = make(*values)
+                if isinstance(event, Lost):
+                    self._complain(f"the record {self.path} lacks {event.lines} lines, because the "
+                                   "disk is too slow; the mission goes on")
+                line = encode(at, event)
                 written += len(line)
                 if written > MOST_BYTES:
                     self._tell(f"it has reached {MOST_BYTES} bytes and ends here")
                     return
                 file.write(line)
             file.flush()
-
-    def _line(self, when: float, make: Callable[..., Event], values: Tuple[Any, ...]) -> bytes:
-        event = make(*values)
-        if isinstance(event, Lost):
-            self._complain(f"the record {self.path} lacks {event.lines} lines, because the disk is "
-                           "too slow; the mission goes on")
-        return encode(when, event)
 
     # --------------------------------------------------------------------------------- what happens
 
