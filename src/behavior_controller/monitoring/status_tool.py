@@ -15,8 +15,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from behavior_controller import exit_codes, ros_arguments
-from behavior_controller.monitoring.parts import (
-    Alive, MissionPart, NodeRow, Now, Offer, SentenceRow, Statuses, StoryPart, card_line, patched)
+from behavior_controller.monitoring import parts
 from behavior_controller.text import clean
 
 SIGNS = {"R": "▶", "S": "✔", "F": "✘", "s": "✔", "f": "✘", "r": "■", "-": "·"}
@@ -49,12 +48,12 @@ MOST_WAITING = 100
 class ShownState(Struct, frozen=True):
     """The parts of the board that are printed; ``silent``: seconds since the last message."""
 
-    mission: MissionPart
-    statuses: Statuses
-    now: Now
-    story: StoryPart
-    health: Dict[str, Offer]
-    alive: Alive
+    mission: parts.MissionPart
+    statuses: parts.Statuses
+    now: parts.Now
+    story: parts.StoryPart
+    health: Dict[str, parts.Offer]
+    alive: parts.Alive
     silent: float = 0.0
 
 
@@ -84,19 +83,18 @@ def main(arguments: Optional[List[str]] = None) -> int:
                 _print(text, is_window)
             if chosen.watch and state.now.ended:
                 print("missionStatus: the mission has ended: " + clean(state.now.ended))
-                return exit_codes.SUCCESS
+                break
+        return exit_codes.SUCCESS
     except NoMission as reason:
         why = clean(str(reason))
         what = (f"no mission answers at {place} ({why}): does behaviorController run, with this "
                 "monitorPort?")
         if shown:
             what = f"the connection to {place} is lost ({why})"
-        print("missionStatus:", what, file=sys.stderr)
-        return exit_codes.UNAVAILABLE
     except OSError as error:
-        print(f"missionStatus: cannot print: {error.strerror}", file=sys.stderr)
-        return exit_codes.UNAVAILABLE
-    return exit_codes.SUCCESS
+        what = f"cannot print: {error.strerror}"
+    print("missionStatus:", what, file=sys.stderr)
+    return exit_codes.UNAVAILABLE
 
 
 def _read_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
@@ -175,10 +173,10 @@ def _read(address: str, port: int, is_stream: bool,
         answer = connection.getresponse()
         if answer.status != http.client.OK:
             raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
-        parts: Any = {}
+        known: Any = {}
         for message in _texts(answer, is_stream):
-            parts = patched(parts, msgspec.json.decode(message))
-            put(msgspec.convert(parts, ShownState))
+            known = parts.patched(known, msgspec.json.decode(message))
+            put(msgspec.convert(known, ShownState))
     except msgspec.ValidationError as error:
         reason = f"the answer is not a mission's: {error}"
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -208,7 +206,7 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     node.
     """
     now, mission = state.now, state.mission
-    doing = card_line(now.card, state.alive.at + state.silent) or now.card.what
+    doing = parts.card_line(now.card, state.alive.at + state.silent) or now.card.what
     head = [f"mission {os.path.basename(mission.file)}: {doing}", "robot: " + now.robot.text]
     head += list(_why_outdated(state)) + list(_troubles(state))
     return [*map(clean, head), *_tree(mission.nodes, state.statuses.letters, is_all)]
@@ -235,7 +233,7 @@ def _troubles(state: ShownState) -> Iterator[str]:
     for part in state.health.values():
         if not part.well:
             yield f"{part.kind} {part.name}: {part.status}; {part.consequence}"
-    entries: Dict[Any, List[SentenceRow]] = {}  # as on the page: one for each incident
+    entries: Dict[Any, List[parts.SentenceRow]] = {}  # as on the page: one for each incident
     for row in state.story.sentences:
         entries.setdefault((row.visit, row.incident or -row.number), []).append(row)
     for entry in [rows for rows in entries.values() if any(map(_is_wrong, rows))][-5:]:
@@ -244,7 +242,7 @@ def _troubles(state: ShownState) -> Iterator[str]:
         yield f"{first.time}  {first.text}{last}"
 
 
-def _is_wrong(row: SentenceRow) -> bool:
+def _is_wrong(row: parts.SentenceRow) -> bool:
     return row.severity != "info" and row.kind != "health"
 
 
@@ -256,7 +254,7 @@ def _why_outdated(state: ShownState) -> Iterator[str]:
         yield f"the controller hangs: no sign of its tick thread for {state.alive.age} s"
 
 
-def _tree(nodes: List[NodeRow], letters: str, is_all: bool) -> Iterator[str]:
+def _tree(nodes: List[parts.NodeRow], letters: str, is_all: bool) -> Iterator[str]:
     """Yield the rows of the nodes that were ticked, indented; without ``is_all`` not those that
     only group others.
     """

@@ -7,10 +7,8 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 from behavior_controller.execution.events import Event, PassStarted, TreeShown
 from behavior_controller.execution.state import NodeResult, State, Step, Visit, step_over
 from behavior_controller.leaves import data
-from behavior_controller.monitoring import story
+from behavior_controller.monitoring import parts, story
 from behavior_controller.monitoring.moment import card, robot_line
-from behavior_controller.monitoring.parts import (
-    Now, SentenceRow, Statuses, StepRow, StopRow, StoryPart, VisitRow, Visits)
 
 SENTENCES = 100
 """Number of the newest sentences of the story that are kept."""
@@ -91,24 +89,25 @@ class View:
         """Return one of ``MOMENT``."""
         return MOMENT[name](self)
 
-    def _statuses(self) -> Statuses:
+    def _statuses(self) -> parts.Statuses:
         # the last in depth-first order: a running leaf, or what waits above it
         tip = self.state.letters.rfind("R") + 1
         # a recovery that runs does a failed node again
         failed = (self.state.uids.get(recovery.path, 0) for recovery in self.state.recoveries
                   if recovery.uid == tip)
-        return Statuses(self.state.letters, next(failed, 0) or tip)
+        return parts.Statuses(self.state.letters, next(failed, 0) or tip)
 
-    def _story_part(self) -> StoryPart:
+    def _story_part(self) -> parts.StoryPart:
         visit = self.state.visit
-        return StoryPart(_visit(visit) if visit is not None else None,
-                         [_sentence(number, sentence) for number, sentence in self._sentences])
+        return parts.StoryPart(
+            _visit(visit) if visit is not None else None,
+            [_sentence(number, sentence) for number, sentence in self._sentences])
 
-    def _visits(self) -> Visits:
+    def _visits(self) -> parts.Visits:
         ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
-        return Visits(story.counted(self.state.outcomes), self.state.outcomes, ended)
+        return parts.Visits(story.counted(self.state.outcomes), self.state.outcomes, ended)
 
-    def _timeline(self) -> List[StepRow]:
+    def _timeline(self) -> List[parts.StepRow]:
         """Return the steps of the visit that ended."""
         return list(map(_step, self._steps))
 
@@ -155,10 +154,10 @@ MOMENT = {name: part.make for name, part in PARTS.items() if part.make is not No
 """What makes the parts of the board that are known for each moment."""
 
 
-def now_of(state: State) -> Now:
+def now_of(state: State) -> parts.Now:
     """Return the card, the robot, and how the run ended."""
     ended = how_it_stopped(state, state.finished.outcome) if state.finished is not None else ""
-    return Now(card(state), robot_line(state), state.visit_count, ended)
+    return parts.Now(card(state), robot_line(state), state.visit_count, ended)
 
 
 def how_it_stopped(state: State, outcome: str) -> str:
@@ -171,14 +170,15 @@ def clock(at: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(at))
 
 
-def _sentence(number: int, sentence: story.Sentence) -> SentenceRow:
-    return SentenceRow(number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind,
-                       sentence.severity, sentence.text, sentence.uid, sentence.incident)
+def _sentence(number: int, sentence: story.Sentence) -> parts.SentenceRow:
+    return parts.SentenceRow(
+        number, sentence.at, clock(sentence.at), sentence.visit, sentence.kind, sentence.severity,
+        sentence.text, sentence.uid, sentence.incident)
 
 
-def _step(step: Step) -> StepRow:
-    seconds = (step.ended or step.began) - step.began
-    return StepRow(story.step_words(step), step.began, step.uid, step.is_wait, round(seconds, 2))
+def _step(step: Step) -> parts.StepRow:
+    seconds = round((step.ended or step.began) - step.began, 2)
+    return parts.StepRow(story.step_words(step), step.began, step.uid, step.is_wait, seconds)
 
 
 def _result(last: NodeResult, times: int) -> Dict[str, Any]:
@@ -187,8 +187,8 @@ def _result(last: NodeResult, times: int) -> Dict[str, Any]:
             "why": story.cause(last.failure) if last.failure is not None else ""}
 
 
-def _visit(visit: Visit) -> VisitRow:
-    stops = [StopRow(stop.number, stop.of, stop.name, stop.state, story.why(stop.why), stop.noun)
-             for stop in visit.stops]
-    return VisitRow(visit.number, clock(visit.arrived or visit.began), visit.began, visit.arrived,
-                    visit.outcome, stops, story.how_it_ended(visit))
+def _visit(visit: Visit) -> parts.VisitRow:
+    stops = [parts.StopRow(stop.number, stop.of, stop.name, stop.state, story.why(stop.why),
+                           stop.noun) for stop in visit.stops]
+    return parts.VisitRow(visit.number, clock(visit.arrived or visit.began), visit.began,
+                          visit.arrived, visit.outcome, stops, story.how_it_ended(visit))

@@ -17,8 +17,7 @@ from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.registry import Registry
 from behavior_controller.bt.status import NAMES
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import (
-    LETTERS, Event, LeafFinished, Line, Retried, RunStarted, TreeNode, TreeShown)
+from behavior_controller.execution import events
 from behavior_controller.execution.run import with_nodes
 from behavior_controller.execution.state import UNDER_WAY, NodeResult, State, Step, Visit
 from behavior_controller.robot.gateway import Cause
@@ -34,7 +33,7 @@ from behavior_controller.monitoring.view import View, clock
 SECTIONS = {"then": "Moment", "story": "Story", "timeline": "Timeline", "tree": "Tree",
             "files": "Mission file", "settings": "Configuration"}
 SIGNS = {"S": "✔", "F": "✘", "R": "▶", "-": "■", "n": "○", "r": "↻"}
-LETTER_OF = {NAMES[status]: letter for status, letter in LETTERS.items()}
+LETTER_OF = {NAMES[status]: letter for status, letter in events.LETTERS.items()}
 NO, RETRY, DONE = "n", "r", "d"
 """Kinds of bars in addition to the statuses: a condition that does not hold, a retry that failed, a
 step."""
@@ -64,7 +63,7 @@ class Written(NamedTuple):
 class Drawn:
     """What the report shows of one mission of a record, processed line by line."""
 
-    def __init__(self, began: float, started: RunStarted, nodes: List[TreeNode]):
+    def __init__(self, began: float, started: events.RunStarted, nodes: List[events.TreeNode]):
         self.began = self.ended = began
         self.started = started
         self.nodes = nodes
@@ -79,7 +78,7 @@ class Drawn:
         self.changes = Lanes()  # results of other nodes, from their changes of status
         self.moments = Moments()
         self._view = View()
-        self._view.take(began, TreeShown("", nodes))
+        self._view.take(began, events.TreeShown("", nodes))
         self._uids = {node.path: uid for uid, node in enumerate(nodes, 1)}
 
     @property
@@ -87,7 +86,7 @@ class Drawn:
         """What was so at the end."""
         return self._view.state
 
-    def take(self, time: float, event: Event) -> None:
+    def take(self, time: float, event: events.Event) -> None:
         """Process the next line."""
         self.ended = max(self.ended, time)
         for sentence in self._view.take(time, event):
@@ -114,12 +113,12 @@ class Drawn:
         self.steps.append(Bar(self._since(step.began), end, DONE, story.step_words(step)))
         self.lanes.end_wait(step.uid, NO, end)  # a condition tells that it does not hold once
 
-    def _draw(self, time: float, event: Event) -> None:
+    def _draw(self, time: float, event: events.Event) -> None:
         end = self._since(time)
-        if isinstance(event, Retried):
+        if isinstance(event, events.Retried):
             bar = Bar(end, end, RETRY, story.cause(event.failure))
             self.lanes.add(self._uids.get(event.path, 0), bar)
-        elif isinstance(event, LeafFinished) and 0 < event.uid <= len(self.nodes):
+        elif isinstance(event, events.LeafFinished) and 0 < event.uid <= len(self.nodes):
             is_no = event.failure is not None and event.failure.cause is Cause.CONDITION_FALSE
             kind = NO if is_no else LETTER_OF.get(event.status, "-")
             self.finished[event.uid - 1][kind] += 1
@@ -137,7 +136,7 @@ class Drawn:
         return self
 
 
-def to_html(lines: Iterable[Line], verdict: str = "") -> str:
+def to_html(lines: Iterable[events.Line], verdict: str = "") -> str:
     """Return the page of a record (its last mission, if the mission was changed while it ran).
 
     ``verdict`` is a text that stands before the story.
@@ -162,13 +161,13 @@ def to_html(lines: Iterable[Line], verdict: str = "") -> str:
                   sections, content.decode(), _script(), _data(run, written))
 
 
-def _last(lines: Iterable[Line]) -> Tuple[List[RunStarted], Drawn]:
+def _last(lines: Iterable[events.Line]) -> Tuple[List[events.RunStarted], Drawn]:
     """Return the missions before the last one, and the last one's run."""
-    runs: List[RunStarted] = []
+    runs: List[events.RunStarted] = []
     run: Optional[Drawn] = None
     for line, nodes in with_nodes(lines):
         event = line.event
-        if isinstance(event, RunStarted):
+        if isinstance(event, events.RunStarted):
             run = Drawn(line.time, event, nodes)
             runs.append(event)
         if run is not None:
@@ -228,7 +227,7 @@ def _letter(visit: Visit) -> str:
     return LETTER_OF.get(visit.outcome, "R" if visit.ended is None else "-")
 
 
-def _heads(run: Drawn, earlier: List[RunStarted]) -> Iterator[str]:
+def _heads(run: Drawn, earlier: List[events.RunStarted]) -> Iterator[str]:
     """Yield when the mission ran, how it ended, and what the report does not have."""
     day = strftime("%Y-%m-%d", localtime(run.began))
     ending = "the record ends before the run: the node was killed, or the record full"
@@ -321,23 +320,17 @@ class ResultRow(NamedTuple):
 
 def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[ResultRow, str]]:
     """Yield the nodes of the tree in order, and between them the tags that nest their lists."""
-    nodes = run.nodes
-    children: List[List[int]] = [[] for _ in range(len(nodes) + 1)]  # of each node; 0: the root
-    for number, node in enumerate(nodes, 1):
-        children[node.parent].append(number)
     registry = leaves.registry()
-    # a node, or what closes one, and its level
-    waiting: List[Tuple[Union[int, str], int]] = [(1, 1)]
-    while waiting:
-        item, level = waiting.pop()
-        if isinstance(item, str):
-            yield item
-            continue
-        is_nested = bool(children[item]) and level < DEEPEST
-        yield _row(run, item, written, registry)
-        yield "<ul>" if is_nested else "</li>"
-        closing = "</ul></li>" if is_nested else ""
-        waiting += [(closing, level)] + [(child, level + 1) for child in reversed(children[item])]
+    levels = [0]  # of each node
+    before = 0  # the level of the row before
+    for uid, node in enumerate(run.nodes, 1):
+        level = min(levels[node.parent] + 1, before + 1, DEEPEST)
+        if uid > 1:
+            yield "<ul>" if level > before else "</li>" + "</ul></li>" * (before - level)
+        yield _row(run, uid, written, registry)
+        levels.append(level)
+        before = level
+    yield "</li>" + "</ul></li>" * (before - 1)
 
 
 def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) -> ResultRow:
@@ -360,7 +353,7 @@ def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) 
 # ------------------------------------------------------------------------------------ on a terminal
 
 
-def story_lines(lines: Iterable[Line]) -> Iterator[str]:
+def story_lines(lines: Iterable[events.Line]) -> Iterator[str]:
     """Yield the sentences of a record, each with the time of day."""
     run = story.Story()
     for line in lines:
