@@ -6,10 +6,11 @@ connects to its port.
 """
 import asyncio
 import contextlib
+import itertools
 import socket
 import threading
 import time
-from typing import Any, Callable, Coroutine, Dict, List, Optional
+from typing import Any, Callable, Coroutine, Dict, List, Optional, Sequence
 
 from tornado.iostream import IOStream
 from tornado.netutil import bind_sockets
@@ -53,23 +54,35 @@ class Connections:
         self._last_used[stream] = time.monotonic()
 
 
-def opened(address: str, port: int, consequence: str, key: str,
-           warn: Callable[[str], None]) -> List[socket.socket]:
-    """Return the sockets of a port; if it cannot be opened none, and ``warn`` gets a line that says
-    what follows from it, and with which key of the configuration it is changed."""
-    try:
-        return bind_sockets(port, address)
-    except OSError as error:
-        warn(f"{consequence}: {address}:{port} cannot be opened ({error.strerror or error}); set "
-             f"{key} to another port, or to 0")
-        return []
+def opened(address: str, ports: Sequence[int], consequence: str, key: str,
+           warn: Callable[[str], None]) -> List[List[socket.socket]]:
+    """Return the sockets of each port; if one cannot be opened none, and ``warn`` gets a line that
+    says what follows from it, and with which key of the configuration it is changed."""
+    sockets: List[List[socket.socket]] = []
+    for port in ports:
+        try:
+            sockets.append(bind_sockets(port, address))
+        except OSError as error:
+            warn(f"{consequence}: {address}:{port} cannot be opened ({error.strerror or error}); "
+                 f"set {key} to another port, or to 0")
+            _close(sockets)
+            return []
+    return sockets
+
+
+def _close(sockets: List[List[socket.socket]]) -> None:
+    for sock in itertools.chain(*sockets):
+        sock.close()
 
 
 class LoopThread:
     """A thread on which an event loop runs until ``close``."""
 
-    def __init__(self, name: str, begin: Callable[[], None], end: Callable[[], None]):
-        """``begin`` is called in the running loop, ``end`` when the loop ends, for any reason."""
+    def __init__(self, name: str, sockets: List[List[socket.socket]], begin: Callable[[], None],
+                 end: Callable[[], None] = lambda: None):
+        """``begin`` is called in the running loop; when the loop ends, for any reason, the
+        ``sockets`` are closed and ``end`` is called."""
+        self._sockets = sockets
         self._loop = asyncio.new_event_loop()
         self._loop.call_soon(begin)
         self._end = end
@@ -99,6 +112,7 @@ class LoopThread:
         try:
             self._loop.run_forever()
         finally:
+            _close(self._sockets)
             self._end()
             tasks = asyncio.all_tasks(self._loop)
             for task in tasks:

@@ -50,9 +50,9 @@ class Page:
         self.connections = Connections(MOST_CONNECTIONS)
         self._thread: Optional[LoopThread] = None
         self.is_closing = False
-        self._sockets = opened(address, port, "no page in the browser", "monitorPort", warn)
+        self._sockets = opened(address, [port], "no page in the browser", "monitorPort", warn)
         if self._sockets:
-            self._thread = LoopThread("page", self._begin, self._end)
+            self._thread = LoopThread("page", self._sockets, self._begin)
 
     @property
     def is_served(self) -> bool:
@@ -88,7 +88,7 @@ class Page:
                                max_header_size=16 * 1024, idle_connection_timeout=LONGEST_IDLE,
                                body_timeout=LONGEST_IDLE)
         self._server.connections = self.connections
-        self._server.add_sockets(self._sockets)
+        self._server.add_sockets(self._sockets[0])
         asyncio.ensure_future(self._keep_board_current())
 
     async def _keep_board_current(self) -> None:
@@ -96,10 +96,6 @@ class Page:
         while True:
             self.board.refresh()
             await asyncio.sleep(PUSH_INTERVAL)
-
-    def _end(self) -> None:
-        for sock in self._sockets:
-            sock.close()
 
 
 class _Server(HTTPServer):

@@ -7,9 +7,7 @@ on its own thread. The tick thread only notes each change of a status, at next t
 import asyncio
 import collections
 import ctypes
-import itertools
 import os
-import socket
 import struct
 import time
 import uuid
@@ -93,14 +91,10 @@ class Groot2Publisher:
         self._is_closed = False
         self._thread: Optional[LoopThread] = None
         # of the requests, and of the breakpoints reached
-        self._sockets: List[List[socket.socket]] = []
-        for number in (port, port + 1):
-            self._sockets.append(
-                opened(address, number, "Groot2 cannot connect", "groot2Port", warn))
-            if not self._sockets[-1]:
-                self._close_sockets()
-                return
-        self._thread = LoopThread("groot2", self._begin, self._end)
+        self._sockets = opened(
+            address, [port, port + 1], "Groot2 cannot connect", "groot2Port", warn)
+        if self._sockets:
+            self._thread = LoopThread("groot2", self._sockets, self._begin, self._end)
 
     def show(self, tree: Tree) -> None:
         """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
@@ -141,17 +135,12 @@ class Groot2Publisher:
             task.add_done_callback(lambda ended: None if ended.cancelled() else loop.stop())
 
     def _end(self) -> None:
-        self._close_sockets()
         self._context.destroy(0)
         if self._shown is not None:
             self._shown.hooks.remove_all()
         if not self._is_closed:
             self._lines.warn("Groot2 is cut off by an internal error; its breakpoints and "
                              "replacements are removed")
-
-    def _close_sockets(self) -> None:
-        for sock in itertools.chain(*self._sockets):
-            sock.close()
 
     async def _check_client(self) -> None:
         """Remove the hooks of a client that is gone: they must not hold the robot."""
@@ -183,11 +172,10 @@ class Groot2Publisher:
         """Return the reply to one request, valid or not."""
         try:
             return self._reply(frames, self._shown)
-        except Refused as refused:
-            return [b"error", str(refused).encode("utf-8", "replace")]
         # what a client sends, or a value of the mission, must not end the service
         except Exception as error:
-            return [b"error", f"{type(error).__name__}: {error}".encode("utf-8", "replace")]
+            kind = "" if isinstance(error, Refused) else f"{type(error).__name__}: "
+            return [b"error", f"{kind}{error}".encode("utf-8", "replace")]
 
     def _reply(self, frames: List[bytes], shown: "Optional[_Shown]") -> List[bytes]:
         if len(frames[0]) != 6:
@@ -271,7 +259,8 @@ class _Shown:
         wanted = {name: boards[name] for name in names if name in boards}
         if any(board.parent is not None for board in wanted.values()):
             wanted["ROOT"] = boards[self.tree.id]
-        return pack({name: _entries(board) or None for name, board in wanted.items()} or None)
+        shown = {name: _entries(board) or None for name, board in sorted(wanted.items())}
+        return msgspec.msgpack.encode(shown or None)
 
     def insert_hooks(self, frames: List[bytes]) -> None:
         """``I``: one hook or an array of them; if one is wrong, none is set."""
@@ -377,34 +366,22 @@ def _add(above: ElementTree.Element, node: Node, tree: Tree) -> None:
 
 # ----------------------------------------------------------------------------------- the blackboard
 
-def pack(value: Any) -> bytes:
-    """Return MessagePack as the library writes it: keys in order, and reals in four bytes where
-    that loses nothing."""
-    return msgspec.msgpack.encode(_as_written(value))
-
-
-def _as_written(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _as_written(value[key]) for key in sorted(value)}
-    if isinstance(value, list):
-        return list(map(_as_written, value))
-    if isinstance(value, float) and ctypes.c_float(value).value == value:
-        return msgspec.Raw(struct.pack(">Bf", 0xca, value))
-    return value
-
-
 def _entries(board: Blackboard) -> Dict[str, Any]:
-    """Return the entries of one blackboard that have a value that can be shown."""
-    values = {key: _plain(entry.value) for key, entry in dict(board.local).items()}
+    """Return the entries of one blackboard that have a value that can be shown, in order as the
+    library has them."""
+    values = {key: _plain(entry.value) for key, entry in sorted(dict(board.local).items())}
     return {key: value for key, value in values.items() if value is not None}
 
 
 def _plain(value: Any) -> Any:
     """Return a value as numbers, texts, lists and objects, or None if it is none of these."""
+    if isinstance(value, float) and ctypes.c_float(value).value == value:
+        # as the library writes reals: in four bytes where that loses nothing
+        return msgspec.Raw(struct.pack(">Bf", 0xca, value))
     if isinstance(value, (bool, int, float, str)):
         return value
     if hasattr(value, "_asdict"):  # the mission's own records: places, points
-        return {key: _plain(item) for key, item in value._asdict().items()}
+        return {key: _plain(item) for key, item in sorted(value._asdict().items())}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return list(map(_plain, value))
     return None
