@@ -76,18 +76,23 @@ def _close(sockets: List[List[socket.socket]]) -> None:
 
 
 class LoopThread:
-    """A thread on which an event loop runs until ``close``."""
+    """A thread on which an event loop runs until ``close``; without sockets there is none, and
+    nothing is done."""
 
     def __init__(self, name: str, sockets: List[List[socket.socket]], begin: Callable[[], None],
                  end: Callable[[], None] = lambda: None):
         """``begin`` is called in the running loop; when the loop ends, for any reason, the
         ``sockets`` are closed and ``end`` is called."""
+        self.is_serving = bool(sockets)
         self._sockets = sockets
         self._loop = asyncio.new_event_loop()
         self._loop.call_soon(begin)
         self._end = end
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._thread.start()
+        if self.is_serving:
+            self._thread.start()
+        else:
+            self._loop.close()
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Have the loop call ``function`` soon, unless the loop has ended. Any thread may call
@@ -105,7 +110,8 @@ class LoopThread:
                 self._loop.stop()
 
         self.call(lambda: self._loop.create_task(end()))
-        self._thread.join(1.0)
+        if self.is_serving:
+            self._thread.join(1.0)
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)

@@ -208,7 +208,11 @@ def lines(state: ShownState, is_all: bool) -> List[str]:
     now, mission = state.now, state.mission
     doing = parts.card_line(now.card, state.alive.at + state.silent) or now.card.what
     head = [f"mission {os.path.basename(mission.file)}: {doing}", "robot: " + now.robot.text]
-    head += list(_why_outdated(state)) + list(_troubles(state))
+    if state.silent >= LATE:
+        head.append(f"no message for {state.silent:.0f} s: what is shown may be old")
+    elif state.alive.hangs:
+        head.append(f"the controller hangs: no sign of its tick thread for {state.alive.age} s")
+    head.extend(_troubles(state))
     return [*map(clean, head), *_tree(mission.nodes, state.statuses.letters, is_all)]
 
 
@@ -244,14 +248,6 @@ def _troubles(state: ShownState) -> Iterator[str]:
 
 def _is_wrong(row: parts.SentenceRow) -> bool:
     return row.severity != "info" and row.kind != "health"
-
-
-def _why_outdated(state: ShownState) -> Iterator[str]:
-    """Yield the reasons why the display may be outdated."""
-    if state.silent >= LATE:
-        yield f"no message for {state.silent:.0f} s: what is shown may be old"
-    elif state.alive.hangs:
-        yield f"the controller hangs: no sign of its tick thread for {state.alive.age} s"
 
 
 def _tree(nodes: List[parts.NodeRow], letters: str, is_all: bool) -> Iterator[str]:

@@ -129,7 +129,7 @@ class View:
         return [_result(*result) for result in reversed(self._results.get(uid, ()))]
 
 
-class Part(NamedTuple):
+class BoardPart(NamedTuple):
     """A part of the board: the fields of the model that it shows, and what makes it from a view;
     None: it is not known for each moment, and the board makes it."""
 
@@ -138,16 +138,17 @@ class Part(NamedTuple):
 
 
 PARTS = {
-    "mission": Part(("started", "nodes")),
-    "statuses": Part(("letters", "recoveries"), View._statuses),
-    "now": Part(("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot",
-                 "visits", "safe_state", "nodes", "failures"), lambda view: now_of(view.state)),
-    "story": Part(("visits",), View._story_part),
-    "visits": Part(("outcomes", "finished"), View._visits),
-    "timeline": Part(("steps", "visit_count"), View._timeline),
-    "blackboard": Part(("entries",), View._blackboard),
-    "health": Part(("robot",)),
-    "alive": Part(())}
+    "mission": BoardPart(("started", "nodes")),
+    "statuses": BoardPart(("letters", "recoveries"), View._statuses),
+    "now": BoardPart(
+        ("started", "finished", "held", "suspended", "due", "steps", "exchanges", "robot", "visits",
+         "safe_state", "nodes", "failures"), lambda view: now_of(view.state)),
+    "story": BoardPart(("visits",), View._story_part),
+    "visits": BoardPart(("outcomes", "finished"), View._visits),
+    "timeline": BoardPart(("steps", "visit_count"), View._timeline),
+    "blackboard": BoardPart(("entries",), View._blackboard),
+    "health": BoardPart(("robot",)),
+    "alive": BoardPart(())}
 """All parts, in the order in which they are sent."""
 
 MOMENT = {name: part.make for name, part in PARTS.items() if part.make is not None}

@@ -48,16 +48,14 @@ class Page:
         self.streams: Set[_Stream] = set()
         self.hosts = _Hosts(address)
         self.connections = Connections(MOST_CONNECTIONS)
-        self._thread: Optional[LoopThread] = None
         self.is_closing = False
         self._sockets = opened(address, [port], "no page in the browser", "monitorPort", warn)
-        if self._sockets:
-            self._thread = LoopThread("page", self._sockets, self._begin)
+        self._thread = LoopThread("page", self._sockets, self._begin)
 
     @property
     def is_served(self) -> bool:
         """Whether the port could be opened."""
-        return self._thread is not None
+        return self._thread.is_serving
 
     def show(self, tree: Tree) -> None:
         """Show ``tree`` from now on, also to browsers already connected."""
@@ -66,8 +64,7 @@ class Page:
     def close(self) -> None:
         """Send every browser the end of the mission, and stop serving."""
         self.board.close()
-        if self._thread is not None:
-            self._thread.close(self._part)
+        self._thread.close(self._part)
 
     async def _part(self) -> None:
         self.is_closing = True

@@ -112,14 +112,15 @@ class Hooks:
             self._post(self._nodes[uid].remove, hook, reason)
         return hook is not None
 
-    def unlock(self, position: int, uid: int, desired_status: str, remove: bool) -> bool:
+    def unlock(self, position: int, uid: int, desired_status: Desired,
+               remove_when_done: bool) -> bool:
         """Let a breakpoint go on with this result; return whether there is one."""
         self._take_gone_off()
         hook = self._listed.get((position, uid))
         if hook is None:
             return False
         hook = self._listed[position, uid] = replace(
-            hook, desired_status=desired_status, once=hook.once or remove)
+            hook, desired_status=desired_status, once=hook.once or remove_when_done)
         self._post(self._nodes[uid].release, hook, "lets the node go on")
         return True
 

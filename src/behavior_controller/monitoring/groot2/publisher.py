@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 import msgspec
 import zmq
 import zmq.asyncio
+from msgspec.structs import asdict
 
 from behavior_controller.bt.linter.structure import CONDITIONS
 from behavior_controller.bt.linter.palette import tree_nodes_model
@@ -89,18 +90,17 @@ class Groot2Publisher:
         self._shown: Optional[_Shown] = None
         self._last_request = 0.0
         self._is_closed = False
-        self._thread: Optional[LoopThread] = None
         # of the requests, and of the breakpoints reached
         self._sockets = opened(
             address, [port, port + 1], "Groot2 cannot connect", "groot2Port", warn)
-        if self._sockets:
-            self._thread = LoopThread("groot2", self._sockets, self._begin, self._end)
+        self._thread = LoopThread("groot2", self._sockets, self._begin, self._end)
 
     def show(self, tree: Tree) -> None:
         """Serve ``tree`` from now on. A client sees by the UUID that it is new."""
         before = self._shown
-        hooks = Hooks(tree, partial(self._call, self._publish),
-                      partial(self._call, self._lines.tell), self._held)
+        # a hook reports on the tick thread
+        hooks = Hooks(tree, partial(self._thread.call, self._publish),
+                      partial(self._thread.call, self._lines.tell), self._held)
         self._shown = _Shown(tree, self._specs, hooks)
         if before is not None:
             before.hooks.remove_all(": another mission follows")
@@ -108,13 +108,7 @@ class Groot2Publisher:
     def close(self) -> None:
         """Close the sockets and let every breakpoint go on."""
         self._is_closed = True
-        if self._thread is not None:
-            self._thread.close()
-
-    def _call(self, function: Callable[..., None], argument: Any) -> None:
-        """Have the publisher's thread call ``function``. Any thread may call this."""
-        if self._thread is not None:
-            self._thread.call(function, argument)
+        self._thread.close()
 
     # -------------------------------------------------------------------- on the publisher's thread
 
@@ -269,15 +263,12 @@ class _Shown:
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""
-        place = _read(frames, Place)
-        if not self.hooks.remove(place.position, place.uid):
+        if not self.hooks.remove(**asdict(_read(frames, Place))):
             raise Refused("Node ID not found")
 
     def unlock(self, frames: List[bytes]) -> None:
         """``U``: a breakpoint may go on."""
-        unlocking = _read(frames, Unlocking)
-        if not self.hooks.unlock(unlocking.position, unlocking.uid, unlocking.desired_status,
-                                 unlocking.remove_when_done):
+        if not self.hooks.unlock(**asdict(_read(frames, Unlocking))):
             raise Refused("Node ID not found")
 
     def dump_hooks(self, frames: List[bytes]) -> bytes:

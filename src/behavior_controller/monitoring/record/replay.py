@@ -4,6 +4,7 @@ import glob
 import itertools
 import os
 import sys
+from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, TypeVar, Union
 
 from behavior_controller import exit_codes, folders, leaves, ros_arguments
@@ -329,8 +330,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
 
 def _write(path: str, text: str) -> None:
     try:
-        with open(path, "w", encoding="utf-8", errors="replace") as file:
-            file.write(text)
+        Path(path).write_text(text, encoding="utf-8", errors="replace")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise MissionError.of(path, f"the report cannot be written: {reason}") from error
