@@ -255,7 +255,6 @@ class _Stream(_Quiet):
         versions = dict(board.versions)
         parts = {name: board.part(name) for name, version in versions.items()
                  if self._versions.get(name) != version}
+        before, self._parts = self._parts, {**self._parts, **parts}
         self._versions = versions
-        news = changes({name: part for name, part in self._parts.items() if name in parts}, parts)
-        self._parts.update(parts)
-        return news
+        return changes(before, self._parts)
