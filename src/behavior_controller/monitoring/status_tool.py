@@ -220,10 +220,9 @@ def fitted(text: List[str], width: int, height: int) -> List[str]:
     """Return the lines of a window: the heads wrapped, the rows of the tree cut, and of these the
     ones around the running leaf.
     """
-    is_row = [line.lstrip()[:1] in SIGNS.values() for line in text]
-    heads = [part for line, row in zip(text, is_row) if not row
+    rows = [line for line in text if line.lstrip().startswith(tuple(SIGNS.values()))]
+    heads = [part for line in text[:len(text) - len(rows)]
              for part in textwrap.wrap(line, width, break_on_hyphens=False)]
-    rows = [line for line, row in zip(text, is_row) if row]
     room = max(0, height - 1 - len(heads))
     here = max((at for at, row in enumerate(rows) if row.lstrip()[0] == SIGNS["R"]), default=0)
     first = max(0, min(here - room // 2, len(rows) - room))

@@ -34,14 +34,14 @@ ALLOWED = ("position 0 (before the node) or 1 (after it), mode 0 (breakpoint) or
            "desired_status " + ", ".join(get_args(Desired)))
 
 
-class Place(Struct, frozen=True):
+class HookPlace(Struct, frozen=True):
     """Where a hook is: at most one before each node, and one after it."""
 
     uid: int
     position: Position
 
 
-class Hook(Place, frozen=True):
+class Hook(HookPlace, frozen=True):
     """One hook of one node."""
 
     mode: Literal[0, 1]
@@ -50,7 +50,7 @@ class Hook(Place, frozen=True):
     desired_status: Desired
 
 
-class Unlocking(Place, frozen=True):
+class Unlocking(HookPlace, frozen=True):
     """What lets a breakpoint go on."""
 
     desired_status: Desired

@@ -30,7 +30,7 @@ from behavior_controller.bt.status import IDLE, NUMBERS
 from behavior_controller.execution.events import BreakpointChanged
 from behavior_controller.monitoring.groot2.tcp_proxy import Front
 from behavior_controller.monitoring.groot2.breakpoints import (
-    ALLOWED, Hook, Hooks, Place, Unlocking)
+    ALLOWED, Hook, Hooks, HookPlace, Unlocking)
 from behavior_controller.monitoring.server import LoopThread, opened
 
 PROTOCOL = 2
@@ -263,7 +263,7 @@ class _Shown:
 
     def remove_hook(self, frames: List[bytes]) -> None:
         """``R``: the hook of a node and position."""
-        if not self.hooks.remove(**asdict(_read(frames, Place))):
+        if not self.hooks.remove(**asdict(_read(frames, HookPlace))):
             raise Refused("Node ID not found")
 
     def unlock(self, frames: List[bytes]) -> None:
