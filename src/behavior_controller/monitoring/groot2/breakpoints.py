@@ -26,7 +26,6 @@ BEFORE, AFTER = 0, 1
 BREAKPOINT, REPLACE = 0, 1
 _RESULTS: Dict[str, Result] = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
 
-Position = Literal[0, 1]
 Desired = Literal["SUCCESS", "FAILURE", "SKIPPED", "IDLE", "RUNNING"]
 """What ``desired_status`` may be; the last three have no influence."""
 
@@ -38,7 +37,7 @@ class HookPlace(Struct, frozen=True):
     """Where a hook is: at most one before each node, and one after it."""
 
     uid: int
-    position: Position
+    position: Literal[0, 1]
 
 
 class Hook(HookPlace, frozen=True):
@@ -82,7 +81,7 @@ class Hooks:
     def all(self) -> List[Hook]:
         """Return every hook, those before their nodes first."""
         self._take_gone_off()
-        return [hook for _, hook in sorted(list(self._listed.items()))]
+        return [hook for _, hook in sorted(self._listed.items())]
 
     def _take_gone_off(self) -> None:
         """Forget what the tick thread has removed, unless another hook was set in its place
