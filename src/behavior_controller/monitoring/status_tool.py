@@ -134,8 +134,8 @@ def _states(address: str, port: int, is_watching: bool) -> Iterator[ShownState]:
     A separate thread reads: a server may hang or send slowly at any moment.
     """
     messages: "queue.Queue[Union[ShownState, NoMission]]" = queue.Queue(MOST_WAITING)
-    threading.Thread(target=_read, args=(address, port, is_watching, messages.put),
-                     name="messages", daemon=True).start()
+    threading.Thread(target=_read, args=(address, port, messages.put), name="messages",
+                     daemon=True).start()
     state = _next(messages, LIMIT)
     if state is None:
         raise NoMission(f"no complete answer within {LIMIT:g} s")
@@ -164,19 +164,22 @@ def _next(messages: "queue.Queue[Union[ShownState, NoMission]]",
     return state
 
 
-def _read(address: str, port: int, is_stream: bool,
-          put: Callable[[Union[ShownState, NoMission]], None]) -> None:
-    reason = "the connection was closed"
+def _read(address: str, port: int, put: Callable[[Union[ShownState, NoMission]], None]) -> None:
+    reason = "the answer is not a mission's"
     try:
         connection = http.client.HTTPConnection(address, port)
-        connection.request("GET", "/events" if is_stream else "/state")
+        connection.request("GET", "/events")
         answer = connection.getresponse()
         if answer.status != http.client.OK:
             raise ValueError(f"the answer is HTTP {answer.status} {answer.reason}")
         known: Any = {}
-        for message in _texts(answer, is_stream):
-            known = parts.patched(known, msgspec.json.decode(message))
-            put(msgspec.convert(known, ShownState))
+        for line in iter(lambda: answer.readline(MOST_BYTES + 1), b""):
+            if len(line) > MOST_BYTES:
+                raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
+            if line.startswith(b"data: "):
+                known = parts.patched(known, msgspec.json.decode(line[6:]))
+                put(msgspec.convert(known, ShownState))
+                reason = "the connection was closed"
     except msgspec.ValidationError as error:
         reason = f"the answer is not a mission's: {error}"
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -184,18 +187,6 @@ def _read(address: str, port: int, is_stream: bool,
     except (OSError, ValueError, http.client.HTTPException) as error:
         reason = str(getattr(error, "strerror", None) or error) or type(error).__name__
     put(NoMission(reason))
-
-
-def _texts(answer: http.client.HTTPResponse, is_stream: bool) -> Iterator[bytes]:
-    """Yield each message as JSON text."""
-    lines_of_stream = iter(lambda: answer.readline(MOST_BYTES + 1), b"")
-    for text in lines_of_stream if is_stream else [answer.read(MOST_BYTES + 1)]:
-        if len(text) > MOST_BYTES:
-            raise ValueError(f"the answer has more than {MOST_BYTES} bytes")
-        if not is_stream:
-            yield text
-        elif text.startswith(b"data: "):
-            yield text[6:]
 
 
 # ----------------------------------------------------------------------------------------- the text
