@@ -70,7 +70,7 @@ def test_a_hook_that_went_by_itself_while_it_was_unlocked_is_gone():
 
 
 @pytest.mark.parametrize("ask", [lambda hooks: hooks.remove(AFTER, 1),
-                                 lambda hooks: hooks.unlock(AFTER, 1, "SUCCESS", False), bool])
+                                 lambda hooks: hooks.unlock(AFTER, 1, "SUCCESS", False)])
 def test_a_hook_that_went_by_itself_is_not_there_any_more(ask):
     tree, hooks, _ = hooked("<Probe/>")
     hooks.insert([Hook(1, AFTER, REPLACE, True, True, "FAILURE")])
@@ -245,9 +245,9 @@ def test_what_hooks_do_tick_by_tick_and_what_the_operator_is_told(actions, resul
 
 def test_hooks_that_are_disabled_are_still_there():
     hooks = steps("<Probe/>", sets(), DISABLES)[2]
-    assert hooks.all() == [Hook(1, BEFORE, BREAKPOINT, False, False, "FAILURE")] and hooks
+    assert hooks.all() == [Hook(1, BEFORE, BREAKPOINT, False, False, "FAILURE")]
     hooks.remove_all()
-    assert hooks.all() == [] and not hooks
+    assert hooks.all() == []
 
 
 def test_a_node_without_hooks_is_left_alone_again():

@@ -74,10 +74,6 @@ class Hooks:
         # those that have removed themselves, on the tick thread
         self.gone: Deque[Hook] = collections.deque()
 
-    def __bool__(self) -> bool:
-        """Whether there is any."""
-        return bool(self.all())
-
     def all(self) -> List[Hook]:
         """Return every hook, those before their nodes first."""
         self._take_gone_off()

@@ -142,7 +142,7 @@ class Groot2Publisher:
             await asyncio.sleep(CHECK_INTERVAL)
             self._lines.flush()
             shown, silence = self._shown, time.monotonic() - self._last_request
-            if shown is not None and shown.hooks and silence >= HEARTBEAT:
+            if shown is not None and silence >= HEARTBEAT:
                 shown.hooks.remove_all(": its client is gone")
 
     def _publish(self, uid: int) -> None:
