@@ -145,7 +145,6 @@ class Visits(Struct, frozen=True):
     """The visits that ended, the newest last, and how many there were in words."""
 
     counted: str
-    outcomes: Dict[str, int]
     newest: List[VisitRow]
 
 

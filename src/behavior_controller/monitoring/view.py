@@ -105,7 +105,7 @@ class View:
 
     def _visits(self) -> parts.Visits:
         ended = [_visit(visit) for visit in self.state.visits if visit.ended is not None]
-        return parts.Visits(story.counted(self.state.outcomes), self.state.outcomes, ended)
+        return parts.Visits(story.counted(self.state.outcomes), ended)
 
     def _timeline(self) -> List[parts.StepRow]:
         """Return the steps of the visit that ended."""
