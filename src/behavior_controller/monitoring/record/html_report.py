@@ -303,21 +303,7 @@ def _data(run: Drawn, written: Dict[str, Written]) -> str:
 # --------------------------------------------------------------------------------------------- tree
 
 
-class ResultRow(NamedTuple):
-    """A node with its results; what never ran is grey."""
-
-    uid: int
-    path: str
-    name: str
-    kind: str
-    is_bare: bool
-    has_run: bool
-    results: List[Tuple[str, str, int]]
-    place: Optional[Written]
-    file: str
-
-
-def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[ResultRow, str]]:
+def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[SimpleNamespace, str]]:
     """Yield the nodes of the tree in order, and between them the tags that nest their lists."""
     registry = leaves.registry()
     levels = [0]  # of each node
@@ -332,7 +318,9 @@ def _rows(run: Drawn, written: Dict[str, Written]) -> Iterator[Union[ResultRow, 
     yield "</li>" + "</ul></li>" * (before - 1)
 
 
-def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) -> ResultRow:
+def _row(run: Drawn, uid: int, written: Dict[str, Written],
+         registry: Registry) -> SimpleNamespace:
+    """Return what the template shows of a node: its results, and its place in the file."""
     node, count, finished = run.nodes[uid - 1], run.counts[uid - 1], run.finished[uid - 1]
     name, kind = label(
         SimpleNamespace(uid=uid, full_path=node.path, registration_id=node.type, name=node.name))
@@ -342,11 +330,12 @@ def _row(run: Drawn, uid: int, written: Dict[str, Written], registry: Registry) 
                (NO, LEGEND[NO], count["F"] - failed))
     place = written.get(node.path)
     file = "" if place is None else run.started.sources.documents[place.document].file
-    return ResultRow(
-        uid, encodable(node.path), encodable(name), encodable(kind),
-        bool(node.parent) and is_bare(registry.find(node.type), node.name),
-        bool(count) or uid in run.run.running,
-        [result for result in results if result[2] > 0], place, encodable(os.path.basename(file)))
+    return SimpleNamespace(
+        uid=uid, path=encodable(node.path), name=encodable(name), kind=encodable(kind),
+        is_bare=bool(node.parent) and is_bare(registry.find(node.type), node.name),
+        has_run=bool(count) or uid in run.run.running, place=place,
+        file=encodable(os.path.basename(file)),
+        results=[result for result in results if result[2] > 0])
 
 
 # ------------------------------------------------------------------------------------ on a terminal
