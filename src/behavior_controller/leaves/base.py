@@ -3,13 +3,13 @@
 A service leaf fills a request and reads an answer; deadline, waiting and the mapping to a status
 are implemented here once.
 """
-import itertools
 import math
 import reprlib
 import sys
 from abc import abstractmethod
+from collections import deque
 from functools import partial
-from typing import (Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type,
+from typing import (Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type,
                     TypeVar, Union)
 
 import msgspec
@@ -30,7 +30,7 @@ from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.leaves import data
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.config.phrases import Phrases
-from behavior_controller.config.recovery_policy import Policy
+from behavior_controller.config.recovery_policy import MOST_RECOVERIES, Policy
 from behavior_controller.execution.safe_state import SafeState
 from behavior_controller.config.settings import Settings
 
@@ -50,7 +50,6 @@ class FailureLog:
 
     @tick_thread_only
     def __init__(self) -> None:
-        self._numbers = itertools.count(1)
         self._by_uid: Dict[int, Failed] = {}
         self.newest_number = 0
         # number of the last failure that a HandleFallBack gave up, with the robot in the safe state
@@ -81,7 +80,7 @@ class FailureLog:
     @tick_thread_only
     def add(self, leaf: "MissionLeaf", failure: Failure) -> None:
         """Record that ``leaf`` failed."""
-        self.newest_number = next(self._numbers)
+        self.newest_number += 1
         self._by_uid[leaf.uid] = Failed(self.newest_number, leaf, failure)
 
     @tick_thread_only
@@ -123,7 +122,8 @@ class MissionContext:
         self.offers = offers
         self.language = settings.language if knowledge is None else knowledge.language
         self.failures = FailureLog()
-        self.recoveries: List[float] = []  # when each recent recovery began, for the budget
+        # when the last ones began, as many as a budget can have
+        self._recoveries: Deque[float] = deque(maxlen=MOST_RECOVERIES)
         self.visit_began = -math.inf
         self.has_questions = False  # whether answers count only after a question
         self._shared: Dict[Any, Any] = {}
@@ -159,11 +159,17 @@ class MissionContext:
     def recovers_again_at(self) -> float:
         """Return when the budget allows a recovery, by the mission's clock."""
         most = self.policy.most
-        if not most:
-            return math.inf
-        if len(self.recoveries) < most:
+        if len(self._recoveries) < most:
             return -math.inf
-        return self.recoveries[-most] + self.policy.seconds
+        return self._recoveries[-most] + self.policy.seconds if most else math.inf
+
+    def afford_recovery(self) -> bool:
+        """Count a recovery that begins now; return whether the budget allows it."""
+        now = self.clock.now()
+        is_affordable = self.recovers_again_at() <= now
+        self._recoveries.append(now)
+        self.failures.is_budget_spent |= not is_affordable
+        return is_affordable
 
     def leaves_of(self, tree: Tree) -> List[Tuple[str, str]]:
         """Return path and type of each mission leaf, in document order."""
@@ -236,19 +242,17 @@ class MissionLeaf(Node):
             LeafFinished(self.uid, self.registration_id, self.full_path, NAMES[status], resource,
                          self.mission.clock.now() - self.started_at, failure, summary))
 
-    def begin_step(self, words: Words, limit: float, goes_on: bool = False) -> None:
-        """Emit in words for people what the robot does from now on, for ``limit`` seconds at most
-        (0: any); ``goes_on``: see ``StepStarted``."""
-        self._begin(words.doing, words.what, limit, False, goes_on)
+    def begin_step(self, words: Words, limit: float, is_wait: bool = False,
+                   goes_on: bool = False) -> None:
+        """Emit in words for people what the robot does from now on, or waits for, for ``limit``
+        seconds at most (0 or inf: any); ``goes_on``: see ``StepStarted``."""
+        self.mission.events.emit(StepStarted(
+            self.uid, self.registration_id, self.full_path, words.doing, words.what,
+            limit if limit < math.inf else 0.0, is_wait, goes_on))
 
     def begin_wait(self, words: str, limit: float) -> None:
         """As ``begin_step``, for what the robot waits for."""
-        self._begin(words, "", limit if limit < math.inf else 0.0, True)
-
-    def _begin(self, words: str, what: str, limit: float, is_wait: bool,
-               goes_on: bool = False) -> None:
-        self.mission.events.emit(StepStarted(
-            self.uid, self.registration_id, self.full_path, words, what, limit, is_wait, goes_on))
+        self.begin_step(Words(words), limit, is_wait=True)
 
 
 class InstantLeaf(MissionLeaf):
@@ -300,14 +304,16 @@ class Attempt:
             _check_request(leaf.asks, wanted)
         except PortError as error:
             wanted = leaf.missing(error)
-        self._failure = wanted if isinstance(wanted, Failure) else None
+        self._failure: Optional[Failure] = None
         self._call: Optional[Call] = None
-        self._words: Optional[Words] = None
-        if wanted is not None and not isinstance(wanted, Failure):
+        self._words = Words("")
+        self._rest: Optional[Timer] = None  # ends what the robot does after its answer
+        if isinstance(wanted, Failure):
+            self._failure = wanted
+        elif wanted is not None:
             self._words = leaf.words(wanted)
             leaf.begin_step(self._words, leaf.limit(wanted))
             self._call = leaf.mission.gateway.start(wanted)
-        self._rest: Optional[Timer] = None  # ends what the robot does after its answer
 
     def poll(self) -> Optional[Ended]:
         """Return how the attempt ended, or None while it is under way."""
@@ -320,7 +326,7 @@ class Attempt:
             return Ended(self._leaf.attempt_failed(result))
         if self._goes_on(self._call.request):
             return None
-        self._leaf.summary = self._leaf.done(self._words) if self._words is not None else None
+        self._leaf.summary = self._leaf.done(self._words)
         try:
             failure = _checked_end("accept", self._leaf.accept(result))
         except PortError as error:
@@ -333,7 +339,7 @@ class Attempt:
         """Return whether the robot still does what it has answered already."""
         if self._rest is None:
             seconds = self._leaf.lasts(request)
-            if not seconds or self._words is None:
+            if not seconds:
                 return False
             self._leaf.begin_step(self._words, seconds, goes_on=True)
             self._rest = self._leaf.mission.clock.call_after(seconds, self._leaf.wake)

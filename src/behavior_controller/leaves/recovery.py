@@ -48,11 +48,9 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             self._decided(self, failure, "give up", 0, GIVEN_UP, "")
             self.report(FAILURE)
             return FAILURE
-        is_affordable = self._is_affordable()
-        self.mission.failures.is_budget_spent |= not is_affordable
         can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
         recovery = Recovery(self.mission.policy, failed.leaf.spec, failed.failure, can_redo,
-                            is_affordable, lambda: self._leave_out(steps))
+                            self.mission.afford_recovery(), lambda: self._leave_out(steps))
         self._under_way = self._recover(failed, recovery)
         return self.on_running()
 
@@ -78,12 +76,6 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
                 return before
             node = node.parent
         return []
-
-    def _is_affordable(self) -> bool:
-        now, policy = self.mission.clock.now(), self.mission.policy
-        recent = [began for began in self.mission.recoveries if began > now - policy.seconds]
-        self.mission.recoveries = [*recent, now]
-        return len(recent) < policy.most
 
     def on_running(self) -> Result:
         """Go on with the recovery."""
