@@ -472,10 +472,10 @@ def test_places_with_the_same_coordinates_keep_their_names():
     go = "<Navigate/><PerformDeicticGesture/>"
     rig = one_leaf(
         "<Sequence><LookUpEntrance/><RetrieveListOfExhibits/>{0}<SelectExhibit/>{0}"
-        "<Navigate target='1;2;3'/><SelectExhibit/>{0}</Sequence>".format(go), answer)
+        "<Navigate target='1;2;4'/><SelectExhibit/>{0}</Sequence>".format(go), answer)
     assert rig.tick() is SUCCESS
     assert [event.what for event in rig.of(StepStarted) if event.what] == [
-        "to the entrance", "at the entrance", "to first", "at first", "to 1, 2, 3°", "to second",
+        "to the entrance", "at the entrance", "to first", "at first", "to 1, 2, 4°", "to second",
         "at second"]
 
 

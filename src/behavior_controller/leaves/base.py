@@ -25,7 +25,7 @@ from behavior_controller.execution.events import Events, LeafFinished, StepStart
 from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
 from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
-from behavior_controller.robot.requests import Answer, Request, Words
+from behavior_controller.robot.requests import Answer, Exhibit, Request, Words
 from behavior_controller.config.knowledge_files import Knowledge
 from behavior_controller.leaves import data
 from behavior_controller.config.node_facts import MissionSpec
@@ -127,10 +127,26 @@ class MissionContext:
         self.visit_began = -math.inf
         self.has_questions = False  # whether answers count only after a question
         self._shared: Dict[Any, Any] = {}
+        self._names: Dict[Any, str] = {}  # for people, by location and by gesture target
 
     def shared(self, kind: Callable[[], Shared]) -> Shared:
         """Return the one ``kind()`` of this mission, which its leaves share."""
         return self._shared.setdefault(kind, kind())
+
+    def name_place(self, place: Exhibit, name: str) -> None:
+        """Have the place called ``name``, under which it was chosen, where people read of it."""
+        for target in (place.location, place.gesture):
+            self._names[type(target), target] = name  # a location may equal a target
+
+    def named(self, words: Words) -> Words:
+        """Return ``words`` with the name of the place, if it has one, instead of its coordinates.
+        """
+        name = self._names.get((type(words.target), words.target))
+        if name is None:
+            return words
+        preposition = words.what.split()[0]
+        is_home = preposition == "to" and name == "its home"
+        return words._replace(what="home" if is_home else f"{preposition} {name}")
 
     def ignore_answers(self, reason: str) -> None:
         """Have spoken answers reported as ignored from now on, and why; empty: they count.
@@ -398,7 +414,8 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
 
     def words(self, request: Request) -> Words:
         """Return the words for ``request``: its own, or the name of the node."""
-        return request.words or Words(self.registration_id, self.registration_id + " is done")
+        words = request.words or Words(self.registration_id, self.registration_id + " is done")
+        return self.mission.named(words)
 
     def done(self, words: Words) -> Optional[LeafSummary]:
         """Return the sentence for a request that was carried out."""
