@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple, TypeVar
 
 from behavior_controller import folders
-from behavior_controller.errors import ConfigurationError, Fault
+from behavior_controller.errors import ConfigurationError, Fault, attempt
 from behavior_controller.robot.requests import Exhibit, Location, Point
 from behavior_controller.config.config_file import (
     Key, MOST_FAULTS, REQUIRED, Reader, boolean, configured, integer, number, one_of, parsed,
@@ -334,11 +334,8 @@ def load(mission: str = "") -> Knowledge:
     faults: List[Fault] = []
     sources: Dict[str, Optional[Source]] = dict.fromkeys(_CONFIGURATIONS)
     for kind, name in _CONFIGURATIONS.items():
-        try:
-            configuration = read_source(folders.config(name), "the configuration")
-            sources[kind] = _source(configuration, kind, mission)
-        except ConfigurationError as error:
-            faults.extend(error.faults)
+        sources[kind] = attempt(lambda: _source(
+            read_source(folders.config(name), "the configuration"), kind, mission), faults)
     return read(sources[_ENVIRONMENT], sources[_CULTURE], faults=faults)
 
 
