@@ -2,12 +2,12 @@
 record."""
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 from behavior_controller.ros_arguments import ASSIGNMENT, ROS_WORDS
 from behavior_controller.errors import Fault
 from behavior_controller.robot.declarations import Interface, Plain, Service
-from behavior_controller.robot.interfaces import DEFAULT, INTERFACES, by_deadline
+from behavior_controller.robot.interfaces import DEFAULT, INTERFACES
 from behavior_controller.config.config_file import (
     Collector, Key, REQUIRED, bind_address, boolean, collected, filled, folder, integer, key,
     keys_of, language_name, mission_name, number, one_of, port, read_source, seconds, values_of)
@@ -118,14 +118,18 @@ class Settings:
         return dict(values_of(self), **self.deadlines)
 
 
-def _deadline(services: Sequence[Service]) -> Key:
-    """Return the key of the deadline that services share."""
-    names = " or ".join(dict.fromkeys(f"`{service.name}`" for service in services))
-    return Key(services[0].deadline_key, seconds(0.001), services[0].deadline,
-               f"seconds that {names} may take")
+def _deadlines() -> Iterator[Key]:
+    """Yield the keys of the deadlines; the services of a node share one."""
+    by_key: Dict[str, List[Service]] = {}
+    for robot in INTERFACES.values():
+        for service in robot.services:
+            by_key.setdefault(service.deadline_key, []).append(service)
+    for name, services in by_key.items():
+        names = " or ".join(dict.fromkeys(f"`{service.name}`" for service in services))
+        yield Key(name, seconds(0.001), services[0].deadline, f"seconds that {names} may take")
 
 
-_DEADLINES = tuple(map(_deadline, by_deadline()))
+_DEADLINES = tuple(_deadlines())
 KEYS: Tuple[Key, ...] = tuple(keys_of(Settings).values()) + _DEADLINES
 
 

@@ -9,8 +9,8 @@ import sys
 from abc import abstractmethod
 from collections import deque
 from functools import partial
-from typing import (Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type,
-                    TypeVar, Union)
+from typing import (Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence,
+                    Tuple, Type, TypeVar, Union)
 
 import msgspec
 
@@ -316,7 +316,7 @@ class Attempt:
     def __init__(self, leaf: "ServiceLeaf"):
         self._leaf = leaf
         try:
-            wanted = leaf.request()
+            wanted = None if leaf.does_without and not leaf.resource else leaf.request()
             _check_request(leaf.asks, wanted)
         except PortError as error:
             wanted = leaf.missing(error)
@@ -397,12 +397,14 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
     keeps, and then for as long as ``lasts`` says."""
 
     asks: type  # the kind of request
+    does_without = False  # it succeeds without a request on a robot that lacks the service
     attempt: Optional[Attempt] = None
 
     @property
     def resource(self) -> str:
-        """The service's canonical name, or the files."""
-        return self.mission.interface.resource(self.asks)
+        """The service's canonical name, or the files; empty if it does without."""
+        is_lacking = self.does_without and not self.mission.interface.serves(self.asks)
+        return "" if is_lacking else self.mission.interface.resource(self.asks)
 
     @abstractmethod
     def request(self) -> Union[Request, Failure, None]:
@@ -464,23 +466,6 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         self.report(IDLE)
 
 
-class OptionalServiceLeaf(ServiceLeaf):
-    """A leaf that succeeds without a request on a robot whose interface lacks the service."""
-
-    @property
-    def resource(self) -> str:
-        """The service's canonical name; empty if there is none."""
-        return super().resource if self.mission.interface.serves(self.asks) else ""
-
-    def request(self) -> Union[Request, Failure, None]:
-        """Return the request, if the robot has a service for it."""
-        return self.wanted() if self.mission.interface.serves(self.asks) else None
-
-    @abstractmethod
-    def wanted(self) -> Union[Request, Failure, None]:
-        """As ``request`` of a ServiceLeaf."""
-
-
 def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),
               arguments: Optional[Dict[str, Any]] = None,
               choices: Optional[Mapping[str, Dict[str, Any]]] = None, **facts: Any) -> MissionSpec:
@@ -508,7 +493,7 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
                        names=tuple(choices or ()), is_instant=issubclass(leaf, InstantLeaf),
                        may_fail_at_once=issubclass(leaf, ServiceLeaf),
                        calls=(leaf.asks,) if issubclass(leaf, ServiceLeaf) else (),
-                       does_without=issubclass(leaf, OptionalServiceLeaf),
+                       does_without=issubclass(leaf, ServiceLeaf) and leaf.does_without,
                        listens=(sign,) if sign is not None else (), **facts)
 
 

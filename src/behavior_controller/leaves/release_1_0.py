@@ -13,7 +13,7 @@ from behavior_controller.robot.requests import (
 from behavior_controller.config.knowledge_files import UTILITY_PHRASES
 from behavior_controller.leaves.attention import MODES, AnimateBehavior, OvertAttentionMode
 from behavior_controller.leaves.base import (
-    NOT_ASKED, InstantCondition, MissionLeaf, OptionalServiceLeaf, leaf_spec)
+    NOT_ASKED, InstantCondition, MissionLeaf, ServiceLeaf, leaf_spec)
 from behavior_controller.leaves.conditions import Patience, TopicCondition
 from behavior_controller.leaves.data import EXHIBITS, GESTURE_TARGET, VISITOR_RESPONSE
 from behavior_controller.leaves.dialogue import utterance_summary
@@ -27,43 +27,46 @@ ANSWER_WAIT = 10.0
 """Seconds that GetVisitorResponse listens."""
 
 
-class StartOfTreeInLanguage(OptionalServiceLeaf):
+class StartOfTreeInLanguage(ServiceLeaf):
     """``<StartOfTree/>``: announces a pass, and sets the language of speech recognition."""
 
     asks = SetRecognitionLanguage
+    does_without = True
 
     def on_start(self) -> Result:
         """Begin the pass, only once even if the language is retried."""
         begin_pass(self)
         return super().on_start()
 
-    def wanted(self) -> Optional[Request]:
+    def request(self) -> Optional[Request]:
         """Set the language, if speech is recognised."""
         is_used = self.mission.settings.asr_enabled
         return SetRecognitionLanguage(self.mission.language) if is_used else None
 
 
-class SetSpeechEvent(OptionalServiceLeaf):
+class SetSpeechEvent(ServiceLeaf):
     """``<SetSpeechEvent name="true"/>``: switches speech recognition on or off
     (/speechEvent/set_enabled)."""
 
     asks = SetRecognition
+    does_without = True
 
     def __init__(self, name: str, is_enabled: bool):
         super().__init__(name)
         self.is_enabled = is_enabled
 
-    def wanted(self) -> Request:
+    def request(self) -> Request:
         return SetRecognition(self.is_enabled)
 
 
-class SetRobotPose(OptionalServiceLeaf):
+class SetRobotPose(ServiceLeaf):
     """``<SetRobotPose/>``: sets the robot's pose to the start of the tour."""
 
     asks = SetPose
+    does_without = True
     PORTS = (EXHIBITS.read(is_optional=True),)
 
-    def wanted(self) -> Union[Request, Failure]:
+    def request(self) -> Union[Request, Failure]:
         """Send the first location of the tour."""
         exhibits = self.get_input_or("exhibits", ())
         if not exhibits:
