@@ -171,22 +171,20 @@ def unread(words: Iterable[str], keys: Optional[Sequence[str]] = None) -> List[F
     A name with a slash is a remapping, and a ``_key`` belongs to the configuration. The node's ROS
     names have slashes. ``keys`` are those of the node; None: the controller's.
     """
-    keys = [key.name for key in KEYS] if keys is None else keys
+    known = ["_" + name for name in ([key.name for key in KEYS] if keys is None else keys)]
     faults = []
     for word in words:
         name, is_assignment, value = word.partition(ASSIGNMENT)
         if not is_assignment or "/" in name or name in ROS_WORDS:
             continue
-        is_special = name.startswith("__")
-        hint = did_you_mean("_" + name, ["_" + key for key in keys])
-        if is_special:
-            hint = did_you_mean(name, ROS_WORDS)
-        if hint or is_special:
-            faults.append(Fault("argument " + word, 0, 0, f"the node does not read {name}",
-                                hint or f"allowed: {', '.join(ROS_WORDS)}"))
-        elif ASSIGNMENT in value:
+        text, hint = f"the node does not read {name}", did_you_mean("_" + name, known)
+        if name.startswith("__"):
+            hint = did_you_mean(name, ROS_WORDS) or f"allowed: {', '.join(ROS_WORDS)}"
+        elif not hint and ASSIGNMENT in value:
             text = "this is not of the form name:=other_name"
-            faults.append(Fault("argument " + word, 0, 0, text))
+        elif not hint:
+            continue
+        faults.append(Fault("argument " + word, 0, 0, text, hint))
     return faults
 
 
