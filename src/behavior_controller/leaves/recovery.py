@@ -32,7 +32,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
     """
 
     PORTS = LEAVING_OUT
-    _under_way: "Optional[Waiting[Result]]" = None
+    _under_way: Optional[Waiting[Result]] = None
     _patience: Optional[Timer] = None  # ends the wait for a service that is gone
     _last_number = 0
 
@@ -93,7 +93,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         self._stop_waiting()
         self.report(IDLE)
 
-    def _recover(self, failed: Failed, recovery: Recovery) -> "Waiting[Result]":
+    def _recover(self, failed: Failed, recovery: Recovery) -> Waiting[Result]:
         """Carry out the decisions of ``recovery``."""
         doing: Any = failed.leaf  # or its substitute
         step = recovery.next_step()
@@ -134,7 +134,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             Recovered(leaf.registration_id, leaf.full_path, failure, policy, attempts,
                       outcome != GIVEN_UP, outcome, reason, self.uid))
 
-    def _wait(self, recovery: Recovery, pause: float) -> "Waiting[None]":
+    def _wait(self, recovery: Recovery, pause: float) -> Waiting[None]:
         """Wait for the pause before a retry, and then for the return of a service that the tour
         needs."""
         clock, health, resource = self.mission.clock, self.mission.health, recovery.failure.resource
@@ -166,7 +166,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         leaf.mission = self.mission
         return leaf
 
-    def _make_safe(self, failed: Failed) -> "Waiting[None]":
+    def _make_safe(self, failed: Failed) -> Waiting[None]:
         """Ask for the safe state, unless an inner HandleFallBack has left the robot in it."""
         if failed.number == self.mission.failures.given_up:
             return
@@ -181,7 +181,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         self.mission.events.emit(safe_state.report())
 
 
-def _tried(leaf: ServiceLeaf) -> "Waiting[Optional[Failure]]":
+def _tried(leaf: ServiceLeaf) -> Waiting[Optional[Failure]]:
     """Do a step, or its substitute, once; return its failure."""
     attempt = leaf.try_once()
     try:
