@@ -9,20 +9,19 @@ import sys
 from abc import abstractmethod
 from collections import deque
 from functools import partial
-from typing import (Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence,
-                    Tuple, Type, TypeVar, Union)
+from typing import (Any, Callable, Deque, Dict, Generator, List, Mapping, NamedTuple, Optional,
+                    Sequence, Tuple, Type, TypeVar, Union)
 
 import msgspec
 
 from behavior_controller.bt import (
     ActionLeaf, Blackboard, Clock, ConditionLeaf, ConfigureError, Kind, NoValue, Node, Port,
     PortError, Result, SyncActionLeaf, Tree, FAILURE, IDLE, RUNNING, SUCCESS)
-from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.thread_check import tick_thread_only
 from behavior_controller.bt.registry import argument
 from behavior_controller.bt.status import NAMES
 from behavior_controller.execution.events import Events, LeafFinished, StepStarted, LeafSummary
-from behavior_controller.robot.gateway import Call, Cause, Failure, Gateway, Topics
+from behavior_controller.robot.gateway import Cause, Failure, Gateway, Topics
 from behavior_controller.execution.health import Health
 from behavior_controller.robot.declarations import Evidence, Sense, Service, Topic
 from behavior_controller.robot.requests import Answer, Exhibit, Request, Words
@@ -35,6 +34,9 @@ from behavior_controller.execution.safe_state import SafeState
 from behavior_controller.config.settings import Settings
 
 Shared = TypeVar("Shared")
+Value = TypeVar("Value")
+Waiting = Generator[None, None, Value]
+"""Work of several ticks: it yields while it waits, and is dropped when it is closed."""
 
 
 class Failed(NamedTuple):
@@ -303,70 +305,44 @@ class InstantCondition(InstantLeaf, ConditionLeaf):
         return None if self.holds() else Failure(Cause.CONDITION_FALSE, self.otherwise)
 
 
-class Ended(NamedTuple):
-    """The end of an attempt; ``failure`` None: it was done."""
+class WorkingLeaf(MissionLeaf, ActionLeaf):
+    """An action of several ticks, as one function."""
 
-    failure: Optional[Failure]
+    _under_way: Optional[Waiting[Result]] = None
 
+    @abstractmethod
+    def work(self) -> Waiting[Result]:
+        """Do the work, yield where it waits for another tick, and return the reported result."""
 
-class Attempt:
-    """One request of a service leaf, from its sending to its end. The leaf makes one, and each
-    retry another."""
+    def on_start(self) -> Result:
+        """Begin the work."""
+        self.started_at = self.mission.clock.now()
+        self._under_way = self.work()
+        return self.on_running()
 
-    def __init__(self, leaf: "ServiceLeaf"):
-        self._leaf = leaf
+    def on_running(self) -> Result:
+        """Go on with the work."""
+        assert self._under_way is not None
         try:
-            wanted = None if leaf.does_without and not leaf.resource else leaf.request()
-            _check_request(leaf.asks, wanted)
-        except PortError as error:
-            wanted = leaf.missing(error)
-        self._failure: Optional[Failure] = None
-        self._call: Optional[Call] = None
-        self._words = Words("")
-        self._rest: Optional[Timer] = None  # ends what the robot does after its answer
-        if isinstance(wanted, Failure):
-            self._failure = wanted
-        elif wanted is not None:
-            self._words = leaf.words(wanted)
-            leaf.begin_step(self._words, leaf.limit(wanted))
-            self._call = leaf.mission.gateway.start(wanted)
+            next(self._under_way)
+        except StopIteration as over:
+            return over.value
+        return RUNNING
 
-    def poll(self) -> Optional[Ended]:
-        """Return how the attempt ended, or None while it is under way."""
-        if self._call is None:
-            return Ended(self._failure)
-        result = self._call.result
-        if result is None:
-            return None
-        if isinstance(result, Failure):
-            return Ended(self._leaf.attempt_failed(result))
-        if self._goes_on(self._call.request):
-            return None
-        self._leaf.summary = self._leaf.done(self._words)
+    def on_halted(self) -> None:
+        """Drop the work."""
+        if self._under_way is not None:
+            self._under_way.close()
+        self.report(IDLE)
+
+    def pause(self, seconds: float) -> Waiting[None]:
+        """Wait that long."""
+        timer = self.mission.clock.call_after(seconds, self.wake)
         try:
-            failure = _checked_end("accept", self._leaf.accept(result))
-        except PortError as error:
-            failure = self._leaf.missing(error)
-        if failure is not None:
-            self._leaf.summary = None
-        return Ended(failure)
-
-    def _goes_on(self, request: Request) -> bool:
-        """Return whether the robot still does what it has answered already."""
-        if self._rest is None:
-            seconds = self._leaf.lasts(request)
-            if not seconds:
-                return False
-            self._leaf.begin_step(self._words, seconds, goes_on=True)
-            self._rest = self._leaf.mission.clock.call_after(seconds, self._leaf.wake)
-        return self._rest.callback is not None
-
-    def drop(self) -> None:
-        """Drop the attempt; its answer is not used."""
-        if self._call is not None:
-            self._call.drop()
-        if self._rest is not None:
-            self._rest.cancel()
+            while timer.callback is not None:
+                yield
+        finally:
+            timer.cancel()
 
 
 def _checked_end(method: str, failure: Optional[Failure]) -> Optional[Failure]:
@@ -392,13 +368,12 @@ def _check_request(asks: type, wanted: object) -> None:
             f"the {asks.__name__} of its request() has a wrong field: {error}") from None
 
 
-class ServiceLeaf(MissionLeaf, ActionLeaf):
+class ServiceLeaf(WorkingLeaf):
     """An action that calls a service: RUNNING until the answer or the deadline, which the gateway
     keeps, and then for as long as ``lasts`` says."""
 
     asks: type  # the kind of request
     does_without = False  # it succeeds without a request on a robot that lacks the service
-    attempt: Optional[Attempt] = None
 
     @property
     def resource(self) -> str:
@@ -440,30 +415,47 @@ class ServiceLeaf(MissionLeaf, ActionLeaf):
         """Return the failure of a request that was made, the leaf's own or a retry."""
         return failure
 
-    def try_once(self) -> Attempt:
-        """Begin an attempt; a recovery calls this to retry the step."""
-        return Attempt(self)
+    def work(self) -> Waiting[Result]:
+        """Make the request, and report how that ended."""
+        return self.ended((yield from self.try_once()))
 
-    def on_start(self) -> Result:
-        """Begin the first attempt."""
-        self.started_at = self.mission.clock.now()
-        self.attempt = self.try_once()
-        return self.on_running()
+    def try_once(self) -> Waiting[Optional[Failure]]:
+        """Make the request once, and return its failure. A recovery calls this to retry the step.
+        """
+        try:
+            wanted = None if self.does_without and not self.resource else self.request()
+            _check_request(self.asks, wanted)
+        except PortError as error:
+            wanted = self.missing(error)
+        if wanted is None or isinstance(wanted, Failure):
+            return wanted
+        words = self.words(wanted)
+        self.begin_step(words, self.limit(wanted))
+        call = self.mission.gateway.start(wanted)
+        try:
+            while call.result is None:
+                yield
+            answer = call.result
+            if isinstance(answer, Failure):
+                return self.attempt_failed(answer)
+            seconds = self.lasts(wanted)
+            if seconds:
+                self.begin_step(words, seconds, goes_on=True)
+                yield from self.pause(seconds)
+        except BaseException:  # the leaf is halted, or its code has failed
+            call.drop()
+            raise
+        self.summary = self.done(words)
+        return self._accepted(answer)
 
-    def on_running(self) -> Result:
-        """Check whether the attempt has ended."""
-        ended = self.attempt.poll() if self.attempt is not None else None
-        if ended is None:
-            return RUNNING
-        self.attempt = None
-        return self.ended(ended.failure)
-
-    def on_halted(self) -> None:
-        """Drop the attempt."""
-        if self.attempt is not None:
-            self.attempt.drop()
-            self.attempt = None
-        self.report(IDLE)
+    def _accepted(self, answer: Answer) -> Optional[Failure]:
+        try:
+            failure = _checked_end("accept", self.accept(answer))
+        except PortError as error:
+            failure = self.missing(error)
+        if failure is not None:
+            self.summary = None
+        return failure
 
 
 def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tuple[Port, ...] = (),

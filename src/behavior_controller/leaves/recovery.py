@@ -1,27 +1,24 @@
 """HandleFallBack: finds the failure that led to it and does what the recovery policy says (D5.4.3
 §3.2.4)."""
-from typing import Any, Generator, List, Optional, TypeVar
+from typing import Any, List, Optional
 
 from behavior_controller.bt.engine.clock import Timer
-from behavior_controller.bt import ActionLeaf, PortError, Result, FAILURE, IDLE, RUNNING
+from behavior_controller.bt import PortError, Result, FAILURE
 from behavior_controller.bt.engine.ports import defaults
 from behavior_controller.execution.events import Noticed, Recovered, Recovering, Retried
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.leaves.base import Failed, MissionLeaf, ServiceLeaf, leaf_spec
+from behavior_controller.leaves.base import (
+    Failed, MissionLeaf, ServiceLeaf, Waiting, WorkingLeaf, leaf_spec)
 from behavior_controller.leaves.knowledge import LEAVING_OUT
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.execution.recovery import End, GIVEN_UP, Recovery, Retry
-
-Value = TypeVar("Value")
-Waiting = Generator[None, None, Value]
-"""Work that takes several ticks: it yields while it waits, and is dropped when it is closed."""
 
 RETURN_LIMIT = 15.0
 """Seconds that all retries of a step together wait for the return of a service that is known to be
 gone, if the mission needs the step."""
 
 
-class HandleFallBack(MissionLeaf, ActionLeaf):
+class HandleFallBack(WorkingLeaf):
     """``<HandleFallBack/>``: retries the failed step, runs a substitute, goes on without it, or
     gives up.
 
@@ -32,13 +29,11 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
     """
 
     PORTS = LEAVING_OUT
-    _under_way: Optional[Waiting[Result]] = None
     _patience: Optional[Timer] = None  # ends the wait for a service that is gone
     _last_number = 0
 
-    def on_start(self) -> Result:
-        """Find the failure and start to recover from it."""
-        self.started_at = self.mission.clock.now()
+    def work(self) -> Waiting[Result]:
+        """Find the failure, and recover from it."""
         steps = self._steps()
         failed = self.mission.failures.newest(steps[0].uid if steps else self.uid, self.uid,
                                               self._last_number)
@@ -51,8 +46,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
         can_redo = failed.leaf.parent is self.parent and isinstance(failed.leaf, ServiceLeaf)
         recovery = Recovery(self.mission.policy, failed.leaf.spec, failed.failure, can_redo,
                             self.mission.afford_recovery(), lambda: self._leave_out(steps))
-        self._under_way = self._recover(failed, recovery)
-        return self.on_running()
+        return (yield from self._recover(failed, recovery))
 
     def _leave_out(self, steps: List[Any]) -> bool:
         """Note that the mission goes on without ``steps``; return whether it may."""
@@ -77,21 +71,10 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             node = node.parent
         return []
 
-    def on_running(self) -> Result:
-        """Go on with the recovery."""
-        assert self._under_way is not None
-        try:
-            next(self._under_way)
-        except StopIteration as over:
-            return over.value
-        return RUNNING
-
     def on_halted(self) -> None:
         """Drop the recovery."""
-        if self._under_way is not None:
-            self._under_way.close()
         self._stop_waiting()
-        self.report(IDLE)
+        super().on_halted()
 
     def _recover(self, failed: Failed, recovery: Recovery) -> Waiting[Result]:
         """Carry out the decisions of ``recovery``."""
@@ -104,7 +87,7 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             else:
                 self._tell(failed.leaf, recovery, 0, step.spec.id)
                 doing = self._substitute(step.spec)
-            failure = yield from _tried(doing)
+            failure = yield from doing.try_once()
             step = recovery.attempted(failure)
             if failure is not None:
                 self.mission.events.emit(Retried(doing.registration_id, doing.full_path,
@@ -137,17 +120,12 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
     def _wait(self, recovery: Recovery, pause: float) -> Waiting[None]:
         """Wait for the pause before a retry, and then for the return of a service that the tour
         needs."""
-        clock, health, resource = self.mission.clock, self.mission.health, recovery.failure.resource
-        timer = clock.call_after(pause, self.wake)
-        try:
-            while timer.callback is not None:
-                yield
-        finally:
-            timer.cancel()
+        yield from self.pause(pause)
+        health, resource = self.mission.health, recovery.failure.resource
         while recovery.is_indispensable and health.is_gone(resource):
             if self._patience is None:
                 self.begin_wait(f"waiting for {health.gone_name(resource)} to return", RETURN_LIMIT)
-                self._patience = clock.call_after(RETURN_LIMIT, self.wake)
+                self._patience = self.mission.clock.call_after(RETURN_LIMIT, self.wake)
             if self._patience.callback is None:
                 return
             yield
@@ -179,20 +157,6 @@ class HandleFallBack(MissionLeaf, ActionLeaf):
             safe_state.drop()
             raise
         self.mission.events.emit(safe_state.report())
-
-
-def _tried(leaf: ServiceLeaf) -> Waiting[Optional[Failure]]:
-    """Do a step, or its substitute, once; return its failure."""
-    attempt = leaf.try_once()
-    try:
-        while True:
-            ended = attempt.poll()
-            if ended is not None:
-                return ended.failure
-            yield
-    except BaseException:
-        attempt.drop()
-        raise
 
 
 SPECS = (
