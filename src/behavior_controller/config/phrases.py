@@ -115,7 +115,7 @@ class Phrases:
     def spoken_answer(self, utterance: str) -> Optional[str]:
         """Return ``yes`` or ``no`` for what a visitor said, or None. A no outweighs a yes;
         ``Error…`` is not an answer."""
-        if _begins_with_error(utterance):
+        if begins_with_error(utterance):
             return None
         meanings = self._meanings_in(_sentence(utterance))
         return next((answer for answer in (NO, YES) if answer in meanings), None)
@@ -147,10 +147,11 @@ class Phrases:
 
 def is_error(utterance: str) -> bool:
     """Return whether this is an error of the speech recognition, and not a visitor's words."""
-    return "Error" in utterance or _begins_with_error(utterance)
+    return "Error" in utterance or begins_with_error(utterance)
 
 
-def _begins_with_error(utterance: str) -> bool:
+def begins_with_error(utterance: str) -> bool:
+    """Return whether the utterance is in the form of an error of D5.4.3's speech recognition."""
     return utterance.lstrip().lower().startswith("error")
 
 

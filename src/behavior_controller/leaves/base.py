@@ -356,8 +356,6 @@ def _checked_end(method: str, failure: Optional[Failure]) -> Optional[Failure]:
 def _check_request(asks: type, wanted: object) -> None:
     """Raise TypeError if a leaf's request is not of the kind that it asks for, or has a field of a
     wrong type."""
-    if wanted is None or isinstance(wanted, Failure):
-        return
     if not isinstance(wanted, asks):
         raise TypeError(f"its request() returned {reprlib.repr(wanted)}, which is no "
                         f"{asks.__name__}")
@@ -424,11 +422,11 @@ class ServiceLeaf(WorkingLeaf):
         """
         try:
             wanted = None if self.does_without and not self.resource else self.request()
-            _check_request(self.asks, wanted)
         except PortError as error:
-            wanted = self.missing(error)
+            return self.missing(error)
         if wanted is None or isinstance(wanted, Failure):
             return wanted
+        _check_request(self.asks, wanted)
         words = self.words(wanted)
         self.begin_step(words, self.limit(wanted))
         call = self.mission.gateway.start(wanted)
