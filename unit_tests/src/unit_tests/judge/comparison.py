@@ -6,7 +6,7 @@ from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Union
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.tree import Tree
 from behavior_controller.execution.events import (
-    EntriesWritten, LeafFinished, Recovered, Recovering, Retried)
+    EntriesWritten, LeafFinished, Recovered, Recovering, Retried, StepStarted, StopChanged)
 from behavior_controller.monitoring.record.recorder import Entries, entry_text
 
 from unit_tests.judge import reference
@@ -72,9 +72,18 @@ def _value(ended: LeafFinished) -> str:
     return ended.status if ended.failure is None else ended.failure.cause.value
 
 
-def decision(event: Union[Recovering, Retried, Recovered]) -> Decision:
-    """Return what the record says of a recovery."""
-    if isinstance(event, Retried):
+def decision(event: Union[StepStarted, StopChanged, Recovering, Retried, Recovered]) -> Decision:
+    """Return what the record says of a step, a stop or a recovery."""
+    cause, handler = "", 0
+    if isinstance(event, (Recovering, Retried, Recovered)):
+        cause = event.failure.cause.value
+    if isinstance(event, (Recovering, Recovered)):
+        handler = event.uid
+    if isinstance(event, StepStarted):
+        step = reference.BEGINS
+    elif isinstance(event, StopChanged):
+        step = reference.STOP.format(event.number, event.of, event.name, event.state)
+    elif isinstance(event, Retried):
         step = reference.FAILED_AGAIN.format(event.attempt)
     elif isinstance(event, Recovered):
         gives_up = event.policy.partition(": ")[0].endswith("give up")
@@ -84,8 +93,7 @@ def decision(event: Union[Recovering, Retried, Recovered]) -> Decision:
         step = reference.RETRY.format(event.attempt, event.of)
     else:
         step = reference.INSTEAD.format(event.substitute)
-    return Decision(event.node, event.path, event.failure.cause.value, step,
-                    getattr(event, "uid", 0))
+    return Decision(event.node, event.path, cause, step, handler)
 
 
 class WrittenEntries:

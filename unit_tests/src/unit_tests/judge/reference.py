@@ -2,19 +2,23 @@
 stores, when it holds.
 
 It is written from the documents, beside the controller's own leaves, and uses nothing of them.
-``ROWS`` is the table. A row's rule takes the node, which reads and writes its entries; the classes
-below are the few ways in which a node of the engine obeys its rule. Answers, messages and what is
-known of the robot come from a ``Course``.
+``ROWS`` is the table. The steps of a row are a generator: it takes the node, pauses while the node
+goes on, and returns why the node fails, or None. Requests, messages and what is known of the robot
+come from a ``Course``.
 """
 import math
 import re
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import (
+    Any, Callable, Dict, Generator, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple,
+    Union)
 
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.engine.clock import Timer
 from behavior_controller.bt.engine.controls import ReactiveFallback, ReactiveSequence, WhileDoElse
-from behavior_controller.bt.engine.leaf import ActionLeaf, ConditionLeaf
+from behavior_controller.bt.engine.leaf import ActionLeaf
 from behavior_controller.bt.engine.node import Node, Result
 from behavior_controller.bt.engine.ports import NoValue, PortError, defaults
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, argument
@@ -26,10 +30,9 @@ from behavior_controller.config.settings import Settings
 from behavior_controller.execution.events import BEGUN, OMITTED, OVER
 from behavior_controller.robot.declarations import Sense, Topic
 from behavior_controller.robot.gateway import Cause, Failure, Sample
-from behavior_controller.robot.requests import (Answer, Exhibit, GoTo, Location, PerformGesture,
-                                                Point, Prompt, QueryKnowledge, Request, Say,
-                                                SetAnimation, SetAttention, SetPose, SetRecognition,
-                                                SetRecognitionLanguage)
+from behavior_controller.robot.requests import (
+    Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
+    SetAnimation, SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
 
 NOWHERE = Point(0.0, 0.0, 0.0)
 """A gesture target that means that there is nothing to point at."""
@@ -46,6 +49,21 @@ RETURN_WAIT = 15.0
 
 DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given up"
 """How a recovery ends."""
+
+SAFE_STATE = (SetAttention("disabled"), SetAnimation("disabled"))
+"""The requests that leave the robot safe."""
+
+HANDLERS = {"", "HandleFallBack", "HandleFallback"}
+"""What asks for the safe state: the nodes that recover, and at the end no node."""
+
+INDISPENSABLE = {
+    "Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome",
+    "RetrieveInitialLocation"
+}
+"""Nodes that no policy may skip."""
+
+OF_A_VISIT = {"Navigate", "SelectExhibit"}
+"""Nodes without which an exhibit is left out."""
 
 
 # ----------------------------------------------------------------------------------------- entries
@@ -68,26 +86,16 @@ TYPES: Dict[str, str] = {
 _DIRECTIONS = {"<": Direction.IN, ">": Direction.OUT, "=": Direction.INOUT}
 
 
-def _ports(text: str) -> Tuple[Port, ...]:
-    """Return the ports of a row: ``<`` reads, ``>`` writes, ``=`` does both; ``<port:entry`` if its
+def _ports(text: str) -> Iterator[Port]:
+    """Yield the ports of a row: ``<`` reads, ``>`` writes, ``=`` does both; ``<port:entry`` if its
     name is another."""
-    ports = []
     for word in text.split():
         name, _, entry = word[1:].partition(":")
         entry = entry or name
-        default = "{{@{}}}".format(entry)
-        ports.append(Port(name, TYPES[entry], _DIRECTIONS[word[0]], default, is_optional=True))
-    return tuple(ports)
+        yield Port(name, TYPES[entry], _DIRECTIONS[word[0]], "{@" + entry + "}", is_optional=True)
 
 
 # ------------------------------------------------------------------------------ what a node goes by
-
-
-class Reply:
-    """A request under way; ``result`` None: there is no answer yet."""
-
-    result: Union[Answer, Failure, None] = None
-    call = 0  # its number
 
 
 class Failed(NamedTuple):
@@ -117,7 +125,6 @@ class Decision(NamedTuple):
 BEGINS, STOP = "begins", "is at stop {} of {}, {}: {}"
 """What is reported of a step that asks, and of one that begins, ends or leaves out a stop."""
 
-
 RETRY, INSTEAD, ENDED = "retry {} of {}", "{} instead", "{} after {} retries, by a rule to {}"
 FAILED_AGAIN = "failed too, after {} retries"
 """What a recovery does about a step."""
@@ -134,6 +141,7 @@ class Course:
         self.settings, self.phrases, self.known, self.policy = settings, phrases, known, policy
         self.interface = settings.interface
         self.language = settings.language if known is None else known.language
+        self.gone: Set[str] = set()  # services that are known to be gone
         self.failures: Dict[int, Failed] = {}  # the newest of each node, by uid
         self.newest = 0
         # number of the failure for which the robot was left in the safe state last
@@ -196,16 +204,53 @@ class Course:
         }
 
 
+# ------------------------------------------------------------------------------ how it is done
+
+Steps = Generator[None, None, Optional[Cause]]
+"""What a node does: it pauses while there is something to wait for, and returns why it failed."""
+
+
 class Duty(Node):
-    """A node with a rule."""
+    """A node whose row has steps."""
 
     course: Any  # the execution
-    rule: Callable[[Any], Any]
+    spec: Any  # its row
     resource = ""
+    _steps: Optional[Steps] = None  # under way
 
     def setup(self, **kwargs: Any) -> None:
         """Get what the nodes of the mission go by."""
         self.course = kwargs["course"]
+
+    def attempt(self) -> Steps:
+        """Take the steps once; an entry that cannot be read or written ends them."""
+        try:
+            return (yield from self.spec.steps(self))
+        except PortError:
+            return Cause.MISSING_DATA
+
+    def go_on(self) -> Result:
+        """Begin the steps, or go on with them."""
+        steps, self._steps = self._steps or self.attempt(), None
+        try:
+            next(steps)
+        except StopIteration as end:
+            return self.conclude(end.value)
+        self._steps = steps
+        return RUNNING
+
+    def conclude(self, cause: Optional[Cause]) -> Result:
+        """End the node; without a cause it has succeeded."""
+        if cause is not None:
+            self.course.failed(self, cause, self.resource)
+        self.course.ended(self, cause)
+        return SUCCESS if cause is None else FAILURE
+
+    def drop(self) -> None:
+        """Wait no more."""
+        if self._steps is not None:
+            self._steps.close()
+        self._steps = None
 
     def entry(self, port: str, otherwise: Any = None) -> Any:
         """Return the value of a port; ``otherwise`` if nothing has written it. Raises PortError."""
@@ -220,112 +265,111 @@ class Duty(Node):
             self.set_output(port, value)
             self.course.entries.stored(self, port)
 
-    def conclude(self, cause: Optional[Cause]) -> Result:
-        """End the node; without a cause it has succeeded."""
-        if cause is not None:
-            self.course.failed(self, cause, self.resource)
-        self.course.ended(self, cause)
-        return SUCCESS if cause is None else FAILURE
-
     @property
     def word(self) -> str:
         """The argument of a node of release 1.0: its name."""
         return argument(self.name)
 
 
-class Instant(Duty):
-    """A node that is done within its tick: the rule returns why it fails, or None."""
+class Check(Duty):
+    """A node that is done anew at every tick: a condition, or an action within one tick."""
 
     def update(self) -> Result:
-        try:
-            return self.conclude(self.rule(self))
-        except PortError:
-            return self.conclude(Cause.MISSING_DATA)
+        return self.go_on()
+
+    def halt(self) -> None:
+        self.drop()
+        super().halt()
 
 
-# ----------------------------------------------------------------------------------------- requests
+class Sign(Check):
+    """A condition on messages."""
 
 
-class Ended(NamedTuple):
-    """The end of an attempt."""
+class Task(Duty, ActionLeaf):
+    """An action that may take several ticks."""
 
-    cause: Optional[Cause]
-
-
-class Attempt:
-    """One request of a node, from its sending to its end."""
-
-    def __init__(self, node: "Asking"):
-        self._node = node
-        try:
-            self._wanted = node.rule(node)
-        except PortError:
-            self._wanted = Cause.MISSING_DATA
-        is_asked = self._wanted is not None and not isinstance(self._wanted, Cause)
-        self._reply: Optional[Reply] = node.course.ask(node, self._wanted) if is_asked else None
-        self._rest: Optional[Timer] = None  # of what the robot says, after its answer
-
-    def poll(self) -> Optional[Ended]:
-        """Return how the attempt ended, or None."""
-        node = self._node
-        if self._reply is None:
-            return Ended(self._wanted)
-        result = self._reply.result
-        if result is None or isinstance(result, Answer) and self._goes_on():
-            return None
-        try:
-            if node.marks_end:  # a question that failed makes older answers invalid too
-                node.write(questionAskedAt=node.clock.now())
-            if isinstance(result, Failure):
-                return Ended(result.cause)
-            return Ended(node.keep(node, result))
-        except PortError:
-            return Ended(result.cause if isinstance(result, Failure) else Cause.MISSING_DATA)
-
-    def drop(self) -> None:
-        """Wait no more."""
-        if self._reply is not None:
-            self._node.course.drop(self._reply)
-        if self._rest is not None:
-            self._rest.cancel()
-
-    def _goes_on(self) -> bool:
-        """Return whether the robot still speaks, though it has answered."""
-        if self._rest is None:
-            seconds = self._node.course.speech_lasts(self._node, self._wanted)
-            if not seconds:
-                return False
-            self._rest = self._node.clock.call_after(seconds, self._node.wake)
-        return self._rest.callback is not None
-
-
-def _keep_nothing(node: Any, answer: Answer) -> Optional[Cause]:
-    return None
-
-
-class Asking(Duty, ActionLeaf):
-    """A node that asks the robot: the rule returns the request, why there is none, or None: none is
-    needed."""
-
-    asks: type
-    keep: Callable[[Any, Answer], Optional[Cause]] = staticmethod(_keep_nothing)
-    marks_end = False
-    attempt: Optional[Attempt] = None
-
-    def on_start(self) -> Result:
-        interface = self.course.interface
-        self.resource = interface.resource(self.asks) if interface.serves(self.asks) else ""
-        self.attempt = Attempt(self)
-        return self.on_running()
-
-    def on_running(self) -> Result:
-        ended = self.attempt.poll() if self.attempt is not None else None
-        return RUNNING if ended is None else self.conclude(ended.cause)
+    on_start = on_running = Duty.go_on
 
     def on_halted(self) -> None:
-        if self.attempt is not None:
-            self.attempt.drop()
+        self.drop()
         self.course.halted(self)
+
+
+class Asking(Task):
+    """An action that asks the robot; a recovery may try it again."""
+
+
+class Starting(Asking):
+    """StartOfTree: a pass begins, once, even if setting the language is retried."""
+
+    def on_start(self) -> Result:
+        _begin(self)
+        return self.go_on()
+
+
+@dataclass(frozen=True)
+class Row(NodeSpec):
+    """A row of the table: a node type and what it does."""
+
+    steps: Callable[[Any], Steps] = lambda node: node.attempt()
+
+
+@contextmanager
+def _timer(node: Node, seconds: float) -> Iterator[Timer]:
+    """Have the node ticked again after a time, if it still waits then."""
+    timer = node.clock.call_after(seconds, node.wake)
+    try:
+        yield timer
+    finally:
+        timer.cancel()
+
+
+def _pause(node: Node, seconds: float) -> Generator[None, None, float]:
+    """Wait for so many seconds; return when they were over."""
+    with _timer(node, seconds) as timer:
+        while timer.callback is not None:
+            yield
+        return timer.due
+
+
+def _at_once(node: Any, rule: Callable[[Any], Optional[Cause]]) -> Steps:
+    """Follow a rule that says why the node fails, or None."""
+    yield from ()
+    return rule(node)
+
+
+def _holds(node: Any, condition: Callable[[Any], Any]) -> Steps:
+    """Fail unless a condition holds."""
+    yield from ()
+    return None if condition(node) else Cause.CONDITION_FALSE
+
+
+def ask(node: Any, kind: type, rule: Callable[[Any], Union[Request, Cause, None]],
+         keep: Callable[[Any, Answer], Optional[Cause]] = lambda node, answer: None,
+         is_question: bool = False) -> Steps:
+    """Ask the robot: the rule returns the request, why there is none, or None: none is needed."""
+    course = node.course
+    node.resource = course.interface.resource(kind) if course.interface.serves(kind) else ""
+    wanted = rule(node)
+    if wanted is None or isinstance(wanted, Cause):
+        return wanted
+    query = course.ask(node, wanted)
+    try:
+        while query.result is None:
+            yield
+    finally:
+        course.drop(query)
+    cause = query.result.cause if isinstance(query.result, Failure) else None
+    rest = 0.0 if cause else course.speech_lasts(node, wanted)
+    if rest:
+        yield from _pause(node, rest)
+    if is_question:  # one that failed makes older answers invalid too
+        try:
+            node.write(questionAskedAt=node.clock.now())
+        except PortError:
+            return cause or Cause.MISSING_DATA
+    return cause or keep(node, query.result)
 
 
 # ------------------------------------------------------------------------------- signs of a visitor
@@ -335,121 +379,110 @@ class Evidence(NamedTuple):
     """When a message is the sign; ``wait``: seconds that the condition itself waits, None:
     ``conditionWait``."""
 
-    is_sign: Callable[[Any, int], bool]
+    is_sign: Callable[[Any, Any], bool]  # takes the course and the message's value
     wait: Optional[float] = None
     is_given_up: Callable[[Any], bool] = lambda value: False
 
 
-def _has_face(faces: Any, _gaze: int) -> bool:
+def _has_face(_course: Any, faces: Any) -> bool:
     return len(faces.labels) > 0
 
 
 def _is(state: str, value: int) -> Callable[..., bool]:
-    return lambda status, *_gaze: (status.state, status.value) == (state, value)
+    return lambda *status: (status[-1].state, status[-1].value) == (state, value)
+
+
+def _is_answer(course: Any, text: str) -> bool:
+    return spoken(course.phrases, text) is not None
 
 
 EVIDENCE: Dict[str, Dict[Sense, Evidence]] = {
     "D5.4.3": {
         Sense.VISITOR: Evidence(_has_face), Sense.PRESENCE: Evidence(_has_face, PRESENCE_WAIT),
-        Sense.GAZE: Evidence(lambda status, gaze: (status.state, status.value) == ("seeking", gaze))
+        Sense.GAZE: Evidence(lambda course, status: (
+            status.state, status.value) == ("seeking", course.settings.gaze_value)),
+        Sense.UTTERANCE: Evidence(_is_answer)
     },
     "release-1.0": {
         Sense.VISITOR: Evidence(_is("scanning", 2), math.inf),
         Sense.PRESENCE: Evidence(_is("social", 2), PRESENCE_WAIT),
-        Sense.GAZE: Evidence(_is("seeking", 2), math.inf, _is("seeking", 3))
+        Sense.GAZE: Evidence(_is("seeking", 2), math.inf, _is("seeking", 3)),
+        Sense.UTTERANCE: Evidence(_is_answer, ANSWER_WAIT)
     }
 }
 """Sections 4.6 and table 4 of the document; the statuses of release 1.0's attention."""
 
-
-class Listener(Duty):
-    """A node that goes by the messages about one sense."""
-
-    sense: Sense
-    _timer: Optional[Timer] = None
-    _is_late = False
-
-    @property
-    def topic(self) -> Topic:
-        return self.course.interface.evidence(self.sense).topic
-
-    def listens(self, seconds: float) -> bool:
-        """Return whether the node listens on: for so many seconds from the first call on, and for
-        what began within them."""
-        if self._timer is None:
-            self._timer = self.clock.call_after(min(seconds, 1e9), self.wake)
-        if self._timer.callback is not None and not self._is_late:
-            return True
-        if not self.course.signs.is_hearing(self.topic):
-            return False
-        if not self._is_late and self.topic.action is not None:
-            self._is_late = True
-            self._timer = self.clock.call_after(RESULT_WAIT, self.wake)
-        return True
-
-    def stop_listening(self) -> None:
-        """Listen no more."""
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer, self._is_late = None, False
+ENDING = Evidence(lambda course, text: is_error(text) or _is_answer(course, text))
+"""What ends listening: an answer, or an error of the recognition."""
 
 
-class Sign(Listener, ConditionLeaf):
-    """A condition on messages: the newest one of a state, each one of events, if they came after
-    what they answer."""
+def _look(node: Any, topic: Topic, evidence: Evidence, after: float) -> Union[Sample, Cause, None]:
+    """Return the message that is the sign, the newest one of a state, each one of events, if it
+    came after what it answers; a cause: the robot has stopped looking for it."""
+    course, now = node.course, node.clock.now()
+    limit = course.settings.topic_max_age if topic.is_continuous else math.inf
+    counting = [sample for sample in course.signs.messages(topic)
+                if sample.arrived > after and now - sample.arrived <= limit]
+    is_sign = partial(evidence.is_sign, course)
+    for sample in counting:
+        if is_sign(sample.value):
+            course.signs.saw(node, topic, sample, is_sign)
+            return sample
+    course.signs.sought(node, topic, after, is_sign)
+    is_over = any(evidence.is_given_up(sample.value) for sample in counting)
+    return Cause.CONDITION_FALSE if is_over else None
 
-    counts_from = "attentionSetAt"
 
-    def update(self) -> Result:
-        self.resource = self.topic.name
-        try:
-            return self._answer(self._after)
-        except PortError:
-            self.stop_listening()
-            return self.conclude(Cause.MISSING_DATA)
+def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
+    """Yield True while the node listens: for so many seconds, and for what began within them."""
+    if seconds:
+        for _ in _pause(node, min(seconds, 1e9)):
+            yield True
+        with _timer(node, RESULT_WAIT):
+            while node.course.signs.is_hearing(topic):
+                yield True
 
-    @property
-    def _after(self) -> float:
-        if self.sense is Sense.VISITOR or self.sense is Sense.PRESENCE:
-            return -math.inf
-        return self.entry(self.counts_from, -math.inf)
 
-    def _answer(self, after: float) -> Result:
-        evidence, now = self._evidence, self.clock.now()
-        limit = self.course.settings.topic_max_age if self.topic.is_continuous else math.inf
-        counting = [sample for sample in self.course.signs.messages(self.topic)
-                    if sample.arrived > after and now - sample.arrived <= limit]
-        for sample in counting:
-            if self.is_sign(sample.value):
-                self.stop_listening()
-                self.course.signs.saw(self, self.topic, sample, self.is_sign)
-                self.use(sample)
-                return self.conclude(None)
-        self.course.signs.sought(self, self.topic, after, self.is_sign)
-        if any(evidence.is_given_up(sample.value)
-               for sample in counting) or not self._waits(evidence.wait):
-            self.stop_listening()
-            return self.conclude(Cause.CONDITION_FALSE)
-        return RUNNING
+def _sense(node: Any, sense: Sense, evidence: Evidence, seconds: float,
+           after: Callable[[], float]) -> Generator[None, None, Any]:
+    """Return the message that is the sign, or something else if there was none in time."""
+    topic = node.course.interface.evidence(sense).topic
+    node.resource = topic.name
+    with closing(_listening(node, topic, seconds)) as listening:  # type: ignore[type-var]
+        seen = _look(node, topic, evidence, after())
+        while seen is None and next(listening, False):
+            yield
+            seen = _look(node, topic, evidence, after())
+    return seen
 
-    @property
-    def _evidence(self) -> Evidence:
-        of_robot = EVIDENCE.get(self.course.interface.name, EVIDENCE["D5.4.3"])
-        return of_robot.get(self.sense) or Evidence(lambda value, gaze: False)
 
-    def is_sign(self, value: Any) -> bool:
-        return self._evidence.is_sign(value, self.course.settings.gaze_value)
+def _see(node: Any, sense: Sense, since: str = "",
+         keep: Callable[[Any, Sample], None] = lambda node, sample: None) -> Steps:
+    """Hold on a sign, by messages later than the entry ``since``."""
+    evidence = EVIDENCE[node.course.interface.name][sense]
+    wait = node.course.settings.condition_wait if evidence.wait is None else evidence.wait
+    sample = yield from _sense(node, sense, evidence, 0.0 if is_asked_again(node) else wait,
+                               lambda: node.entry(since, -math.inf) if since else -math.inf)
+    if not isinstance(sample, Sample):
+        return Cause.CONDITION_FALSE
+    keep(node, sample)
+    return None
 
-    def use(self, sample: Sample) -> None:
-        """Store what the sign says."""
 
-    def _waits(self, wait: Optional[float]) -> bool:
-        wait = self.course.settings.condition_wait if wait is None else wait
-        return bool(wait) and not is_asked_again(self) and self.listens(wait)
+def _keep_utterance(node: Any, sample: Sample) -> None:
+    """Store a yes or a no; one utterance answers one question."""
+    node.write(visitorResponse=spoken(node.course.phrases, sample.value),
+               questionAskedAt=sample.arrived)
 
-    def halt(self) -> None:
-        self.stop_listening()
-        super().halt()
+
+def _listen(node: Any) -> Steps:
+    """Listen for 10 s; an error of the recognition ends that with FAILURE."""
+    began = node.clock.now()
+    sample = yield from _sense(node, Sense.UTTERANCE, ENDING, ANSWER_WAIT, lambda: began)
+    text = sample.value if isinstance(sample, Sample) else ""
+    answer = None if is_error(text) else spoken(node.course.phrases, text)
+    node.write(visitorResponse=answer or "")
+    return Cause.UNUSABLE_ANSWER if is_error(text) else None
 
 
 def is_asked_again(node: Any) -> bool:
@@ -463,62 +496,6 @@ def is_asked_again(node: Any) -> bool:
             return True
         node = parent
     return False
-
-
-class YesNo(Sign):
-    """IsYesNoUttered: a yes or a no after the question; one utterance answers one question."""
-
-    sense = Sense.UTTERANCE
-    counts_from = "questionAskedAt"
-
-    @property
-    def _evidence(self) -> Evidence:
-        is_release = self.course.interface.name == "release-1.0"
-        return Evidence(lambda value, gaze: self.is_sign(value),
-                        ANSWER_WAIT if is_release else None)
-
-    def is_sign(self, value: Any) -> bool:
-        return spoken(self.course.phrases, value) is not None
-
-    def use(self, sample: Sample) -> None:
-        self.write(visitorResponse=spoken(self.course.phrases, sample.value),
-                   questionAskedAt=sample.arrived)
-
-
-class Listening(Listener, ActionLeaf):
-    """GetVisitorResponse: listens for 10 s; an error of the recognition ends it with FAILURE."""
-
-    sense = Sense.UTTERANCE
-    _began = 0.0
-
-    def on_start(self) -> Result:
-        self.resource, self._began = self.topic.name, self.clock.now()
-        return self.on_running()
-
-    def on_running(self) -> Result:
-        heard = [
-            sample.value for sample in self.course.signs.messages(self.topic)
-            if sample.arrived > self._began
-        ]
-        ending = next(filter(self._ends, heard), None)
-        if ending is None and self.listens(ANSWER_WAIT):
-            self.course.signs.sought(self, self.topic, self._began, self._ends)
-            return RUNNING
-        is_failure = ending is not None and is_error(ending)
-        self.stop_listening()
-        try:
-            answer = None if ending is None or is_failure else spoken(self.course.phrases, ending)
-            self.write(visitorResponse=answer or "")
-        except PortError:
-            return self.conclude(Cause.MISSING_DATA)
-        return self.conclude(Cause.UNUSABLE_ANSWER if is_failure else None)
-
-    def _ends(self, text: str) -> bool:
-        return is_error(text) or spoken(self.course.phrases, text) is not None
-
-    def on_halted(self) -> None:
-        self.stop_listening()
-        self.course.halted(self)
 
 
 _WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)*")
@@ -559,16 +536,6 @@ class Rule(NamedTuple):
     then: str
 
 
-INDISPENSABLE = {
-    "Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome",
-    "RetrieveInitialLocation"
-}
-"""Nodes that no policy may skip."""
-
-OF_A_VISIT = {"Navigate", "SelectExhibit"}
-"""Nodes without which an exhibit is left out."""
-
-
 class Policy:
     """The lines of recoveryPolicy.ini, by the words at its head."""
 
@@ -596,13 +563,14 @@ class Policy:
         return rule._replace(then="giveUp") if is_needed else rule
 
 
-class Recovering(Duty, ActionLeaf):
+class Recovering(Task):
     """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
 
-    _last = 0
+    _last = 0  # number of the newest failure when it was begun
     round: Optional["Round"] = None  # the newest
 
-    def on_start(self) -> Result:
+    def recover(self) -> Steps:
+        """Recover from the newest failure."""
         self.round = None
         before = list(self._before())
         first = before[0].uid if before else self.uid
@@ -610,10 +578,13 @@ class Recovering(Duty, ActionLeaf):
                     if first <= uid < self.uid and failed.number > self._last]
         self._last = self.course.newest
         if not failures:
-            self.course.ended(self, Cause.MISSING_DATA)
-            return FAILURE
+            return Cause.MISSING_DATA
         self.round = Round(self, max(failures), before)
-        return self.on_running()
+        outcome = yield from self.round.steps()
+        if outcome != GIVEN_UP:
+            return None
+        self.course.unrecovered.append((self.round.cause, self.round.failed.resource))
+        return self.round.cause
 
     def _before(self) -> Iterator[Any]:
         """Yield the nodes before this one below the nearest ancestor that has any."""
@@ -625,19 +596,10 @@ class Recovering(Duty, ActionLeaf):
             node = node.parent
         return iter(())
 
-    def on_running(self) -> Result:
-        outcome = self.round.go_on() if self.round is not None else None
-        if outcome is None or self.round is None:
-            return RUNNING
-        self.course.ended(self, self.round.cause if outcome == GIVEN_UP else None)
-        if outcome == GIVEN_UP:
-            self.course.unrecovered.append((self.round.cause, self.round.resource))
-        return FAILURE if outcome == GIVEN_UP else SUCCESS
-
-    def on_halted(self) -> None:
-        if self.round is not None:
-            self.round.drop()
-        self.course.halted(self)
+    def conclude(self, cause: Optional[Cause]) -> Result:
+        """End the node; its own failure is none to recover from."""
+        self.course.ended(self, cause)
+        return SUCCESS if cause is None else FAILURE
 
     def leave_out(self) -> bool:
         """Note that the exhibit under way is left out; return whether the tour still shows one.
@@ -664,10 +626,9 @@ class Round:
     """One recovery under way."""
 
     def __init__(self, handler: Recovering, failed: Failed, before: Sequence[Any]):
-        self._handler, self._failed, self._before = handler, failed, before
+        self._handler, self.failed, self._before = handler, failed, before
         self._course = course = handler.course
-        self.cause, self.resource = failed.cause, failed.resource
-        self.retries = 0
+        self.cause, self.retries = failed.cause, 0
         now, policy = handler.clock.now(), course.policy
         recent = [began for began in course.recoveries if began > now - policy.seconds]
         course.recoveries = recent + [now]
@@ -675,205 +636,163 @@ class Round:
         if len(course.recoveries) > policy.most:
             self._rule = self._rule._replace(retries=0, then="giveUp")
             course.is_spent = True
-        self._can_redo = failed.node.parent is handler.parent and isinstance(failed.node, Asking)
-        self._work: Optional[Asking] = None  # what is attempted
-        self._attempt: Optional[Attempt] = None
-        self._pause: Optional[Timer] = None
+        self._work: Optional[Duty] = None  # what is attempted
         self._patience: Optional[Timer] = None
-        self._safe_state: List[Reply] = []
-        self._outcome = ""
-        self._choose()
 
     def __str__(self) -> str:
-        is_other = self._work not in (None, self._failed.node)
+        is_other = self._work not in (None, self.failed.node)
         return "{} failed: {}; {} of {} retries made{}".format(
-            self._failed.node.registration_id, self.cause.value, self.retries, self._rule.retries,
+            self.failed.node.registration_id, self.cause.value, self.retries, self._rule.retries,
             ", " + INSTEAD.format(self._work.registration_id) if self._work and is_other else "")
 
-    def _decided(self, step: str, *values: Any, work: Optional[Duty] = None,
-                 cause: Optional[Cause] = None) -> None:
-        node = work or self._failed.node
+    def _decided(self, step: str, *values: Any, cause: Optional[Cause] = None) -> None:
+        """Note a decision, or the ``cause`` for which the work has failed too."""
+        node = self._work if cause and self._work else self.failed.node
         self._course.reports.decided(Decision(
             node.registration_id, node.full_path, (cause or self.cause).value,
-            step.format(*values), 0 if work else self._handler.uid))
+            step.format(*values), 0 if cause else self._handler.uid))
 
-    def _choose(self) -> None:
-        """Decide what comes after a failure."""
-        rule, handler = self._rule, self._handler
-        is_substitute = rule.then not in ("skip", "giveUp")
-        if self._can_redo and self.retries < rule.retries:
-            self._work = self._failed.node  # type: ignore[assignment]
-            self._pause = handler.clock.call_after(rule.back_off * 2**self.retries, handler.wake)
-            self._decided(RETRY, self.retries + 1, rule.retries)
-        elif self._can_redo and is_substitute and self._work in (None, self._failed.node):
-            self._work = self._substitute(rule.then)
-            self._decided(INSTEAD, rule.then)
-        else:
-            may_skip = self._may_skip()
-            if not may_skip:
-                self._rule = rule._replace(then="giveUp")
-            self._end(not self.gives_up)
+    def steps(self) -> Generator[None, None, str]:
+        """Do one thing after the other about the failure; return the outcome."""
+        try:
+            outcome = yield from self._repair()
+        finally:
+            if self._patience is not None:
+                self._patience.cancel()
+        if not outcome:
+            outcome = SKIPPED if self._may_skip() else GIVEN_UP
+        if outcome == GIVEN_UP and self.failed.number != self._course.given_up:
+            yield from self._leave_safe()
+        self._decided(ENDED, outcome, self.retries,
+                      "give up" if self._rule.then == "giveUp" else "skip")
+        return outcome
 
-    @property
-    def gives_up(self) -> bool:
-        """Whether the rule is to give up."""
-        return self._rule.then == "giveUp"
+    def _repair(self) -> Generator[None, None, str]:
+        """Try the step again, or its substitute; return the outcome, empty: none of it helped."""
+        failed, course = self.failed, self._course
+        can_redo = failed.node.parent is self._handler.parent and isinstance(failed.node, Asking)
+        while can_redo:
+            if self.retries < self._rule.retries:
+                self._work = failed.node
+                self._decided(RETRY, self.retries + 1, self._rule.retries)
+                yield from self._wait()
+            elif self._rule.then in ("skip", "giveUp") or self._work not in (None, failed.node):
+                break
+            else:
+                self._work = self._substitute(self._rule.then)
+                self._decided(INSTEAD, self._rule.then)
+            cause = yield from self._work.attempt()
+            is_retry = self._work is failed.node
+            self.retries += is_retry
+            if cause is None:
+                return DONE if is_retry else SUBSTITUTED
+            self._decided(FAILED_AGAIN, self.retries, cause=cause)
+            if is_retry:
+                self.cause = cause
+                self._rule = course.policy.rule(failed.node, cause)
+        return ""
+
+    def _wait(self) -> Iterator[None]:
+        """Wait for the pause before a retry, and for a service to return that the tour needs."""
+        handler, course = self._handler, self._course
+        due = yield from _pause(handler, self._rule.back_off * 2**self.retries)
+        while self._rule.then == "giveUp" and self.failed.resource in course.gone:
+            if self._patience is None:
+                self._patience = handler.clock.call_after(RETURN_WAIT, handler.wake)
+            if self._patience.callback is None:
+                break
+            yield
+        if self._patience is None:
+            course.retried(self.failed.node, handler.clock.now() - due)
 
     def _may_skip(self) -> bool:
+        """Note that the mission goes on without the step; return whether it does."""
         below = (node for step in self._before for node in step.iterate())
-        if not any(node.registration_id in OF_A_VISIT for node in below):
-            return True
+        if any(node.registration_id in OF_A_VISIT for node in below):
+            try:
+                if not self._handler.leave_out():
+                    self._rule = self._rule._replace(then="giveUp")
+            except PortError:
+                pass
+        return self._rule.then != "giveUp"
+
+    def _leave_safe(self) -> Iterator[None]:
+        """Ask for the safe state, once for a failure."""
+        course = self._course
+        course.given_up = self.failed.number
+        queries = [course.ask(self._handler, request) for request in SAFE_STATE]
         try:
-            return self._handler.leave_out()
-        except PortError:
-            return True
+            while any(query.result is None for query in queries):
+                yield
+        finally:
+            for query in queries:
+                course.drop(query)
+        course.reports.decided(SAFE)
 
-    def _end(self, is_skipped: bool) -> None:
-        self._outcome = SKIPPED if is_skipped else GIVEN_UP
-        if not is_skipped and self._failed.number != self._course.given_up:
-            self._course.given_up = self._failed.number
-            self._safe_state = [self._course.ask(self._handler, request) for request in SAFE_STATE]
-
-    def _substitute(self, node_id: str) -> Asking:
+    def _substitute(self, node_id: str) -> Duty:
         # the policy was checked when the mission was loaded
         handler, spec = self._handler, self._course.registry.find(node_id)
         node: Any = spec.factory(node_id)
         node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
-        node.uid, node.full_path = handler.uid, handler.full_path
-        node.blackboard, node.services, node.course = (handler.blackboard, handler.services,
-                                                       handler.course)
+        for name in ("uid", "full_path", "blackboard", "services", "course"):
+            setattr(node, name, getattr(handler, name))
         return node
-
-    def go_on(self) -> Optional[str]:
-        """Return the outcome, or None while there is something to wait for."""
-        while not self._outcome:
-            if self._attempt is None and self._waits():
-                return None
-            assert self._work is not None
-            if self._attempt is None:
-                self._note_delay()
-                self._attempt = Attempt(self._work)
-            ended = self._attempt.poll()
-            if ended is None:
-                return None
-            self._attempt = None
-            self._judge(ended.cause)
-        self.cancel()
-        if any(reply.result is None for reply in self._safe_state):
-            return None
-        if self._safe_state:
-            self._course.reports.decided(SAFE)
-        self._decided(ENDED, self._outcome, self.retries, "give up" if self.gives_up else "skip")
-        return self._outcome
-
-    def _note_delay(self) -> None:
-        if self._work is self._failed.node and self._pause is not None and self._patience is None:
-            self._course.retried(self._failed.node, self._handler.clock.now() - self._pause.due)
-
-    def cancel(self) -> None:
-        """Stop the timers."""
-        for timer in (self._pause, self._patience):
-            if timer is not None:
-                timer.cancel()
-
-    def drop(self) -> None:
-        """Wait no more."""
-        self.cancel()
-        if self._attempt is not None:
-            self._attempt.drop()
-        for reply in self._safe_state:
-            self._course.drop(reply)
-
-    def _judge(self, cause: Optional[Cause]) -> None:
-        is_retry = self._work is self._failed.node
-        self.retries += is_retry
-        if cause is None:
-            self._outcome = DONE if is_retry else SUBSTITUTED
-            return
-        self._decided(FAILED_AGAIN, self.retries, work=self._work, cause=cause)
-        if is_retry:
-            self.cause = cause
-            self._rule = self._course.policy.rule(self._failed.node, cause)
-        self._choose()
-
-    def _waits(self) -> bool:
-        """Return whether a retry waits: for its pause, or for a service to return that the tour
-        needs."""
-        if self._work is not self._failed.node or self._pause is None:
-            return False
-        if self._pause.callback is not None:
-            return True
-        if self._rule.then != "giveUp" or self._failed.resource not in self._course.gone:
-            return False
-        if self._patience is None:
-            self._patience = self._handler.clock.call_after(RETURN_WAIT, self._handler.wake)
-        return self._patience.callback is not None
-
-
-SAFE_STATE = (SetAttention("disabled"), SetAnimation("disabled"))
-"""The requests that leave the robot safe."""
-
-HANDLERS = {"", "HandleFallBack", "HandleFallback"}
-"""What asks for the safe state: the nodes that recover, and at the end no node."""
 
 
 # ----------------------------------------------------------------------------------------- services
 
-
-def _on_axes(name: str, place: Sequence[float], last: str = "z") -> Dict[str, Any]:
-    return dict(zip((name + "x", name + "y", name + last), place))
-
-
-def _spoken(request: Say, is_release: bool) -> Dict[str, Any]:
-    language = {"language": request.language} if is_release else {}
-    return dict(message=request.text, **language)
-
-
-FIELDS: Dict[type, Callable[[Any, bool], Dict[str, Any]]] = {
-    SetAnimation: lambda request, _: {"state": request.state},
-    PerformGesture: lambda request, _: dict(
-        gesture_type=request.type, gesture_id=request.id, gesture_duration=request.duration_ms,
-        bow_nod_angle=request.bow_nod_angle_deg, **_on_axes("location_", request.target)),
-    QueryKnowledge: lambda request, _: {"parameters": request.what},
-    SetAttention: lambda request, _: dict(state=request.state,
-                                          **_on_axes("location_", request.target)),
-    GoTo: lambda request, _: _on_axes("goal_", request.goal, "theta"),
-    Prompt: lambda request, is_release: {
-        "message": "|".join("'{}'".format(option) if is_release else option
-                            for option in request.options)},
-    Say: _spoken,
-    SetPose: lambda request, _: _on_axes("", request.pose, "theta"),
-    SetRecognition: lambda request, _: {"status": "true" if request.is_enabled else "false"},
-    SetRecognitionLanguage: lambda request, _: {"language": request.language}
+FIELDS: Dict[type, str] = {
+    SetAnimation: "state",
+    PerformGesture: "gesture_type gesture_id gesture_duration location_x location_y location_z "
+                    "bow_nod_angle",
+    QueryKnowledge: "parameters", SetAttention: "state location_x location_y location_z",
+    GoTo: "goal_x goal_y goal_theta", Prompt: "message", Say: "message language",
+    SetPose: "x y theta", SetRecognition: "status", SetRecognitionLanguage: "language"
 }
-"""Table 3: the fields of a request on the wire, on the document's robot or on release 1.0's."""
+"""Table 3 and release 1.0: the names of a request's fields on the wire, in the order of its record;
+the document's robot takes no language."""
+
+
+def fields(request: Any, is_release: bool) -> Optional[Dict[str, Any]]:
+    """Return a request's fields on the wire, on the document's robot or on release 1.0's; None: it
+    is of another package."""
+    values: List[Any] = []
+    for value in (getattr(request, name) for name in request.__struct_fields__):
+        if isinstance(value, bool):
+            value = "true" if value else "false"
+        if isinstance(request, Prompt):
+            value = "|".join("'{}'".format(option) if is_release else option for option in value)
+        values += value if isinstance(value, tuple) else [value]
+    names = FIELDS.get(type(request))
+    if names is None:
+        return None
+    sent = dict(zip(names.split(), values))
+    if isinstance(request, Say) and not is_release:
+        del sent["language"]
+    return sent
 
 
 # -------------------------------------------------------------------------------------------- rules
 
 
-def _begin(node: Duty) -> None:
+def _begin(node: Any) -> None:
     node.course.begin_visit(node.blackboard.root(), node.clock.now())
 
 
-def _false_unless(holds: Callable[[Any], bool]) -> Callable[[Any], Optional[Cause]]:
-    return lambda node: None if holds(node) else Cause.CONDITION_FALSE
-
-
-def tell_stop(node: Duty, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
+def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
     node.course.reports.decided(Decision(node.registration_id, node.full_path, "", STOP.format(
         index + 1, len(exhibits), exhibits[index].name, state)))
 
 
-def _has_next(node: Duty) -> Optional[Cause]:
+def _has_next(node: Any) -> bool:
     index, exhibits = node.entry("nextExhibit", 0), node.entry("exhibits", ())
     if 0 < index <= len(exhibits):
         tell_stop(node, exhibits, index - 1, OVER)
-    return None if index < len(exhibits) else Cause.CONDITION_FALSE
+    return index < len(exhibits)
 
 
-def _select(node: Duty) -> Optional[Cause]:
+def _select(node: Any) -> Optional[Cause]:
     exhibits, index = node.get_input("exhibits"), node.entry("nextExhibit", 0)
     if index >= len(exhibits):
         return Cause.MISSING_DATA
@@ -885,14 +804,14 @@ def _select(node: Duty) -> Optional[Cause]:
     return None
 
 
-def _keep_list(node: Duty, answer: Answer) -> Optional[Cause]:
+def _keep_list(node: Any, answer: Answer) -> Optional[Cause]:
     if not answer.exhibits:
         return Cause.MISSING_DATA
     node.write(exhibits=list(answer.exhibits), nextExhibit=0, leftOutExhibits=[])
     return None
 
 
-def _keep_place(node: Duty, answer: Answer, has_gesture: bool) -> Optional[Cause]:
+def _keep_place(node: Any, answer: Answer, has_gesture: bool) -> Optional[Cause]:
     if len(answer.exhibits) != 1:
         return Cause.UNUSABLE_ANSWER
     node.write(targetLocation=answer.exhibits[0].location)
@@ -904,25 +823,21 @@ def _keep_place(node: Duty, answer: Answer, has_gesture: bool) -> Optional[Cause
     return None
 
 
-def _keep_pressed(node: Duty, answer: Answer) -> Optional[Cause]:
-    if not node.course.interface.tells_pressed:
-        if node.course.settings.tablet_success_is == "yes":
-            node.write(visitorResponse="yes")
-        return None
-    pressed = answer.response.strip().lower()
-    yes, no = (label.lower() for label in node.course.phrases.tablet_options)
-    if pressed not in ("1", yes, "2", no):
+def _keep_pressed(node: Any, answer: Answer) -> Optional[Cause]:
+    course, pressed = node.course, answer.response.strip().lower()
+    yes, no = (label.lower() for label in course.phrases.tablet_options)
+    meaning = {"2": "no", no: "no", "1": "yes", yes: "yes"}.get(pressed)
+    if not course.interface.tells_pressed:  # release 1.0's tablet says only that it is done
+        meaning = course.settings.tablet_success_is
+    elif meaning is None:
         return Cause.MISSING_DATA if pressed in ("", "0") else Cause.UNUSABLE_ANSWER
-    node.write(visitorResponse="yes" if pressed in ("1", yes) else "no")
+    if meaning in ("yes", "no"):
+        node.write(visitorResponse=meaning)
     return None
 
 
-def _keep_time(node: Duty, answer: Answer) -> None:
+def _keep_time(node: Any, answer: Answer) -> None:
     node.write(attentionSetAt=node.clock.now())
-
-
-def _say(node: Duty, speech: str) -> Request:
-    return Say(node.course.phrases.speeches[speech], node.course.language)
 
 
 UTILITY = {
@@ -932,7 +847,7 @@ UTILITY = {
 """Which of the document's speeches says the same as a utility phrase of release 1.0."""
 
 
-def _say_utility(node: Duty) -> Union[Request, Cause]:
+def _say_utility(node: Any) -> Union[Request, Cause]:
     number, course = int(node.word), node.course
     if course.known is None:
         text = course.phrases.speeches.get(UTILITY.get(number, ""))
@@ -941,125 +856,124 @@ def _say_utility(node: Duty) -> Union[Request, Cause]:
     return Cause.MISSING_DATA if text is None else Say(text, course.language)
 
 
-def _describe(node: Duty, part: str = "") -> Union[Request, Cause, None]:
+def _describe(node: Any, part: str = "") -> Union[Request, Cause, None]:
     node.get_input("currentExhibit")
-    if not part:
-        part = node.get_input("part") if "part" in node.attributes else node.name
-        if "part" in node.attributes and part not in ("1", "2", "both"):
+    if not part and "part" in node.attributes:
+        part = node.get_input("part")
+        if part not in ("1", "2", "both"):
             return Cause.MISSING_DATA
+    part = part or node.name
     ports = ["description" + part] if part in ("1", "2") else ["description1", "description2"]
     text = " ".join(filter(None, (node.entry(port, "") for port in ports)))
     return Say(text, node.course.language) if text else None
 
 
-def _iconic(node: Duty, which: str) -> Request:
+def _iconic(node: Any, which: str) -> Request:
     settings = node.course.settings
     number = {"welcome": settings.welcome_gesture_id, "goodbye": settings.goodbye_gesture_id}[which]
     return PerformGesture("iconic", number, settings.gesture_duration)
 
 
-def _deictic(node: Duty) -> Optional[Request]:
+def _deictic(node: Any) -> Optional[Request]:
     target, settings = node.get_input("target"), node.course.settings
-    return None if target == NOWHERE else PerformGesture("deictic", settings.deictic_gesture_id,
-                                                         settings.gesture_duration, target)
+    return None if target == NOWHERE else PerformGesture(
+        "deictic", settings.deictic_gesture_id, settings.gesture_duration, target)
 
 
-def _attend(node: Duty, mode: str) -> Optional[Request]:
-    if mode != "location":
-        return SetAttention(mode)
-    target = node.get_input("target")
-    return None if target == NOWHERE else SetAttention(mode, target)
+def _attend(node: Any, mode: str) -> Optional[Request]:
+    target = node.get_input("target") if mode == "location" else NOWHERE
+    return None if (mode, target) == ("location", NOWHERE) else SetAttention(mode, target)
 
 
-def _pose(node: Duty) -> Union[Request, Cause]:
+def _pose(node: Any) -> Union[Request, Cause]:
     exhibits = node.entry("exhibits", ())
     return SetPose(exhibits[0].location) if exhibits else Cause.MISSING_DATA
 
 
-def _language(node: Duty) -> Optional[Request]:
-    return SetRecognitionLanguage(
-        node.course.language) if node.course.settings.asr_enabled else None
-
-
-class Starting(Asking):
-    """StartOfTree: a pass begins, once, even if setting the language is retried."""
-
-    def on_start(self) -> Result:
-        _begin(self)
-        return super().on_start()
+def _language(node: Any) -> Optional[Request]:
+    course = node.course
+    return SetRecognitionLanguage(course.language) if course.settings.asr_enabled else None
 
 
 # -------------------------------------------------------------------------------------------- table
 
 
-def _row(node_id: str, leaf: type, rule: Optional[Callable[[Any], Any]] = None, ports: str = "",
-         more: Tuple[Port, ...] = (), **facts: Any) -> NodeSpec:
-    """Return the node type of a row; ``facts`` are attributes of its leaf."""
-    def make(name: str) -> Any:
-        node = leaf(name)
-        for key, value in dict(facts, **({"rule": rule} if rule is not None else {})).items():
-            setattr(node, key, value)
-        return node
-
-    is_condition = issubclass(leaf, Sign) or node_id.startswith(("Is", "Has"))
-    kind = Kind.CONDITION if is_condition else Kind.ACTION
-    return NodeSpec(node_id, kind, make, _ports(ports) + more, is_recovery=leaf is Recovering)
+def _row(node_id: str, node: Callable[[str], Any], ports: str, steps: Callable[..., Steps],
+         *more: Port, kind: Kind = Kind.ACTION, **facts: Any) -> Row:
+    """Return a row: a node type, the class of its nodes, the entries that they read and write, and
+    their steps; ``facts`` are arguments of these."""
+    return Row(node_id, kind, node, (*_ports(ports), *more), is_recovery=node is Recovering,
+               steps=partial(steps, **facts))
 
 
-def _asks(node_id: str, request: type, rule: Callable[[Any], Any], ports: str = "",
-          **facts: Any) -> NodeSpec:
-    return _row(node_id, facts.pop("leaf", Asking), rule, ports, asks=request, **facts)
+def _asks(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "", *more: Port,
+          **facts: Any) -> Row:
+    def asking(node: Any, **facts: Any) -> Steps:
+        return ask(node, kind, rule, **facts)
+    return _row(node_id, facts.pop("node", Asking), ports, asking, *more, **facts)
 
 
-def _optional(node_id: str, request: type, rule: Callable[[Any], Any], ports: str = "",
-              **facts: Any) -> NodeSpec:
+def _optional(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "",
+              **facts: Any) -> Row:
     """Return a row whose node succeeds without a request on a robot that lacks the service."""
-    return _asks(node_id, request, lambda node: rule(node)
-                 if node.course.interface.serves(request) else None, ports, **facts)
+    return _asks(node_id, kind, lambda node: rule(node)
+                 if node.course.interface.serves(kind) else None, ports, **facts)
 
 
-def speech(node_id: str, says: str, is_question: bool = False) -> NodeSpec:
+def _is_so(node_id: str, condition: Callable[[Any], Any], ports: str = "") -> Row:
+    return _row(node_id, Check, ports, _holds, kind=Kind.CONDITION, condition=condition)
+
+
+def _sees(node_id: str, sense: Sense, ports: str = "", **facts: Any) -> Row:
+    return _row(node_id, Sign, ports, _see, kind=Kind.CONDITION, sense=sense, **facts)
+
+
+def speech(node_id: str, phrase: str, is_question: bool = False) -> Row:
     """Return the row of a node that says a phrase of the language's file."""
-    return _asks(node_id, Say, partial(_say, speech=says),
-                 ">questionAskedAt" if is_question else "", marks_end=is_question)
+    return _asks(node_id, Say, lambda node: Say(node.course.phrases.speeches[phrase],
+                                                node.course.language),
+                 ">questionAskedAt" if is_question else "", is_question=is_question)
 
 
-def _mode(node_id: str, mode: str) -> NodeSpec:
+def _mode(node_id: str, mode: str) -> Row:
     return _asks(node_id, SetAttention, partial(_attend, mode=mode),
                  ">attentionSetAt" + (" <target:gestureTarget" if mode == "location" else ""),
                  keep=_keep_time)
 
 
-def _look_up(node_id: str, place: str, has_gesture: bool) -> NodeSpec:
+def _look_up(node_id: str, place: str, has_gesture: bool) -> Row:
     return _asks(node_id, QueryKnowledge, lambda node: QueryKnowledge(place),
-                 ">targetLocation >gestureTarget", keep=partial(_keep_place,
-                                                                has_gesture=has_gesture))
+                 ">targetLocation >gestureTarget",
+                 keep=partial(_keep_place, has_gesture=has_gesture))
 
 
-LEFT_OUT = "<exhibits <targetLocation =nextExhibit =leftOutExhibits"
-_PART = (Port("part", TEXT, is_optional=True),)
+def _recovers(node_id: str) -> Row:
+    return _row(node_id, Recovering, "<exhibits <targetLocation =nextExhibit =leftOutExhibits",
+                Recovering.recover)
+
 
 SPEECHES = ("EndTourSpeech", "FollowMeSpeech", "HereIsTheDoorSpeech", "MaybeAnotherTimeSpeech",
             "SayGoodByeSpeech", "WelcomeSpeech")
 QUESTIONS = ("PressYesNoSpeech", "QueryTourSpeech", "SayYesNoSpeech")
 
-ROWS: Tuple[NodeSpec, ...] = (
+ROWS: Tuple[Row, ...] = (
     # D5.4.3, table 4
     *(speech(name, name) for name in SPEECHES), *(speech(name, name, True) for name in QUESTIONS),
     _asks("DescribeExhibitSpeech", Say, _describe, "<currentExhibit <description1 <description2",
-          more=_PART),
+          Port("part", TEXT, is_optional=True)),
     _asks("DisableAnimateBehavior", SetAnimation, lambda node: SetAnimation("disabled")),
     _mode("DisabledOvertAttentionMode", "disabled"),
     _asks("EnableAnimateBehavior", SetAnimation, lambda node: SetAnimation("enabled")),
     _asks("GoodbyeGesture", PerformGesture, partial(_iconic, which="goodbye")),
-    _row("HandleFallBack", Recovering, None, LEFT_OUT),
-    _row("IsASREnabled", Instant, _false_unless(lambda node: node.course.settings.asr_enabled)),
-    _row("IsListWithExhibit", Instant, _has_next, "<exhibits <nextExhibit"),
-    _row("IsMutualGazeDiscovered", Sign, None, "<attentionSetAt", sense=Sense.GAZE),
-    _row("IsVisitorDiscovered", Sign, sense=Sense.VISITOR),
-    _row("IsVisitorResponseYes", Instant,
-         _false_unless(lambda node: node.entry("visitorResponse") == "yes"), "<visitorResponse"),
-    _row("IsYesNoUttered", YesNo, None, ">visitorResponse =questionAskedAt"),
+    _recovers("HandleFallBack"),
+    _is_so("IsASREnabled", lambda node: node.course.settings.asr_enabled),
+    _is_so("IsListWithExhibit", _has_next, "<exhibits <nextExhibit"),
+    _sees("IsMutualGazeDiscovered", Sense.GAZE, "<attentionSetAt", since="attentionSetAt"),
+    _sees("IsVisitorDiscovered", Sense.VISITOR),
+    _is_so("IsVisitorResponseYes", lambda node: node.entry("visitorResponse") == "yes",
+           "<visitorResponse"),
+    _sees("IsYesNoUttered", Sense.UTTERANCE, ">visitorResponse =questionAskedAt",
+          since="questionAskedAt", keep=_keep_utterance),
     _look_up("LookUpEntrance", "entrance", True),
     _look_up("LookUpHome", "home", False),
     _asks("Navigate", GoTo, lambda node: GoTo(node.get_input("target")), "<target:targetLocation"),
@@ -1069,15 +983,14 @@ ROWS: Tuple[NodeSpec, ...] = (
     _asks("RetrieveListOfExhibits", QueryKnowledge, lambda node: QueryKnowledge("exhibits"),
           ">exhibits >nextExhibit >leftOutExhibits", keep=_keep_list),
     _mode("ScanningOvertAttentionMode", "scanning"),
-    _row(
-        "SelectExhibit", Instant, _select,
-        "<exhibits =nextExhibit >currentExhibit >targetLocation >gestureTarget "
-        ">description1 >description2", (Port("stop", TEXT, is_optional=True),)),
+    _row("SelectExhibit", Check,
+         "<exhibits =nextExhibit >currentExhibit >targetLocation >gestureTarget >description1 "
+         ">description2", _at_once, Port("stop", TEXT, is_optional=True), rule=_select),
     _mode("SocialOvertAttentionMode", "social"),
-    _row("START_OF_TREE", Instant, _begin),
+    _row("START_OF_TREE", Check, "", _at_once, rule=_begin),
     _asks("WelcomeGesture", PerformGesture, partial(_iconic, which="welcome")),
     # other names and extensions
-    _row("HandleFallback", Recovering, None, LEFT_OUT),
+    _recovers("HandleFallback"),
     speech("SayGoodBye", "SayGoodByeSpeech"),
     _asks("DescribeExhibitSpeech_1", Say, partial(_describe, part="1"),
           "<currentExhibit <description1"),
@@ -1087,20 +1000,20 @@ ROWS: Tuple[NodeSpec, ...] = (
     _mode("SeekingOvertAttentionMode", "seeking"),
     _mode("LocationOvertAttentionMode", "location"),
     # release 1.0: the argument is the node's name
-    _optional("StartOfTree", SetRecognitionLanguage, _language, leaf=Starting),
-    _asks("SayText", Say, _say_utility, ">questionAskedAt", marks_end=True),
+    _optional("StartOfTree", SetRecognitionLanguage, _language, node=Starting),
+    _asks("SayText", Say, _say_utility, ">questionAskedAt", is_question=True),
     _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, node.word),
           ">attentionSetAt <target:gestureTarget", keep=_keep_time),
     _asks("SetAnimateBehavior", SetAnimation, lambda node: SetAnimation(node.word)),
-    _optional("SetSpeechEvent", SetRecognition, lambda node: SetRecognition(node.word in
-                                                                            ("true", "enabled"))),
+    _optional("SetSpeechEvent", SetRecognition,
+              lambda node: SetRecognition(node.word in ("true", "enabled"))),
     _asks("PerformIconicGesture", PerformGesture, lambda node: _iconic(node, node.word)),
     _optional("SetRobotPose", SetPose, _pose, "<exhibits"),
     _optional("ResetRobotPose", SetPose, _pose, "<exhibits"),
     _look_up("RetrieveInitialLocation", "home", False),
-    _row("GetVisitorResponse", Listening, None, ">visitorResponse"),
-    _row("HasVisitorResponded", Instant,
-         _false_unless(lambda node: bool(node.entry("visitorResponse"))), "<visitorResponse"),
-    _row("IsVisitorPresent", Sign, sense=Sense.PRESENCE),
+    _row("GetVisitorResponse", Task, ">visitorResponse", _listen),
+    _is_so("HasVisitorResponded", lambda node: node.entry("visitorResponse"), "<visitorResponse"),
+    _sees("IsVisitorPresent", Sense.PRESENCE),
 )
-"""The table: a node type, its way of being done, its rule, and the entries it reads and writes."""
+"""The table: a node type, what it asks or goes by, its rule, and the entries it reads and writes.
+"""

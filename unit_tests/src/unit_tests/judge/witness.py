@@ -16,10 +16,10 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Prompt
 
 from unit_tests.judge import messages
-from unit_tests.judge.calls import Query, described
+from unit_tests.judge.calls import Query
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
-from unit_tests.judge.reference import FIELDS, SAFE_STATE
+from unit_tests.judge.reference import SAFE_STATE, fields
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import SERVICES
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
@@ -132,10 +132,8 @@ class Witness:
 
     def _fields(self, query: Query, line: journal.JournalEntry, service: Service) -> Dict[str, Any]:
         """Return the fields of a request as they have to be sent."""
-        encode = FIELDS.get(type(query.request))
-        if encode is None:  # of another package
-            return dict(zip(line.content, service.fields(query.request)))
-        return encode(query.request, not self._interface.tells_pressed)
+        own = fields(query.request, not self._interface.tells_pressed)
+        return dict(zip(line.content, service.fields(query.request))) if own is None else own
 
     def _unheard(self, query: Query, service: Service) -> Iterator[str]:
         """Object to a request that reached no node, unless the node was away."""
@@ -149,7 +147,7 @@ class Witness:
             is_well = cause in AWAY and self._is_away(service.node, query.asked)
         if not is_well:
             yield "{}: {} never got the request {}, and on record is {}".format(
-                query.asker, service.name, described(query.request), query.outcome)
+                query.asker, service.name, query, query.outcome)
 
     def _until(self, query: Query) -> float:
         """Return until when an answer was awaited."""
