@@ -66,8 +66,8 @@ class Calls:
 
     def note_asked(self, event: Asked, time: float) -> Query:
         """Note a request on record."""
-        query = Query(event.call, event.request, event.service, time)
-        self.queries[event.call] = query
+        query = self.queries.setdefault(
+            event.call, Query(event.call, event.request, event.service, time))
         self.unexplained.append(query)
         return query
 

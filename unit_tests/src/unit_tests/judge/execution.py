@@ -242,7 +242,8 @@ class Execution(Course):
         if self.passes == self.test.mission_runs:
             self._next = self.now + SAFE_LIMIT, "the end of the run"
             return
-        is_awaited = self._outcome == "FAILURE" and not self.gone.isdisjoint(self.failed_for())
+        failed_for = {resource for _, resource in self.failures_of_pass}
+        is_awaited = self._outcome == "FAILURE" and not self.gone.isdisjoint(failed_for)
         ready = math.inf if is_awaited else max(self.now, self._ready + (self.offset or 0.0))
         self._next = ready, "pass {}".format(self.passes + 1)
 

@@ -26,7 +26,7 @@ class Foreign(reference.Asking):
             return SKIPPED if self.status is IDLE else self.status
         return self.conclude(None if letter == "S" else cause or Cause.CONDITION_FALSE)
 
-    def attempt(self) -> reference.Steps:
+    def steps(self) -> reference.Steps:
         """Ask what it asks: of that only the kind is known."""
         calls = getattr(self.spec, "calls", ())
         return reference.ask(self, (calls or (object,))[0], lambda _: calls[0] if calls else None)

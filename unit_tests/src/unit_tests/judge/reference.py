@@ -2,13 +2,13 @@
 stores, when it holds.
 
 It is written from the documents, beside the controller's own leaves, and uses nothing of them.
-``ROWS`` is the table. The steps of a row are a generator: it takes the node, pauses while the node
-goes on, and returns why the node fails, or None. Requests, messages and what is known of the robot
-come from a ``Course``.
+``ROWS`` is the table. The steps of a row are a generator: it takes the node and pauses while the
+node goes on; it raises ``Fails``. Requests, messages and what is known of the robot come from a
+``Course``.
 """
 import math
 import re
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import (
@@ -151,14 +151,13 @@ class Course:
         self.unrecovered: List[Tuple[Cause, str]] = []  # causes and resources, in this pass
         self._first = 1  # number of the first failure of this pass
 
-    def failed_for(self) -> Iterator[str]:
-        """Yield the services and topics that the last pass may have failed for."""
-        return (resource for _, resource in self._failures_of_pass())
-
-    def _failures_of_pass(self) -> List[Tuple[Cause, str]]:
+    @property
+    def failures_of_pass(self) -> List[Tuple[Cause, str]]:
+        """The causes and resources for which the last pass may have failed."""
         newest = max(self.failures.values(), default=None)
-        is_new = newest is not None and newest.number >= self._first
-        return self.unrecovered + ([(newest.cause, newest.resource)] if newest and is_new else [])
+        if newest is None or newest.number < self._first:
+            return self.unrecovered
+        return self.unrecovered + [(newest.cause, newest.resource)]
 
     def pause(self, number: int, at: float) -> float:
         """Return the seconds that the next pass waits after a number of passes that failed for a
@@ -166,7 +165,7 @@ class Course:
         policy, spent = self.policy, self.recoveries[-self.policy.most:]
         usual = min(policy.first_pause * 2**min(number, 12), policy.longest_pause)
         rest = spent[0] + policy.seconds - at if policy.most and spent else math.inf
-        failures = self._failures_of_pass()
+        failures = self.failures_of_pass
         if failures and self.is_spent and len(spent) >= policy.most and rest > 0.0:
             return min(usual, rest)
         return usual if any(cause is Cause.TYPE_MISMATCH for cause, _ in failures) else 0.0
@@ -206,8 +205,12 @@ class Course:
 
 # ------------------------------------------------------------------------------ how it is done
 
-Steps = Generator[None, None, Optional[Cause]]
-"""What a node does: it pauses while there is something to wait for, and returns why it failed."""
+Steps = Iterator[None]
+"""What a node does: it pauses while there is something to wait for."""
+
+
+class Fails(Exception):
+    """A node fails: the argument is the cause."""
 
 
 class Duty(Node):
@@ -216,27 +219,35 @@ class Duty(Node):
     course: Any  # the execution
     spec: Any  # its row
     resource = ""
-    _steps: Optional[Steps] = None  # under way
+    _attempt: Any = None  # under way
 
     def setup(self, **kwargs: Any) -> None:
         """Get what the nodes of the mission go by."""
         self.course = kwargs["course"]
 
-    def attempt(self) -> Steps:
-        """Take the steps once; an entry that cannot be read or written ends them."""
-        try:
-            return (yield from self.spec.steps(self))
-        except PortError:
-            return Cause.MISSING_DATA
+    def steps(self) -> Steps:
+        """Do what the row says. Raises Fails, and PortError."""
+        yield from self.spec.steps(self)
+
+    def attempt(self) -> Generator[None, None, Optional[Cause]]:
+        """Take the steps once; return why they failed, or None."""
+        with ExitStack() as self._at_end:
+            try:
+                yield from self.steps()
+            except Fails as failed:
+                return failed.args[0]
+            except PortError:  # an entry cannot be read or written
+                return Cause.MISSING_DATA
+        return None
 
     def go_on(self) -> Result:
-        """Begin the steps, or go on with them."""
-        steps, self._steps = self._steps or self.attempt(), None
+        """Begin an attempt, or go on with it."""
+        attempt, self._attempt = self._attempt or self.attempt(), None
         try:
-            next(steps)
+            next(attempt)
         except StopIteration as end:
             return self.conclude(end.value)
-        self._steps = steps
+        self._attempt = attempt
         return RUNNING
 
     def conclude(self, cause: Optional[Cause]) -> Result:
@@ -246,11 +257,29 @@ class Duty(Node):
         self.course.ended(self, cause)
         return SUCCESS if cause is None else FAILURE
 
-    def drop(self) -> None:
-        """Wait no more."""
-        if self._steps is not None:
-            self._steps.close()
-        self._steps = None
+    def halt(self) -> None:
+        if self._attempt is not None:
+            self._attempt.close()
+        self._attempt = None
+        super().halt()
+
+    def ask(self, request: Any) -> Any:
+        """Return the query of a request, which is dropped with the attempt."""
+        query = self.course.ask(self, request)
+        self._at_end.callback(self.course.drop, query)
+        return query
+
+    def timer(self, seconds: float) -> Timer:
+        """Have the node ticked again after a time, if the attempt lasts so long."""
+        timer = self.clock.call_after(seconds, self.wake)
+        self._at_end.callback(timer.cancel)
+        return timer
+
+    def pause(self, seconds: float) -> Steps:
+        """Wait for so many seconds."""
+        timer = self.timer(seconds)
+        while timer.callback is not None:
+            yield
 
     def entry(self, port: str, otherwise: Any = None) -> Any:
         """Return the value of a port; ``otherwise`` if nothing has written it. Raises PortError."""
@@ -265,21 +294,12 @@ class Duty(Node):
             self.set_output(port, value)
             self.course.entries.stored(self, port)
 
-    @property
-    def word(self) -> str:
-        """The argument of a node of release 1.0: its name."""
-        return argument(self.name)
-
 
 class Check(Duty):
     """A node that is done anew at every tick: a condition, or an action within one tick."""
 
     def update(self) -> Result:
         return self.go_on()
-
-    def halt(self) -> None:
-        self.drop()
-        super().halt()
 
 
 class Sign(Check):
@@ -292,7 +312,6 @@ class Task(Duty, ActionLeaf):
     on_start = on_running = Duty.go_on
 
     def on_halted(self) -> None:
-        self.drop()
         self.course.halted(self)
 
 
@@ -312,64 +331,48 @@ class Starting(Asking):
 class Row(NodeSpec):
     """A row of the table: a node type and what it does."""
 
-    steps: Callable[[Any], Steps] = lambda node: node.attempt()
+    steps: Optional[Callable[[Any], Steps]] = None
 
 
-@contextmanager
-def _timer(node: Node, seconds: float) -> Iterator[Timer]:
-    """Have the node ticked again after a time, if it still waits then."""
-    timer = node.clock.call_after(seconds, node.wake)
-    try:
-        yield timer
-    finally:
-        timer.cancel()
-
-
-def _pause(node: Node, seconds: float) -> Generator[None, None, float]:
-    """Wait for so many seconds; return when they were over."""
-    with _timer(node, seconds) as timer:
-        while timer.callback is not None:
-            yield
-        return timer.due
-
-
-def _at_once(node: Any, rule: Callable[[Any], Optional[Cause]]) -> Steps:
-    """Follow a rule that says why the node fails, or None."""
+def _at_once(node: Any, rule: Callable[[Any], Any]) -> Steps:
+    """Follow a rule."""
     yield from ()
-    return rule(node)
+    rule(node)
 
 
-def _holds(node: Any, condition: Callable[[Any], Any]) -> Steps:
+def _require(node: Any, condition: Callable[[Any], Any]) -> Steps:
     """Fail unless a condition holds."""
     yield from ()
-    return None if condition(node) else Cause.CONDITION_FALSE
+    if not condition(node):
+        raise Fails(Cause.CONDITION_FALSE)
 
 
-def ask(node: Any, kind: type, rule: Callable[[Any], Union[Request, Cause, None]],
-         keep: Callable[[Any, Answer], Optional[Cause]] = lambda node, answer: None,
-         is_question: bool = False) -> Steps:
-    """Ask the robot: the rule returns the request, why there is none, or None: none is needed."""
+def ask(node: Any, kind: type, rule: Callable[[Any], Any],
+        keep: Callable[[Any, Answer], None] = lambda node, answer: None,
+        is_question: bool = False) -> Steps:
+    """Ask the robot for what the rule returns; None: nothing has to be asked, as on a robot that
+    lacks the service."""
     course = node.course
-    node.resource = course.interface.resource(kind) if course.interface.serves(kind) else ""
+    if not course.interface.serves(kind):
+        return
+    node.resource = course.interface.resource(kind)
     wanted = rule(node)
-    if wanted is None or isinstance(wanted, Cause):
-        return wanted
-    query = course.ask(node, wanted)
-    try:
-        while query.result is None:
-            yield
-    finally:
-        course.drop(query)
+    if wanted is None:
+        return
+    query = node.ask(wanted)
+    while query.result is None:
+        yield
     cause = query.result.cause if isinstance(query.result, Failure) else None
-    rest = 0.0 if cause else course.speech_lasts(node, wanted)
+    rest = course.speech_lasts(node, wanted) if cause is None else 0.0
     if rest:
-        yield from _pause(node, rest)
-    if is_question:  # one that failed makes older answers invalid too
-        try:
+        yield from node.pause(rest)
+    try:
+        if is_question:  # one that failed makes older answers invalid too
             node.write(questionAskedAt=node.clock.now())
-        except PortError:
-            return cause or Cause.MISSING_DATA
-    return cause or keep(node, query.result)
+    finally:
+        if cause is not None:
+            raise Fails(cause)
+    keep(node, query.result)
 
 
 # ------------------------------------------------------------------------------- signs of a visitor
@@ -381,15 +384,15 @@ class Evidence(NamedTuple):
 
     is_sign: Callable[[Any, Any], bool]  # takes the course and the message's value
     wait: Optional[float] = None
-    is_given_up: Callable[[Any], bool] = lambda value: False
+    is_given_up: Callable[[Any, Any], bool] = lambda course, value: False
+
+
+def _is(state: str, value: int) -> Callable[[Any, Any], bool]:
+    return lambda course, status: bool(status == (state, value))
 
 
 def _has_face(_course: Any, faces: Any) -> bool:
     return len(faces.labels) > 0
-
-
-def _is(state: str, value: int) -> Callable[..., bool]:
-    return lambda *status: (status[-1].state, status[-1].value) == (state, value)
 
 
 def _is_answer(course: Any, text: str) -> bool:
@@ -399,8 +402,8 @@ def _is_answer(course: Any, text: str) -> bool:
 EVIDENCE: Dict[str, Dict[Sense, Evidence]] = {
     "D5.4.3": {
         Sense.VISITOR: Evidence(_has_face), Sense.PRESENCE: Evidence(_has_face, PRESENCE_WAIT),
-        Sense.GAZE: Evidence(lambda course, status: (
-            status.state, status.value) == ("seeking", course.settings.gaze_value)),
+        Sense.GAZE: Evidence(
+            lambda course, status: bool(status == ("seeking", course.settings.gaze_value))),
         Sense.UTTERANCE: Evidence(_is_answer)
     },
     "release-1.0": {
@@ -416,9 +419,9 @@ ENDING = Evidence(lambda course, text: is_error(text) or _is_answer(course, text
 """What ends listening: an answer, or an error of the recognition."""
 
 
-def _look(node: Any, topic: Topic, evidence: Evidence, after: float) -> Union[Sample, Cause, None]:
+def _look(node: Any, topic: Topic, evidence: Evidence, after: float) -> Optional[Sample]:
     """Return the message that is the sign, the newest one of a state, each one of events, if it
-    came after what it answers; a cause: the robot has stopped looking for it."""
+    came after what it answers."""
     course, now = node.course, node.clock.now()
     limit = course.settings.topic_max_age if topic.is_continuous else math.inf
     counting = [sample for sample in course.signs.messages(topic)
@@ -429,44 +432,43 @@ def _look(node: Any, topic: Topic, evidence: Evidence, after: float) -> Union[Sa
             course.signs.saw(node, topic, sample, is_sign)
             return sample
     course.signs.sought(node, topic, after, is_sign)
-    is_over = any(evidence.is_given_up(sample.value) for sample in counting)
-    return Cause.CONDITION_FALSE if is_over else None
+    if any(evidence.is_given_up(course, sample.value) for sample in counting):
+        raise Fails(Cause.CONDITION_FALSE)
+    return None
 
 
 def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
     """Yield True while the node listens: for so many seconds, and for what began within them."""
     if seconds:
-        for _ in _pause(node, min(seconds, 1e9)):
+        for _ in node.pause(min(seconds, 1e9)):
             yield True
-        with _timer(node, RESULT_WAIT):
-            while node.course.signs.is_hearing(topic):
-                yield True
+        node.timer(RESULT_WAIT)
+        while node.course.signs.is_hearing(topic):
+            yield True
 
 
 def _sense(node: Any, sense: Sense, evidence: Evidence, seconds: float,
-           after: Callable[[], float]) -> Generator[None, None, Any]:
-    """Return the message that is the sign, or something else if there was none in time."""
+           after: Callable[[], float]) -> Generator[None, None, Optional[Sample]]:
+    """Return the message that is the sign; None: there was none in time."""
     topic = node.course.interface.evidence(sense).topic
-    node.resource = topic.name
-    with closing(_listening(node, topic, seconds)) as listening:  # type: ignore[type-var]
-        seen = _look(node, topic, evidence, after())
-        while seen is None and next(listening, False):
-            yield
-            seen = _look(node, topic, evidence, after())
-    return seen
+    node.resource, listening = topic.name, _listening(node, topic, seconds)
+    while True:
+        sample = _look(node, topic, evidence, after())
+        if sample is not None or not next(listening, False):
+            return sample
+        yield
 
 
 def _see(node: Any, sense: Sense, since: str = "",
          keep: Callable[[Any, Sample], None] = lambda node, sample: None) -> Steps:
-    """Hold on a sign, by messages later than the entry ``since``."""
+    """Fail without a sign in messages later than the entry ``since``."""
     evidence = EVIDENCE[node.course.interface.name][sense]
     wait = node.course.settings.condition_wait if evidence.wait is None else evidence.wait
     sample = yield from _sense(node, sense, evidence, 0.0 if is_asked_again(node) else wait,
                                lambda: node.entry(since, -math.inf) if since else -math.inf)
-    if not isinstance(sample, Sample):
-        return Cause.CONDITION_FALSE
+    if sample is None:
+        raise Fails(Cause.CONDITION_FALSE)
     keep(node, sample)
-    return None
 
 
 def _keep_utterance(node: Any, sample: Sample) -> None:
@@ -479,10 +481,11 @@ def _listen(node: Any) -> Steps:
     """Listen for 10 s; an error of the recognition ends that with FAILURE."""
     began = node.clock.now()
     sample = yield from _sense(node, Sense.UTTERANCE, ENDING, ANSWER_WAIT, lambda: began)
-    text = sample.value if isinstance(sample, Sample) else ""
+    text = "" if sample is None else sample.value
     answer = None if is_error(text) else spoken(node.course.phrases, text)
     node.write(visitorResponse=answer or "")
-    return Cause.UNUSABLE_ANSWER if is_error(text) else None
+    if is_error(text):
+        raise Fails(Cause.UNUSABLE_ANSWER)
 
 
 def is_asked_again(node: Any) -> bool:
@@ -537,21 +540,15 @@ class Rule(NamedTuple):
 
 
 class Policy:
-    """The lines of recoveryPolicy.ini, by the words at its head."""
+    """The lines of recoveryPolicy.ini, by the number of their words."""
 
     def __init__(self, text: str):
-        self.rules: List[Rule] = []
-        self.most, self.seconds = 0, 0.0
-        self.first_pause, self.longest_pause = 10.0, 300.0
-        for line in text.splitlines():
-            words = line.split("#")[0].split()
-            if words[:1] == ["budget"]:
-                self.most, self.seconds = int(words[1]), float(words[2])
-            elif words[:1] == ["pause"]:
-                self.first_pause, self.longest_pause = float(words[1]), float(words[2])
-            elif len(words) == len(Rule._fields):
-                self.rules.append(Rule(words[0], words[1], int(words[2]), float(words[3]),
-                                       words[4]))
+        lines = [line.split("#")[0].split() for line in text.splitlines()]
+        pairs = {words[0]: (float(words[1]), float(words[2])) for words in lines if len(words) == 3}
+        self.most, self.seconds = int(pairs["budget"][0]), pairs["budget"][1]
+        self.first_pause, self.longest_pause = pairs.get("pause", (10.0, 300.0))
+        self.rules = [Rule(words[0], words[1], int(words[2]), float(words[3]), words[4])
+                      for words in lines if len(words) == len(Rule._fields)]
 
     def rule(self, node: Node, cause: Cause) -> Rule:
         """Return the first line that fits."""
@@ -578,13 +575,11 @@ class Recovering(Task):
                     if first <= uid < self.uid and failed.number > self._last]
         self._last = self.course.newest
         if not failures:
-            return Cause.MISSING_DATA
+            raise Fails(Cause.MISSING_DATA)
         self.round = Round(self, max(failures), before)
-        outcome = yield from self.round.steps()
-        if outcome != GIVEN_UP:
-            return None
-        self.course.unrecovered.append((self.round.cause, self.round.failed.resource))
-        return self.round.cause
+        if (yield from self.round.steps()) == GIVEN_UP:
+            self.course.unrecovered.append((self.round.cause, self.round.failed.resource))
+            raise Fails(self.round.cause)
 
     def _before(self) -> Iterator[Any]:
         """Yield the nodes before this one below the nearest ancestor that has any."""
@@ -626,18 +621,16 @@ class Round:
     """One recovery under way."""
 
     def __init__(self, handler: Recovering, failed: Failed, before: Sequence[Any]):
-        self._handler, self.failed, self._before = handler, failed, before
-        self._course = course = handler.course
-        self.cause, self.retries = failed.cause, 0
-        now, policy = handler.clock.now(), course.policy
-        recent = [began for began in course.recoveries if began > now - policy.seconds]
-        course.recoveries = recent + [now]
+        self.failed, self.cause, self.retries = failed, failed.cause, 0
+        self._handler, self._course, self._before = handler, handler.course, before
+        self._work: Any = None  # the node that is attempted
+        self._patience: Optional[Timer] = None
+        course, policy, now = handler.course, handler.course.policy, handler.clock.now()
         self._rule = policy.rule(failed.node, failed.cause)
+        course.recoveries = [at for at in course.recoveries if at > now - policy.seconds] + [now]
         if len(course.recoveries) > policy.most:
             self._rule = self._rule._replace(retries=0, then="giveUp")
             course.is_spent = True
-        self._work: Optional[Duty] = None  # what is attempted
-        self._patience: Optional[Timer] = None
 
     def __str__(self) -> str:
         is_other = self._work not in (None, self.failed.node)
@@ -645,60 +638,62 @@ class Round:
             self.failed.node.registration_id, self.cause.value, self.retries, self._rule.retries,
             ", " + INSTEAD.format(self._work.registration_id) if self._work and is_other else "")
 
-    def _decided(self, step: str, *values: Any, cause: Optional[Cause] = None) -> None:
-        """Note a decision, or the ``cause`` for which the work has failed too."""
-        node = self._work if cause and self._work else self.failed.node
+    def _decided(self, step: str, *values: Any) -> None:
+        node = self.failed.node
         self._course.reports.decided(Decision(
-            node.registration_id, node.full_path, (cause or self.cause).value,
-            step.format(*values), 0 if cause else self._handler.uid))
+            node.registration_id, node.full_path, self.cause.value, step.format(*values),
+            self._handler.uid))
 
     def steps(self) -> Generator[None, None, str]:
         """Do one thing after the other about the failure; return the outcome."""
-        try:
-            outcome = yield from self._repair()
-        finally:
-            if self._patience is not None:
-                self._patience.cancel()
+        outcome = yield from self._repair()
+        if self._patience is not None:
+            self._patience.cancel()
         if not outcome:
             outcome = SKIPPED if self._may_skip() else GIVEN_UP
         if outcome == GIVEN_UP and self.failed.number != self._course.given_up:
-            yield from self._leave_safe()
+            self._course.given_up = self.failed.number
+            queries = [self._handler.ask(request) for request in SAFE_STATE]
+            while any(query.result is None for query in queries):
+                yield
+            self._course.reports.decided(SAFE)
         self._decided(ENDED, outcome, self.retries,
                       "give up" if self._rule.then == "giveUp" else "skip")
         return outcome
 
     def _repair(self) -> Generator[None, None, str]:
-        """Try the step again, or its substitute; return the outcome, empty: none of it helped."""
-        failed, course = self.failed, self._course
-        can_redo = failed.node.parent is self._handler.parent and isinstance(failed.node, Asking)
-        while can_redo:
+        """Try the step again, then its substitute; return the outcome, empty: neither helped."""
+        step: Any = self.failed.node
+        while step.parent is self._handler.parent and isinstance(step, Asking):
             if self.retries < self._rule.retries:
-                self._work = failed.node
+                self._work = step
                 self._decided(RETRY, self.retries + 1, self._rule.retries)
                 yield from self._wait()
-            elif self._rule.then in ("skip", "giveUp") or self._work not in (None, failed.node):
+            elif self._rule.then in ("skip", "giveUp") or self._work not in (None, step):
                 break
             else:
                 self._work = self._substitute(self._rule.then)
                 self._decided(INSTEAD, self._rule.then)
             cause = yield from self._work.attempt()
-            is_retry = self._work is failed.node
-            self.retries += is_retry
+            if self._work is step:
+                self.retries += 1
             if cause is None:
-                return DONE if is_retry else SUBSTITUTED
-            self._decided(FAILED_AGAIN, self.retries, cause=cause)
-            if is_retry:
-                self.cause = cause
-                self._rule = course.policy.rule(failed.node, cause)
+                return DONE if self._work is step else SUBSTITUTED
+            self._course.reports.decided(Decision(
+                self._work.registration_id, self._work.full_path, cause.value,
+                FAILED_AGAIN.format(self.retries)))
+            if self._work is step:
+                self.cause, self._rule = cause, self._course.policy.rule(step, cause)
         return ""
 
-    def _wait(self) -> Iterator[None]:
+    def _wait(self) -> Steps:
         """Wait for the pause before a retry, and for a service to return that the tour needs."""
         handler, course = self._handler, self._course
-        due = yield from _pause(handler, self._rule.back_off * 2**self.retries)
+        seconds = self._rule.back_off * 2**self.retries
+        due = handler.clock.now() + seconds
+        yield from handler.pause(seconds)
         while self._rule.then == "giveUp" and self.failed.resource in course.gone:
-            if self._patience is None:
-                self._patience = handler.clock.call_after(RETURN_WAIT, handler.wake)
+            self._patience = self._patience or handler.timer(RETURN_WAIT)
             if self._patience.callback is None:
                 break
             yield
@@ -709,25 +704,10 @@ class Round:
         """Note that the mission goes on without the step; return whether it does."""
         below = (node for step in self._before for node in step.iterate())
         if any(node.registration_id in OF_A_VISIT for node in below):
-            try:
+            with suppress(PortError):
                 if not self._handler.leave_out():
                     self._rule = self._rule._replace(then="giveUp")
-            except PortError:
-                pass
         return self._rule.then != "giveUp"
-
-    def _leave_safe(self) -> Iterator[None]:
-        """Ask for the safe state, once for a failure."""
-        course = self._course
-        course.given_up = self.failed.number
-        queries = [course.ask(self._handler, request) for request in SAFE_STATE]
-        try:
-            while any(query.result is None for query in queries):
-                yield
-        finally:
-            for query in queries:
-                course.drop(query)
-        course.reports.decided(SAFE)
 
     def _substitute(self, node_id: str) -> Duty:
         # the policy was checked when the mission was loaded
@@ -741,35 +721,22 @@ class Round:
 
 # ----------------------------------------------------------------------------------------- services
 
-FIELDS: Dict[type, str] = {
-    SetAnimation: "state",
-    PerformGesture: "gesture_type gesture_id gesture_duration location_x location_y location_z "
-                    "bow_nod_angle",
-    QueryKnowledge: "parameters", SetAttention: "state location_x location_y location_z",
-    GoTo: "goal_x goal_y goal_theta", Prompt: "message", Say: "message language",
-    SetPose: "x y theta", SetRecognition: "status", SetRecognitionLanguage: "language"
+SENT: Dict[type, Callable[[Any, bool], Tuple[Any, ...]]] = {
+    SetAnimation: lambda request, _: (request.state,),
+    PerformGesture: lambda request, _: (request.type, request.id, request.duration_ms,
+                                        request.bow_nod_angle_deg, *request.target),
+    QueryKnowledge: lambda request, _: (request.what,),
+    SetAttention: lambda request, _: (request.state, *request.target),
+    GoTo: lambda request, _: request.goal,
+    Prompt: lambda request, is_release: (
+        "|".join("'{}'".format(option) if is_release else option for option in request.options),),
+    Say: lambda request, is_release: (request.text, request.language)[:1 + is_release],
+    SetPose: lambda request, _: request.pose,
+    SetRecognition: lambda request, _: ("true" if request.is_enabled else "false",),
+    SetRecognitionLanguage: lambda request, _: (request.language,)
 }
-"""Table 3 and release 1.0: the names of a request's fields on the wire, in the order of its record;
-the document's robot takes no language."""
-
-
-def fields(request: Any, is_release: bool) -> Optional[Dict[str, Any]]:
-    """Return a request's fields on the wire, on the document's robot or on release 1.0's; None: it
-    is of another package."""
-    values: List[Any] = []
-    for value in (getattr(request, name) for name in request.__struct_fields__):
-        if isinstance(value, bool):
-            value = "true" if value else "false"
-        if isinstance(request, Prompt):
-            value = "|".join("'{}'".format(option) if is_release else option for option in value)
-        values += value if isinstance(value, tuple) else [value]
-    names = FIELDS.get(type(request))
-    if names is None:
-        return None
-    sent = dict(zip(names.split(), values))
-    if isinstance(request, Say) and not is_release:
-        del sent["language"]
-    return sent
+"""Table 3: the values of a request's fields on the wire, on the document's robot or on release
+1.0's."""
 
 
 # -------------------------------------------------------------------------------------------- rules
@@ -792,51 +759,47 @@ def _has_next(node: Any) -> bool:
     return index < len(exhibits)
 
 
-def _select(node: Any) -> Optional[Cause]:
+def _select(node: Any) -> None:
     exhibits, index = node.get_input("exhibits"), node.entry("nextExhibit", 0)
     if index >= len(exhibits):
-        return Cause.MISSING_DATA
+        raise Fails(Cause.MISSING_DATA)
     exhibit = exhibits[index]
     node.write(nextExhibit=index + 1, currentExhibit=exhibit.name, targetLocation=exhibit.location,
                gestureTarget=exhibit.gesture, description1=exhibit.description1,
                description2=exhibit.description2)
     tell_stop(node, exhibits, index, BEGUN)
-    return None
 
 
-def _keep_list(node: Any, answer: Answer) -> Optional[Cause]:
+def _keep_list(node: Any, answer: Answer) -> None:
     if not answer.exhibits:
-        return Cause.MISSING_DATA
+        raise Fails(Cause.MISSING_DATA)
     node.write(exhibits=list(answer.exhibits), nextExhibit=0, leftOutExhibits=[])
-    return None
 
 
-def _keep_place(node: Any, answer: Answer, has_gesture: bool) -> Optional[Cause]:
+def _keep_place(node: Any, answer: Answer, has_gesture: bool) -> None:
     if len(answer.exhibits) != 1:
-        return Cause.UNUSABLE_ANSWER
+        raise Fails(Cause.UNUSABLE_ANSWER)
     node.write(targetLocation=answer.exhibits[0].location)
     if has_gesture:
         node.write(gestureTarget=answer.exhibits[0].gesture)
     else:
         node.clear_output("gestureTarget")
         node.course.entries.stored(node, "gestureTarget")
-    return None
 
 
-def _keep_pressed(node: Any, answer: Answer) -> Optional[Cause]:
+def _keep_pressed(node: Any, answer: Answer) -> None:
     course, pressed = node.course, answer.response.strip().lower()
     yes, no = (label.lower() for label in course.phrases.tablet_options)
     meaning = {"2": "no", no: "no", "1": "yes", yes: "yes"}.get(pressed)
     if not course.interface.tells_pressed:  # release 1.0's tablet says only that it is done
         meaning = course.settings.tablet_success_is
     elif meaning is None:
-        return Cause.MISSING_DATA if pressed in ("", "0") else Cause.UNUSABLE_ANSWER
+        raise Fails(Cause.MISSING_DATA if pressed in ("", "0") else Cause.UNUSABLE_ANSWER)
     if meaning in ("yes", "no"):
         node.write(visitorResponse=meaning)
-    return None
 
 
-def _keep_time(node: Any, answer: Answer) -> None:
+def _keep_time(node: Any, _answer: Answer) -> None:
     node.write(attentionSetAt=node.clock.now())
 
 
@@ -847,21 +810,23 @@ UTILITY = {
 """Which of the document's speeches says the same as a utility phrase of release 1.0."""
 
 
-def _say_utility(node: Any) -> Union[Request, Cause]:
-    number, course = int(node.word), node.course
+def _say_utility(node: Any) -> Request:
+    number, course = int(argument(node.name)), node.course
     if course.known is None:
         text = course.phrases.speeches.get(UTILITY.get(number, ""))
     else:
         text = course.known.phrases.get(number)
-    return Cause.MISSING_DATA if text is None else Say(text, course.language)
+    if text is None:
+        raise Fails(Cause.MISSING_DATA)
+    return Say(text, course.language)
 
 
-def _describe(node: Any, part: str = "") -> Union[Request, Cause, None]:
+def _describe(node: Any, part: str = "") -> Optional[Request]:
     node.get_input("currentExhibit")
     if not part and "part" in node.attributes:
         part = node.get_input("part")
         if part not in ("1", "2", "both"):
-            return Cause.MISSING_DATA
+            raise Fails(Cause.MISSING_DATA)
     part = part or node.name
     ports = ["description" + part] if part in ("1", "2") else ["description1", "description2"]
     text = " ".join(filter(None, (node.entry(port, "") for port in ports)))
@@ -885,9 +850,11 @@ def _attend(node: Any, mode: str) -> Optional[Request]:
     return None if (mode, target) == ("location", NOWHERE) else SetAttention(mode, target)
 
 
-def _pose(node: Any) -> Union[Request, Cause]:
+def _pose(node: Any) -> Request:
     exhibits = node.entry("exhibits", ())
-    return SetPose(exhibits[0].location) if exhibits else Cause.MISSING_DATA
+    if not exhibits:
+        raise Fails(Cause.MISSING_DATA)
+    return SetPose(exhibits[0].location)
 
 
 def _language(node: Any) -> Optional[Request]:
@@ -898,34 +865,26 @@ def _language(node: Any) -> Optional[Request]:
 # -------------------------------------------------------------------------------------------- table
 
 
-def _row(node_id: str, node: Callable[[str], Any], ports: str, steps: Callable[..., Steps],
-         *more: Port, kind: Kind = Kind.ACTION, **facts: Any) -> Row:
+def _row(node_id: str, node: Callable[[str], Any], ports: str, steps: Callable[[Any], Steps],
+         *more: Port) -> Row:
     """Return a row: a node type, the class of its nodes, the entries that they read and write, and
-    their steps; ``facts`` are arguments of these."""
+    their steps."""
+    kind = Kind.CONDITION if node_id.startswith(("Is", "Has")) else Kind.ACTION
     return Row(node_id, kind, node, (*_ports(ports), *more), is_recovery=node is Recovering,
-               steps=partial(steps, **facts))
+               steps=steps)
 
 
 def _asks(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "", *more: Port,
-          **facts: Any) -> Row:
-    def asking(node: Any, **facts: Any) -> Steps:
-        return ask(node, kind, rule, **facts)
-    return _row(node_id, facts.pop("node", Asking), ports, asking, *more, **facts)
-
-
-def _optional(node_id: str, kind: type, rule: Callable[[Any], Any], ports: str = "",
-              **facts: Any) -> Row:
-    """Return a row whose node succeeds without a request on a robot that lacks the service."""
-    return _asks(node_id, kind, lambda node: rule(node)
-                 if node.course.interface.serves(kind) else None, ports, **facts)
+          node: Callable[[str], Any] = Asking, **facts: Any) -> Row:
+    return _row(node_id, node, ports, partial(ask, kind=kind, rule=rule, **facts), *more)
 
 
 def _is_so(node_id: str, condition: Callable[[Any], Any], ports: str = "") -> Row:
-    return _row(node_id, Check, ports, _holds, kind=Kind.CONDITION, condition=condition)
+    return _row(node_id, Check, ports, partial(_require, condition=condition))
 
 
 def _sees(node_id: str, sense: Sense, ports: str = "", **facts: Any) -> Row:
-    return _row(node_id, Sign, ports, _see, kind=Kind.CONDITION, sense=sense, **facts)
+    return _row(node_id, Sign, ports, partial(_see, sense=sense, **facts))
 
 
 def speech(node_id: str, phrase: str, is_question: bool = False) -> Row:
@@ -952,6 +911,8 @@ def _recovers(node_id: str) -> Row:
                 Recovering.recover)
 
 
+MODES = {"Disabled": "disabled", "Scanning": "scanning", "Social": "social", "Seek": "seeking",
+         "Seeking": "seeking", "Location": "location"}
 SPEECHES = ("EndTourSpeech", "FollowMeSpeech", "HereIsTheDoorSpeech", "MaybeAnotherTimeSpeech",
             "SayGoodByeSpeech", "WelcomeSpeech")
 QUESTIONS = ("PressYesNoSpeech", "QueryTourSpeech", "SayYesNoSpeech")
@@ -959,10 +920,10 @@ QUESTIONS = ("PressYesNoSpeech", "QueryTourSpeech", "SayYesNoSpeech")
 ROWS: Tuple[Row, ...] = (
     # D5.4.3, table 4
     *(speech(name, name) for name in SPEECHES), *(speech(name, name, True) for name in QUESTIONS),
+    *(_mode(name + "OvertAttentionMode", mode) for name, mode in MODES.items()),
     _asks("DescribeExhibitSpeech", Say, _describe, "<currentExhibit <description1 <description2",
           Port("part", TEXT, is_optional=True)),
     _asks("DisableAnimateBehavior", SetAnimation, lambda node: SetAnimation("disabled")),
-    _mode("DisabledOvertAttentionMode", "disabled"),
     _asks("EnableAnimateBehavior", SetAnimation, lambda node: SetAnimation("enabled")),
     _asks("GoodbyeGesture", PerformGesture, partial(_iconic, which="goodbye")),
     _recovers("HandleFallBack"),
@@ -982,12 +943,10 @@ ROWS: Tuple[Row, ...] = (
           ">visitorResponse", keep=_keep_pressed),
     _asks("RetrieveListOfExhibits", QueryKnowledge, lambda node: QueryKnowledge("exhibits"),
           ">exhibits >nextExhibit >leftOutExhibits", keep=_keep_list),
-    _mode("ScanningOvertAttentionMode", "scanning"),
     _row("SelectExhibit", Check,
          "<exhibits =nextExhibit >currentExhibit >targetLocation >gestureTarget >description1 "
-         ">description2", _at_once, Port("stop", TEXT, is_optional=True), rule=_select),
-    _mode("SocialOvertAttentionMode", "social"),
-    _row("START_OF_TREE", Check, "", _at_once, rule=_begin),
+         ">description2", partial(_at_once, rule=_select), Port("stop", TEXT, is_optional=True)),
+    _row("START_OF_TREE", Check, "", partial(_at_once, rule=_begin)),
     _asks("WelcomeGesture", PerformGesture, partial(_iconic, which="welcome")),
     # other names and extensions
     _recovers("HandleFallback"),
@@ -996,20 +955,17 @@ ROWS: Tuple[Row, ...] = (
           "<currentExhibit <description1"),
     _asks("DescribeExhibitSpeech_2", Say, partial(_describe, part="2"),
           "<currentExhibit <description2"),
-    _mode("SeekOvertAttentionMode", "seeking"),
-    _mode("SeekingOvertAttentionMode", "seeking"),
-    _mode("LocationOvertAttentionMode", "location"),
     # release 1.0: the argument is the node's name
-    _optional("StartOfTree", SetRecognitionLanguage, _language, node=Starting),
+    _asks("StartOfTree", SetRecognitionLanguage, _language, node=Starting),
     _asks("SayText", Say, _say_utility, ">questionAskedAt", is_question=True),
-    _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, node.word),
+    _asks("SetOvertAttentionMode", SetAttention, lambda node: _attend(node, argument(node.name)),
           ">attentionSetAt <target:gestureTarget", keep=_keep_time),
-    _asks("SetAnimateBehavior", SetAnimation, lambda node: SetAnimation(node.word)),
-    _optional("SetSpeechEvent", SetRecognition,
-              lambda node: SetRecognition(node.word in ("true", "enabled"))),
-    _asks("PerformIconicGesture", PerformGesture, lambda node: _iconic(node, node.word)),
-    _optional("SetRobotPose", SetPose, _pose, "<exhibits"),
-    _optional("ResetRobotPose", SetPose, _pose, "<exhibits"),
+    _asks("SetAnimateBehavior", SetAnimation, lambda node: SetAnimation(argument(node.name))),
+    _asks("SetSpeechEvent", SetRecognition,
+              lambda node: SetRecognition(argument(node.name) in ("true", "enabled"))),
+    _asks("PerformIconicGesture", PerformGesture, lambda node: _iconic(node, argument(node.name))),
+    _asks("SetRobotPose", SetPose, _pose, "<exhibits"),
+    _asks("ResetRobotPose", SetPose, _pose, "<exhibits"),
     _look_up("RetrieveInitialLocation", "home", False),
     _row("GetVisitorResponse", Task, ">visitorResponse", _listen),
     _is_so("HasVisitorResponded", lambda node: node.entry("visitorResponse"), "<visitorResponse"),

@@ -19,7 +19,7 @@ from unit_tests.judge import messages
 from unit_tests.judge.calls import Query
 from unit_tests.judge.execution import Execution
 from unit_tests.judge.facts import EARLY, RETURN, Facts, of
-from unit_tests.judge.reference import SAFE_STATE, fields
+from unit_tests.judge.reference import SAFE_STATE, SENT
 from unit_tests.robot import journal
 from unit_tests.robot.behaviour import SERVICES
 from unit_tests.robot.faults import CRASH, EXCEPTION, REFUSED, UNANSWERED, WRONG
@@ -132,8 +132,10 @@ class Witness:
 
     def _fields(self, query: Query, line: journal.JournalEntry, service: Service) -> Dict[str, Any]:
         """Return the fields of a request as they have to be sent."""
-        own = fields(query.request, not self._interface.tells_pressed)
-        return dict(zip(line.content, service.fields(query.request))) if own is None else own
+        is_release, request = not self._interface.tells_pressed, query.request
+        values = SENT[type(request)](request, is_release) if type(request) in SENT else \
+            service.fields(request)  # of another package
+        return dict(zip(line.content, values))
 
     def _unheard(self, query: Query, service: Service) -> Iterator[str]:
         """Object to a request that reached no node, unless the node was away."""
