@@ -3,15 +3,11 @@ from dataclasses import dataclass
 from typing import Any, Dict, List, Optional, Tuple, Union
 
 from behavior_controller.execution.events import Answered, Asked
-from behavior_controller.robot.gateway import Failure
+from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request
 
 from unit_tests.judge.comparison import label
 from unit_tests.judge.reference import HANDLERS, SAFE_STATE, Duty
-
-
-THE_END, LATER = "the safe state", "a later step"
-"""What asks without a node: the end of a run, and what follows the first difference."""
 
 
 @dataclass(eq=False)
@@ -34,20 +30,26 @@ class Query:
 
     @property
     def asker(self) -> str:
-        """What made the request."""
-        return self.node or (THE_END if self.is_for_safety else LATER)
+        """What made the request: a node, or the end of the run; after a difference none is known.
+        """
+        return self.node or ("the safe state" if self.is_for_safety else "a later step")
 
     @property
     def is_for_safety(self) -> bool:
         """Whether it may be a part of the safe state: a recovery that gives up asks for it, and the
         end of the run."""
-        return self.node in HANDLERS and self.request in SAFE_STATE
+        return self.node in ("", *HANDLERS) and self.request in SAFE_STATE
+
+    @property
+    def cause(self) -> Optional[Cause]:
+        """Why it failed, if it did."""
+        return self.result.cause if isinstance(self.result, Failure) else None
 
     @property
     def outcome(self) -> str:
         """The result in words: an answer, or the cause of its failure."""
-        if isinstance(self.result, Failure):
-            return self.result.cause.value
+        if self.cause is not None:
+            return self.cause.value
         return "an answer" if self.result is not None else "no answer"
 
     def drop(self, time: float) -> None:
@@ -77,7 +79,7 @@ class Calls:
         if query is None:
             return ""
         if query.result is not None or query.dropped is not None:
-            return "{} has an answer on record that nothing waits for: {}".format(query.node, query)
+            return f"{query.node} has an answer on record that nothing waits for: {query}"
         query.answered, query.result = time, event.result
         return ""
 
@@ -98,27 +100,27 @@ class Calls:
         """Return what is on record instead of a request that was due."""
         what = "" if isinstance(request, type) else ": " + described(request)
         if not self.unexplained:
-            return "was due{}; nothing was asked".format(what)
+            return f"was due{what}; nothing was asked"
         asked = self.unexplained[0]
-        text = "was due{}; what was asked: {}".format(what, self.described(asked))
+        text = f"was due{what}; what was asked: {self.described(asked)}"
         if type(asked.request) is type(request):
-            text += " ({})".format(_unlike_fields(asked.request, request))
+            text += f" ({_unlike_fields(asked.request, request)})"
         return text
 
     def described(self, asked: Query) -> str:
         """Return a request in words, and which node has made the same before."""
         before = [query.node for query in self.queries.values()
                   if query.request == asked.request and query.node]
-        return "{}, as {} did before".format(asked, before[-1]) if before else str(asked)
+        return f"{asked}, as {before[-1]} did before" if before else str(asked)
 
 
 def described(request: Any) -> str:
     """Return a request in words."""
     words = request.words
-    return "{} {}".format(words.doing, words.what).strip() if words is not None else str(request)
+    return f"{words.doing} {words.what}".strip() if words is not None else str(request)
 
 
 def _unlike_fields(asked: Any, due: Any) -> str:
     names = [name for name in due.__struct_fields__ if getattr(asked, name) != getattr(due, name)]
-    return ", ".join("{} is {!r} instead of {!r}".format(name, getattr(asked, name),
-                                                         getattr(due, name)) for name in names)
+    return ", ".join(f"{name} is {getattr(asked, name)!r} instead of {getattr(due, name)!r}"
+                     for name in names)

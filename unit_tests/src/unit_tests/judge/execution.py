@@ -36,7 +36,7 @@ from unit_tests.judge.calls import Calls, Query, described
 from unit_tests.judge.comparison import Reports, WrittenEntries, decision, label
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
-from unit_tests.judge.reference import SAFE, SAFE_STATE, Course, Decision, Duty
+from unit_tests.judge.reference import SAFE, SAFE_STATE, Course, Duty
 from unit_tests.judge.signs import Signs
 from unit_tests.robot.options import ACTION
 
@@ -91,8 +91,7 @@ class Execution(Course):
         try:
             self._build(started)
         except BehaviorControllerError as error:
-            raise CannotRepeat(
-                "the mission on record cannot be done again: {}".format(error)) from error
+            raise CannotRepeat(f"the mission on record cannot be done again: {error}") from error
         self.began = self.now = began  # times of its first and its newest line
         self.difference, self.differs_at = "", began
         self.passes, self.test, self._facts = passes, facts.test, facts
@@ -143,8 +142,8 @@ class Execution(Course):
     def _note_asked(self, event: Asked) -> None:
         query = self.calls.note_asked(event, self.now)
         if self._is_over:
-            self._differ("after the end of the run nothing is due; what was asked: {}".format(
-                self.calls.described(query)))
+            self._differ("after the end of the run nothing is due; what was asked: "
+                         f"{self.calls.described(query)}")
 
     def _note_answer(self, event: Answered) -> None:
         self._differ(self.calls.note_answer(event, self.now))
@@ -154,12 +153,12 @@ class Execution(Course):
 
     def _note_hearing(self, event: StillHearing) -> None:
         if self.test.recognise_by != ACTION:
-            self._differ("{} is no action that goes on hearing".format(event.topic))
+            self._differ(f"{event.topic} is no action that goes on hearing")
         self.signs.note_hearing(event.topic)
 
     def _note_entries(self, event: EntriesWritten) -> None:
         if self.entries.note(event):
-            self._differ("the entries after {} are on record twice".format(self._last))
+            self._differ(f"the entries after {self._last} are on record twice")
 
     def _note_health(self, event: HealthChanged) -> None:
         if event.respect == GONE:
@@ -169,12 +168,12 @@ class Execution(Course):
 
     def _note_suspension(self, event: Suspended) -> None:
         if not self.settings.ros_interface:
-            self._differ("{}, and there is no way to ask for that".format(event.words))
+            self._differ(f"{event.words}, and there is no way to ask for that")
         self._next = math.inf if event.words else self.now, "the mission"
 
     def _note_leaf(self, event: LeafFinished) -> None:
         if not self._is_of(event):
-            self._differ("node {} is not {} {}".format(event.uid, event.node, event.path))
+            self._differ(f"node {event.uid} is not {event.node} {event.path}")
         self.reports.finished.append(event)
 
     def _is_of(self, event: Union[LeafFinished, Recovering, Recovered]) -> bool:
@@ -193,8 +192,8 @@ class Execution(Course):
             if self._is_of(event):
                 return  # there was nothing to recover from
             if event.success is (event.outcome == reference.GIVEN_UP):
-                self._differ("the recovery of {} is {}; on record its success is {}".format(
-                    event.node, event.outcome, event.success))
+                self._differ(f"the recovery of {event.node} is {event.outcome}; on record its "
+                             f"success is {event.success}")
         self.reports.decisions.append(decision(event))
 
     # ----------------------------------------------------------------------------------- the passes
@@ -205,22 +204,21 @@ class Execution(Course):
             self._differ("pass {} began, and pass {} had to {}".format(
                 event.number, self.passes + 1, "end" if self._is_in_pass else "begin"))
         for query in self.calls.unexplained:
-            self._differ("before the pass nothing is due; what was asked: {}".format(
-                self.calls.described(query)))
+            asked = self.calls.described(query)
+            self._differ(f"before the pass nothing is due; what was asked: {asked}")
         early = self._ready - event.at
         if early > 0.01 or self._next[0] == math.inf:
             self._differ("the pass began {}, and the cause of the last failure persists".format(
-                "{:.1f} s too early".format(early) if early > 0.01 else "without a pause"))
+                f"{early:.1f} s too early" if early > 0.01 else "without a pause"))
         self._is_in_pass = True
-        self._next = self.now, "the first step of pass {}".format(event.number)
+        self._next = self.now, f"the first step of pass {event.number}"
         self.begin_visit(self.tree.blackboard, event.at)
 
     def _end_pass(self, event: PassFinished) -> None:
         now = self.clock.now()
         seconds = now - self._visit_began
         if abs(event.seconds - seconds) > self._facts.late:
-            self._differ("the pass took {:.1f} s; on record are {:.1f} s".format(
-                seconds, event.seconds))
+            self._differ(f"the pass took {seconds:.1f} s; on record are {event.seconds:.1f} s")
         if (event.number, event.outcome) != (self.passes + 1, self._result):
             self._differ("pass {} ended with {}; its tree ends with {}".format(
                 event.number, event.outcome, self._result or "nothing yet"))
@@ -228,13 +226,12 @@ class Execution(Course):
         self.passes += 1
         self._is_in_pass, self._outcome = False, event.outcome
         self._ready = now + (SHORTEST_PASS if event.seconds < SHORTEST_PASS else 0.0)
-        pause = 0.0
-        if event.outcome == "FAILURE":
-            pause = self.pause(self._pauses, self._ready)
-        elif event.outcome == "SUCCESS":
+        if event.outcome == "SUCCESS":
             self._pauses = 0
-        self._pauses += pause > 0.0
-        self._ready += pause
+        elif event.outcome == "FAILURE":
+            pause = self.pause(self._pauses, self._ready)
+            self._pauses += 1 if pause else 0
+            self._ready += pause
         self._expect_pass()
 
     def _expect_pass(self) -> None:
@@ -245,7 +242,7 @@ class Execution(Course):
         failed_for = {resource for _, resource in self.failures_of_pass}
         is_awaited = self._outcome == "FAILURE" and not self.gone.isdisjoint(failed_for)
         ready = math.inf if is_awaited else max(self.now, self._ready + (self.offset or 0.0))
-        self._next = ready, "pass {}".format(self.passes + 1)
+        self._next = ready, f"pass {self.passes + 1}"
 
     def _note_safe_state(self, event: SafeStateReported) -> None:
         self.reports.decisions.append(SAFE)
@@ -260,10 +257,9 @@ class Execution(Course):
             part = reported.get(self.interface.resource(type(request)))
             outcomes = {query.outcome for query in newest.values()}
             if not newest:
-                self._differ("the robot was not asked for the safe state: {}".format(
-                    described(request)))
+                self._differ(f"the robot was not asked for the safe state: {described(request)}")
             elif part is None and outcomes != {Cause.NOT_ADVERTISED.value}:
-                self._differ("what {} has come to is not reported".format(described(request)))
+                self._differ(f"what {described(request)} has come to is not reported")
             elif part is not None and len(outcomes) == 1 and (part.failure is None) is not (
                     outcomes == {"an answer"}):
                 self._differ("{} was reported as {}; the requests on record say otherwise".format(
@@ -275,10 +271,10 @@ class Execution(Course):
             self._differ("at the end the safe state is due, once; what was asked: {}".format(
                 ", ".join(map(described, asked)) or "nothing"))
         elif self.reports.decisions != [SAFE]:
-            self._differ("at the end {}; it was not".format(SAFE))
+            self._differ(f"at the end {SAFE}; it was not")
         elif not event.outcome.endswith(self._outcome):
-            self._differ("the last pass ended with {}; at the end it was {}".format(
-                self._outcome, event.outcome))
+            self._differ(
+                f"the last pass ended with {self._outcome}; at the end it was {event.outcome}")
         self.calls.unexplained.clear()
         self.reports.decisions.clear()
         self._is_over, self._next = True, (math.inf, "")
@@ -289,7 +285,6 @@ class Execution(Course):
         self._check_clock(tick)
         self.clock.set_to(tick.at)
         self._traversal = Traversal(tick.changes, self._last)
-        self.signs.begin_traversal()
         result: Any = None
         changes = self.tree.changes
         try:
@@ -298,7 +293,7 @@ class Execution(Course):
             result = self.tree.root.execute()
         except BehaviorControllerError as error:
             if not isinstance(getattr(error, "cause", error), BehaviorControllerError):
-                self._differ("the mission cannot be done again: {}".format(error))
+                self._differ(f"the mission cannot be done again: {error}")
             result = FAILURE  # of a script, say: the pass is over
         self._differ(self._first_difference())
         self._expect_traversal(result is RUNNING, self.tree.changes != changes)
@@ -317,10 +312,10 @@ class Execution(Course):
         if self._clock_began is None:
             self._clock_began = offset
             if not 0.0 <= tick.at - self._visit_began <= self._facts.late:
-                self._differ("the pass began at {:.1f} s, its first step came at {:.1f} s".format(
-                    self._visit_began, tick.at))
+                self._differ(f"the pass began at {self._visit_began:.1f} s, its first step came at "
+                             f"{tick.at:.1f} s")
         if abs(offset - self._clock_began) > self._facts.late:
-            self._differ("the mission's clock is {:.1f} s wrong".format(offset - self._clock_began))
+            self._differ(f"the mission's clock is {offset - self._clock_began:.1f} s wrong")
 
     def _expect_traversal(self, is_running: bool, has_changed: bool) -> None:
         """Note when the next traversal has to come: at once after a change, else at the next timer.
@@ -339,8 +334,9 @@ class Execution(Course):
     def overdue(self, time: float) -> str:
         """Return what had to come long before that time, and has not come; empty: nothing."""
         due, what = self._next
-        return "{} was due {:.1f} s before".format(
-            what or self.under_way(), time - due) if time - due > self._facts.late else ""
+        if time - due <= self._facts.late:
+            return ""
+        return f"{what or self.under_way()} was due {time - due:.1f} s before"
 
     def under_way(self) -> str:
         """Return the nodes that are running, without a running child."""
@@ -354,8 +350,8 @@ class Execution(Course):
         """Note a difference; empty: there is none."""
         if text and not self.difference:
             self.differs_at = max(self.now, self._pass_began)
-            self.difference = "pass {}, {:.1f} s: {}".format(
-                self.passes + 1, max(0.0, self.now - self._pass_began), text)
+            at = self.differs_at - self._pass_began
+            self.difference = f"pass {self.passes + 1}, {at:.1f} s: {text}"
 
     def _first_difference(self) -> str:
         """Return the first difference of the traversal: a request, a change of status, then what
@@ -366,8 +362,8 @@ class Execution(Course):
         if misstep is not None:
             return self._described_misstep(misstep)
         for query in self.calls.unexplained:
-            return "after {}, while {} goes on, nothing more was due; what was asked: {}".format(
-                self.calls.asker or self._last, self.under_way(), self.calls.described(query))
+            return (f"after {self.calls.asker or self._last}, while {self.under_way()} goes on, "
+                    f"nothing more was due; what was asked: {self.calls.described(query)}")
         return next(itertools.chain(self.reports.differences(self.tree.nodes),
                                     self.entries.differences(self._last)), "")
 
@@ -376,28 +372,28 @@ class Execution(Course):
         due, came = "nothing more had to be", "nothing"
         for uid, letter in self._traversal.due[place:place + 1]:
             node, cause = self.tree.nodes[uid - 1], self.reports.cause(uid)
-            reason = " ({})".format(cause) if cause and letter == "F" else ""
-            place_of = " (in {})".format(label(node.parent)) if node.parent is not None else ""
-            due = "{} had to be {}{}{}".format(self._label(uid), WORDS[letter], reason, place_of)
+            reason = f" ({cause})" if cause and letter == "F" else ""
+            place_of = f" (in {label(node.parent)})" if node.parent is not None else ""
+            due = f"{self._label(uid)} had to be {WORDS[letter]}{reason}{place_of}"
         for uid, letter in self._traversal.recorded[place:place + 1]:
-            came = "{} {}".format(self._label(uid), WORDS[letter])
-        return "{}{}; on record is {}".format(self._after(place), due, came)
+            came = f"{self._label(uid)} {WORDS[letter]}"
+        return f"{self._after(place)}{due}; on record is {came}"
 
     def _after(self, place: int) -> str:
         """Return which leaf had ended before a change of status."""
         before = [uid for uid, letter in self._traversal.due[:place]
                   if letter in "SF" and isinstance(self.tree.nodes[uid - 1], Duty)]
         last = self._label(before[-1]) if before else self._traversal.last
-        return "after {}, ".format(last) if last else ""
+        return f"after {last}, " if last else ""
 
     def _label(self, uid: int) -> str:
         """Return the label of a node; that of a control has the first leaf below it."""
         if not 0 < uid <= len(self.tree.nodes):
-            return "node {}".format(uid)
+            return f"node {uid}"
         node = first = self.tree.nodes[uid - 1]
         while first.children:
             first = first.children[0]
-        return label(node) if first is node else "{} of {}".format(label(node), label(first))
+        return label(node) if first is node else f"{label(node)} of {label(first)}"
 
     # ------------------------------------------------------------------------- what the nodes go by
 
@@ -405,19 +401,18 @@ class Execution(Course):
         """Return a request with its answer, if that has come; of a node without a row only the
         request's kind is known."""
         if node.registration_id in TABLE and not isinstance(node, reference.Recovering):
-            self.reports.decided(
-                Decision(node.registration_id, node.full_path, "", reference.BEGINS))
+            self.reports.decided(node, reference.BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
             answer = Answer(exhibits=self.knowledge[request.what])
             return Query(0, request, "", self._unix_now, result=answer)
         if not self.calls.next_is(request):
-            self._wrong("{}{} {}".format(self._after(len(self._traversal.due)), label(node),
-                                         self.calls.unlike(request)))
+            after = self._after(len(self._traversal.due))
+            self._wrong(f"{after}{label(node)} {self.calls.unlike(request)}")
             return Query(0, request, "", self._unix_now)
         query = self.calls.take(node)
         early = self._unix_now - query.asked
         if early > EARLY:
-            self._wrong("{} asked {:.1f} s too early: {}".format(label(node), early, query))
+            self._wrong(f"{label(node)} asked {early:.1f} s too early: {query}")
         return query
 
     def _wrong(self, text: str) -> None:
@@ -438,7 +433,7 @@ class Execution(Course):
     @property
     def late_retries(self) -> List[str]:
         """The nodes that were tried again more than once, and too late every time."""
-        return ["{} was tried again {:.1f} s later than the policy says".format(node, min(delays))
+        return [f"{node} was tried again {min(delays):.1f} s later than the policy says"
                 for node, delays in self._delays.items()
                 if len(delays) > 1 and min(delays) > LATE_RETRY + self._facts.stall]
 
@@ -446,10 +441,6 @@ class Execution(Course):
         """Note that a leaf ended; ``cause`` None: it succeeded."""
         self.reports.ended(node, "SUCCESS" if cause is None else cause.value)
         self._last = label(node)
-
-    def halted(self, node: Duty) -> None:
-        """Note that a leaf was halted, as it has to report."""
-        self.reports.ended(node, "IDLE")
 
     def of_record(self, node: Duty) -> Tuple[str, Optional[Cause]]:
         """Return the next status of a node in this traversal, and why it failed, if it did."""
@@ -465,9 +456,7 @@ class Execution(Course):
         return mine[place] if place < len(mine) else "", causes[0] if causes else None
 
 
-Handler = Callable[[Execution, Any], None]
-
-_HANDLERS: Dict[type, Handler] = {
+_HANDLERS: Dict[type, Callable[[Execution, Any], None]] = {
     Asked: Execution._note_asked, Answered: Execution._note_answer,
     Message: Execution._note_message, StillHearing: Execution._note_hearing,
     EntriesWritten: Execution._note_entries, HealthChanged: Execution._note_health,

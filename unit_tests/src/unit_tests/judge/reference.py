@@ -29,7 +29,7 @@ from behavior_controller.config.phrases import Phrases
 from behavior_controller.config.settings import Settings
 from behavior_controller.execution.events import BEGUN, OMITTED, OVER
 from behavior_controller.robot.declarations import Sense, Topic
-from behavior_controller.robot.gateway import Cause, Failure, Sample
+from behavior_controller.robot.gateway import Cause, Sample
 from behavior_controller.robot.requests import (
     Answer, Exhibit, GoTo, Location, PerformGesture, Point, Prompt, QueryKnowledge, Request, Say,
     SetAnimation, SetAttention, SetPose, SetRecognition, SetRecognitionLanguage)
@@ -53,13 +53,11 @@ DONE, SUBSTITUTED, SKIPPED, GIVEN_UP = "done", "substituted", "skipped", "given 
 SAFE_STATE = (SetAttention("disabled"), SetAnimation("disabled"))
 """The requests that leave the robot safe."""
 
-HANDLERS = {"", "HandleFallBack", "HandleFallback"}
-"""What asks for the safe state: the nodes that recover, and at the end no node."""
+HANDLERS = ("HandleFallBack", "HandleFallback")
+"""The nodes that recover."""
 
-INDISPENSABLE = {
-    "Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance", "LookUpHome",
-    "RetrieveInitialLocation"
-}
+INDISPENSABLE = {"Navigate", "SelectExhibit", "RetrieveListOfExhibits", "LookUpEntrance",
+                 "LookUpHome", "RetrieveInitialLocation"}
 """Nodes that no policy may skip."""
 
 OF_A_VISIT = {"Navigate", "SelectExhibit"}
@@ -74,10 +72,9 @@ def _numbers(record: Any, text: str) -> Any:
 
 
 TYPES: Dict[str, str] = {
-    "visitorResponse": TEXT, "exhibits": PortType("Exhibits", list), "nextExhibit": "int",
-    "currentExhibit": TEXT, "leftOutExhibits": "vec_int", "description1": TEXT,
-    "description2": TEXT, "targetLocation": PortType("Location", Location,
-                                                     partial(_numbers, Location)),
+    **dict.fromkeys(("visitorResponse", "currentExhibit", "description1", "description2"), TEXT),
+    "exhibits": PortType("Exhibits", list), "nextExhibit": "int", "leftOutExhibits": "vec_int",
+    "targetLocation": PortType("Location", Location, partial(_numbers, Location)),
     "gestureTarget": PortType("Point", Point, partial(_numbers, Point)),
     "questionAskedAt": "double", "attentionSetAt": "double"
 }
@@ -118,8 +115,8 @@ class Decision(NamedTuple):
     handler: int = 0
 
     def __str__(self) -> str:
-        node = "{} ({}):".format(self.node, self.cause) if self.cause else self.node
-        return "{} {}".format(node, self.step).strip()
+        node = f"{self.node} ({self.cause}):" if self.cause else self.node
+        return f"{node} {self.step}".strip()
 
 
 BEGINS, STOP = "begins", "is at stop {} of {}, {}: {}"
@@ -312,7 +309,7 @@ class Task(Duty, ActionLeaf):
     on_start = on_running = Duty.go_on
 
     def on_halted(self) -> None:
-        self.course.halted(self)
+        self.course.reports.ended(self, "IDLE")
 
 
 class Asking(Task):
@@ -362,16 +359,15 @@ def ask(node: Any, kind: type, rule: Callable[[Any], Any],
     query = node.ask(wanted)
     while query.result is None:
         yield
-    cause = query.result.cause if isinstance(query.result, Failure) else None
-    rest = course.speech_lasts(node, wanted) if cause is None else 0.0
-    if rest:
+    rest = course.speech_lasts(node, wanted)
+    if rest and query.cause is None:
         yield from node.pause(rest)
     try:
         if is_question:  # one that failed makes older answers invalid too
             node.write(questionAskedAt=node.clock.now())
     finally:
-        if cause is not None:
-            raise Fails(cause)
+        if query.cause is not None:
+            raise Fails(query.cause)
     keep(node, query.result)
 
 
@@ -639,10 +635,8 @@ class Round:
             ", " + INSTEAD.format(self._work.registration_id) if self._work and is_other else "")
 
     def _decided(self, step: str, *values: Any) -> None:
-        node = self.failed.node
-        self._course.reports.decided(Decision(
-            node.registration_id, node.full_path, self.cause.value, step.format(*values),
-            self._handler.uid))
+        self._course.reports.decided(self.failed.node, step.format(*values), self.cause,
+                                     self._handler.uid)
 
     def steps(self) -> Generator[None, None, str]:
         """Do one thing after the other about the failure; return the outcome."""
@@ -656,7 +650,7 @@ class Round:
             queries = [self._handler.ask(request) for request in SAFE_STATE]
             while any(query.result is None for query in queries):
                 yield
-            self._course.reports.decided(SAFE)
+            self._course.reports.due.append(SAFE)
         self._decided(ENDED, outcome, self.retries,
                       "give up" if self._rule.then == "giveUp" else "skip")
         return outcome
@@ -679,9 +673,7 @@ class Round:
                 self.retries += 1
             if cause is None:
                 return DONE if self._work is step else SUBSTITUTED
-            self._course.reports.decided(Decision(
-                self._work.registration_id, self._work.full_path, cause.value,
-                FAILED_AGAIN.format(self.retries)))
+            self._course.reports.decided(self._work, FAILED_AGAIN.format(self.retries), cause)
             if self._work is step:
                 self.cause, self._rule = cause, self._course.policy.rule(step, cause)
         return ""
@@ -729,7 +721,7 @@ SENT: Dict[type, Callable[[Any, bool], Tuple[Any, ...]]] = {
     SetAttention: lambda request, _: (request.state, *request.target),
     GoTo: lambda request, _: request.goal,
     Prompt: lambda request, is_release: (
-        "|".join("'{}'".format(option) if is_release else option for option in request.options),),
+        "|".join(f"'{option}'" if is_release else option for option in request.options),),
     Say: lambda request, is_release: (request.text, request.language)[:1 + is_release],
     SetPose: lambda request, _: request.pose,
     SetRecognition: lambda request, _: ("true" if request.is_enabled else "false",),
@@ -748,8 +740,8 @@ def _begin(node: Any) -> None:
 
 def tell_stop(node: Any, exhibits: Sequence[Exhibit], index: int, state: str) -> None:
     """Have the record say what becomes of a stop."""
-    node.course.reports.decided(Decision(node.registration_id, node.full_path, "", STOP.format(
-        index + 1, len(exhibits), exhibits[index].name, state)))
+    step = STOP.format(index + 1, len(exhibits), exhibits[index].name, state)
+    node.course.reports.decided(node, step)
 
 
 def _has_next(node: Any) -> bool:
@@ -803,10 +795,9 @@ def _keep_time(node: Any, _answer: Answer) -> None:
     node.write(attentionSetAt=node.clock.now())
 
 
-UTILITY = {
-    1: "PressYesNoSpeech", 2: "FollowMeSpeech", 3: "MaybeAnotherTimeSpeech", 4: "WelcomeSpeech",
-    5: "QueryTourSpeech", 6: "HereIsTheDoorSpeech", 7: "SayGoodByeSpeech"
-}
+UTILITY = dict(enumerate((
+    "PressYesNoSpeech", "FollowMeSpeech", "MaybeAnotherTimeSpeech", "WelcomeSpeech",
+    "QueryTourSpeech", "HereIsTheDoorSpeech", "SayGoodByeSpeech"), start=1))
 """Which of the document's speeches says the same as a utility phrase of release 1.0."""
 
 
@@ -906,11 +897,6 @@ def _look_up(node_id: str, place: str, has_gesture: bool) -> Row:
                  keep=partial(_keep_place, has_gesture=has_gesture))
 
 
-def _recovers(node_id: str) -> Row:
-    return _row(node_id, Recovering, "<exhibits <targetLocation =nextExhibit =leftOutExhibits",
-                Recovering.recover)
-
-
 MODES = {"Disabled": "disabled", "Scanning": "scanning", "Social": "social", "Seek": "seeking",
          "Seeking": "seeking", "Location": "location"}
 SPEECHES = ("EndTourSpeech", "FollowMeSpeech", "HereIsTheDoorSpeech", "MaybeAnotherTimeSpeech",
@@ -921,12 +907,13 @@ ROWS: Tuple[Row, ...] = (
     # D5.4.3, table 4
     *(speech(name, name) for name in SPEECHES), *(speech(name, name, True) for name in QUESTIONS),
     *(_mode(name + "OvertAttentionMode", mode) for name, mode in MODES.items()),
+    *(_row(name, Recovering, "<exhibits <targetLocation =nextExhibit =leftOutExhibits",
+           Recovering.recover) for name in HANDLERS),
     _asks("DescribeExhibitSpeech", Say, _describe, "<currentExhibit <description1 <description2",
           Port("part", TEXT, is_optional=True)),
     _asks("DisableAnimateBehavior", SetAnimation, lambda node: SetAnimation("disabled")),
     _asks("EnableAnimateBehavior", SetAnimation, lambda node: SetAnimation("enabled")),
     _asks("GoodbyeGesture", PerformGesture, partial(_iconic, which="goodbye")),
-    _recovers("HandleFallBack"),
     _is_so("IsASREnabled", lambda node: node.course.settings.asr_enabled),
     _is_so("IsListWithExhibit", _has_next, "<exhibits <nextExhibit"),
     _sees("IsMutualGazeDiscovered", Sense.GAZE, "<attentionSetAt", since="attentionSetAt"),
@@ -949,7 +936,6 @@ ROWS: Tuple[Row, ...] = (
     _row("START_OF_TREE", Check, "", partial(_at_once, rule=_begin)),
     _asks("WelcomeGesture", PerformGesture, partial(_iconic, which="welcome")),
     # other names and extensions
-    _recovers("HandleFallback"),
     speech("SayGoodBye", "SayGoodByeSpeech"),
     _asks("DescribeExhibitSpeech_1", Say, partial(_describe, part="1"),
           "<currentExhibit <description1"),
