@@ -559,23 +559,23 @@ class Policy:
 class Recovering(Task):
     """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
 
+    failed: Any = None  # the failure that it recovers from
     _last = 0  # number of the newest failure when it was begun
-    round: Optional["Round"] = None  # the newest
 
-    def recover(self) -> Steps:
-        """Recover from the newest failure."""
-        self.round = None
-        before = list(self._before())
-        first = before[0].uid if before else self.uid
-        failures = [failed for uid, failed in self.course.failures.items()
-                    if first <= uid < self.uid and failed.number > self._last]
-        self._last = self.course.newest
-        if not failures:
-            raise Fails(Cause.MISSING_DATA)
-        self.round = Round(self, max(failures), before)
-        if (yield from self.round.steps()) == GIVEN_UP:
-            self.course.unrecovered.append((self.round.cause, self.round.failed.resource))
-            raise Fails(self.round.cause)
+    @property
+    def remark(self) -> str:
+        """What it recovers from, and what it has done about that."""
+        if self.failed is None:
+            return ""
+        is_other = self._work not in (None, self.failed.node)
+        instead = ", " + INSTEAD.format(self._work.registration_id) if is_other else ""
+        return (f"{self.failed.node.registration_id} failed: {self._cause.value}; {self._retries} "
+                f"of {self._rule.retries} retries made{instead}")
+
+    def conclude(self, cause: Optional[Cause]) -> Result:
+        """End the node; its own failure is none to recover from."""
+        self.course.ended(self, cause)
+        return SUCCESS if cause is None else FAILURE
 
     def _before(self) -> Iterator[Any]:
         """Yield the nodes before this one below the nearest ancestor that has any."""
@@ -587,12 +587,102 @@ class Recovering(Task):
             node = node.parent
         return iter(())
 
-    def conclude(self, cause: Optional[Cause]) -> Result:
-        """End the node; its own failure is none to recover from."""
-        self.course.ended(self, cause)
-        return SUCCESS if cause is None else FAILURE
+    def recover(self) -> Steps:
+        """Do one thing after the other about the newest failure."""
+        course, before, self.failed = self.course, list(self._before()), None
+        first = before[0].uid if before else self.uid
+        failures = [failed for uid, failed in course.failures.items()
+                    if first <= uid < self.uid and failed.number > self._last]
+        self._last = course.newest
+        if not failures:
+            raise Fails(Cause.MISSING_DATA)
+        self._take_up(max(failures))
+        outcome = yield from self._repair()
+        if self._patience is not None:
+            self._patience.cancel()
+        if not outcome:
+            outcome = SKIPPED if self._may_skip(before) else GIVEN_UP
+        if outcome == GIVEN_UP and self.failed.number != course.given_up:
+            course.given_up = self.failed.number
+            queries = [self.ask(request) for request in SAFE_STATE]
+            while any(query.result is None for query in queries):
+                yield
+            course.reports.due.append(SAFE)
+        rule = "give up" if self._rule.then == "giveUp" else "skip"
+        self._decided(ENDED.format(outcome, self._retries, rule))
+        if outcome == GIVEN_UP:
+            course.unrecovered.append((self._cause, self.failed.resource))
+            raise Fails(self._cause)
 
-    def leave_out(self) -> bool:
+    def _take_up(self, failed: Failed) -> None:
+        course, policy, now = self.course, self.course.policy, self.clock.now()
+        self.failed, self._cause, self._retries = failed, failed.cause, 0
+        self._work: Any = None  # the node that is attempted
+        self._patience: Optional[Timer] = None
+        self._rule = policy.rule(failed.node, failed.cause)
+        course.recoveries = [at for at in course.recoveries if at > now - policy.seconds] + [now]
+        if len(course.recoveries) > policy.most:
+            self._rule = self._rule._replace(retries=0, then="giveUp")
+            course.is_spent = True
+
+    def _decided(self, step: str) -> None:
+        self.course.reports.decided(self.failed.node, step, self._cause, self.uid)
+
+    def _repair(self) -> Generator[None, None, str]:
+        """Try the step again, then its substitute; return the outcome, empty: neither helped."""
+        step = self.failed.node
+        while step.parent is self.parent and isinstance(step, Asking):
+            if self._retries < self._rule.retries:
+                self._work = step
+                self._decided(RETRY.format(self._retries + 1, self._rule.retries))
+                yield from self._wait()
+            elif self._rule.then in ("skip", "giveUp") or self._work not in (None, step):
+                break
+            else:
+                self._work = self._substitute(self._rule.then)
+                self._decided(INSTEAD.format(self._rule.then))
+            cause = yield from self._work.attempt()
+            if self._work is step:
+                self._retries += 1
+            if cause is None:
+                return DONE if self._work is step else SUBSTITUTED
+            self.course.reports.decided(self._work, FAILED_AGAIN.format(self._retries), cause)
+            if self._work is step:
+                self._cause, self._rule = cause, self.course.policy.rule(step, cause)
+        return ""
+
+    def _wait(self) -> Steps:
+        """Wait for the pause before a retry, and for a service to return that the tour needs."""
+        seconds = self._rule.back_off * 2**self._retries
+        due = self.clock.now() + seconds
+        yield from self.pause(seconds)
+        while self._rule.then == "giveUp" and self.failed.resource in self.course.gone:
+            self._patience = self._patience or self.timer(RETURN_WAIT)
+            if self._patience.callback is None:
+                break
+            yield
+        if self._patience is None:
+            self.course.retried(self.failed.node, self.clock.now() - due)
+
+    def _substitute(self, node_id: str) -> Duty:
+        # the policy was checked when the mission was loaded
+        spec = self.course.registry.find(node_id)
+        node: Any = spec.factory(node_id)
+        node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
+        for name in ("uid", "full_path", "blackboard", "services", "course"):
+            setattr(node, name, getattr(self, name))
+        return node
+
+    def _may_skip(self, before: Sequence[Any]) -> bool:
+        """Note that the mission goes on without the step; return whether it does."""
+        below = (node for step in before for node in step.iterate())
+        if any(node.registration_id in OF_A_VISIT for node in below):
+            with suppress(PortError):
+                if not self._leave_out():
+                    self._rule = self._rule._replace(then="giveUp")
+        return self._rule.then != "giveUp"
+
+    def _leave_out(self) -> bool:
         """Note that the exhibit under way is left out; return whether the tour still shows one.
 
         If it does not, the exhibit goes back to the list, once.
@@ -611,104 +701,6 @@ class Recovering(Task):
         if index not in before:
             self.write(nextExhibit=index)
         return False
-
-
-class Round:
-    """One recovery under way."""
-
-    def __init__(self, handler: Recovering, failed: Failed, before: Sequence[Any]):
-        self.failed, self.cause, self.retries = failed, failed.cause, 0
-        self._handler, self._course, self._before = handler, handler.course, before
-        self._work: Any = None  # the node that is attempted
-        self._patience: Optional[Timer] = None
-        course, policy, now = handler.course, handler.course.policy, handler.clock.now()
-        self._rule = policy.rule(failed.node, failed.cause)
-        course.recoveries = [at for at in course.recoveries if at > now - policy.seconds] + [now]
-        if len(course.recoveries) > policy.most:
-            self._rule = self._rule._replace(retries=0, then="giveUp")
-            course.is_spent = True
-
-    def __str__(self) -> str:
-        is_other = self._work not in (None, self.failed.node)
-        return "{} failed: {}; {} of {} retries made{}".format(
-            self.failed.node.registration_id, self.cause.value, self.retries, self._rule.retries,
-            ", " + INSTEAD.format(self._work.registration_id) if self._work and is_other else "")
-
-    def _decided(self, step: str, *values: Any) -> None:
-        self._course.reports.decided(self.failed.node, step.format(*values), self.cause,
-                                     self._handler.uid)
-
-    def steps(self) -> Generator[None, None, str]:
-        """Do one thing after the other about the failure; return the outcome."""
-        outcome = yield from self._repair()
-        if self._patience is not None:
-            self._patience.cancel()
-        if not outcome:
-            outcome = SKIPPED if self._may_skip() else GIVEN_UP
-        if outcome == GIVEN_UP and self.failed.number != self._course.given_up:
-            self._course.given_up = self.failed.number
-            queries = [self._handler.ask(request) for request in SAFE_STATE]
-            while any(query.result is None for query in queries):
-                yield
-            self._course.reports.due.append(SAFE)
-        self._decided(ENDED, outcome, self.retries,
-                      "give up" if self._rule.then == "giveUp" else "skip")
-        return outcome
-
-    def _repair(self) -> Generator[None, None, str]:
-        """Try the step again, then its substitute; return the outcome, empty: neither helped."""
-        step: Any = self.failed.node
-        while step.parent is self._handler.parent and isinstance(step, Asking):
-            if self.retries < self._rule.retries:
-                self._work = step
-                self._decided(RETRY, self.retries + 1, self._rule.retries)
-                yield from self._wait()
-            elif self._rule.then in ("skip", "giveUp") or self._work not in (None, step):
-                break
-            else:
-                self._work = self._substitute(self._rule.then)
-                self._decided(INSTEAD, self._rule.then)
-            cause = yield from self._work.attempt()
-            if self._work is step:
-                self.retries += 1
-            if cause is None:
-                return DONE if self._work is step else SUBSTITUTED
-            self._course.reports.decided(self._work, FAILED_AGAIN.format(self.retries), cause)
-            if self._work is step:
-                self.cause, self._rule = cause, self._course.policy.rule(step, cause)
-        return ""
-
-    def _wait(self) -> Steps:
-        """Wait for the pause before a retry, and for a service to return that the tour needs."""
-        handler, course = self._handler, self._course
-        seconds = self._rule.back_off * 2**self.retries
-        due = handler.clock.now() + seconds
-        yield from handler.pause(seconds)
-        while self._rule.then == "giveUp" and self.failed.resource in course.gone:
-            self._patience = self._patience or handler.timer(RETURN_WAIT)
-            if self._patience.callback is None:
-                break
-            yield
-        if self._patience is None:
-            course.retried(self.failed.node, handler.clock.now() - due)
-
-    def _may_skip(self) -> bool:
-        """Note that the mission goes on without the step; return whether it does."""
-        below = (node for step in self._before for node in step.iterate())
-        if any(node.registration_id in OF_A_VISIT for node in below):
-            with suppress(PortError):
-                if not self._handler.leave_out():
-                    self._rule = self._rule._replace(then="giveUp")
-        return self._rule.then != "giveUp"
-
-    def _substitute(self, node_id: str) -> Duty:
-        # the policy was checked when the mission was loaded
-        handler, spec = self._handler, self._course.registry.find(node_id)
-        node: Any = spec.factory(node_id)
-        node.registration_id, node.spec, node.attributes = node_id, spec, defaults(spec.ports)
-        for name in ("uid", "full_path", "blackboard", "services", "course"):
-            setattr(node, name, getattr(handler, name))
-        return node
 
 
 # ----------------------------------------------------------------------------------------- services
