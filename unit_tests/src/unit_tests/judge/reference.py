@@ -2,9 +2,9 @@
 stores, when it holds.
 
 It is written from the documents, beside the controller's own leaves, and uses nothing of them.
-``ROWS`` is the table. The steps of a row are a generator: it takes the node and pauses while the
-node goes on; it raises ``Fails``. Requests, messages and what is known of the robot come from a
-``Course``.
+``ROWS`` is the table. The steps of a row take the node, and are a generator if they may pause while
+the node goes on; they raise ``Fails``. Requests, messages and what is known of the robot come from
+a ``Course``.
 """
 import math
 import re
@@ -12,8 +12,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import (
-    Any, Callable, Dict, Generator, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple,
-    Union)
+    Any, Callable, Dict, Generator, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple)
 
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.engine.clock import Timer
@@ -224,7 +223,7 @@ class Duty(Node):
 
     def steps(self) -> Steps:
         """Do what the row says. Raises Fails, and PortError."""
-        yield from self.spec.steps(self)
+        yield from self.spec.steps(self) or ()
 
     def attempt(self) -> Generator[None, None, Optional[Cause]]:
         """Take the steps once; return why they failed, or None."""
@@ -328,18 +327,11 @@ class Starting(Asking):
 class Row(NodeSpec):
     """A row of the table: a node type and what it does."""
 
-    steps: Optional[Callable[[Any], Steps]] = None
+    steps: Optional[Callable[[Any], Optional[Steps]]] = None
 
 
-def _at_once(node: Any, rule: Callable[[Any], Any]) -> Steps:
-    """Follow a rule."""
-    yield from ()
-    rule(node)
-
-
-def _require(node: Any, condition: Callable[[Any], Any]) -> Steps:
+def _require(node: Any, condition: Callable[[Any], Any]) -> None:
     """Fail unless a condition holds."""
-    yield from ()
     if not condition(node):
         raise Fails(Cause.CONDITION_FALSE)
 
@@ -487,14 +479,12 @@ def _listen(node: Any) -> Steps:
 def is_asked_again(node: Any) -> bool:
     """Return whether a reactive control asks a condition again while a later child runs, which
     waits for it."""
-    while node.parent is not None:
-        parent, node = node.parent, node
-        is_reactive = isinstance(
-            parent, (ReactiveFallback, ReactiveSequence)) and node is not parent.children[-1]
-        if is_reactive or isinstance(parent, WhileDoElse) and node is parent.children[0]:
-            return True
-        node = parent
-    return False
+    parent = node.parent
+    if isinstance(parent, (ReactiveFallback, ReactiveSequence)) and node is not parent.children[-1]:
+        return True
+    if isinstance(parent, WhileDoElse) and node is parent.children[0]:
+        return True
+    return parent is not None and is_asked_again(parent)
 
 
 _WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)*")
@@ -577,19 +567,18 @@ class Recovering(Task):
         self.course.ended(self, cause)
         return SUCCESS if cause is None else FAILURE
 
-    def _before(self) -> Iterator[Any]:
-        """Yield the nodes before this one below the nearest ancestor that has any."""
+    def _before(self) -> List[Any]:
+        """Return the nodes before this one below the nearest ancestor that has any."""
+        before: List[Any] = []
         node: Any = self
-        while node.parent is not None:
-            children = node.parent.children
-            if node is not children[0]:
-                return iter(children[:children.index(node)])
+        while node.parent is not None and not before:
+            before = node.parent.children[:node.parent.children.index(node)]
             node = node.parent
-        return iter(())
+        return before
 
     def recover(self) -> Steps:
         """Do one thing after the other about the newest failure."""
-        course, before, self.failed = self.course, list(self._before()), None
+        course, before, self.failed = self.course, self._before(), None
         first = before[0].uid if before else self.uid
         failures = [failed for uid, failed in course.failures.items()
                     if first <= uid < self.uid and failed.number > self._last]
@@ -848,8 +837,8 @@ def _language(node: Any) -> Optional[Request]:
 # -------------------------------------------------------------------------------------------- table
 
 
-def _row(node_id: str, node: Callable[[str], Any], ports: str, steps: Callable[[Any], Steps],
-         *more: Port) -> Row:
+def _row(node_id: str, node: Callable[[str], Any], ports: str,
+         steps: Callable[[Any], Optional[Steps]], *more: Port) -> Row:
     """Return a row: a node type, the class of its nodes, the entries that they read and write, and
     their steps."""
     kind = Kind.CONDITION if node_id.startswith(("Is", "Has")) else Kind.ACTION
@@ -924,8 +913,8 @@ ROWS: Tuple[Row, ...] = (
           ">exhibits >nextExhibit >leftOutExhibits", keep=_keep_list),
     _row("SelectExhibit", Check,
          "<exhibits =nextExhibit >currentExhibit >targetLocation >gestureTarget >description1 "
-         ">description2", partial(_at_once, rule=_select), Port("stop", TEXT, is_optional=True)),
-    _row("START_OF_TREE", Check, "", partial(_at_once, rule=_begin)),
+         ">description2", _select, Port("stop", TEXT, is_optional=True)),
+    _row("START_OF_TREE", Check, "", _begin),
     _asks("WelcomeGesture", PerformGesture, partial(_iconic, which="welcome")),
     # other names and extensions
     speech("SayGoodBye", "SayGoodByeSpeech"),

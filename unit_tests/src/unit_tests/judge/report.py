@@ -31,10 +31,8 @@ SHOWN_IF_SET = ("missionRuns", "faultKinds", "plannedFaults", "recogniseBy", "ab
 """Keys of the test that it shows if they differ from the default. The others do not change the
 test."""
 
-NOT_SHOWN = {
-    "scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port",
-    "groot2Address", "monitorPort", "monitorAddress", "recordDirectory"
-}
+NOT_SHOWN = {"scenarioSpecification", "verboseMode", "missionRuns", "startupTimeout", "groot2Port",
+             "groot2Address", "monitorPort", "monitorAddress", "recordDirectory"}
 """Keys of the controller that the title has already, or that do not change the test. It shows the
 others if set."""
 
@@ -67,10 +65,8 @@ def failure_lines(case: Case) -> List[str]:
         if query is not None and line is not None and query.is_for_safety and line.fault:
             failures.append((line.time, query.node or "-", query.path or "-", line.resource,
                              CAUSE_OF[line.fault].value, IN_SAFE_STATE))
-    return [
-        "\t".join([_clock(failure[0])] + [clean(cell) for cell in failure[1:]])
-        for failure in sorted(failures)
-    ]
+    return ["\t".join([_clock(failure[0])] + [clean(cell) for cell in failure[1:]])
+            for failure in sorted(failures)]
 
 
 def _failures(facts: Facts) -> Iterator[LeafFailure]:
@@ -154,12 +150,10 @@ class Report(NamedTuple):
             shown.append(f"and {len(self.rows) - MOST_SHOWN} more in the report")
         verdict = str(self.verdict).split("\n")
         if len(verdict) > MOST_OBJECTIONS:
-            verdict[MOST_OBJECTIONS:] = [
-                f"        and {len(verdict) - MOST_OBJECTIONS} more in the report"
-            ]
+            more = len(verdict) - MOST_OBJECTIONS
+            verdict[MOST_OBJECTIONS:] = [f"        and {more} more in the report"]
         last = ["the report as a page: file://" + page] if page else []
-        return "\n".join(
-            self._top(shown) + list(self.counts) + ["", *files, ""] + verdict + last)
+        return "\n".join(self._top(shown) + [*self.counts, "", *files, "", *verdict, *last])
 
     def _top(self, shown: List[str]) -> List[str]:
         objections = self.verdict.objections[1:]
@@ -226,10 +220,9 @@ def _sentences(facts: Facts) -> Iterator[Tuple[int, str]]:
     for line in facts.run.lines:
         added, event, visit = story.take(line.time, line.event), line.event, story.state.visit
         if added and isinstance(event, PassFinished) and visit is not None:
-            yield event.number, "; ".join([added[-1].text] + [
-                f"{stop.name} {stop.state}: {why(stop.why)}"
-                for stop in visit.stops if stop.state == LEFT_OUT
-            ])
+            left_out = [f"{stop.name} {stop.state}: {why(stop.why)}" for stop in visit.stops
+                        if stop.state == LEFT_OUT]
+            yield event.number, "; ".join([added[-1].text] + left_out)
 
 
 def _clock(seconds: float) -> str:

@@ -21,10 +21,8 @@ from unit_tests.judge.witness import Witness
 from unit_tests.rehearsal.play import TIMED_OUT
 from unit_tests.robot.visitor import DECLINES, ENGAGES, LEAVES, LONG_WAIT, NO_GAZE, SILENT, UNCLEAR
 
-DOES = {
-    ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
-    LEAVES: "leaves", NO_GAZE: "never looks back"
-}
+DOES = {ENGAGES: "engages", SILENT: "is silent", UNCLEAR: "is unclear", DECLINES: "declines",
+        LEAVES: "leaves", NO_GAZE: "never looks back"}
 
 
 class Verdict(NamedTuple):
