@@ -3,6 +3,7 @@ reports what it finds."""
 import argparse
 import json
 import os
+import re
 import signal
 import sys
 import textwrap
@@ -21,7 +22,7 @@ from unit_tests.rehearsal import html_report, plays
 from unit_tests.rehearsal.play import Stage
 from unit_tests.rehearsal.plays import Outcome, Scene, Theatre
 from unit_tests.rehearsal.search import Search
-from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey, planned
+from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share, Survey
 from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.faults import KINDS, PlannedFault
 from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES
@@ -49,7 +50,6 @@ class Plan(NamedTuple):
     """The plays of a rehearsal. ``is_complete``: each visitor and each fault, so that something can
     be said of a node that is not reached."""
 
-    arguments: Tuple[Any, ...]  # of a Theatre
     theatre: Theatre
     options: argparse.Namespace
     calm: List[Scene]
@@ -77,11 +77,8 @@ class Plan(NamedTuple):
             yield plays.random(self.calm, options.runs, options.failureRate or RATES,
                                options.seed or 1, self.kinds)
         elif options.planned or options.silent:
-            given = options.planned or ()
-            planned = tuple(fault for fault, is_lasting in given if not is_lasting)
-            lasting = tuple(fault for fault, is_lasting in given if is_lasting)
             yield [scene._replace(is_traced=True, silent=tuple(options.silent or ()),
-                                  planned=planned, lasting=lasting) for scene in self.calm]
+                                  planned=tuple(options.planned or ())) for scene in self.calm]
         else:
             yield self.calm
             if options.faults != NONE:
@@ -133,16 +130,14 @@ def _number(least: float, most: float, kind: Callable[[str], Any] = float) -> Ca
     return read
 
 
-def _planned(text: str) -> Tuple[PlannedFault, bool]:
+def _planned(text: str) -> PlannedFault:
     """Parse ``node:call:kind``, or ``node:call+:kind`` for a fault that lasts; whether the robot
     has the node is checked later."""
-    node, _, rest = text.partition(":")
-    call, _, kind = rest.partition(":")
-    is_lasting = call.endswith("+")
-    number = call[:-1] if is_lasting else call
-    if not node or not number.isdigit() or int(number) < 1:
+    form = re.fullmatch(r"([^:]+):0*([1-9][0-9]*)(\+?)(?::(.*))?", text)
+    if form is None:
         raise argparse.ArgumentTypeError(f"{text} is not of the form node:call:kind")
-    return PlannedFault(node, int(number), _one_of(*KINDS)(kind or KINDS[0])), is_lasting
+    node, call, plus, kind = form.groups()
+    return PlannedFault(node, int(call), _one_of(*KINDS)(kind or KINDS[0]), bool(plus))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -215,8 +210,7 @@ def plan(options: argparse.Namespace) -> Plan:
     path = options.mission if os.path.exists(options.mission) or options.mission.endswith(".xml") \
         else find(options.mission)
     controller = load_controller(given)
-    made = dict(controller.values), path, options.limit
-    theatre = Theatre(*made)
+    theatre = Theatre(controller.values, path, options.limit)
     ways = [controller.asr_enabled] if ASR in given else [True, False]
     visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
     _check_robot(theatre.stage(ways[0]).settings.interface, options)
@@ -224,8 +218,8 @@ def plan(options: argparse.Namespace) -> Plan:
         and options.faults in (None, SINGLE, PAIRS) \
         and not (options.runs or options.planned or options.silent or options.kinds)
     others = [word for word in options.settings if not word.startswith(ASR + ":=")]
-    return Plan(made, theatre, options, plays.calm(visitors, ways), options.kinds or KINDS,
-                is_complete, [options.mission, *others])
+    return Plan(theatre, options, plays.calm(visitors, ways), options.kinds or KINDS, is_complete,
+                [options.mission, *others])
 
 
 def _settings(words: Sequence[str]) -> Dict[str, str]:
@@ -252,7 +246,7 @@ def _check_robot(interface: Any, options: argparse.Namespace) -> None:
     faults = [Fault("argument --planned", 0, 0,
                     f"the robot {interface.name} has no node {clean(fault.node)}",
                     did_you_mean(fault.node, nodes) or f"there are: {', '.join(sorted(nodes))}")
-              for fault, _ in options.planned or () if fault.node not in nodes]
+              for fault in options.planned or () if fault.node not in nodes]
     faults += [Fault("argument --silent", 0, 0,
                      f"the robot {interface.name} has no topic {clean(name)}",
                      did_you_mean(name, heard) or f"there are: {', '.join(sorted(heard))}")
@@ -297,7 +291,7 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
     scenes: List[Scene] = []
     planned = 0
     try:
-        with plays.players(todo.theatre, todo.arguments, jobs) as play_all:
+        with plays.players(todo.theatre, jobs) as play_all:
             for scenes in todo.rounds(outcomes, search):
                 planned += len(scenes)
                 progress = PlayProgress(len(scenes))
@@ -321,7 +315,7 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
 def _unmet(todo: Plan, outcomes: Iterable[Outcome]) -> Tuple[PlannedFault, ...]:
     """Return the planned faults whose calls no play has made."""
     made = {(call.node, call.number) for outcome in outcomes for call in outcome.calls}
-    return tuple(fault for fault, _ in todo.options.planned or ()
+    return tuple(fault for fault in todo.options.planned or ()
                  if (fault.node, fault.call) not in made)
 
 
@@ -364,7 +358,7 @@ def heading(result: Result) -> str:
     """Return a line with the numbers of plays and their time."""
     others = result.planned - result.plays
     stopped = ", stopped before the other {}".format(others) if others else ""
-    mission = clean(os.path.basename(result.plan.arguments[1]))
+    mission = clean(os.path.basename(result.plan.theatre.mission))
     robot = result.plan.stage.settings.interface.name
     runs = count(result.plays, "simulated run", "simulated runs")
     return f"{mission}, robot {robot}: {runs} in {result.seconds:.1f} s{stopped}"
@@ -420,7 +414,7 @@ def _story_lines(story: Sequence[Any]) -> List[str]:
 
 def words(scene: Scene) -> str:
     """Return how a scene differs from the others, in one line."""
-    wrong = planned(scene) + [f"{name} silent" for name in scene.silent]
+    wrong = [*map(str, scene.planned), *(f"{name} silent" for name in scene.silent)]
     wrong += [f"failure rate {scene.rate:g}, seed {scene.seed}"] if scene.seed else []
     way = "voice" if scene.by_voice else "tablet"
     return f"visitor {scene.visitor}, by {way}, {', '.join(wrong) or 'no fault'}"
@@ -435,7 +429,7 @@ def _columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> List[str]:
 def as_json(result: Result) -> Dict[str, Any]:
     """Return the result as data for JSON."""
     return {
-        "mission": result.plan.arguments[1], "plays": result.plays, "planned_plays": result.planned,
+        "mission": result.plan.theatre.mission, "plays": result.plays, "planned_plays": result.planned,
         "silent_topics": result.plan.silent,
         "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],
         "shares": [dict(share._asdict(), share=share.share, interval=list(share.interval))
@@ -446,6 +440,7 @@ def as_json(result: Result) -> Dict[str, Any]:
 def _finding_as_json(finding: FindingSummary) -> Dict[str, Any]:
     scene = finding.scene
     return dict(finding._asdict(), kind=finding.kind.name, means=finding.kind.means,
-                scene=None if scene is None else {**scene._asdict(), "planned": planned(scene)},
+                scene=None if scene is None else dict(
+                    scene._asdict(), planned=list(map(str, scene.planned))),
                 story=[sentence._asdict() for sentence in finding.story],
                 consequences=list(map(_finding_as_json, finding.consequences)))

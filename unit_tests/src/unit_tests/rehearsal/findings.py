@@ -1,17 +1,16 @@
 """The findings of a rehearsal: one declaration for each kind, with its meaning and how it is
 detected in a play."""
-import bisect
 import re
 from functools import lru_cache
 from typing import (
-    Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple)
+    Callable, Collection, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple)
 
 from behavior_controller.bt.engine.node import Node
 from behavior_controller.bt.engine.ports import reference
 from behavior_controller.bt.registry import Direction, Kind
 from behavior_controller.config.node_facts import MissionSpec
 from behavior_controller.execution.recovery import GIVEN_UP, SKIPPED
-from behavior_controller.execution.state import Exchange, NodeResult
+from behavior_controller.execution.state import Exchange, LeafFailure, NodeResult
 from behavior_controller.leaves import data
 from behavior_controller.leaves.base import MissionLeaf
 from behavior_controller.robot.declarations import Sense, Topic
@@ -21,6 +20,7 @@ from behavior_controller.robot.requests import (
 from behavior_controller.text import clean, count
 
 from unit_tests.rehearsal.play import BUSY, Played, START, Stage
+from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.visitor import DECLINES, ENGAGES
 
 LAST_SHARE = 0.2
@@ -89,23 +89,22 @@ class Play:
         self.visited = [place for place in stage.knowledge.exhibits
                         if place.location[:2] in goals]
         self.leaves = [result for result in self.run.results
-                       if isinstance(self.nodes[result.uid - 1], MissionLeaf)]
+                       if isinstance(self.node(result.uid), MissionLeaf)]
         self.succeeded = frozenset(result.uid for result in self.leaves if result.letter == "S")
 
     def spec(self, uid: int) -> MissionSpec:
         """Return the node type of a mission leaf."""
-        spec = self.nodes[uid - 1].spec
+        spec = self.node(uid).spec
         assert isinstance(spec, MissionSpec)
         return spec
 
-    def hears(self, uid: int) -> bool:
-        """Return whether a mission leaf listens to an answer."""
-        spec = self.spec(uid)
-        return spec.writes(data.VISITOR_RESPONSE.name) or Sense.UTTERANCE in spec.listens
-
     def name(self, uid: int) -> str:
         """Return the type of a node."""
-        return clean(self.nodes[(uid or ROOT) - 1].registration_id)
+        return clean(self.node(uid).registration_id)
+
+    def node(self, uid: int) -> Node:
+        """Return a node; for 0, which is none, the root."""
+        return self.nodes[(uid or ROOT) - 1]
 
     @property
     def is_cut_off(self) -> bool:
@@ -123,7 +122,7 @@ class Play:
     def goodbyes(self) -> List[NodeResult]:
         """How the nodes ended that say goodbye."""
         return [result for result in self.leaves
-                if self.spec(result.uid).says_goodbye(self.nodes[result.uid - 1].name)]
+                if self.spec(result.uid).says_goodbye(self.node(result.uid).name)]
 
     @property
     def stops(self) -> Dict[str, int]:
@@ -132,22 +131,26 @@ class Play:
                                         if goal(drive)[:2] == place.location[:2])
                 for place in self.visited}
 
+    def presence(self, at: float) -> Tuple[float, bool]:
+        """Return whether a visitor was present at that time, and before that, since when."""
+        changes = (change for change in reversed(self.played.presence) if change[0] <= at)
+        return next(changes, (START, False))
+
     def is_visitor_here(self, at: float) -> bool:
         """Return whether a visitor was present at that time."""
-        return next((is_here for since, is_here in reversed(self.played.presence) if since <= at),
-                    False)
+        return self.presence(at)[1]
 
     @property
     def shown(self) -> Iterator[Tuple[NodeResult, NodeResult]]:
         """Yield how each leaf ended that has described a stop or pointed at it, and the leaf that
         chose the stop."""
         for show in self.leaves:
-            read = entries(self.nodes[show.uid - 1], False) & SHOWN_AT_THE_PLACE
+            read = entries(self.node(show.uid), False) & SHOWN_AT_THE_PLACE
             if show.letter != "S" or not {Say, PerformGesture} & set(self.spec(show.uid).calls):
                 continue
             choices = [result for result in self.leaves
                        if result.letter == "S" and result.ended <= show.began
-                       and entries(self.nodes[result.uid - 1], True) & read]
+                       and entries(self.node(result.uid), True) & read]
             if choices and self.spec(choices[-1].uid).writes(data.CURRENT_EXHIBIT.name):
                 yield show, choices[-1]
 
@@ -155,21 +158,27 @@ class Play:
         """Return the services of which a call went wrong on purpose."""
         return frozenset(line.resource for line in self.played.journal if line.fault is not None)
 
+    def faulty_leaves(self) -> List[LeafFailure]:
+        """Return the failures of leaves, not of their retries, at those services."""
+        faulty = self.faulty()
+        return [failed for failed in self.run.failures
+                if failed.failure.resource in faulty and not failed.attempt]
+
+    def handled(self) -> Set[str]:
+        """Return the paths of the nodes from whose failures there was a recovery."""
+        return {recovery.path for recovery in self.run.recoveries}
+
+    def caller(self, line: JournalEntry) -> int:
+        """Return the leaf that made a call in the journal."""
+        return next((exchange.uid for exchange in reversed(self.exchanges)
+                     if exchange.service == line.resource and exchange.asked <= line.time), ROOT)
+
     def calls(self) -> List[RobotCall]:
         """Return the mission's calls that reached a node."""
-        by_service: Dict[str, List[Exchange]] = {}
-        for exchange in self.exchanges:
-            by_service.setdefault(exchange.service, []).append(exchange)
-        times = {service: [exchange.asked for exchange in exchanges]
-                 for service, exchanges in by_service.items()}
-        calls = []
-        for line in self.played.journal:
-            if line.call and line.time <= self.played.ended:
-                index = bisect.bisect(times[line.resource], line.time) - 1
-                calls.append(RobotCall(line.node, line.call, by_service[line.resource][index].uid,
-                                  str(sorted(line.content.items())), line.done,
-                                  self.played.situations.get((line.node, line.call), b"")))
-        return calls
+        return [RobotCall(line.node, line.call, self.caller(line),
+                          str(sorted(line.content.items())), line.done,
+                          self.played.situations.get((line.node, line.call), b""))
+                for line in self.played.journal if line.call and line.time <= self.played.ended]
 
 
 def goal(drive: Exchange) -> Tuple[float, ...]:
@@ -273,16 +282,14 @@ def _missing_data(play: Play) -> Iterator[Place]:
 def _senseless(play: Play) -> Iterator[Place]:
     for line in play.played.journal:
         if line.objection is not None:
-            asked = [exchange.uid for exchange in play.exchanges
-                     if exchange.service == line.resource and exchange.asked <= line.time]
-            yield asked[-1] if asked else ROOT, f"{line.resource} refuses it: {line.objection}"
+            yield play.caller(line), f"{line.resource} refuses it: {line.objection}"
 
 
 def _shares_a_body(play: Play) -> Iterator[Place]:
     """Find a request that is made while another leaf's to the same service is under way."""
     under_way: Dict[str, Exchange] = {}
     for exchange in play.exchanges:
-        if not exchange.uid or play.nodes[exchange.uid - 1].spec.is_recovery:
+        if not exchange.uid or play.node(exchange.uid).spec.is_recovery:
             continue  # a recovery's safe state
         before = under_way.get(exchange.service)
         is_open = before is not None and before.answered is not None \
@@ -325,15 +332,11 @@ def _abandoned(play: Play) -> Iterator[Place]:
 def entries(node: Node, is_written: bool) -> FrozenSet[str]:
     """Return the entries that a node writes, or those that it reads; an entry of a SubTree with the
     path of that SubTree."""
-    names = set()
-    for port in node.spec.ports:
-        if port.direction is (Direction.IN if is_written else Direction.OUT):
-            continue
-        entry = reference(node.attributes.get(port.name, port.default or ""), port.name)
-        if entry is not None:
-            names.add(entry if entry.startswith("@") else
-                      node.full_path.rpartition("/")[0] + "/" + entry)
-    return frozenset(names)
+    other = Direction.IN if is_written else Direction.OUT
+    names = (reference(node.attributes.get(port.name, port.default or ""), port.name)
+             for port in node.spec.ports if port.direction is not other)
+    tree = node.full_path.rpartition("/")[0]
+    return frozenset(name if name.startswith("@") else f"{tree}/{name}" for name in names if name)
 
 
 def _swallowed(play: Play) -> Iterator[Place]:
@@ -350,7 +353,7 @@ def _swallowed(play: Play) -> Iterator[Place]:
         if isinstance(step, NodeResult):
             _note_result(play, step, failed)
         elif isinstance(step, Exchange):
-            node = play.nodes[step.uid - 1]
+            node = play.node(step.uid)
             if not isinstance(node, MissionLeaf) or node.spec.is_recovery:
                 continue
             read = entries(node, False)
@@ -366,14 +369,13 @@ def _swallowed(play: Play) -> Iterator[Place]:
                 yield last_drive.uid, (f"the drive fails, and {play.name(step.uid)} goes on as if "
                                        "the robot were there")
         elif step.has_helped:
-            for entry in [entry for entry, result in failed.items()
-                          if play.nodes[result.uid - 1].full_path == step.path]:
-                del failed[entry]
+            failed = {entry: result for entry, result in failed.items()
+                      if play.node(result.uid).full_path != step.path}
 
 
 def _note_result(play: Play, result: NodeResult, failed: Dict[str, NodeResult]) -> None:
     """Note for each entry that a leaf writes whether its last writer has failed to replace it."""
-    node = play.nodes[result.uid - 1]
+    node = play.node(result.uid)
     if Prompt in play.spec(result.uid).calls or node.spec.kind is Kind.CONDITION:
         return
     for entry in entries(node, True):
@@ -385,27 +387,21 @@ def _note_result(play: Play, result: NodeResult, failed: Dict[str, NodeResult]) 
 
 def _unrecovered(play: Play) -> Iterator[Place]:
     """Find a service whose faults ended the pass without a HandleFallBack dealing with it."""
-    faulty, recoveries = play.faulty(), play.run.recoveries
     if play.outcome != "FAILURE" or play.calm is None or play.calm.outcome != "SUCCESS":
         return
-    if len(faulty) != 1 or any(recovery.outcome == GIVEN_UP for recovery in recoveries):
-        return
-    handled = {recovery.path for recovery in recoveries}
-    for failed in play.run.failures:
-        is_first = failed.failure.resource in faulty and not failed.attempt
-        if is_first and failed.path not in handled:
-            yield failed.uid, "its failure ends the pass, and no recovery handles it"
-            return
+    is_given_up = any(recovery.outcome == GIVEN_UP for recovery in play.run.recoveries)
+    unhandled = [failed for failed in play.faulty_leaves() if failed.path not in play.handled()]
+    if len(play.faulty()) == 1 and not is_given_up and unhandled:
+        yield unhandled[0].uid, "its failure ends the pass, and no recovery handles it"
 
 
 def _budget(play: Play) -> Iterator[Place]:
     """Find a budget of recoveries that is spent, most of it on failures that no fault caused."""
     policy, faulty = play.stage.mission.policy, play.faulty()
-    rounds = sorted(
-        (recovery for recovery in play.run.recoveries if recovery.recovered is not None),
-        key=lambda recovery: recovery.decided)
-    own = sum(recovery.recovered is not None
-              and recovery.recovered.failure.resource not in faulty for recovery in rounds)
+    rounds = sorted((recovery for recovery in play.run.recoveries if recovery.recovered),
+                    key=lambda recovery: recovery.decided)
+    own = sum(recovery.recovered.failure.resource not in faulty
+              for recovery in rounds if recovery.recovered)
     for late, early in zip(rounds[policy.most:], rounds):
         if late.decided - early.decided < policy.seconds and 2 * own > policy.most:
             yield late.uid, (f"more than {policy.most} recoveries in {policy.seconds:g} s: "
@@ -490,12 +486,14 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
     questions = play.stage.manners(play.behaviour).questions
     asked = [exchange for exchange in play.exchanges if isinstance(exchange.request, Say)
              and (exchange.request.text in questions or exchange.request.text.endswith("?"))]
-    heard = [result.ended for result in play.leaves if play.hears(result.uid)]
+    heard = [result.ended for result in play.leaves
+             if play.spec(result.uid).writes(data.VISITOR_RESPONSE.name)
+             or Sense.UTTERANCE in play.spec(result.uid).listens]
     prompted = [exchange.asked for exchange in play.exchanges
                 if isinstance(exchange.request, Prompt)]
     heard_at = max(heard + prompted, default=START)
     for question in asked if play.outcome else ():
-        node = play.nodes[(question.uid or ROOT) - 1]
+        node = play.node(question.uid)
         if isinstance(node, MissionLeaf) and node.spec.writes(data.QUESTION_ASKED_AT.name) \
                 and question.asked > heard_at:
             yield question.uid, "nothing listens to the answer"
@@ -511,7 +509,7 @@ def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place
     known: Optional[NodeResult] = None  # the answer that counts
     is_used, listened = False, START
     for result in play.leaves:
-        node = play.nodes[result.uid - 1]
+        node = play.node(result.uid)
         name = play.name(known.uid) if known is not None else ""
         if known is not None and answer in entries(node, False):
             is_used = True
@@ -532,9 +530,9 @@ def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place
 
 def _goodbye(play: Play) -> Iterator[Place]:
     for result in play.goodbyes:
-        if result.letter == "S" and not play.is_visitor_here(result.began):
-            seconds = result.began - _left(play, result.began)
-            yield result.uid, f"the visitor had left {seconds:.0f} s before"
+        since, is_here = play.presence(result.began)
+        if result.letter == "S" and not is_here:
+            yield result.uid, f"the visitor had left {result.began - since:.0f} s before"
 
 
 def _early_goodbye(play: Play) -> Iterator[Place]:
@@ -542,7 +540,7 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
     again."""
     said: Dict[Request, Exchange] = {}
     for exchange in play.exchanges if not play.faults else ():
-        node = play.nodes[(exchange.uid or ROOT) - 1]
+        node = play.node(exchange.uid)
         if exchange.request == SetAttention("scanning"):  # for the next visitor
             said.clear()
         if not isinstance(exchange.request, Say) or not isinstance(node, MissionLeaf) \
@@ -558,11 +556,6 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
                 yield bye.uid, f"{play.name(show.uid)} goes on after it"
 
 
-def _left(play: Play, at: float) -> float:
-    return max((since for since, is_here in play.played.presence if not is_here and since <= at),
-               default=START)
-
-
 def _no_goodbye(play: Play) -> Iterator[Place]:
     """Find a visitor who gets no goodbye: after several stops, or since another step
     failed that no recovery has handled."""
@@ -575,11 +568,9 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
         return
     tried = {result.uid for result in play.goodbyes}
     omitted = [result.uid for result in play.calm.goodbyes if result.uid not in tried]
-    failed = next((failure for failure in play.run.failures
-                   if not failure.attempt and failure.failure.resource in play.faulty()), None)
-    handled = {recovery.path for recovery in play.run.recoveries}
-    if omitted and failed is not None and failed.path not in handled:
-        yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
+    for failed in play.faulty_leaves()[:1] if omitted else ():
+        if failed.path not in play.handled():
+            yield failed.uid, f"its failure leaves out the goodbye of {play.name(omitted[0])}"
 
 
 def _left_on(play: Play) -> Iterator[Place]:
@@ -590,17 +581,10 @@ def _left_on(play: Play) -> Iterator[Place]:
     for safe in play.stage.settings.interface.safe_state:
         asked = [exchange for exchange in play.exchanges
                  if type(exchange.request) is type(safe)]
-        if asked and asked[-1].request != safe:
-            last = doing(asked[-1].request)
+        words = asked[-1].request.words if asked and asked[-1].request != safe else None
+        if words is not None:
+            last = f"{words.doing} {words.what}".strip()
             yield asked[-1].uid, f"{safe.switches} is left on: the last request is {last}"
-
-
-def doing(request: Request) -> str:
-    """Return in words what a request makes the robot do."""
-    words = request.words
-    if words is None:
-        return type(request).__name__
-    return " ".join(filter(None, (words.doing, words.what)))
 
 
 def _not_home(play: Play) -> Iterator[Place]:

@@ -84,7 +84,7 @@ class Search:
                 if call.uid in below and call.is_done:
                     fault = PlannedFault(call.node, call.number, self._kind)
                     yield scene.with_fault(fault)
-                    yield scene._replace(lasting=scene.lasting + (fault,))
+                    yield scene.with_fault(fault._replace(is_lasting=True))
 
     def _bursts(self) -> Iterator[Scene]:
         """Yield, for a visitor who engages, several faults in a row from each leaf's first call on,
@@ -106,7 +106,8 @@ class Search:
             for one in nodes.values():
                 for other in nodes.values():
                     if one.node < other.node:
-                        yield scene._replace(lasting=(one, other))
+                        yield scene._replace(planned=(one._replace(is_lasting=True),
+                                                      other._replace(is_lasting=True)))
 
 
 def _below(node: Any) -> Set[int]:
@@ -115,8 +116,7 @@ def _below(node: Any) -> Set[int]:
 
 def _distance(outcome: Outcome) -> Tuple[int, int, bool]:
     scene = outcome.scene
-    faults = len(scene.planned) + len(scene.lasting) + len(scene.silent)
-    return faults, BEHAVIOURS.index(scene.visitor), not scene.by_voice
+    return len(scene.planned + scene.silent), BEHAVIOURS.index(scene.visitor), not scene.by_voice
 
 
 def verdict(search: Search, plays: int) -> str:

@@ -173,21 +173,15 @@ class Survey:
         order = list(findings.BY_NAME)
         keys = sorted(every, key=lambda key: (order.index(key[0]), every[key].seconds,
                                               every[key].where))
-        below: Dict[Key, List[FindingSummary]] = {key: [] for key in keys}
+        below: Dict[Key, List[FindingSummary]] = {}
         for key in keys:
-            cause = self._cause(key, keys)
-            if cause is not None:
+            cause = next((other for other in below
+                          if other[0] in findings.CAUSES and self._follows(key, other)), None)
+            if cause is None:
+                below[key] = []
+            else:
                 below[cause].append(every[key])
-                del below[key]
         return [every[key]._replace(consequences=tuple(others)) for key, others in below.items()]
-
-    def _cause(self, key: Key, keys: Sequence[Key]) -> Optional[Key]:
-        """Return the finding, earlier in ``keys``, of which this one is a consequence, or None."""
-        for other in keys[:keys.index(key)]:
-            if other[0] in findings.CAUSES and self._follows(key, other) \
-                    and self._cause(other, keys) is None:
-                return other
-        return None
 
     def _follows(self, key: Key, other: Key) -> bool:
         """Return whether a finding may be there because of another one: it is at the same place, or
@@ -234,8 +228,8 @@ class Survey:
             words += ["--kinds", ",".join(scene.kinds)] if scene.kinds != KINDS else []
         elif scene.is_calm:
             words += ["--faults", "none"]
-        if scene.planned or scene.lasting:
-            words += ["--planned", ",".join(planned(scene))]
+        if scene.planned:
+            words += ["--planned", ",".join(map(str, scene.planned))]
         if scene.silent:
             words += ["--silent", ",".join(scene.silent)]
         words.append("asrEnabled:=" + ("true" if scene.by_voice else "false"))
@@ -259,11 +253,6 @@ class Survey:
                 for rate in rates]
 
 
-def planned(scene: Scene) -> List[str]:
-    """Return the planned faults as an option has them; a fault that lasts has a plus."""
-    return list(map(str, scene.planned)) + ["{}:{}+:{}".format(*fault) for fault in scene.lasting]
-
-
 def shortened(story: Sequence[Sentence]) -> Tuple[Sentence, ...]:
     """Return a story that a person reads: of a long one the beginning and the end."""
     left_out = len(story) - MOST_SENTENCES
@@ -278,10 +267,10 @@ def _length(outcome: Outcome) -> Tuple[Any, ...]:
     """Return the key by which the shortest play sorts first; of equals, the first declared visitor
     and kind of fault."""
     scene = outcome.scene
-    faults = len(scene.planned) + len(scene.lasting) + len(scene.silent) + 99 * bool(scene.rate)
-    return (faults, len(scene.lasting), round(outcome.seconds),
-            BEHAVIOURS.index(scene.visitor), not scene.by_voice,
-            [KINDS.index(fault.kind) for fault in scene.planned + scene.lasting], scene)
+    lasting = [fault for fault in scene.planned if fault.is_lasting]
+    return (scene.rate > 0, len(scene.planned + scene.silent), len(lasting),
+            round(outcome.seconds), BEHAVIOURS.index(scene.visitor), not scene.by_voice,
+            [KINDS.index(fault.kind) for fault in scene.planned], scene)
 
 
 def _share(rate: float, outcomes: Sequence[Outcome]) -> Share:
