@@ -196,15 +196,26 @@ class FindingKind(NamedTuple):
     detect: Callable[[Play], Iterator[Place]] = lambda play: iter(())
 
 
+def _kind(detect: Callable[[Play], Iterator[Place]]) -> FindingKind:
+    """Return the kind that a function detects: its name is the function's, its meaning the first
+    paragraph of the docstring."""
+    meaning = (detect.__doc__ or "").partition("\n\n")[0]
+    return FindingKind(detect.__name__[1:].replace("_", "-"), " ".join(meaning.split()), detect)
+
+
 # ------------------------------------------------------------------------------------------- no end
 
 
-def _busy(play: Play) -> Iterator[Place]:
+def _busy_loop(play: Play) -> Iterator[Place]:
+    """The mission never waits: it takes a whole core, and nothing else of the robot gets a turn.
+    Put a Sleep or a Delay into the loop."""
     if play.played.cut_off == BUSY:
         yield _waiting(play), "it is ticked again and again and waits for nothing"
 
 
 def _retries_for_ever(play: Play) -> Iterator[Place]:
+    """A service fails for good, and the mission makes the same request again without a limit: the
+    pass never ends. Give the loop a number of attempts, and each attempt a pause."""
     if not play.is_cut_off or play.calm is None or not play.calm.outcome:
         return
     failed = [exchange for exchange in play.late if isinstance(exchange.result, Failure)]
@@ -216,11 +227,13 @@ def _retries_for_ever(play: Play) -> Iterator[Place]:
 
 
 def _endless(play: Play) -> Iterator[Place]:
+    """The pass never ends: a loop without a bound repeats the same requests."""
     if play.is_cut_off and play.late and not any(_retries_for_ever(play)):
         yield play.late[-1].uid, f"after {play.played.seconds:.0f} s it still repeats itself"
 
 
-def _waits(play: Play) -> Iterator[Place]:
+def _waits_for_ever(play: Play) -> Iterator[Place]:
+    """The pass never ends: what the robot waits for does not come, and no limit ends the wait."""
     if play.is_cut_off and not play.late and not waits_for_a_visitor(play):
         yield _waiting(play), f"after {play.played.seconds:.0f} s it still waits here"
 
@@ -245,7 +258,9 @@ def _waiting(play: Play) -> int:
 # ---------------------------------------------------------------------------------- what goes wrong
 
 
-def _exceptions(play: Play) -> Iterator[Place]:
+def _exception(play: Play) -> Iterator[Place]:
+    """A node raises an exception, which ends the pass at once, or a declaration does not fit its
+    messages."""
     for text in filter(None, [play.played.error, *(error.text for error in play.run.errors)]):
         named = [node.uid for node in play.nodes if f"'{node.full_path}'" in text]
         yield _script_at(play, text) or (named[0] if named else ROOT), text
@@ -268,6 +283,7 @@ def _script_at(play: Play, text: str) -> int:
 
 
 def _missing_data(play: Play) -> Iterator[Place]:
+    """A node reads an entry or an answer that is not there."""
     for failed in play.run.failures:
         # pressing nothing is the visitor's answer, and a substitute is the policy's
         if failed.failure.cause is Cause.MISSING_DATA and not failed.attempt and failed.uid \
@@ -279,14 +295,19 @@ def _missing_data(play: Play) -> Iterator[Place]:
             yield recovery.uid, recovery.recovered.failure.message
 
 
-def _senseless(play: Play) -> Iterator[Place]:
+def _senseless_request(play: Play) -> Iterator[Place]:
+    """A node of the robot is asked for something that it does not know."""
     for line in play.played.journal:
         if line.objection is not None:
             yield play.caller(line), f"{line.resource} refuses it: {line.objection}"
 
 
 def _shares_a_body(play: Play) -> Iterator[Place]:
-    """Find a request that is made while another leaf's to the same service is under way."""
+    """Two branches use one service of the robot at the same time: it has one body. Let one branch
+    wait for the other.
+
+    Find a request that is made while another leaf's to the same service is under way.
+    """
     under_way: Dict[str, Exchange] = {}
     for exchange in play.exchanges:
         if not exchange.uid or play.node(exchange.uid).spec.is_recovery:
@@ -303,7 +324,10 @@ def _shares_a_body(play: Play) -> Iterator[Place]:
 
 
 def _cut_short(play: Play) -> Iterator[Place]:
-    """Find speech and gestures that are halted before they are over, with the visitor still there.
+    """Speech or a gesture is halted before it is over, and the robot goes on speaking or moving.
+    Give a Timeout more time than the robot needs.
+
+    Find speech and gestures that are halted before they are over, with the visitor still there.
     """
     steps = {step.call: step for step in play.run.steps}
     for exchange in play.run.exchanges:
@@ -315,9 +339,12 @@ def _cut_short(play: Play) -> Iterator[Place]:
             yield exchange.uid, f"it is halted after {seconds:.1f} s, before the robot is done"
 
 
-def _abandoned(play: Play) -> Iterator[Place]:
-    """Find a drive that was halted and not followed by another, or by one to another place although
-    nothing was wrong and the visitor is still there."""
+def _abandoned_drive(play: Play) -> Iterator[Place]:
+    """The mission stops waiting for a drive, and the robot drives on.
+
+    Find a drive that was halted and not followed by another, or by one to another place although
+    nothing was wrong and the visitor is still there.
+    """
     for drive, after in zip(play.drives, [*play.drives[1:], None]):
         is_excused = after is not None and (
             play.faults or goal(after) == goal(drive) or not play.is_visitor_here(drive.asked))
@@ -339,9 +366,12 @@ def entries(node: Node, is_written: bool) -> FrozenSet[str]:
     return frozenset(name if name.startswith("@") else f"{tree}/{name}" for name in names if name)
 
 
-def _swallowed(play: Play) -> Iterator[Place]:
-    """Find a request that builds on a step whose failure nothing has dealt with: it uses what an
-    earlier step has left on the blackboard, or shows what the robot has not driven to."""
+def _swallowed_failure(play: Play) -> Iterator[Place]:
+    """A step fails, the mission ignores that, and a later step goes on as if it had been done.
+
+    Find a request that builds on a step whose failure nothing has dealt with: it uses what an
+    earlier step has left on the blackboard, or shows what the robot has not driven to.
+    """
     failed: Dict[str, NodeResult] = {}  # by entry: the failure of its last writer
     steps = sorted(
         [(result.ended, 0, result) for result in play.leaves if result.letter in "SF"] +
@@ -386,7 +416,7 @@ def _note_result(play: Play, result: NodeResult, failed: Dict[str, NodeResult]) 
 
 
 def _unrecovered(play: Play) -> Iterator[Place]:
-    """Find a service whose faults ended the pass without a HandleFallBack dealing with it."""
+    """A service that fails ends the pass, because no HandleFallBack stands beside the node."""
     if play.outcome != "FAILURE" or play.calm is None or play.calm.outcome != "SUCCESS":
         return
     is_given_up = any(recovery.outcome == GIVEN_UP for recovery in play.run.recoveries)
@@ -395,8 +425,12 @@ def _unrecovered(play: Play) -> Iterator[Place]:
         yield unhandled[0].uid, "its failure ends the pass, and no recovery handles it"
 
 
-def _budget(play: Play) -> Iterator[Place]:
-    """Find a budget of recoveries that is spent, most of it on failures that no fault caused."""
+def _budget_spent(play: Play) -> Iterator[Place]:
+    """Recoveries use up the budget of the policy although hardly a call fails: what fails later
+    is given up at once.
+
+    Most of the budget was spent on failures that no fault caused.
+    """
     policy, faulty = play.stage.mission.policy, play.faulty()
     rounds = sorted((recovery for recovery in play.run.recoveries if recovery.recovered),
                     key=lambda recovery: recovery.decided)
@@ -413,6 +447,7 @@ def _budget(play: Play) -> Iterator[Place]:
 
 
 def _unwanted_drive(play: Play) -> Iterator[Place]:
+    """The robot drives to a stop although the visitor says no."""
     visit = play.run.state.visit
     is_declined = play.behaviour == DECLINES and visit is not None and visit.asked is not None
     if is_declined and not play.faults and play.visited:
@@ -422,7 +457,7 @@ def _unwanted_drive(play: Play) -> Iterator[Place]:
 
 
 def _left_out(play: Play) -> Iterator[Place]:
-    """Find a stop that the robot did not reach, without a recorded reason.
+    """The pass succeeds, and a stop is left out without a failure that explains it.
 
     A mission that does not take one stop after the other may be meant to show only some; so may
     one that asks the visitor meanwhile.
@@ -450,6 +485,7 @@ def _done(play: Play, entry: data.Datum) -> List[NodeResult]:
 
 
 def _drives_twice(play: Play) -> Iterator[Place]:
+    """The robot is sent to the place where it stands."""
     for before, drive in zip(play.drives, play.drives[1:]):
         is_there = before.answered is not None and before.answered < drive.asked \
             and isinstance(before.result, Answer)
@@ -458,7 +494,10 @@ def _drives_twice(play: Play) -> Iterator[Place]:
 
 
 def _shown_away(play: Play) -> Iterator[Place]:
-    """Find a stop that is described or pointed at while the robot drives, or just before it does.
+    """A stop is described or pointed at while the robot is still driving, or before it drives
+    there.
+
+    Find a stop that is described or pointed at while the robot drives, or just before it does.
     """
     if play.faults or play.behaviour != ENGAGES:
         return
@@ -479,8 +518,11 @@ def _shown_away(play: Play) -> Iterator[Place]:
 
 
 def _answer_mixed_up(play: Play) -> Iterator[Place]:
-    """Find a question to which nothing listens, and an answer that is used after another question,
-    or that is replaced unused."""
+    """The visitor's answer to one question is taken for that to another, or is lost.
+
+    Find a question to which nothing listens, and an answer that is used after another question,
+    or that is replaced unused.
+    """
     if play.faults:
         return
     questions = play.stage.manners(play.behaviour).questions
@@ -528,7 +570,8 @@ def _wrong_answer(play: Play, answer: str, asked: List[float]) -> Iterator[Place
 # ------------------------------------------------------------------------------------------ the end
 
 
-def _goodbye(play: Play) -> Iterator[Place]:
+def _goodbye_to_nobody(play: Play) -> Iterator[Place]:
+    """The robot says goodbye although the visitor has left."""
     for result in play.goodbyes:
         since, is_here = play.presence(result.began)
         if result.letter == "S" and not is_here:
@@ -536,8 +579,10 @@ def _goodbye(play: Play) -> Iterator[Place]:
 
 
 def _early_goodbye(play: Play) -> Iterator[Place]:
-    """Find words of goodbye after which the same visitor is shown another stop, or that are said
-    again."""
+    """The robot says goodbye, and then goes on with the same visitor.
+
+    That is, the same visitor is shown another stop, or hears the same words of goodbye again.
+    """
     said: Dict[Request, Exchange] = {}
     for exchange in play.exchanges if not play.faults else ():
         node = play.node(exchange.uid)
@@ -557,8 +602,10 @@ def _early_goodbye(play: Play) -> Iterator[Place]:
 
 
 def _no_goodbye(play: Play) -> Iterator[Place]:
-    """Find a visitor who gets no goodbye: after several stops, or since another step
-    failed that no recovery has handled."""
+    """A visitor who has followed the robot is told no goodbye.
+
+    That is, after several stops, or since another step failed that no recovery has handled.
+    """
     said = {result.uid for result in play.goodbyes if result.letter == "S"}
     if not play.outcome or said or play.behaviour != ENGAGES:
         return
@@ -574,8 +621,10 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
 
 
 def _left_on(play: Play) -> Iterator[Place]:
-    """Find what a pass leaves switched on; a request to switch it off counts even if it was
-    refused."""
+    """Attention or lifelike movement is on after the drives of a pass.
+
+    A request to switch it off counts even if it was refused.
+    """
     if not play.outcome or not play.drives:
         return
     for safe in play.stage.settings.interface.safe_state:
@@ -588,7 +637,7 @@ def _left_on(play: Play) -> Iterator[Place]:
 
 
 def _not_home(play: Play) -> Iterator[Place]:
-    """Find a pass whose last drive does not lead home.
+    """The last drive of a pass does not lead home.
 
     It may end elsewhere if the way home cannot be looked up, or if a recovery gives up for a
     service: the robot is then in the safe state, and the operator is told what to repair.
@@ -619,71 +668,16 @@ NEVER_OFF = FindingKind(
 UNREACHED = FindingKind("unreached", "No play brings the mission to this node.")
 
 KINDS = (
-    FindingKind(
-        "busy-loop", "The mission never waits: it takes a whole core, and nothing else of the "
-        "robot gets a turn. Put a Sleep or a Delay into the loop.", _busy),
-    FindingKind("exception", "A node raises an exception, which ends the pass at once, or "
-                "a declaration does not fit its messages.",
-                _exceptions),
-    FindingKind("missing-data", "A node reads an entry or an answer that is not there.",
-                _missing_data),
-    FindingKind(
-        "senseless-request", "A node of the robot is asked for something that it does not know.",
-        _senseless),
-    FindingKind("endless", "The pass never ends: a loop without a bound repeats the same requests.",
-                _endless),
-    FindingKind(
-        "retries-for-ever", "A service fails for good, and the mission makes the same request "
-        "again without a limit: the pass never ends. Give the loop a number of attempts, and each "
-        "attempt a pause.", _retries_for_ever),
-    FindingKind(
-        "waits-for-ever", "The pass never ends: what the robot waits for does not come, and no "
-        "limit ends the wait.", _waits),
-    FindingKind(
-        "swallowed-failure", "A step fails, the mission ignores that, and a later step goes on as "
-        "if it had been done.", _swallowed),
-    FindingKind(
-        "unrecovered", "A service that fails ends the pass, because no HandleFallBack stands "
-        "beside the node.", _unrecovered),
-    FindingKind(
-        "shares-a-body", "Two branches use one service of the robot at the same time: it has one "
-        "body. Let one branch wait for the other.", _shares_a_body),
-    FindingKind(
-        "cut-short", "Speech or a gesture is halted before it is over, and the robot goes on "
-        "speaking or moving. Give a Timeout more time than the robot needs.", _cut_short),
-    FindingKind(
-        "abandoned-drive", "The mission stops waiting for a drive, and the robot drives on.",
-        _abandoned),
-    FindingKind(
-        "shown-away", "A stop is described or pointed at while the robot is still driving, or "
-        "before it drives there.", _shown_away),
-    FindingKind(
-        "answer-mixed-up", "The visitor's answer to one question is taken for that to another, "
-        "or is lost.", _answer_mixed_up),
-    FindingKind(
-        "early-goodbye", "The robot says goodbye, and then goes on with the same visitor.",
-        _early_goodbye),
-    NEVER_TRUE,
-    NEVER_SUCCEEDS,
-    ONE_WAY,
-    FindingKind(
-        "budget-spent", "Recoveries use up the budget of the policy although hardly a call fails: "
-        "what fails later is given up at once.", _budget),
-    FindingKind("unwanted-drive", "The robot drives to a stop although the visitor says no.",
-                _unwanted_drive),
-    FindingKind("left-out",
-                "The pass succeeds, and a stop is left out without a failure that explains it.",
-                _left_out),
-    FindingKind("drives-twice", "The robot is sent to the place where it stands.", _drives_twice),
-    FindingKind("goodbye-to-nobody", "The robot says goodbye although the visitor has left.",
-                _goodbye),
-    FindingKind("no-goodbye", "A visitor who has followed the robot is told no goodbye.",
-                _no_goodbye),
-    FindingKind("left-on", "Attention or lifelike movement is on after the drives of a pass.",
-                _left_on),
-    FindingKind("not-home", "The last drive of a pass does not lead home.", _not_home),
-    NEVER_OFF,
-    UNREACHED)
+    *map(_kind, (
+        _busy_loop, _exception, _missing_data, _senseless_request, _endless,
+        _retries_for_ever, _waits_for_ever, _swallowed_failure, _unrecovered,
+        _shares_a_body, _cut_short, _abandoned_drive, _shown_away, _answer_mixed_up,
+        _early_goodbye)),
+    NEVER_TRUE, NEVER_SUCCEEDS, ONE_WAY,
+    *map(_kind, (
+        _budget_spent, _unwanted_drive, _left_out, _drives_twice, _goodbye_to_nobody,
+        _no_goodbye, _left_on, _not_home)),
+    NEVER_OFF, UNREACHED)
 """All kinds; a kind that follows from others stands after them."""
 
 CAUSES = frozenset(kind.name for kind in KINDS[:KINDS.index(NEVER_SUCCEEDS) + 1])
