@@ -63,11 +63,15 @@ class Plan(NamedTuple):
         return self.theatre.stage(self.calm[0].by_voice)
 
     @property
+    def topics(self) -> List[Topic]:
+        """The topics that have messages."""
+        return rehearsed_topics(self.stage.settings.interface)
+
+    @property
     def silent(self) -> List[str]:
         """The topics that the mission uses and that nothing simulates."""
-        published = rehearsed_topics(self.stage.settings.interface)
         return [offer.name for offer in self.stage.mission.offers
-                if isinstance(offer, Topic) and offer not in published]
+                if isinstance(offer, Topic) and offer not in self.topics]
 
     def rounds(self, outcomes: List[Outcome], search: Search) -> Iterator[List[Scene]]:
         """Yield the scenes of one round after the other; the ``outcomes`` of each are known before
@@ -77,23 +81,20 @@ class Plan(NamedTuple):
             yield plays.random(self.calm, options.runs, options.failureRate or RATES,
                                options.seed or 1, self.kinds)
         elif options.planned or options.silent:
-            yield [scene._replace(is_traced=True, silent=tuple(options.silent or ()),
-                                  planned=tuple(options.planned or ())) for scene in self.calm]
+            yield [scene._replace(is_traced=True, silent=tuple(options.silent),
+                                  planned=tuple(options.planned)) for scene in self.calm]
         else:
             yield self.calm
             if options.faults != NONE:
-                yield from self._faulty(list(outcomes), outcomes)
+                topics = [topic.name for topic in self.topics]
+                is_pairs = options.faults == PAIRS
+                yield list(plays.single(list(outcomes), self.kinds, topics, is_pairs))
+                if is_pairs:
+                    yield list(plays.pairs(outcomes, self.kinds))
             # what comes after a pass that does not end is not known
             calm = [outcome for outcome in outcomes if outcome.scene.is_calm]
             if self.is_complete and all(outcome.outcome for outcome in calm):
                 yield from search.rounds()
-
-    def _faulty(self, calm: List[Outcome], outcomes: List[Outcome]) -> Iterator[List[Scene]]:
-        is_pairs = self.options.faults == PAIRS
-        silent = [topic.name for topic in rehearsed_topics(self.stage.settings.interface)]
-        yield list(plays.single(calm, self.kinds, silent, is_pairs))
-        if is_pairs:
-            yield list(plays.pairs(outcomes, self.kinds))
 
 
 # ---------------------------------------------------------------------------------------- arguments
@@ -160,10 +161,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--kinds", type=_list_of(_one_of(*KINDS)), metavar="NAMES",
                         help=f"in which ways calls go wrong: some of {', '.join(KINDS)}")
     parser.add_argument(
-        "--planned", type=_list_of(_planned), metavar="NODE:CALL:KIND",
+        "--planned", type=_list_of(_planned), default=[], metavar="NODE:CALL:KIND",
         help="calls that go wrong, with commas between them, instead of --faults; with a "
         "plus after the call, each later call too")
-    parser.add_argument("--silent", type=_list_of(str), metavar="TOPICS",
+    parser.add_argument("--silent", type=_list_of(str), default=[], metavar="TOPICS",
                         help="topics that are silent, as --planned")
     parser.add_argument(
         "--runs", type=_number(1, 1e6, int), metavar="N",
@@ -241,16 +242,16 @@ def _settings(words: Sequence[str]) -> Dict[str, str]:
 
 def _check_robot(interface: Any, options: argparse.Namespace) -> None:
     """Raise ConfigurationError with every node and topic that the robot does not have."""
-    nodes = {service.node for service in interface.services}
-    heard = {topic.name for topic in rehearsed_topics(interface)}
-    faults = [Fault("argument --planned", 0, 0,
-                    f"the robot {interface.name} has no node {clean(fault.node)}",
-                    did_you_mean(fault.node, nodes) or f"there are: {', '.join(sorted(nodes))}")
-              for fault in options.planned or () if fault.node not in nodes]
-    faults += [Fault("argument --silent", 0, 0,
-                     f"the robot {interface.name} has no topic {clean(name)}",
-                     did_you_mean(name, heard) or f"there are: {', '.join(sorted(heard))}")
-               for name in options.silent or () if name not in heard]
+    faults = []
+    for option, kind, given, known in (
+            ("planned", "node", [fault.node for fault in options.planned],
+             {service.node for service in interface.services}),
+            ("silent", "topic", options.silent,
+             {topic.name for topic in rehearsed_topics(interface)})):
+        hint = f"there are: {', '.join(sorted(known))}"
+        faults += [Fault(f"argument --{option}", 0, 0,
+                         f"the robot {interface.name} has no {kind} {clean(name)}",
+                         did_you_mean(name, known) or hint) for name in given if name not in known]
     if faults:
         raise ConfigurationError(faults)
 
@@ -294,12 +295,10 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
         with plays.players(todo.theatre, jobs) as play_all:
             for scenes in todo.rounds(outcomes, search):
                 planned += len(scenes)
-                progress = PlayProgress(len(scenes))
-                for outcome in play_all(scenes):
+                for outcome in with_progress(play_all(scenes), len(scenes)):
                     survey.take(outcome)
                     if outcome.calls or outcome.scene.is_calm:
                         outcomes.append(outcome)
-                    progress.show()
     except KeyboardInterrupt:
         pass
     finally:
@@ -315,25 +314,20 @@ def rehearse(todo: Plan, jobs: int) -> "Result":
 def _unmet(todo: Plan, outcomes: Iterable[Outcome]) -> Tuple[PlannedFault, ...]:
     """Return the planned faults whose calls no play has made."""
     made = {(call.node, call.number) for outcome in outcomes for call in outcome.calls}
-    return tuple(fault for fault in todo.options.planned or ()
+    return tuple(fault for fault in todo.options.planned
                  if (fault.node, fault.call) not in made)
 
 
-class PlayProgress:
-    """A line on the terminal that shows how many plays of a round are done, and the time left."""
-
-    def __init__(self, of: int):
-        self._of, self._done, self._began = of, 0, time.monotonic()
-
-    def show(self) -> None:
-        """Count a further play, and show it if this is a terminal."""
-        self._done += 1
+def with_progress(outcomes: Iterable[Outcome], of: int) -> Iterator[Outcome]:
+    """Yield the outcomes of a round; a line on the terminal shows how many are done, and the time
+    left."""
+    began = time.monotonic()
+    for done, outcome in enumerate(outcomes, 1):
+        yield outcome
         if sys.stderr.isatty():
-            bar = ("#" * (BAR * self._done // self._of)).ljust(BAR, ".")
-            passed = time.monotonic() - self._began
-            left = html_report.duration(passed / self._done * (self._of - self._done))
-            sys.stderr.write(
-                f"\r[{bar}] {self._done} of {self._of} simulated runs, {left} left\x1b[K")
+            bar = ("#" * (BAR * done // of)).ljust(BAR, ".")
+            left = html_report.duration((time.monotonic() - began) / done * (of - done))
+            sys.stderr.write(f"\r[{bar}] {done} of {of} simulated runs, {left} left\x1b[K")
             sys.stderr.flush()
 
 
