@@ -24,7 +24,7 @@ from behavior_controller.robot.gateway import (Call, Cause, Failure, FakeTopics,
 from behavior_controller.robot.requests import Answer, Exhibit, Request
 
 from unit_tests.robot import behaviour
-from unit_tests.robot.behaviour import Fields, SERVICES
+from unit_tests.robot.behaviour import Fields, SERVICES, TOPICS
 from unit_tests.robot.faults import CRASH, EXCEPTION, UNANSWERED
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.simulated_node import Reply, SimulatedNode
@@ -71,7 +71,7 @@ class VirtualRobot:
         self.gateway = VirtualGateway(self)
         self.topics = VirtualTopics(self)
         self.journal: List[JournalEntry] = []
-        self.asked: List[Tuple[float, Request]] = []
+        self.requests = 0  # of the mission, whether or not they reached their node
         self.presence: List[Tuple[float, bool]] = []
         # called for each call that reaches a node
         self.called: Callable[[JournalEntry], None] = lambda entry: None
@@ -92,6 +92,14 @@ class VirtualRobot:
         if name not in self._nodes:
             self._nodes[name] = VirtualNode(self, name)
         return self._nodes[name]
+
+    def publish(self, topic: Topic) -> None:
+        """Have messages on a topic from now on: its node's, or those that another package's
+        declaration has for a rehearsal."""
+        if topic.name in TOPICS:
+            self.node(topic.node).publish()
+        else:
+            self.topics.rehearse(topic)
 
     def away(self) -> List[str]:
         """Return the names of the nodes that are not running."""
@@ -224,7 +232,7 @@ class VirtualGateway(Gateway):
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
         robot = self._robot
-        robot.asked.append((robot.stamp(), request))
+        robot.requests += 1
         service = robot.mission.settings.interface.service(type(request))
         return _VirtualCall(robot, service, request).call
 
