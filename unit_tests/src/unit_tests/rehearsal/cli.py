@@ -152,34 +152,32 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "settings", nargs="*", default=[], metavar="KEY:=VALUE",
         help="a key of the controller's configuration, such as robotInterface:=release-1.0")
-    parser.add_argument("--faults", type=_one_of(*FAULTS), metavar="|".join(FAULTS),
-                        help="each single fault (every call in every way, every service for good, "
-                        "every topic silent; the default), also each two of them, or none")
-    parser.add_argument("--visitors", type=_list_of(_visitor), metavar="NAMES",
-                        help=f"some of {', '.join(BEHAVIOURS)}, with commas between them; "
-                        f"all if not given, with --runs {ENGAGES}")
-    parser.add_argument("--kinds", type=_list_of(_one_of(*KINDS)), metavar="NAMES",
-                        help=f"in which ways calls go wrong: some of {', '.join(KINDS)}")
-    parser.add_argument(
-        "--planned", type=_list_of(_planned), default=[], metavar="NODE:CALL:KIND",
-        help="calls that go wrong, with commas between them, instead of --faults; with a "
-        "plus after the call, each later call too")
-    parser.add_argument("--silent", type=_list_of(str), default=[], metavar="TOPICS",
-                        help="topics that are silent, as --planned")
-    parser.add_argument(
-        "--runs", type=_number(1, 1e6, int), metavar="N",
-        help="play N passes for each failure rate, with random faults, instead of --faults")
+
+    def option(name: str, read: Callable[[str], Any], metavar: str, meaning: str) -> None:
+        parser.add_argument("--" + name, type=read, metavar=metavar, help=meaning)
+
+    option("faults", _one_of(*FAULTS), "|".join(FAULTS),
+           "each single fault (every call in every way, every service for good, every topic "
+           "silent; the default), also each two of them, or none")
+    option("visitors", _list_of(_visitor), "NAMES",
+           f"some of {', '.join(BEHAVIOURS)}, with commas between them; all if not given, with "
+           f"--runs {ENGAGES}")
+    option("kinds", _list_of(_one_of(*KINDS)), "NAMES",
+           f"in which ways calls go wrong: some of {', '.join(KINDS)}")
+    option("planned", _list_of(_planned), "NODE:CALL:KIND",
+           "calls that go wrong, with commas between them, instead of --faults; with a plus "
+           "after the call, each later call too")
+    option("silent", _list_of(str), "TOPICS", "topics that are silent, as --planned")
+    option("runs", _number(1, 1e6, int), "N",
+           "play N passes for each failure rate, with random faults, instead of --faults")
     rates = ", ".join(f"{rate:g}" for rate in RATES)
-    parser.add_argument(
-        "--failureRate", type=_list_of(_number(0, 1)), metavar="P",
-        help=f"failure rates for --runs, with commas between them; {rates} if not given")
-    parser.add_argument("--seed", type=_number(1, 1e9, int), metavar="N",
-                        help="the first seed for --runs; 1 if not given")
-    parser.add_argument(
-        "--limit", type=_number(1, 1e6), default=LIMIT, metavar="SECONDS",
-        help=f"of the mission's time, after which a pass does not end; {LIMIT:g} if not given")
-    parser.add_argument("--jobs", type=_number(1, 1024, int), default=len(os.sched_getaffinity(0)),
-                        metavar="N", help="processes; one for each core if not given")
+    option("failureRate", _list_of(_number(0, 1)), "P",
+           f"failure rates for --runs, with commas between them; {rates} if not given")
+    option("seed", _number(1, 1e9, int), "N", "the first seed for --runs; 1 if not given")
+    option("limit", _number(1, 1e6), "SECONDS",
+           f"of the mission's time, after which a pass does not end; {LIMIT:g} if not given")
+    option("jobs", _number(1, 1024, int), "N", "processes; one for each core if not given")
+    parser.set_defaults(planned=[], silent=[], limit=LIMIT, jobs=len(os.sched_getaffinity(0)))
     parser.add_argument("--json", action="store_true", help="print all as JSON")
     parser.add_argument("--html", metavar="FILE", help="write all as a web page, too")
     return parser
@@ -208,8 +206,8 @@ def read(argv: Optional[Sequence[str]]) -> argparse.Namespace:
 def plan(options: argparse.Namespace) -> Plan:
     """Return the plays that the options ask for. Raises FaultsFound."""
     given = _settings(options.settings)
-    path = options.mission if os.path.exists(options.mission) or options.mission.endswith(".xml") \
-        else find(options.mission)
+    is_file = os.path.exists(options.mission) or options.mission.endswith(".xml")
+    path = options.mission if is_file else find(options.mission)
     controller = load_controller(given)
     theatre = Theatre(controller.values, path, options.limit)
     ways = [controller.asr_enabled] if ASR in given else [True, False]

@@ -12,7 +12,7 @@ import rospy
 from behavior_controller import exit_codes
 from behavior_controller.folders import ros_home
 from behavior_controller.errors import BehaviorControllerError
-from behavior_controller.execution.events import LeafFinished, Line
+from behavior_controller.execution.events import LeafFinished
 from behavior_controller.execution.run import Run
 from behavior_controller.monitoring.record.codec import Decoder
 from behavior_controller.monitoring.record.recorder import FILE_NAME as RECORD
@@ -131,18 +131,6 @@ def _test(own: Options) -> int:
     return finish(code, report.shown(columns, files, page))
 
 
-class RecordTail:
-    """Reads the controller's record while it is written."""
-
-    def __init__(self, path: str):
-        self._tail = Tail(path)
-        self._decoder = Decoder(path)
-
-    def news(self) -> List[Line]:
-        """Return the lines that were added since the last call. Raises MissionError."""
-        return [line for text in self._tail.news() for line in self._decoder.read(text)]
-
-
 class MissionProgress:
     """Shows the progress of the mission every few seconds."""
 
@@ -161,10 +149,9 @@ class MissionProgress:
             self._faults += line.fault is not None
         ran = next((line.event.node
                     for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
-        print(
-            "{:4.0f} s: pass {}, {} calls, {} of them made to fail; last: {}".format(
-                self._shown - self._began,
-                len(run.visits) + 1, self._calls, self._faults, ran or "not started"), flush=True)
+        print("{:4.0f} s: pass {}, {} calls, {} of them made to fail; last: {}".format(
+            self._shown - self._began, len(run.visits) + 1, self._calls, self._faults,
+            ran or "not started"), flush=True)
 
 
 def _stage(world: World) -> Optional[Stage]:
@@ -182,8 +169,12 @@ def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda
     ``show`` is called with the run so far at every read of the record. Every ``CHECK_INTERVAL``
     seconds ``disturbance`` returns why the test cannot go on, or an empty text.
     """
-    record = RecordTail(os.path.join(folder, RECORD))
-    run = Run()
+    path = os.path.join(folder, RECORD)
+    tail, decoder, run = Tail(path), Decoder(path), Run()
+
+    def read_record() -> None:
+        run.extend(line for text in tail.news() for line in decoder.read(text))
+
     began = checked = time.monotonic()
     cut_off, stall = "", 0.0
     while read_exit_code(folder) is None and not cut_off and not rospy.is_shutdown():
@@ -191,14 +182,14 @@ def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda
             cut_off, checked = disturbance(), time.monotonic()
         # the master may let a disturbance wait; the rest takes as long as the machine lets it
         polled = time.monotonic()
-        run.extend(record.news())
+        read_record()
         show(run)
         cut_off = cut_off or _overdue(run, time.monotonic() - began, limit)
         time.sleep(POLL_INTERVAL)
         stall = max(stall, time.monotonic() - polled - POLL_INTERVAL)
     if rospy.is_shutdown():
         cut_off = "the test was stopped before the mission had ended"
-    run.extend(record.news())
+    read_record()
     return WaitResult(run, read_exit_code(folder), cut_off, stall)
 
 
