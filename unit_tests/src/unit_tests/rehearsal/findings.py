@@ -90,7 +90,8 @@ class Play:
                         if place.location[:2] in goals]
         self.leaves = [result for result in self.run.results
                        if isinstance(self.node(result.uid), MissionLeaf)]
-        self.succeeded = frozenset(result.uid for result in self.leaves if result.letter == "S")
+        self.done = [result for result in self.leaves if result.letter == "S"]
+        self.succeeded = frozenset(result.uid for result in self.done)
 
     def spec(self, uid: int) -> MissionSpec:
         """Return the node type of a mission leaf."""
@@ -144,15 +145,25 @@ class Play:
     def shown(self) -> Iterator[Tuple[NodeResult, NodeResult]]:
         """Yield how each leaf ended that has described a stop or pointed at it, and the leaf that
         chose the stop."""
-        for show in self.leaves:
+        for show in self.done:
             read = entries(self.node(show.uid), False) & SHOWN_AT_THE_PLACE
-            if show.letter != "S" or not {Say, PerformGesture} & set(self.spec(show.uid).calls):
+            if not {Say, PerformGesture} & set(self.spec(show.uid).calls):
                 continue
-            choices = [result for result in self.leaves
-                       if result.letter == "S" and result.ended <= show.began
+            choices = [result for result in self.done if result.ended <= show.began
                        and entries(self.node(result.uid), True) & read]
             if choices and self.spec(choices[-1].uid).writes(data.CURRENT_EXHIBIT.name):
                 yield show, choices[-1]
+
+    @property
+    def switched(self) -> Dict[Request, int]:
+        """The requests of the kinds that the safe state sends, each with its last leaf."""
+        kinds = {type(request) for request in self.stage.settings.interface.safe_state}
+        return {exchange.request: exchange.uid for exchange in self.exchanges
+                if type(exchange.request) in kinds}
+
+    def writers(self, entry: data.Datum) -> List[NodeResult]:
+        """Return the results of the leaves that wrote an entry."""
+        return [result for result in self.done if self.spec(result.uid).writes(entry.name)]
 
     def faulty(self) -> FrozenSet[str]:
         """Return the services of which a call went wrong on purpose."""
@@ -466,22 +477,16 @@ def _left_out(play: Play) -> Iterator[Place]:
         return
     if any(recovery.outcome in (SKIPPED, GIVEN_UP) for recovery in play.run.recoveries):
         return
-    taken = _done(play, data.CURRENT_EXHIBIT)
+    taken = play.writers(data.CURRENT_EXHIBIT)
     if len(taken) == len({result.uid for result in taken}):
         return
-    if any(result.began > taken[0].began for result in _done(play, data.VISITOR_RESPONSE)):
+    if any(result.began > taken[0].began for result in play.writers(data.VISITOR_RESPONSE)):
         return
     missed = [clean(place.name) for place in play.stage.knowledge.exhibits
               if place not in play.visited]
     if missed:
         stops = ", ".join(missed)
         yield taken[-1].uid, f"the visitor says yes, and the robot does not drive to {stops}"
-
-
-def _done(play: Play, entry: data.Datum) -> List[NodeResult]:
-    """Return the results of the leaves that wrote an entry."""
-    return [result for result in play.leaves
-            if result.letter == "S" and play.spec(result.uid).writes(entry.name)]
 
 
 def _drives_twice(play: Play) -> Iterator[Place]:
@@ -501,7 +506,7 @@ def _shown_away(play: Play) -> Iterator[Place]:
     """
     if play.faults or play.behaviour != ENGAGES:
         return
-    taken = _done(play, data.CURRENT_EXHIBIT)
+    taken = play.writers(data.CURRENT_EXHIBIT)
     places = {place.location[:2] for place in play.visited}
     by_stop: Dict[int, List[NodeResult]] = {}
     for show, chosen in play.shown:
@@ -606,8 +611,8 @@ def _no_goodbye(play: Play) -> Iterator[Place]:
 
     That is, after several stops, or since another step failed that no recovery has handled.
     """
-    said = {result.uid for result in play.goodbyes if result.letter == "S"}
-    if not play.outcome or said or play.behaviour != ENGAGES:
+    is_said = any(result.letter == "S" for result in play.goodbyes)
+    if not play.outcome or is_said or play.behaviour != ENGAGES:
         return
     if not play.faults and play.outcome == "SUCCESS" and len(play.visited) > 1:
         yield play.drives[-1].uid, "the last drive ends here, and the visitor is told no goodbye"
@@ -648,11 +653,10 @@ def _not_home(play: Play) -> Iterator[Place]:
     last = play.drives[-1]
     is_unknown = any(exchange.request == QueryKnowledge("home") and exchange.asked > last.asked
                      for exchange in play.exchanges)
-    given_up = [recovery for recovery in play.run.recoveries
-                if recovery.outcome == GIVEN_UP and recovery.decided > last.asked]
     is_reported = any(
-        recovery.recovered is not None and not recovery.is_idle
-        and recovery.recovered.failure.cause is not Cause.CONDITION_FALSE for recovery in given_up)
+        recovery.recovered is not None and recovery.outcome == GIVEN_UP and not recovery.is_idle
+        and recovery.recovered.failure.cause is not Cause.CONDITION_FALSE
+        for recovery in play.run.recoveries if recovery.decided > last.asked)
     if not (is_unknown or is_reported):
         yield last.uid, "the last drive leads to {:g}, {:g} and not home".format(*goal(last)[:2])
 

@@ -134,17 +134,13 @@ class Theatre:
     def evaluate(self, scene: Scene) -> Outcome:
         """Play a scene and find what is wrong in it."""
         with garbage_collection_paused():
-            return self._evaluated(scene, self.play(scene))
-
-    def _evaluated(self, scene: Scene, play: Play) -> Outcome:
-        kinds = {type(request) for request in play.stage.settings.interface.safe_state}
-        switched = {exchange.request: exchange.uid for exchange in play.exchanges
-                    if type(exchange.request) in kinds}
-        outcome = play.outcome or (BROKEN if play.played.error else
-                                   NO_VISITOR if findings.waits_for_a_visitor(play) else "")
-        return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
-                       tuple(findings.findings(play)), play.played.reached, play.succeeded,
-                       tuple(switched.items()), tuple(play.calls()) if scene.is_listed else ())
+            play = self.play(scene)
+            outcome = play.outcome or (BROKEN if play.played.error else
+                                       NO_VISITOR if findings.waits_for_a_visitor(play) else "")
+            return Outcome(scene, outcome, play.played.seconds, tuple(play.stops.items()),
+                           tuple(findings.findings(play)), play.played.reached, play.succeeded,
+                           tuple(play.switched.items()),
+                           tuple(play.calls()) if scene.is_listed else ())
 
 
 # ------------------------------------------------------------------------------------- which scenes

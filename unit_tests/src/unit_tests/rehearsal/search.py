@@ -1,4 +1,5 @@
 """Plans faults towards nodes that no play has reached."""
+import itertools
 from typing import Any, Dict, Iterable, Iterator, List, Set, Tuple
 
 from behavior_controller.bt.engine.node import Node
@@ -100,14 +101,10 @@ class Search:
                 for length in BURSTS:
                     burst = (fault._replace(call=fault.call + later) for later in range(length))
                     yield scene._replace(planned=tuple(burst))
-            nodes: Dict[str, PlannedFault] = {}
-            for fault in first.values():
-                nodes.setdefault(fault.node, fault)
-            for one in nodes.values():
-                for other in nodes.values():
-                    if one.node < other.node:
-                        yield scene._replace(planned=(one._replace(is_lasting=True),
-                                                      other._replace(is_lasting=True)))
+            nodes = {fault.node: fault for fault in reversed(list(first.values()))}  # their first
+            lasting = (fault._replace(is_lasting=True) for fault in nodes.values())
+            for pair in itertools.combinations(sorted(lasting), 2):
+                yield scene._replace(planned=pair)
 
 
 def _below(node: Any) -> Set[int]:
@@ -121,9 +118,9 @@ def _distance(outcome: Outcome) -> Tuple[int, int, bool]:
 
 def verdict(search: Search, plays: int) -> str:
     """Return in words how sure it is that no play reaches a node, after so many plays."""
+    runs = count(plays, "simulated run", "simulated runs")
     if search.is_cut:
-        return "not reached by {}".format(count(plays, "simulated run", "simulated runs"))
-    return "no visitor and no fault brings the mission here, in {}".format(
-        count(plays, "simulated run", "simulated runs"))
+        return f"not reached by {runs}"
+    return f"no visitor and no fault brings the mission here, in {runs}"
 
 
