@@ -28,8 +28,8 @@ from unit_tests.robot.faults import KINDS, PlannedFault
 from unit_tests.robot.visitor import ALIASES, BEHAVIOURS, ENGAGES
 from unit_tests.robot.options import CONTROLLER, load_controller
 
-NONE, SINGLE, PAIRS = "none", "single", "pairs"
-FAULTS = (NONE, SINGLE, PAIRS)
+NONE, PAIRS = "none", "pairs"
+FAULTS = (NONE, "single", PAIRS)
 
 RATES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 """The default failure rates."""
@@ -213,9 +213,9 @@ def plan(options: argparse.Namespace) -> Plan:
     ways = [controller.asr_enabled] if ASR in given else [True, False]
     visitors = options.visitors or ([ENGAGES] if options.runs else list(BEHAVIOURS))
     _check_robot(theatre.stage(ways[0]).settings.interface, options)
-    is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and options.limit >= LIMIT \
-        and options.faults in (None, SINGLE, PAIRS) \
-        and not (options.runs or options.planned or options.silent or options.kinds)
+    is_restricted = options.faults == NONE or options.runs or options.planned or options.silent \
+        or options.kinds or options.limit < LIMIT
+    is_complete = set(visitors) == set(BEHAVIOURS) and len(ways) == 2 and not is_restricted
     others = [word for word in options.settings if not word.startswith(ASR + ":=")]
     return Plan(theatre, options, plays.calm(visitors, ways), options.kinds or KINDS, is_complete,
                 [options.mission, *others])

@@ -530,7 +530,7 @@ def _answer_mixed_up(play: Play) -> Iterator[Place]:
     """
     if play.faults:
         return
-    questions = play.stage.manners(play.behaviour).questions
+    questions = play.stage.world.visitor.manners.questions
     asked = [exchange for exchange in play.exchanges if isinstance(exchange.request, Say)
              and (exchange.request.text in questions or exchange.request.text.endswith("?"))]
     heard = [result.ended for result in play.leaves

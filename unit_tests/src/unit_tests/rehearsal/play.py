@@ -30,7 +30,7 @@ from unit_tests.robot.behaviour import rehearsed_topics
 from unit_tests.robot.building import Building
 from unit_tests.robot.journal import JournalEntry
 from unit_tests.robot.virtual_robot import SHORTEST_GAP, VirtualRobot
-from unit_tests.robot.visitor import Manners, Visitor
+from unit_tests.robot.visitor import Visitor
 from unit_tests.robot.world import World, world as read_world
 from unit_tests.robot import options
 from unit_tests.robot.options import Configuration
@@ -112,13 +112,10 @@ class Stage:
     def knowledge(self) -> Building:
         return self.world.knowledge
 
-    def manners(self, behaviour: str) -> Manners:
-        """Return the manners of a visitor with that behaviour."""
-        return self.world.visitor.manners._replace(behaviour=behaviour)
-
     def world_of(self, test: Configuration) -> World:
         """Return the world of a test, before the robot's first request."""
-        return self.world._replace(visitor=Visitor(self.manners(test.visitor_behaviour)))
+        manners = self.world.visitor.manners._replace(behaviour=test.visitor_behaviour)
+        return self.world._replace(visitor=Visitor(manners))
 
     def play(self, test: Configuration, silent: Collection[str] = (),
              shortest_gap: float = SHORTEST_GAP, has_situations: bool = False) -> Played:

@@ -29,14 +29,12 @@ class PlannedFault(NamedTuple):
 
 
 def parse_planned_fault(text: str, nodes: Sequence[str]) -> PlannedFault:
-    """Parse ``node:call[:kind]``. Raises ValueError that says what is allowed."""
+    """Parse ``node:call[:kind]``. Raises ValueError."""
     node, _, rest = text.partition(":")
     call, _, kind = rest.partition(":")
     kind = kind or REFUSED
     if node not in nodes or not call.isdigit() or int(call) < 1 or kind not in KINDS:
-        raise ValueError(
-            "node:call or node:call:kind, with node one of {}, call 1 or more and kind one of {}".
-            format(", ".join(nodes), ", ".join(KINDS)))
+        raise ValueError(text)
     return PlannedFault(node, int(call), kind)
 
 

@@ -178,9 +178,9 @@ class VirtualNode:
         self._await_next()
         if offers.action is not None and robot.clock.now() > self._listens_until:
             return
-        message = self.model.message(offers.publisher, robot.clock.now())
-        if message is not None and offers.topic is not None:
-            robot.topics.publish(offers.topic, message.value)
+        value = self.model.message(offers.publisher, robot.clock.now())
+        if value is not None and offers.topic is not None:
+            robot.topics.publish(offers.topic, value)
 
 
 class VirtualTopics(FakeTopics):
