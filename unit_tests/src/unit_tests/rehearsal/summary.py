@@ -102,7 +102,8 @@ class Survey:
         self._outcomes.append(
             outcome._replace(findings=(), calls=(), reached=_NONE, succeeded=_NONE))
         self.reached |= outcome.reached
-        self._calmly |= outcome.reached if outcome.scene.is_calm else _NONE
+        if outcome.scene.is_calm:
+            self._calmly |= outcome.reached
         self._succeeded |= outcome.succeeded
         self._switched.update(outcome.switched)
         for finding in outcome.findings:
@@ -162,14 +163,12 @@ class Survey:
 
     def findings(self, search: Optional[Search] = None) -> List[FindingSummary]:
         """Return the findings, those of one kind together, each with its consequences."""
-        of_plays = {key: self._of_play(key) for key in self._shortest}
-        whole: Dict[Key, FindingSummary] = {}
+        every = {key: self._of_play(key) for key in self._shortest}
+        places = {place for _, place in every}
         for finding in self.whole(search):
             key = finding.kind, self.place(finding.uid)
-            if not any(place == key[1] for _, place in of_plays) or finding.uid == findings.ROOT:
-                kind, where = findings.BY_NAME[finding.kind], self._path(finding.uid)
-                whole.setdefault(key, FindingSummary(kind, where, key[1], finding.what))
-        every = {**of_plays, **whole}
+            if key[1] not in places or finding.uid == findings.ROOT:
+                every.setdefault(key, self._summary(finding))
         order = list(findings.BY_NAME)
         keys = sorted(every, key=lambda key: (order.index(key[0]), every[key].seconds,
                                               every[key].where))
@@ -192,20 +191,21 @@ class Survey:
             return key[0] != other[0]
         engaged = {number for number, outcome in enumerate(self._outcomes)
                    if outcome.scene.is_calm and outcome.scene.visitor == ENGAGES}
-        plays = self._plays_of.get(key, engaged)
+        plays, others = self._plays_of.get(key, engaged), self._plays_of[other]
         if key[0] == findings.ONE_WAY.name:  # of the plays of one way
-            return not plays.isdisjoint(self._plays_of.get(other, set()))
-        return bool(plays) and plays <= self._plays_of.get(other, set())
+            return not plays.isdisjoint(others)
+        return bool(plays) and plays <= others
 
     def _of_play(self, key: Key) -> FindingSummary:
         outcome, finding = self._shortest[key]
-        return FindingSummary(
-            findings.BY_NAME[finding.kind], self._path(finding.uid), key[1], finding.what,
-            len(self._plays_of[key]), outcome.scene, outcome.seconds,
-            shortened(self.story(outcome.scene)), self.command(outcome.scene))
+        return self._summary(finding)._replace(
+            plays=len(self._plays_of[key]), scene=outcome.scene, seconds=outcome.seconds,
+            story=shortened(self.story(outcome.scene)), command=self.command(outcome.scene))
 
-    def _path(self, uid: int) -> str:
-        return clean(self._nodes[uid - 1].full_path)
+    def _summary(self, finding: Finding) -> FindingSummary:
+        where = clean(self._nodes[finding.uid - 1].full_path)
+        return FindingSummary(findings.BY_NAME[finding.kind], where, self.place(finding.uid),
+                              finding.what)
 
     def place(self, uid: int) -> str:
         """Return file, line and column of a node."""

@@ -245,12 +245,12 @@ class _VirtualCall:
         self._began = robot.clock.now()
         self._deadline = robot.mission.settings.deadline(service)
         self.call = Call(request, robot.wake, self._cancel)
-        after = robot.after
+        late = self._failure(Cause.NO_ANSWER, waited(self._deadline))
         self._timers = [
-            after(WAY, self._arrive),
-            after(self._deadline, self._expire),
-            after(self._deadline * SLOW_SHARE,
-                  lambda: robot.health.slow(service.name, self._deadline, service.kind))
+            robot.after(WAY, self._arrive),
+            robot.after(self._deadline, lambda: self._finish(late)),
+            robot.after(self._deadline * SLOW_SHARE,
+                        lambda: robot.health.slow(service.name, self._deadline, service.kind))
         ]
 
     def _cancel(self) -> None:
@@ -263,9 +263,6 @@ class _VirtualCall:
         self._robot.health.ended(self._service.name, seconds, self._deadline,
                                  isinstance(result, Failure), self._service.kind)
         self.call.finish(result)
-
-    def _expire(self) -> None:
-        self._finish(self._failure(Cause.NO_ANSWER, waited(self._deadline)))
 
     def _failure(self, cause: Cause, message: str) -> Failure:
         return Failure(cause, message, self._service.name)
