@@ -194,14 +194,15 @@ def note_replacement(node: str, options: Options) -> None:
         file.write(line)
 
 
-def replacement(claims: Sequence[Claim], arguments: Arguments) -> str:
-    """Return a line about a node that has, or had, the place of one of this launch; empty without
-    any."""
+def replacement(options: Options) -> str:
+    """Return a line about a node that has, or had, the place of one of the report's launch; empty
+    without any."""
     try:
-        with open(os.path.join(arguments.folder, REPLACED)) as file:
+        with open(os.path.join(options.arguments.folder, REPLACED)) as file:
             return file.read()
     except OSError:
         pass
+    claims, arguments = of_process(REPORT, options), options.arguments
     try:
         # twice: a node of ours that ends between its answer and the check of its process looks like
         # another's

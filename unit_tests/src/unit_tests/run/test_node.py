@@ -1,4 +1,5 @@
 """The node that waits for the end of the mission, writes the report and gives the verdict."""
+import contextlib
 import datetime
 import os
 import shutil
@@ -27,7 +28,6 @@ from unit_tests.robot.journal import Journal, Tail
 from unit_tests.judge.junit import to_xml
 from unit_tests.rehearsal.faultless_play import rehearse
 from unit_tests.judge.report import title, to_page, write
-from unit_tests.robot.world import World
 from unit_tests.robot.options import Options, STARTUP_TIMEOUT
 from unit_tests.rehearsal.play import Stage, TIMED_OUT
 
@@ -107,15 +107,16 @@ def _test(own: Options) -> int:
     print("".join(line + "\n" for line in warnings), end="", flush=True)
     folder = own.arguments.folder
     began = time.monotonic()
-    claimed = claims.of_process(claims.REPORT, own)
     outcome = wait_for_end(folder, test.test_timeout, MissionProgress(folder).show,
-                           lambda: claims.replacement(claimed, own.arguments))
-    cut_off = outcome.cut_off or claims.replacement(claimed, own.arguments)
-    stage = _stage(world)
+                           lambda: claims.replacement(own))
+    cut_off = outcome.cut_off or claims.replacement(own)
     facts = Facts(outcome.run, Journal(folder).news(), outcome.exit_code, test, world,
-                  stage.mission if stage is not None else None, cut_off,
-                  rehearse(stage, test.visitor_behaviour) if stage is not None else None,
-                  own.real_nodes, read_errors(folder), outcome.stall)
+                  cut_off=cut_off, real=own.real_nodes, errors=read_errors(folder),
+                  stall=outcome.stall)
+    with contextlib.suppress(BehaviorControllerError):  # the mission has a fault
+        stage = Stage(world.settings, world=world)
+        facts = facts._replace(mission=stage.mission,
+                               rehearsal=rehearse(stage, test.visitor_behaviour))
     if outcome.stall > WORTH_TELLING:
         warnings.append(STALLED.format(outcome.stall, facts.late))
     heading = title(facts, test, datetime.datetime.now())
@@ -152,14 +153,6 @@ class MissionProgress:
         print("{:4.0f} s: pass {}, {} calls, {} of them made to fail; last: {}".format(
             self._shown - self._began, len(run.visits) + 1, self._calls, self._faults,
             ran or "not started"), flush=True)
-
-
-def _stage(world: World) -> Optional[Stage]:
-    """Return the mission as the controller was given it; None if it has a fault."""
-    try:
-        return Stage(world.settings, world=world)
-    except BehaviorControllerError:
-        return None
 
 
 def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda run: None,
