@@ -57,16 +57,11 @@ class Search:
             yield scenes
 
     def _new(self, scenes: Iterable[Scene]) -> List[Scene]:
-        chosen = []
-        for scene in scenes:
-            if scene in self._tried:
-                continue
-            if self.plays >= MOST_PLAYS:
-                self.is_cut = True
-                break
-            self._tried.add(scene)
-            self.plays += 1
-            chosen.append(scene)
+        new = [scene for scene in dict.fromkeys(scenes) if scene not in self._tried]
+        chosen = new[:MOST_PLAYS - self.plays]
+        self.is_cut = self.is_cut or len(chosen) < len(new)
+        self._tried.update(chosen)
+        self.plays += len(chosen)
         return chosen
 
     def _extended(self, node: Node) -> Iterator[Scene]:
