@@ -20,6 +20,7 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, Fault, NodesMissing
 from behavior_controller.ros.tcpros import NO_ANSWER, Trouble, ask, ask_master
 
+from unit_tests.folders import note, noted
 from unit_tests.robot import behaviour
 from unit_tests.robot.simulated_node import offers_of
 from unit_tests.robot.options import Arguments, Options, USE_REAL
@@ -190,19 +191,16 @@ def note_replacement(node: str, options: Options) -> None:
         line = "".join(holder.replacement for holder in others[:1]) or line
     except NodesMissing:
         pass
-    with open(os.path.join(options.arguments.folder, REPLACED), "w") as file:
-        file.write(line)
+    note(options.arguments.folder, REPLACED, line)
 
 
 def replacement(options: Options) -> str:
     """Return a line about a node that has, or had, the place of one of the report's launch; empty
     without any."""
-    try:
-        with open(os.path.join(options.arguments.folder, REPLACED)) as file:
-            return file.read()
-    except OSError:
-        pass
     claims, arguments = of_process(REPORT, options), options.arguments
+    known = noted(arguments.folder, REPLACED)
+    if known:
+        return known
     try:
         # twice: a node of ours that ends between its answer and the check of its process looks like
         # another's

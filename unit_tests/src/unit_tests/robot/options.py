@@ -355,14 +355,13 @@ def _chosen(values: Mapping[str, str], names: Collection[str]) -> Dict[str, str]
 
 def _drawn(test: Configuration, values: Mapping[str, str]) -> Configuration:
     """Return a configuration with a seed and a visitor for those that are to be random."""
-    if test.random_seed is None:
+    seed, behaviour = test.random_seed, test.visitor_behaviour
+    if seed is None:
         # a node that runs alone needs no common seed
         seed = int(values.get(DRAWN) or random.randrange(SEEDS))
-        test = dataclasses.replace(test, random_seed=seed)
-    if test.visitor_behaviour == RANDOM:
-        behaviour = random.Random("{}/behaviour".format(test.random_seed)).choice(BEHAVIOURS)
-        test = dataclasses.replace(test, visitor_behaviour=behaviour)
-    return test
+    if behaviour == RANDOM:
+        behaviour = random.Random("{}/behaviour".format(seed)).choice(BEHAVIOURS)
+    return dataclasses.replace(test, random_seed=seed, visitor_behaviour=behaviour)
 
 
 def _not_of_robot(test: Configuration, interface: Interface) -> List[Fault]:

@@ -239,8 +239,7 @@ def finish(code: int, text: str) -> int:
     arguments = options.of_process()
     if arguments.is_launched:
         os.makedirs(arguments.folder, exist_ok=True)
-        with open(os.path.join(arguments.folder, VERDICT), "w", encoding="utf-8") as file:
-            file.write("{}\n{}\n".format(code, text))
+        folders.note(arguments.folder, VERDICT, "{}\n{}\n".format(code, text))
     if not options.is_by_run_test(parent_command()):
         print("\n" + text, flush=True)
     return code
@@ -249,12 +248,8 @@ def finish(code: int, text: str) -> int:
 def read_verdict(folder: str) -> Optional[Tuple[int, str]]:
     """Return the exit code of the test and the text that is shown at its end; None if there is
     none."""
-    try:
-        with open(os.path.join(folder, VERDICT), encoding="utf-8") as file:
-            code, text = file.read().split("\n", 1)
-    except (OSError, ValueError):
-        return None
-    return int(code), text.rstrip("\n")
+    code, is_whole, text = folders.noted(folder, VERDICT).partition("\n")
+    return (int(code), text.rstrip("\n")) if is_whole else None
 
 
 def _end_launch() -> None:
