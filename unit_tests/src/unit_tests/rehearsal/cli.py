@@ -103,9 +103,8 @@ class Plan(NamedTuple):
 def _one_of(*words: str) -> Callable[[str], str]:
     def read(text: str) -> str:
         if text not in words:
-            raise argparse.ArgumentTypeError("there is no {} ({})".format(
-                text or "empty word",
-                did_you_mean(text, words) or "allowed: {}".format(", ".join(words))))
+            hint = did_you_mean(text, words) or f"allowed: {', '.join(words)}"
+            raise argparse.ArgumentTypeError(f"there is no {text or 'empty word'} ({hint})")
         return text
     return read
 
@@ -421,8 +420,8 @@ def _columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> List[str]:
 def as_json(result: Result) -> Dict[str, Any]:
     """Return the result as data for JSON."""
     return {
-        "mission": result.plan.theatre.mission, "plays": result.plays, "planned_plays": result.planned,
-        "silent_topics": result.plan.silent,
+        "mission": result.plan.theatre.mission, "plays": result.plays,
+        "planned_plays": result.planned, "silent_topics": result.plan.silent,
         "visitors": [dict(row._asdict(), with_faults=dict(row.with_faults)) for row in result.rows],
         "shares": [dict(share._asdict(), share=share.share, interval=list(share.interval))
                    for share in result.shares],

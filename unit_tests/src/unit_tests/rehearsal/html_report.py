@@ -14,6 +14,10 @@ SHARE_HEAD = ("failure rate", "runs", "successes", "share", "95 % interval", "pa
 PLOT = """<svg class="plot" role="img" aria-label="share of successes over the failure rate"
 width="590" height="260" viewBox="-50 -10 590 260">{0}<polyline points="{1}"/>{2}
 <text x="260" y="246" text-anchor="middle">failure rate</text></svg>"""
+AXES = """<path d="M0 {1}H520"/><text x="-6" y="{1}" dy="4" text-anchor="end">{2:.0f} %</text>
+<text x="{0}" y="238" text-anchor="middle">{3:g}</text>"""
+MARK = """<path class="share" d="M{0} {2}V{3}"/><circle cx="{0}" cy="{1}" r="3.5">
+<title>{4}</title></circle>"""
 """The plot's area is 520 pixels wide and 220 high, from the origin on; the axes' labels are outside
 of it."""
 
@@ -49,7 +53,7 @@ def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
         sections["Successes"] = plot(shares) + _table(
             SHARE_HEAD, [share_cells(share) for share in shares])
     sections["Findings"] = "\n".join(map(_finding, findings)) or "<p>Nothing was found.</p>"
-    content = "\n".join("<section id=\"{0}\"><h2>{0}</h2>{1}</section>".format(name, part)
+    content = "\n".join(f'<section id="{name}"><h2>{name}</h2>{part}</section>'
                         for name, part in sections.items())
     return framed(title, [], {name: name for name in sections}, content)
 
@@ -59,17 +63,15 @@ def _text(value: Any) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    heads = "".join("<th scope=\"col\">{}</th>".format(_text(cell)) for cell in head)
-    lines = ["<tr>{}</tr>".format(heads)] + [
-        "<tr>{}</tr>".format("".join("<td>{}</td>".format(_text(cell)) for cell in row))
-        for row in rows
-    ]
-    return "<table class=\"cells\">{}</table>".format("\n".join(lines))
+    lines = ["".join(f'<th scope="col">{_text(cell)}</th>' for cell in head)]
+    lines += ["".join(f"<td>{_text(cell)}</td>" for cell in row) for row in rows]
+    body = "\n".join(f"<tr>{line}</tr>" for line in lines)
+    return f'<table class="cells">{body}</table>'
 
 
 def _finding(finding: FindingSummary) -> str:
     story = "".join(
-        f"<tr><td class=\"at\">{sentence.at:.1f} s</td><td>{_text(sentence.text)}</td></tr>"
+        f'<tr><td class="at">{sentence.at:.1f} s</td><td>{_text(sentence.text)}</td></tr>'
         for sentence in finding.story)
     runs = count(finding.plays, "simulated run", "simulated runs")
     shown = "" if finding.scene is None else (
@@ -87,20 +89,13 @@ def _finding(finding: FindingSummary) -> str:
 def plot(shares: Sequence[Share]) -> str:
     """Return the shares over the failure rate as SVG: points joined by lines, each with its
     interval."""
-    axes = [
-        "<path d=\"M0 {1}H520\"/>"
-        "<text x=\"-6\" y=\"{1}\" dy=\"4\" text-anchor=\"end\">{2:.0f} %</text>"
-        "<text x=\"{0}\" y=\"238\" text-anchor=\"middle\">{3:g}</text>".format(
-            _x(at), _y(at), 100 * at, at) for at in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-    ]
-    points = " ".join("{},{}".format(_x(share.rate), _y(share.share)) for share in shares)
-    marks = [
-        "<path class=\"share\" d=\"M{0} {1}V{2}\"/><circle cx=\"{0}\" cy=\"{3}\" r=\"3.5\">"
-        "<title>{4}</title></circle>".format(_x(share.rate), *map(_y, share.interval),
-                                             _y(share.share), _text("; ".join(share_cells(share))))
-        for share in shares
-    ]
-    return PLOT.format("".join(axes), points, "".join(marks))
+    axes = "".join(AXES.format(_x(at), _y(at), 100 * at, at)
+                   for at in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0))
+    points = " ".join(f"{_x(share.rate)},{_y(share.share)}" for share in shares)
+    marks = "".join(
+        MARK.format(_x(share.rate), _y(share.share), *map(_y, share.interval),
+                    _text("; ".join(share_cells(share)))) for share in shares)
+    return PLOT.format(axes, points, marks)
 
 
 def _x(rate: float) -> str:

@@ -70,25 +70,23 @@ class Holder(NamedTuple):
             holds = "already has " + ", ".join(self.resources)
         hint = "stop it, or test under a master of its own (ROS_MASTER_URI)"
         if self.claim.node in behaviour.NODES:
-            hint = "{}:=true leaves the simulated one out; or stop it".format(
-                USE_REAL[self.claim.node])
-        return Fault("node " + self.name, 0, 0, "it {} {}".format(holds, self._place), hint)
+            hint = f"{USE_REAL[self.claim.node]}:=true leaves the simulated one out; or stop it"
+        return Fault("node " + self.name, 0, 0, f"it {holds} {self._place}", hint)
 
     @property
     def replacement(self) -> str:
         """A line for a verdict: how it came into a running test."""
         if self.name == self.claim.name:
-            return "node {} was replaced during the test by another one {}".format(
-                self.name, self._place)
-        return "during the test {} came from node {} {}, not from {} alone".format(
-            ", ".join(self.resources), self.name, self._place, self.claim.name)
+            return f"node {self.name} was replaced during the test by another one {self._place}"
+        return (f"during the test {', '.join(self.resources)} came from node {self.name} "
+                f"{self._place}, not from {self.claim.name} alone")
 
     @property
     def _place(self) -> str:
+        place = f"on machine {self.machine}, "
         if self.process == UNKNOWN:
-            return "on machine {}, and does not answer (rosnode cleanup if it is gone)".format(
-                self.machine)
-        return "on machine {}, process {}".format(self.machine, self.process)
+            return place + "and does not answer (rosnode cleanup if it is gone)"
+        return place + f"process {self.process}"
 
 
 class NoMaster(NodesMissing):
@@ -219,8 +217,8 @@ def find_others(claims: Sequence[Claim], arguments: Arguments) -> Tuple[List[Hol
     try:
         holders: List[Holder] = run_apart(lambda: _holders(claims), WakeUp(), lambda: False, LIMIT)
     except Late:
-        raise NodesMissing("the ROS master at {} did not answer all questions within {:g} s".format(
-            rosgraph.get_master_uri(), LIMIT))
+        raise NodesMissing(f"the ROS master at {rosgraph.get_master_uri()} did not answer all "
+                           f"questions within {LIMIT:g} s")
     others = [holder for holder in holders if not _is_of_this_launch(holder, arguments)]
     return others, len(others) < len(holders)
 
@@ -267,8 +265,8 @@ def _ask_master(method: str, *values: str) -> Any:
         return ask_master(method, *values, seconds=ANSWER_LIMIT)
     except Trouble as trouble:
         if isinstance(trouble.__cause__, ConnectionRefusedError):
-            raise NoMaster("no ROS master at {}: start roscore, or use the launch file".format(
-                rosgraph.get_master_uri()))
+            uri = rosgraph.get_master_uri()
+            raise NoMaster(f"no ROS master at {uri}: start roscore, or use the launch file")
         raise NodesMissing(str(trouble))
 
 

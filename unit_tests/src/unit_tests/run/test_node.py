@@ -150,9 +150,9 @@ class MissionProgress:
             self._faults += line.fault is not None
         ran = next((line.event.node
                     for line in reversed(run.lines) if isinstance(line.event, LeafFinished)), "")
-        print("{:4.0f} s: pass {}, {} calls, {} of them made to fail; last: {}".format(
-            self._shown - self._began, len(run.visits) + 1, self._calls, self._faults,
-            ran or "not started"), flush=True)
+        seconds, number = self._shown - self._began, len(run.visits) + 1
+        print(f"{seconds:4.0f} s: pass {number}, {self._calls} calls, {self._faults} of them made "
+              f"to fail; last: {ran or 'not started'}", flush=True)
 
 
 def wait_for_end(folder: str, limit: float, show: Callable[[Run], None] = lambda run: None,
