@@ -348,7 +348,7 @@ class Result(NamedTuple):
 def heading(result: Result) -> str:
     """Return a line with the numbers of plays and their time."""
     others = result.planned - result.plays
-    stopped = ", stopped before the other {}".format(others) if others else ""
+    stopped = f", stopped before the other {others}" if others else ""
     mission = clean(os.path.basename(result.plan.theatre.mission))
     robot = result.plan.stage.settings.interface.name
     runs = count(result.plays, "simulated run", "simulated runs")
@@ -361,12 +361,8 @@ def as_text(result: Result) -> str:
         f"silent: {name}, since its declaration does not say what it publishes in a rehearsal "
         "(rehearsed)" for name in result.plan.silent] + [
             f"planned in vain: {fault}, since no play makes that call" for fault in result.unmet]
-    if result.rows:
-        lines += [""] + _columns(html_report.ROW_HEAD,
-                                 [html_report.row_cells(row) for row in result.rows])
-    if result.shares:
-        lines += [""] + _columns(html_report.SHARE_HEAD,
-                                 [html_report.share_cells(share) for share in result.shares])
+    for table in html_report.tables(result.rows, result.shares).values():
+        lines += ["", *_columns(table)]
     if result.story and not result.findings:
         lines += [""] + list(result.story)
     explained = ""  # the kind of the finding before
@@ -411,10 +407,10 @@ def words(scene: Scene) -> str:
     return f"visitor {scene.visitor}, by {way}, {', '.join(wrong) or 'no fault'}"
 
 
-def _columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> List[str]:
-    widths = [max(len(row[column]) for row in [head, *rows]) for column in range(len(head))]
+def _columns(table: html_report.Table) -> List[str]:
+    widths = [max(map(len, column)) for column in zip(*table)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
-            for row in [head, *rows]]
+            for row in table]
 
 
 def as_json(result: Result) -> Dict[str, Any]:

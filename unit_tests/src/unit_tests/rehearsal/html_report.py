@@ -1,7 +1,7 @@
 """A rehearsal as one self-contained web page, and the cells of its tables, which the terminal shows
 too."""
 import html
-from typing import Any, List, Sequence
+from typing import Any, Dict, Sequence
 
 from behavior_controller.monitoring.report_frame import encodable, framed
 from behavior_controller.text import count
@@ -22,7 +22,18 @@ MARK = """<path class="share" d="M{0} {2}V{3}"/><circle cx="{0}" cy="{1}" r="3.5
 of it."""
 
 
-def row_cells(row: VisitorRow) -> List[str]:
+Table = Sequence[Sequence[str]]
+"""The cells of a table, its head first."""
+
+
+def tables(rows: Sequence[VisitorRow], shares: Sequence[Share]) -> Dict[str, Table]:
+    """Return the tables that have rows, by their titles."""
+    all_tables = {"Visitors": [ROW_HEAD, *map(row_cells, rows)],
+                  "Successes": [SHARE_HEAD, *map(share_cells, shares)]}
+    return {title: table for title, table in all_tables.items() if len(table) > 1}
+
+
+def row_cells(row: VisitorRow) -> Sequence[str]:
     """Return the cells for a visitor."""
     faulty = ", ".join(f"{number} {outcome or 'without an end'}"
                        for outcome, number in row.with_faults)
@@ -30,7 +41,7 @@ def row_cells(row: VisitorRow) -> List[str]:
             duration(row.seconds), str(row.stops), faulty or "-"]
 
 
-def share_cells(share: Share) -> List[str]:
+def share_cells(share: Share) -> Sequence[str]:
     """Return the cells for the runs at one failure rate."""
     return [f"{share.rate:g}", str(share.runs), str(share.successes), f"{100 * share.share:.1f} %",
             "{:.1f} to {:.1f} %".format(*(100 * end for end in share.interval)),
@@ -46,12 +57,9 @@ def duration(seconds: float) -> str:
 def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
             findings: Sequence[FindingSummary]) -> str:
     """Return the page."""
-    sections = {}
-    if rows:
-        sections["Visitors"] = _table(ROW_HEAD, [row_cells(row) for row in rows])
+    sections = {title: _table(table) for title, table in tables(rows, shares).items()}
     if shares:
-        sections["Successes"] = plot(shares) + _table(
-            SHARE_HEAD, [share_cells(share) for share in shares])
+        sections["Successes"] = plot(shares) + sections["Successes"]
     sections["Findings"] = "\n".join(map(_finding, findings)) or "<p>Nothing was found.</p>"
     content = "\n".join(f'<section id="{name}"><h2>{name}</h2>{part}</section>'
                         for name, part in sections.items())
@@ -62,9 +70,9 @@ def _text(value: Any) -> str:
     return html.escape(encodable(value))
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["".join(f'<th scope="col">{_text(cell)}</th>' for cell in head)]
-    lines += ["".join(f"<td>{_text(cell)}</td>" for cell in row) for row in rows]
+def _table(table: Table) -> str:
+    lines = ["".join(f'<th scope="col">{_text(cell)}</th>' for cell in table[0])]
+    lines += ["".join(f"<td>{_text(cell)}</td>" for cell in row) for row in table[1:]]
     body = "\n".join(f"<tr>{line}</tr>" for line in lines)
     return f'<table class="cells">{body}</table>'
 
