@@ -76,7 +76,7 @@ def play(*steps, behaviour=ENGAGES, faults=0, calm=None, times=None, **played):
     events += [(START + at + number / 1000, event) for at, step in zip(moments, steps)
                for number, event in enumerate(step)]
     given = dict(events=events, journal=[], exit_code=0, cut_off="", error="", reached=frozenset(),
-                 waiting=(), seconds=100.0, presence=[(START, True)])
+                 waiting=(), seconds=100.0, asked=(), presence=[(START, True)])
     return Play(STAGE, Played(**dict(given, **played)), behaviour, faults, calm)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from behavior_controller.config import phrases, settings
 from behavior_controller.bt.loader.document import parse
-from behavior_controller.execution.events import (Asked, HealthChanged, LeafFinished, Noticed,
+from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
                                                   PassFinished, PassStarted, Paused, Recovered,
                                                   RunFinished, RunStarted, Tick, TreeShown)
 from behavior_controller.robot.requests import Say
@@ -238,13 +238,9 @@ def test_a_visitor_is_present_from_the_first_request_to_the_drive_home():
         if line.content.get("goal_x") == home.x and line.content["goal_y"] == home.y
     ]
     assert played.presence == [(requests[0].time, True), (left, False)]
-    assert asked(played) == [service_of(line).request for line in requests]
-
-
-def asked(played):
-    """Return the kinds of the mission's requests."""
-    return [type(event.request) for at, event in played.events
-            if isinstance(event, Asked) and at <= played.ended]
+    assert [at for at, _ in played.asked] == sorted(at for at, _ in played.asked)
+    assert [type(request)
+            for _, request in played.asked] == [service_of(line).request for line in requests]
 
 
 def service_of(line):
@@ -284,7 +280,7 @@ def test_a_run_that_ends_by_itself_asks_for_the_safe_state_which_is_not_the_miss
             if line.call and line.time > played.ended]
     assert sorted(last) == [("/animateBehaviour/set_activation", "disabled"),
                             ("/overtAttention/set_mode", "disabled")]
-    assert asked(played) == [Say]
+    assert [type(request) for _, request in played.asked] == [Say]
 
 
 def test_a_pass_that_gives_up_with_its_node_gone_waits_for_it():

@@ -23,6 +23,7 @@ from behavior_controller.execution.run import Run
 from behavior_controller.missions import load as missions
 from behavior_controller.missions.runner import PACE, Runner, Running
 from behavior_controller.monitoring.record.recorder import Entries, shown, traversed, written
+from behavior_controller.robot.requests import Request
 
 from unit_tests.rehearsal import blocked_leaf
 from unit_tests.rehearsal.situations import Situations
@@ -74,6 +75,8 @@ class Played(NamedTuple):
     # the uids of the nodes that were running at the end, without a running child
     waiting: Tuple[int, ...]
     seconds: float
+    # the mission's requests, whether or not they reached their node
+    asked: Sequence[Tuple[float, Request]]
     presence: Sequence[Tuple[float, bool]]  # times from which on a visitor was present, or was not
     # when the last pass ended; what the journal has later is the safe state
     ended: float = math.inf
@@ -145,7 +148,7 @@ class _VirtualRunner(Runner):
         self._busy += self.tree.busy_loops
         if self._busy > MOST_BUSY:
             raise _TimeIsUp(BUSY)
-        if self.robot.requests > MOST_REQUESTS:
+        if len(self.robot.asked) > MOST_REQUESTS:
             raise _TimeIsUp(TOO_MANY)
         return result
 
@@ -216,9 +219,10 @@ class _Play:
         running = [node for node in self._mission.tree.nodes if node.status is RUNNING]
         waiting = tuple(node.uid for node in running
                         if not any(child.status is RUNNING for child in node.children))
+        asked = [(at, request) for at, request in robot.asked if at <= ended]
         return Played(self._events, robot.journal, exit_code, cut_off, error,
                       frozenset(self._reached), waiting, min(robot.clock.now(), ended) - START,
-                      robot.presence, ended, self._met)
+                      asked, robot.presence, ended, self._met)
 
     def _follow(self, is_first: Optional[bool], changes: List[Change]) -> None:
         self._robot.topics.reads.clear()

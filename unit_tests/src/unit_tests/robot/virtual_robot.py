@@ -71,7 +71,7 @@ class VirtualRobot:
         self.gateway = VirtualGateway(self)
         self.topics = VirtualTopics(self)
         self.journal: List[JournalEntry] = []
-        self.requests = 0  # of the mission, whether or not they reached their node
+        self.asked: List[Tuple[float, Request]] = []
         self.presence: List[Tuple[float, bool]] = []
         # called for each call that reaches a node
         self.called: Callable[[JournalEntry], None] = lambda entry: None
@@ -232,7 +232,7 @@ class VirtualGateway(Gateway):
     def start(self, request: Request) -> Call:
         """Send ``request``; the call ends with the answer, with a failure, or at its deadline."""
         robot = self._robot
-        robot.requests += 1
+        robot.asked.append((robot.stamp(), request))
         service = robot.mission.settings.interface.service(type(request))
         return _VirtualCall(robot, service, request).call
 
