@@ -1,6 +1,6 @@
 """A rehearsal as one self-contained web page, and the cells of its tables, which the terminal shows
 too."""
-from typing import List, Sequence
+from typing import Dict, Sequence
 
 from tornado.template import Template
 
@@ -12,7 +12,7 @@ from unit_tests.rehearsal.summary import FindingSummary, VisitorRow, Share
 ROW_HEAD = ("visitor", "answers by", "outcome", "after", "stops", "with faults")
 SHARE_HEAD = ("failure rate", "runs", "successes", "share", "95 % interval", "pass takes")
 
-CONTENT = """{% for section, head, rows in tables %}\
+CONTENT = """{% for section, (head, *rows) in tables.items() %}\
 <section id="{{ section }}"><h2>{{ section }}</h2>
 {% if section == "Successes" %}{% raw plot(shares) %}{% end %}\
 <table class="cells"><tr>{% for cell in head %}<th scope="col">{{ cell }}</th>{% end %}</tr>
@@ -48,7 +48,18 @@ width="590" height="260" viewBox="-50 -10 590 260">
 of it."""
 
 
-def row_cells(row: VisitorRow) -> List[str]:
+Table = Sequence[Sequence[str]]
+"""The cells of a table, its head first."""
+
+
+def tables(rows: Sequence[VisitorRow], shares: Sequence[Share]) -> Dict[str, Table]:
+    """Return the tables that have rows, by their titles."""
+    all_tables = {"Visitors": [ROW_HEAD, *map(row_cells, rows)],
+                  "Successes": [SHARE_HEAD, *map(share_cells, shares)]}
+    return {title: table for title, table in all_tables.items() if len(table) > 1}
+
+
+def row_cells(row: VisitorRow) -> Sequence[str]:
     """Return the cells for a visitor."""
     faulty = ", ".join(f"{number} {outcome or 'without an end'}"
                        for outcome, number in row.with_faults)
@@ -56,7 +67,7 @@ def row_cells(row: VisitorRow) -> List[str]:
             duration(row.seconds), str(row.stops), faulty or "-"]
 
 
-def share_cells(share: Share) -> List[str]:
+def share_cells(share: Share) -> Sequence[str]:
     """Return the cells for the runs at one failure rate."""
     return [f"{share.rate:g}", str(share.runs), str(share.successes), f"{100 * share.share:.1f} %",
             "{:.1f} to {:.1f} %".format(*(100 * end for end in share.interval)),
@@ -72,12 +83,10 @@ def duration(seconds: float) -> str:
 def to_html(title: str, rows: Sequence[VisitorRow], shares: Sequence[Share],
             findings: Sequence[FindingSummary]) -> str:
     """Return the page."""
-    tables = [("Visitors", ROW_HEAD, list(map(row_cells, rows))),
-              ("Successes", SHARE_HEAD, list(map(share_cells, shares)))]
-    tables = [table for table in tables if table[-1]]
-    content = Template(CONTENT).generate(tables=tables, shares=shares, findings=findings,
-                                         plot=plot, count=count, text=encodable)
-    sections = [name for name, _, _ in tables] + ["Findings"]
+    shown = tables(rows, shares)
+    content = Template(CONTENT).generate(tables=shown, shares=shares, findings=findings, plot=plot,
+                                         count=count, text=encodable)
+    sections = [*shown, "Findings"]
     return framed(title, [], {name: name for name in sections}, content.decode())
 
 
