@@ -221,8 +221,7 @@ class _Node:
         self._apart(lambda: adopt(NAME, words), master, silent_master)
         self._open_log()
         plan, folder = self._prepare()
-        if not StartUpCheck(plan, console.tell).run(wake, self._is_stopped):
-            raise Stopped("stopped")
+        StartUpCheck(plan, console.tell, wake, self._is_stopped).run()
         topics = RosTopics(plan.settings.interface, wake.emit, console.warn)
         self._run = run = _Run(plan, topics, console, self._signals)
         run.prepare_record(folder)

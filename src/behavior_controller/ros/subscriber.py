@@ -22,7 +22,7 @@ from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.speech_action_client import SpeechActionClient
-from behavior_controller.ros.types import TYPES
+from behavior_controller.ros.types import TYPES, type_mismatch
 from behavior_controller.text import clean
 
 ROUND = 0.5
@@ -248,8 +248,7 @@ class Latch:
             return True
         sender = _sender(header)
         self._warn_once(sender, f"ignoring what {sender} publishes on {self.name}: it is "
-                                f"{header.get('type')} (md5 {header.get('md5sum')}), expected is "
-                                f"{wanted._type} (md5 {wanted._md5sum})")
+                                f"{type_mismatch(header, wanted)}")
         return False
 
     def _warn_once(self, subject: str, text: str) -> None:

@@ -80,6 +80,11 @@ class Trouble(BehaviorControllerError):
         self.cause = cause
         self.fault = fault
 
+    @property
+    def reason(self) -> str:
+        """The cause in words, and the text."""
+        return f"{self.cause.text}: {self}"
+
 
 class _TimedSocket(socket.socket):
     """A socket whose operations all end by one ``deadline`` (monotonic seconds; infinity: none)."""

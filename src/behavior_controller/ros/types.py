@@ -2,7 +2,7 @@
 reported when this is imported."""
 import io
 import struct
-from typing import Any, Callable, Dict, Tuple
+from typing import Any, Callable, Dict, Mapping, Tuple
 
 import genpy
 import roslib.message
@@ -77,6 +77,12 @@ def _read_empty(offer: Offer, read: Callable[[Any], object], message: Any) -> No
     except BaseException as error:
         if is_ctrl_c(error):
             raise
+
+
+def type_mismatch(header: Mapping[str, str], wanted: Any) -> str:
+    """Return the type in a peer's handshake, and ours."""
+    return (f"{header.get('type')} (md5 {header.get('md5sum')}), expected is {wanted._type} "
+            f"(md5 {wanted._md5sum})")
 
 
 def filled(message: Any, service: Service, request: Request) -> Any:

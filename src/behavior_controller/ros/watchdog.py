@@ -131,7 +131,7 @@ class Monitor:
                 self._hold(offer)
             except Trouble as trouble:
                 if offer in self._was_there or not (offer.is_optional or offer in self._may_lack):
-                    self._tell_gone(offer, f"{trouble.cause.text}: {trouble}")
+                    self._tell_gone(offer, trouble.reason)
                 self._closed.wait(ROUND)
 
     def _hold(self, offer: Offer) -> None:
