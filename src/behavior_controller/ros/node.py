@@ -31,7 +31,7 @@ from behavior_controller.leaves import registry
 from behavior_controller.missions.load import Mission
 from behavior_controller.ros import log_writers, ros_interface
 from behavior_controller.ros_arguments import version
-from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage, report_internal_error
+from behavior_controller.ros.console import FILE_ONLY, Console, is_shortage
 from behavior_controller.ros.master import NAME_IS_TAKEN
 from behavior_controller.ros.watchdog import Monitor
 from behavior_controller.ros.node_name import adopt, join
@@ -110,7 +110,6 @@ def main(argv: List[str]) -> int:
     block_signals()
     console = Console()
     signals = Signals(console)
-    signals.listen()
     arguments = rospy.myargv(argv)[1:]
     if arguments:
         code = _explain(arguments)
@@ -124,13 +123,9 @@ def main(argv: List[str]) -> int:
 
 
 def run() -> NoReturn:
-    """Run the node, and end the process with its exit code."""
-    leave(main(sys.argv))
-
-
-def leave(code: int) -> NoReturn:
-    """End the process now: threads that still wait for a hung peer must not hold it."""
-    os._exit(code)
+    """Run the node, and end the process with its exit code at once: threads that still wait for a
+    hung peer must not hold it."""
+    os._exit(main(sys.argv))
 
 
 def _explain(arguments: List[str]) -> int:
@@ -169,7 +164,6 @@ class _Node:
         self._console = console
         self._signals = signals
         self._wake = WakeUp()
-        self._stop_code: Optional[int] = None  # of a stop with a special exit code
         self._run: Optional[_Run] = None
 
     def run(self) -> int:
@@ -183,7 +177,8 @@ class _Node:
             return self._carry_out()
         except Stopped:
             console.tell("info", "stopped before the mission began")
-            return exit_codes.UNAVAILABLE if self._stop_code is None else self._stop_code
+            code = self._signals.stop_code
+            return exit_codes.UNAVAILABLE if code is None else code
         except FaultsFound as error:
             report_faults(error, console.tell, "nothing was started")
             return exit_codes.WRONG_INPUT
@@ -192,7 +187,7 @@ class _Node:
                 console.tell("error", line)
             return exit_codes.UNAVAILABLE
         except BaseException as error:  # the last resort: an operator never sees a traceback
-            report_internal_error(console, error)
+            console.report_internal_error(error)
             return exit_codes.BROKEN
 
     def _stop_beside(self) -> None:
@@ -201,7 +196,7 @@ class _Node:
             self.close()
             self._signals.is_over = True
             self._console.drain(LAST_LINES)
-            leave(exit_codes.BROKEN)
+            os._exit(exit_codes.BROKEN)
 
     def _carry_out(self) -> int:
         """Do the steps of the start, each of which raises its faults; run the mission and return
@@ -223,10 +218,8 @@ class _Node:
         plan, folder = self._prepare()
         StartUpCheck(plan, console.tell, wake, self._is_stopped).run()
         topics = RosTopics(plan.settings.interface, wake.emit, console.warn)
-        self._run = run = _Run(plan, topics, console, self._signals)
-        run.prepare_record(folder)
-        runner = run.runner(lambda: self._stop_code)
-        self._apart(runner.prepare, LEAVES)
+        self._run = run = _Run(plan, topics, folder, console, self._signals)
+        self._apart(run.runner.prepare, LEAVES)
         former = self._apart(lambda: join(NAME, words), master, silent_master)
         console.attach()
         if former:
@@ -234,7 +227,7 @@ class _Node:
                                     "does not end: end its process, or two nodes control the robot")
         self._apart(topics.subscribe, master, silent_master)
         self._apart(run.open_watchers, ADDRESSES)
-        return run.carry_out(runner)
+        return run.carry_out()
 
     def _prepare(self) -> Tuple[Mission, str]:
         """Return the mission, and the folder of its record; its addresses can be resolved."""
@@ -290,12 +283,12 @@ class _Node:
             return
         if NAME_IS_TAKEN in reason:
             # a supervisor must not restart this node: it would end the other
-            self._stop_code = exit_codes.SUCCESS
+            self._signals.stop_code = exit_codes.SUCCESS
             self._console.tell("warning", "another node was started under the name "
                                           f"{rospy.get_name()}: that one stays, this one ends")
         elif not reason.startswith(REQUESTED):
-            self._stop_code = exit_codes.BROKEN
-            report_internal_error(self._console, RuntimeError(reason))
+            self._signals.stop_code = exit_codes.BROKEN
+            self._console.report_internal_error(RuntimeError(reason))
         self._signals.request_stop()
 
     def close(self) -> None:
@@ -313,7 +306,7 @@ def _report_thread(console: Console, error: BaseException) -> None:
         return  # Python's way to end a thread
     package = extensions.raising(error)
     if package is None or is_shortage(error):
-        report_internal_error(console, error)
+        console.report_internal_error(error)
     else:
         console.tell(
             "error", f"package {package}: a thread of its code has failed: {described(error)}")
@@ -335,7 +328,9 @@ def _open_places(chosen: Settings) -> str:
 class _Run:
     """The running mission, and the reloaded one that follows it."""
 
-    def __init__(self, plan: Mission, topics: RosTopics, console: Console, signals: Signals):
+    def __init__(self, plan: Mission, topics: RosTopics, folder: str, console: Console,
+                 signals: Signals):
+        """``folder`` is that of the record, or ``NO_RECORD``."""
         self._plan = plan
         # filled by the thread that reads
         self._following: Deque[Mission] = collections.deque(maxlen=1)
@@ -351,39 +346,39 @@ class _Run:
                                  self._wake.emit, self._health)
         self._watchers: List[Union[Groot2Publisher, Page, Record, ros_interface.RosInterface]] = []
         self._record: Optional[Record] = None
+        if folder != NO_RECORD:
+            self._record = Record(folder, self._clock, console.warn)
+            self._events.subscribe(self._record)
+            self._watchers.append(self._record)
+            self._topics = self._record.topics(topics)
         self._page = ""  # where it is to be found, if it is served
-        self._runner: Optional[Runner] = None  # while it runs
-        self._standstill: Optional[Standstill] = None
+        self._standstill: Optional[Standstill] = None  # while the mission runs
         # what the operator holds the run for; empty: nothing
         self._held = WAITING if plan.settings.start_by == OPERATOR else ""
         self._monitor = Monitor(plan.settings.interface, topics, self._health,
                                 lambda: self._plan.settings.asr_enabled)
+        self.runner = Runner(self._running(plan), lambda: signals.stop_requested, self._successor,
+                             lambda: signals.stop_code, lambda: self._held)
 
-    def runner(self, stop_code: Callable[[], Optional[int]]) -> Runner:
-        """Return what runs the mission, with the record if that is open."""
-        return Runner(self._running(self._plan), lambda: self._signals.stop_requested,
-                      self._successor, stop_code, lambda: self._held)
-
-    def carry_out(self, runner: Runner) -> int:
+    def carry_out(self) -> int:
         """Run the mission, whose leaves are set up, and return the exit code."""
         console = self._console
-        self._standstill = Standstill(runner, console.tell)
+        self._standstill = Standstill(self.runner, console.tell)
         console.start_heartbeat(self._clock)
         try:
             self._monitor.start()
             self._standstill.start()
             self._signals.reload = self._reload
-            self._runner = runner
-            return runner.run()
+            return self.runner.run()
         # an internal error must not leave the robot in an arbitrary state
         except BaseException as error:
-            self._runner = None
-            report_internal_error(console, error)
+            self._standstill = None
+            console.report_internal_error(error)
             self._robot.close()
             self.leave_safe()
             return exit_codes.BROKEN
         finally:
-            self._runner = None
+            self._standstill = None
             if self._page:
                 console.tell("info", f"page of this run, closed now: {self._page}")
             if self._record is not None and self._record.is_kept:
@@ -393,14 +388,6 @@ class _Run:
         """Return the functions that end the monitoring of the robot and of the mission; each may
         take long."""
         return [self._monitor.close] + [watcher.close for watcher in self._watchers]
-
-    def prepare_record(self, folder: str) -> None:
-        """Record in ``folder``, if there is to be a record. To be called before ``runner``."""
-        if folder != NO_RECORD:
-            record = self._record = Record(folder, self._clock, self._console.warn)
-            self._events.subscribe(record)
-            self._watchers.append(record)
-            self._topics = record.topics(self._topics)
 
     def open_watchers(self) -> None:
         """Open the monitoring, once for the whole run, and report where page and record are."""
@@ -488,7 +475,7 @@ class _Run:
         try:
             self._reading.start()
         except RuntimeError as error:
-            report_internal_error(self._console, error)
+            self._console.report_internal_error(error)
 
     def _read_again(self) -> None:
         """Read the files; a valid mission follows the running one after its pass."""
@@ -510,7 +497,7 @@ class _Run:
             self._console.tell("error", f"refused, the running mission stays: {missing}")
         # an internal error in reading a file must not end the running mission
         except BaseException as error:
-            report_internal_error(self._console, error)
+            self._console.report_internal_error(error)
 
     def _successor(self) -> Optional[Running]:
         """Return the plan that was reloaded since the last pass, or None."""
@@ -539,8 +526,8 @@ class _Run:
 
         It is stuck in the code of a leaf then. On another thread.
         """
-        runner, watch = self._runner, self._standstill
-        if runner is None or watch is None or not watch.is_blocked(BLOCKED) or runner.is_stopping:
+        watch = self._standstill
+        if watch is None or not watch.is_blocked(BLOCKED) or self.runner.is_stopping:
             return False
         self._events.emit(Noticed("error", f"stopping without the tree: {watch.blocking()}"))
         self._robot.cut()  # no goal stays under way

@@ -1,4 +1,5 @@
 """The thread that carries requests to one service, action or topic of the robot."""
+import contextlib
 import queue
 import threading
 import time
@@ -42,8 +43,7 @@ class RequestThread:
         """Whether the request under way may have reached the server."""
         threading.Thread(target=self._work, name=service.kind + " " + name, daemon=True).start()
 
-    def carry(self, request: Request, done: Done,
-              feedback: Callable[[str], None] = lambda text: None) -> None:
+    def carry(self, request: Request, done: Done, feedback: Callable[[str], None]) -> None:
         """Send ``request``; ``done`` and ``feedback`` are called on another thread."""
         self.is_asked = False
         self._newest = Job(request, done, feedback, threading.Event())
@@ -70,24 +70,18 @@ class RequestThread:
     def close(self) -> None:
         """Free what the thread holds, at its end."""
 
-    def _prepare(self) -> None:
-        try:
-            self.idle()
-        except Exception:  # the request that meets it reports it
-            pass
-
     def _work(self) -> None:
         while True:
             try:
                 job = self._jobs.get(timeout=self.IDLE)
             except queue.Empty:
-                self._prepare()
+                with contextlib.suppress(Exception):  # the request that meets it reports it
+                    self.idle()
                 continue
             if job is None:
                 self.close()
                 return
-            result = self._carried_out(job)
-            job.done(result, time.monotonic())
+            job.done(self._carried_out(job), time.monotonic())
 
     def _carried_out(self, job: Job) -> Union[Answer, Failure]:
         """Return the answer, or why there is none. An optional service that no node offers counts
@@ -95,8 +89,7 @@ class RequestThread:
         try:
             return self.exchange(job)
         except Trouble as trouble:
-            service = self.service
-            may_lack = service.is_optional and not service.fails_without
+            may_lack = self.service.is_optional and not self.service.fails_without
             if trouble.cause is Cause.NOT_ADVERTISED and may_lack:
                 return Answer()
             return Failure(trouble.cause, str(trouble), self.name)

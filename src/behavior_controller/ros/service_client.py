@@ -10,6 +10,7 @@ only a connection found dead before the sending is opened again.
 import io
 import struct
 import time
+from collections import defaultdict
 from functools import partial
 from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple, Type, Union
 
@@ -26,7 +27,7 @@ from behavior_controller.ros.action_client import GoalThread
 from behavior_controller.ros.tcpros import CONNECT_LIMIT, Connection, STEP_LIMIT, Trouble
 from behavior_controller.ros.master import DIRECTORY, Place
 from behavior_controller.ros.request_thread import Job, RequestThread
-from behavior_controller.ros.types import TYPES, filled
+from behavior_controller.ros.types import TYPES, filled, resolved
 
 HURRY = 0.3
 """Seconds that the lookup of a known service at the master may take; then the last address is used.
@@ -192,11 +193,6 @@ class _UnderWay(NamedTuple):
     timers: Tuple[Timer, ...]
     since: float
 
-    def end(self) -> None:
-        """Cancel the timers."""
-        for timer in self.timers:
-            timer.cancel()
-
 
 class RosGateway(Gateway):
     """Calls the robot's services. ``start`` and ``Call.drop`` belong to the tick thread, and
@@ -214,9 +210,8 @@ class RosGateway(Gateway):
         self._health = health or Health()
         self._clock = clock
         self._wake = wake
-        self._names = {service: rospy.resolve_name(service.name) for service in interface.services}
-        self._spare: Dict[Service, List[RequestThread]] = {
-            service: [] for service in interface.services}
+        self._names = {service: resolved(service) for service in interface.services}
+        self._spare: Dict[Service, List[RequestThread]] = defaultdict(list)
         self._under_way: Dict[Call, _UnderWay] = {}
 
     def start(self, request: Request) -> Call:
@@ -274,28 +269,31 @@ class RosGateway(Gateway):
 
     def _end(self, call: Call, result: Union[Answer, Failure], at: float) -> None:
         """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
-        held = self._under_way.pop(call, None)
+        held = self._release(call)
         if held is not None:
-            held.end()
             self._spare[held.service].append(held.thread)
             self._finish(call, held, result, at)
+
+    def _release(self, call: Call) -> Optional[_UnderWay]:
+        """Cancel the timers of ``call`` and return its resources; None if it has ended already."""
+        held = self._under_way.pop(call, None)
+        for timer in held.timers if held is not None else ():
+            timer.cancel()
+        return held
 
     def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure],
                 at: float) -> None:
         """Finish ``call``, which ended ``at`` that time, and report it to the health."""
-        service = held.service
+        service, is_failure = held.service, isinstance(result, Failure)
         self._health.ended(self._names[service], at - held.since, self.deadline(service),
-                           isinstance(result, Failure), service.kind)
+                           is_failure, service.kind)
         call.finish(result)
 
     def _give_up(self, call: Call) -> Optional[_UnderWay]:
         """Cut the thread of ``call`` and return its resources; None if the call has ended already.
         """
-        held = self._under_way.pop(call, None)
-        if held is None:
-            return None
-        held.end()
-        if held.thread.cut():
+        held = self._release(call)
+        if held is not None and held.thread.cut():
             self._spare[held.service].append(held.thread)
         return held
 

@@ -11,7 +11,7 @@ import os
 import signal
 import threading
 import time
-from typing import Callable
+from typing import Callable, Optional
 
 from behavior_controller import exit_codes
 from behavior_controller.ros.console import Console
@@ -38,7 +38,10 @@ class Signals:
     terminal is gone."""
 
     def __init__(self, console: Console):
+        """Handle the signals from now on. Raises RuntimeError if no thread can be started."""
         self.stop_requested = False
+        self.stop_code: Optional[int] = None
+        """The exit code of a stop that has a special one."""
         self.is_over = False
         self.reload: Callable[[], None] = lambda: console.tell(
             "warning", "SIGHUP ignored: the mission has not begun")
@@ -52,8 +55,6 @@ class Signals:
         self._has_terminal = _terminal_answers()
         self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
 
-    def listen(self) -> None:
-        """Handle the signals from now on. Raises RuntimeError if no thread can be started."""
         # an ignored signal would never reach sigwait
         for number in TAKEN:
             signal.signal(number, signal.SIG_DFL)

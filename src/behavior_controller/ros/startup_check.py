@@ -22,25 +22,13 @@ from behavior_controller.ros.tcpros import (
     Connection, Trouble, ask_master, STEP_LIMIT, open_publisher)
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.timeouts import Stopped
-from behavior_controller.ros.types import TYPES, type_mismatch
+from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 
 PROBE_LIMIT = 3.0
 """Seconds after which a service or topic without an answer counts as missing."""
 
 ROUND = 0.5
 """Seconds between two checks of what is missing, while the start waits (``startupTimeout``)."""
-
-
-def resolved(offer: Offer) -> str:
-    """Return the resolved name of a service or topic."""
-    return rospy.resolve_name(offer.name)
-
-
-def not_published(topic: Topic) -> str:
-    """Return why there is no evidence from a topic that has no publisher."""
-    action = topic.action
-    return "no node publishes it" + (
-        "" if action is None else f", and none offers the action {resolved(action)}")
 
 
 def _key(offer: Offer) -> Tuple[str, str]:

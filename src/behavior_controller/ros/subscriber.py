@@ -22,7 +22,7 @@ from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.speech_action_client import SpeechActionClient
-from behavior_controller.ros.types import TYPES, type_mismatch
+from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 from behavior_controller.text import clean
 
 ROUND = 0.5
@@ -163,7 +163,7 @@ class Latch:
         self._wake = wake
         self._warn = warn
         self._warned: Set[str] = set()
-        self.name = rospy.resolve_name(topic.name)
+        self.name = resolved(topic)
         self._links: Dict[str, Link] = {}  # by the publisher's address; replaced as a whole
         self._is_met = False
         self.count = 0  # messages since there is a connection
@@ -199,20 +199,21 @@ class Latch:
         return any(link.is_right and not link.is_garbled for link in self._links.values())
 
     @property
-    def garbled_publishers(self) -> List[str]:
-        """The nodes that publish the expected type, but nothing that can be decoded."""
-        return [_sender(link.header or {}) for link in self._links.values() if link.is_garbled]
-
-    @property
-    def wrong_publishers(self) -> List[str]:
-        """The nodes that are connected and publish another type, each with that type."""
-        headers = [link.header for link in self._links.values() if not link.is_right]
-        return [f"{_sender(header)} as {header.get('type')}" for header in headers if header]
-
-    @property
-    def unreachable(self) -> List[str]:
-        """The addresses of the known publishers that are not connected."""
-        return [uri for uri, link in self._links.items() if link.header is None]
+    def absence(self) -> str:
+        """Why the topic is not connected, as far as that is known."""
+        links = [(uri, link.header or {}, link) for uri, link in self._links.items()]
+        wrong = [f"{_sender(header)} as {header.get('type')}" for _, header, link in links
+                 if header and not link.is_right]
+        garbled = [_sender(header) for _, header, link in links if link.is_garbled]
+        unreachable = [uri for uri, header, _ in links if not header]
+        if wrong:
+            return f"published by {', '.join(wrong)}; expected is {self._topic.type}"
+        if garbled:
+            return (f"no message of {', '.join(garbled)} can be decoded: build both from the same "
+                    "msg files")
+        if unreachable:
+            return f"its publisher at {', '.join(unreachable)} cannot be reached"
+        return not_published(self._topic)
 
     @property
     def connected_nodes(self) -> Dict[str, str]:
@@ -390,14 +391,11 @@ class RosTopics(Topics):
         """Follow the master's list of publishers; without a master, the links reconnect by
         themselves."""
         while not rospy.is_shutdown():
-            try:
-                with DIRECTORY.round():
-                    DIRECTORY.refresh()
-                    for latch in self.latches.values():
-                        self._follow(latch)
-            except (Trouble, RuntimeError):
-                # the directory has noted it; or a link got no thread, and may get one next time
-                pass
+            # the directory has noted it; or a link got no thread, and may get one next time
+            with contextlib.suppress(Trouble, RuntimeError), DIRECTORY.round():
+                DIRECTORY.refresh()
+                for latch in self.latches.values():
+                    self._follow(latch)
             time.sleep(ROUND)
 
     @staticmethod

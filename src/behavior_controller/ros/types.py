@@ -79,6 +79,18 @@ def _read_empty(offer: Offer, read: Callable[[Any], object], message: Any) -> No
             raise
 
 
+def resolved(offer: Offer) -> str:
+    """Return the resolved name of a service or topic."""
+    return rospy.resolve_name(offer.name)
+
+
+def not_published(topic: Topic) -> str:
+    """Return why there is no evidence from a topic that has no publisher."""
+    text = "no node publishes it"
+    return text if topic.action is None else (
+        f"{text}, and none offers the action {resolved(topic.action)}")
+
+
 def type_mismatch(header: Mapping[str, str], wanted: Any) -> str:
     """Return the type in a peer's handshake, and ours."""
     return (f"{header.get('type')} (md5 {header.get('md5sum')}), expected is {wanted._type} "

@@ -20,9 +20,9 @@ from behavior_controller.robot.declarations import (
     Action, Interface, Offer, Publication, Sense, Topic)
 from behavior_controller.ros.tcpros import CHUNK, Connection, Trouble, STEP_LIMIT, open_publisher
 from behavior_controller.ros.master import DIRECTORY
-from behavior_controller.ros.startup_check import not_published, resolved
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.subscriber import Latch, RosTopics
+from behavior_controller.ros.types import resolved
 
 CHECK_EVERY = 0.25
 """Seconds between two checks of topics and master: their changes must be reported within two
@@ -210,7 +210,7 @@ class Monitor:
             return
         if not latch.is_connected:
             if now - self._lonely.setdefault(topic, now) > LONELY:
-                self._tell_gone(topic, _absence(topic, latch))
+                self._tell_gone(topic, latch.absence)
             return
         self._lonely.pop(topic, None)
         self._tell_back(topic)
@@ -251,18 +251,6 @@ def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
     # under another name: a publisher drops the older of two connections from the same node
     header = {"type": "*", "callerid": rospy.get_name() + "_monitor"}
     return lambda connection, limit: open_publisher(connection, uri, name + "/status", header)
-
-
-def _absence(topic: Topic, latch: Latch) -> str:
-    """Return why a topic is not connected, if that is known."""
-    if latch.wrong_publishers:
-        return f"published by {', '.join(latch.wrong_publishers)}; expected is {topic.type}"
-    if latch.garbled_publishers:
-        return (f"no message of {', '.join(latch.garbled_publishers)} can be decoded: build both "
-                "from the same msg files")
-    if latch.unreachable:
-        return f"its publisher at {', '.join(latch.unreachable)} cannot be reached"
-    return not_published(topic)
 
 
 def patience(count: int, usual_gap: float) -> float:
