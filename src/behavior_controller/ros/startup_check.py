@@ -4,10 +4,9 @@ A master's entry proves nothing: it outlives its node. So the check connects to 
 each publisher and shakes hands, all at once and each bounded in time; all that is missing is
 reported together.
 """
-import collections
 import threading
 import time
-from typing import Any, Callable, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 import rospy
 
@@ -31,16 +30,9 @@ ROUND = 0.5
 """Seconds between two checks of what is missing, while the start waits (``startupTimeout``)."""
 
 
-def _key(offer: Offer) -> Tuple[str, str]:
-    """Return what identifies a service or topic on the network."""
-    return resolved(offer), TYPES[offer]._md5sum
-
-
-def _common_keys() -> FrozenSet[Tuple[str, str]]:
-    """Return the keys of what several robots have."""
-    count = collections.Counter(key for interface in INTERFACES.values()
-                                for key in set(map(_key, interface.offers)))
-    return frozenset(key for key, robots in count.items() if robots > 1)
+def _keys(offers: Iterable[Offer]) -> Set[Tuple[str, str]]:
+    """Return what identifies each of these services and topics on the network: name and type."""
+    return {(resolved(offer), TYPES[offer]._md5sum) for offer in offers}
 
 
 class Missing(NamedTuple):
@@ -244,14 +236,14 @@ class StartUpCheck:
         That is so if nothing exists that only the configured robot has, but something that only
         another robot has.
         """
-        there = set(map(_key, self._offers)).difference(_key(absent.offer) for absent in missing)
-        common = _common_keys()
-        if there - common or not any(absent.is_elsewhere for absent in self._needed(missing)):
+        if not any(absent.is_elsewhere for absent in self._needed(missing)):
             return
+        ours = _keys(self._interface.offers)
+        there = _keys(self._offers) - _keys(absent.offer for absent in missing)
         for name, interface in INTERFACES.items():
-            if interface is self._interface:
+            if not there <= _keys(interface.offers):
                 continue
-            own = [offer for offer in interface.offers if _key(offer) not in common]
+            own = [offer for offer in interface.offers if not _keys([offer]) <= ours]
             lacking = [absent.offer for absent in self._missing(own)]
             names = sorted(f"{resolved(offer)} as {offer.type}" for offer in own
                            if offer not in lacking)

@@ -171,7 +171,6 @@ class Latch:
         self._lock = threading.Lock()
         self._bytes: Optional[bytes] = None
         self._alarms: Dict[Any, Callable[[Any], bool]] = {}
-        self._is_alarm_new = False
         self._recent: Tuple[Sample, ...] = ()
         self._seen_at = -math.inf  # arrival of the newest message that was read
         self.ignoring: Tuple[str, Callable[[Any], bool]] = ("", bool)
@@ -292,8 +291,7 @@ class Latch:
                 return None
             self._bytes = data
             self._keep(value)
-            if self._alarms and (is_news or self._is_alarm_new):
-                self._ring(value)
+            self._ring(value)
         reason, is_missed = self.ignoring
         if reason and is_missed(value):
             self._warn_ignored(reason, value, reason)
@@ -332,7 +330,6 @@ class Latch:
 
     def _ring(self, value: Any) -> None:
         """Wake the tree for each alarm that waited for ``value``."""
-        self._is_alarm_new = False
         for key, wanted in list(self._alarms.items()):
             if _is_wanted(wanted, value):
                 del self._alarms[key]
@@ -350,7 +347,6 @@ class Latch:
         """
         with self._lock:
             self._alarms[key] = wanted
-            self._is_alarm_new = True
             for sample in since(self._recent, self._seen_at):
                 self._ring(sample.value)
 
@@ -410,8 +406,7 @@ class RosTopics(Topics):
         return self.latches[topic].recent()
 
     def wake_when(self, key: Any, topic: Topic, wanted: Callable[[Any], bool]) -> None:
-        """Set the alarm ``key``. ``wanted`` must depend on the value alone: it is not called again
-        for the same value."""
+        """Set the alarm ``key``."""
         for latch in self.latches.values():
             latch.clear_alarm(key)
         self.latches[topic].set_alarm(key, wanted)

@@ -272,29 +272,23 @@ class Connection:
         error: Optional[Exception] = None
         deadline = time.monotonic() + seconds
         try:
-            for family, kind, protocol, _, address in _addresses(host, seconds):
-                sock = _TimedSocket(family, kind, protocol)
+            addresses = _addresses(host, seconds)
+        except (OSError, ValueError) as failed:  # also of what is no name
+            addresses, error = [], failed
+        for family, kind, protocol, _, address in addresses:
+            try:
+                sock = self._socket = _TimedSocket(family, kind, protocol)
                 sock.deadline = deadline
-                error = self._try(sock, (address[0], port) + address[2:])
-                if error is None:
-                    return sock
-        except (OSError, ValueError, OverflowError) as failed:  # also of what is no name or port
-            error = failed
+                # checked only after ``close`` can reach the socket: one of the two threads sees the
+                # other
+                if self.closed:
+                    raise OSError("closed")
+                sock.connect((address[0], port) + address[2:])
+                return sock
+            except (OSError, OverflowError) as failed:  # also of what is no port
+                self.hang_up()
+                error = failed
         raise Trouble(Cause.NOT_REACHABLE, f"no connection ({_reason(error)})") from error
-
-    def _try(self, sock: _TimedSocket, address: Tuple) -> Optional[OSError]:
-        """Connect ``sock``; return None or why not."""
-        self._socket = sock
-        try:
-            # checked only after ``close`` can reach the socket: one of the two threads sees the
-            # other
-            if self.closed:
-                raise OSError("closed")
-            sock.connect(address)
-        except OSError as error:
-            self.hang_up()
-            return error
-        return None
 
     def _read_header(self) -> Dict[str, str]:
         """Read and decode the peer's half of the handshake; raises ``Trouble`` if it is invalid."""
@@ -312,17 +306,17 @@ class Connection:
 
         A host that is switched off or unreachable does not close its connections.
         """
-        if self._socket is not None:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            for option, value in ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1),
-                                  (socket.TCP_KEEPCNT, 2)):
-                self._socket.setsockopt(socket.IPPROTO_TCP, option, value)
+        sock = self._connected()
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1),
+                              (socket.TCP_KEEPCNT, 2)):
+            sock.setsockopt(socket.IPPROTO_TCP, option, value)
 
     def wait_without_limit(self) -> None:
         """Remove the time limit of later reads: from here on only ``close`` ends them."""
-        if self._socket is not None:
-            self._socket.deadline = math.inf
-            self._socket.settimeout(None)
+        sock = self._connected()
+        sock.deadline = math.inf
+        sock.settimeout(None)
 
     def send(self, data: bytes) -> None:
         """Send ``data``. After ``Trouble`` it is unknown whether the peer has received it."""

@@ -206,10 +206,8 @@ class Monitor:
         if latch.count:
             self._health.hear(latch.name, latch.last_arrival)
         now = time.monotonic()
-        if not latch.is_connected and not latch.is_searched:
-            return
         if not latch.is_connected:
-            if now - self._lonely.setdefault(topic, now) > LONELY:
+            if latch.is_searched and now - self._lonely.setdefault(topic, now) > LONELY:
                 self._tell_gone(topic, latch.absence)
             return
         self._lonely.pop(topic, None)
