@@ -11,7 +11,7 @@ import tempfile
 import time
 import traceback
 from functools import partial
-from typing import Any, Dict
+from typing import Dict, Optional
 
 from rosgraph.roslogging import RosStreamHandler
 
@@ -22,7 +22,7 @@ from behavior_controller.execution.state import State
 from behavior_controller.monitoring.moment import robot_line
 from behavior_controller.monitoring.sinks import Detached, Sink, drain, take_over_streams
 from behavior_controller.monitoring.story import Story
-from behavior_controller.robot.gateway import Cause
+from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.text import clean
 
 FORMAT = "ROSCONSOLE_FORMAT"
@@ -69,7 +69,7 @@ class Console:
         self._sinks = [self._lines] + take_over_streams()
         self._story = Story()
         self._robot = robot_line(State())  # as it was written last
-        self._unmet: Dict[int, Event] = {}  # the conditions that were false last, by node
+        self._unmet: Dict[int, Failure] = {}  # why conditions were false last, by node
         self._logger = logging.getLogger(ROSOUT)
         self._shortage_reported_at = -SHORTAGE_SPAN
         # of rospy's own lines; ours go by ``tell``
@@ -156,12 +156,11 @@ class Console:
 
     def _is_repeated(self, event: LeafFinished) -> bool:
         """Whether a condition is false as it was when it was asked before."""
-        failure, before = event.failure, self._unmet.get(event.uid)
+        failure, before = event.failure, self._unmet.pop(event.uid, None)
         if failure is None or failure.cause is not Cause.CONDITION_FALSE:
-            self._unmet.pop(event.uid, None)
             return False
-        self._unmet[event.uid] = event
-        return isinstance(before, LeafFinished) and before.failure == failure
+        self._unmet[event.uid] = failure
+        return before == failure
 
     def _log(self, severity: str, text: str) -> None:
         getattr(self._logger, severity)("behaviorController: %s", text)
@@ -199,7 +198,7 @@ def _make_safe(record: logging.LogRecord) -> bool:
     return True
 
 
-def reason(failure: Any) -> str:
+def reason(failure: Optional[Failure]) -> str:
     """Return cause and message of a ``Failure`` on one line; empty for None."""
     return "" if failure is None else f"{failure.cause.text}: {' '.join(failure.message.split())}"
 

@@ -163,6 +163,7 @@ class _Node:
         self._argv = argv
         self._console = console
         self._signals = signals
+        self._is_stopped = signals.stop_requested.is_set
         self._wake = WakeUp()
         self._run: Optional[_Run] = None
 
@@ -273,9 +274,6 @@ class _Node:
             silence = ConfigurationError.of(what, f"no answer within {START_LIMIT:g} s")
             raise extensions.late(START_LIMIT, error.frame) or late or silence
 
-    def _is_stopped(self) -> bool:
-        return self._signals.stop_requested
-
     def _ros_ends(self, reason: str) -> None:
         """Stop after ``rosnode kill``, a new node of the same name, or an error in rospy. On one of
         rospy's threads."""
@@ -357,7 +355,7 @@ class _Run:
         self._held = WAITING if plan.settings.start_by == OPERATOR else ""
         self._monitor = Monitor(plan.settings.interface, topics, self._health,
                                 lambda: self._plan.settings.asr_enabled)
-        self.runner = Runner(self._running(plan), lambda: signals.stop_requested, self._successor,
+        self.runner = Runner(self._running(plan), signals.stop_requested.is_set, self._successor,
                              lambda: signals.stop_code, lambda: self._held)
 
     def carry_out(self) -> int:

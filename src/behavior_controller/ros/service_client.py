@@ -54,15 +54,13 @@ def open_service(place: Place, connection: Connection, name: str, md5sum: str, s
     """
     host, port = _address(place.uri)
     header = {"service": name, "md5sum": md5sum, "callerid": rospy.get_name()}
-    header.update(more)
     try:
-        answer = connection.open(host, port, header, seconds)
+        answer = connection.open(host, port, dict(header, **more), seconds)
     except Trouble as trouble:
         if trouble.cause is not Cause.NOT_REACHABLE:
             raise
-        known = "the master lists it"
-        if not place.is_listed:
-            known = "it was there when the master listed it"
+        known = "the master lists it" if place.is_listed else (
+            "it was there when the master listed it")
         raise Trouble(trouble.cause, f"{known}, but {trouble}")
     _check_handshake(connection, answer, md5sum)
     return answer

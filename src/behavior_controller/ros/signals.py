@@ -39,7 +39,7 @@ class Signals:
 
     def __init__(self, console: Console):
         """Handle the signals from now on. Raises RuntimeError if no thread can be started."""
-        self.stop_requested = False
+        self.stop_requested = threading.Event()
         self.stop_code: Optional[int] = None
         """The exit code of a stop that has a special one."""
         self.is_over = False
@@ -85,7 +85,7 @@ class Signals:
         """Pass the request on, and end the process if it has not ended ``STOP_LIMIT`` seconds
         later."""
         self._deadline = time.monotonic() + STOP_LIMIT
-        self.stop_requested = True
+        self.stop_requested.set()
         self.wake()
         time.sleep(REACTION)
         with contextlib.suppress(RuntimeError):  # no threads left: the limit holds

@@ -113,10 +113,7 @@ def _probe_publisher(topic: str, kind: Any, node: str) -> None:
         uri = ask_master("lookupNode", node, seconds=STEP_LIMIT)
         if not uri:
             raise Trouble(Cause.NOT_ADVERTISED, "it has ended")
-        # under another name: a publisher drops the older of two connections from the same node, our
-        # subscription
-        answer = open_publisher(connection, uri, topic, {
-            "type": "*", "callerid": rospy.get_name() + "_start_up_check"})
+        answer = open_publisher(connection, uri, topic, "_start_up_check")
     except Trouble as trouble:
         raise Trouble(trouble.cause, f"node {node} is listed as its publisher, but {trouble}")
     finally:
@@ -131,10 +128,7 @@ PROBES: Dict[type, Callable[[Any], None]] = {
 
 
 def _compare(answer: Dict[str, str], wanted: Any, peer: str) -> None:
-    """Raise ``Trouble`` if the handshake of ``peer`` is a refusal, or names another type than
-    ours."""
-    if "error" in answer:
-        raise Trouble(Cause.NOT_REACHABLE, f"{peer} says: {answer['error']}")
+    """Raise ``Trouble`` if the handshake of ``peer`` names another type than ours."""
     if answer.get("md5sum") != wanted._md5sum:
         raise Trouble(Cause.TYPE_MISMATCH, f"{peer} has {type_mismatch(answer, wanted)}; build "
                                            "both from the same srv and msg files")

@@ -115,11 +115,9 @@ class Link:
     def _open(self) -> None:
         """Connect and shake hands."""
         message_type = self._latch.message_type
-        header = open_publisher(self._connection, self._uri, self._latch.name, {
-            "type": message_type._type, "message_definition": message_type._full_text,
-            "tcp_nodelay": "1", "callerid": rospy.get_name()})
-        if "error" in header:
-            raise Trouble(Cause.NOT_REACHABLE, header["error"])
+        header = open_publisher(self._connection, self._uri, self._latch.name,
+                                type=message_type._type, tcp_nodelay="1",
+                                message_definition=message_type._full_text)
         self._connection.notice_a_dead_host()
         self._connection.wait_without_limit()
         self.header = header

@@ -376,15 +376,20 @@ class Connection:
                 sock.shutdown(socket.SHUT_RDWR)
 
 
-def open_publisher(connection: Connection, uri: str, topic: str,
-                   header: Dict[str, str]) -> Dict[str, str]:
+def open_publisher(connection: Connection, uri: str, topic: str, suffix: str = "",
+                   **more: str) -> Dict[str, str]:
     """Connect to the node at ``uri`` as a subscriber of ``topic`` (resolved), of any type; return
     its handshake.
 
-    ``header`` completes our half of the handshake. Raises ``Trouble``.
+    A publisher drops the older of two connections from nodes of the same name: ``suffix`` makes
+    ours another one. ``more`` goes into our half of the handshake. Raises ``Trouble``.
     """
     offer = ask(uri, "requestTopic", topic, [["TCPROS"]], seconds=STEP_LIMIT)
     if offer is None:
         raise Trouble(Cause.NOT_ADVERTISED, f"{uri} no longer publishes it")
     _, host, port = offer
-    return connection.open(host, port, dict(header, topic=topic, md5sum="*"), STEP_LIMIT)
+    header = {"topic": topic, "type": "*", "md5sum": "*", "callerid": rospy.get_name() + suffix}
+    answer = connection.open(host, port, dict(header, **more), STEP_LIMIT)
+    if "error" in answer:
+        raise Trouble(Cause.NOT_REACHABLE, f"it says: {answer['error']}")
+    return answer

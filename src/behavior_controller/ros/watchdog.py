@@ -11,7 +11,6 @@ import time
 from typing import Callable, Dict, FrozenSet, Iterable, Set, Tuple
 
 import rosgraph
-import rospy
 
 from behavior_controller.execution.events import HealthChanged
 from behavior_controller.execution.health import (
@@ -246,9 +245,7 @@ def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
         return lambda connection, limit: open_service(place, connection, name, "*", limit,
                                                       persistent="1")
     uri = DIRECTORY.server(name, STEP_LIMIT)
-    # under another name: a publisher drops the older of two connections from the same node
-    header = {"type": "*", "callerid": rospy.get_name() + "_monitor"}
-    return lambda connection, limit: open_publisher(connection, uri, name + "/status", header)
+    return lambda connection, limit: open_publisher(connection, uri, name + "/status", "_monitor")
 
 
 def patience(count: int, usual_gap: float) -> float:
