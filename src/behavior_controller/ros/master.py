@@ -8,7 +8,7 @@ not used for it: they wait for a master without a limit, and hold rospy's locks 
 import contextlib
 import threading
 import time
-from typing import Any, Dict, FrozenSet, Iterator, Mapping, NamedTuple, Optional, Set, Tuple
+from typing import Any, Dict, FrozenSet, Iterator, Mapping, NamedTuple, Set, Tuple
 
 import rospy
 

@@ -18,7 +18,8 @@ import rospkg
 import rospy
 
 from behavior_controller import exit_codes, extensions
-from behavior_controller.ros.timeouts import Late, Stopped, run_apart, run_together
+from behavior_controller.ros.timeouts import (
+    Late, Stopped, run_apart, run_together, start_thread)
 from behavior_controller.bt.engine.clock import Clock
 from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.errors import ConfigurationError, FaultsFound, NodesMissing
@@ -149,7 +150,7 @@ def _part_from_ros() -> None:
     threads."""
     is_forgotten = threading.Event()
     rospy.core.add_shutdown_hook(lambda reason: is_forgotten.set())
-    threading.Thread(target=rospy.signal_shutdown, args=(PARTING,), daemon=True).start()
+    start_thread("parting", rospy.signal_shutdown, PARTING)
     is_forgotten.wait()
 
 
@@ -469,9 +470,8 @@ class _Run:
                 "warning", "SIGHUP ignored: the files are still being read since the one before; "
                 "if that does not end, a disk or the master hangs")
             return
-        self._reading = threading.Thread(target=self._read_again, name="reload", daemon=True)
         try:
-            self._reading.start()
+            self._reading = start_thread("reload", self._read_again)
         except RuntimeError as error:
             self._console.report_internal_error(error)
 

@@ -13,6 +13,7 @@ from behavior_controller.robot.declarations import Service, Unsendable
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.tcpros import Trouble
+from behavior_controller.ros.timeouts import start_thread
 
 Done = Callable[[Union[Answer, Failure], float], None]
 
@@ -41,7 +42,7 @@ class RequestThread:
         self._newest: Optional[Job] = None
         self.is_asked = False
         """Whether the request under way may have reached the server."""
-        threading.Thread(target=self._work, name=service.kind + " " + name, daemon=True).start()
+        start_thread(service.kind + " " + name, self._work)
 
     def carry(self, request: Request, done: Done, feedback: Callable[[str], None]) -> None:
         """Send ``request``; ``done`` and ``feedback`` are called on another thread."""

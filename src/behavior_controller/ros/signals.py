@@ -15,6 +15,7 @@ from typing import Callable, Optional
 
 from behavior_controller import exit_codes
 from behavior_controller.ros.console import Console
+from behavior_controller.ros.timeouts import start_thread
 
 STOP_LIMIT = 1.8
 """Seconds after the first signal at which the process ends in any case (the limit is 2 s)."""
@@ -58,7 +59,7 @@ class Signals:
         # an ignored signal would never reach sigwait
         for number in TAKEN:
             signal.signal(number, signal.SIG_DFL)
-        threading.Thread(target=self._take, name="signals", daemon=True).start()
+        start_thread("signals", self._take)
 
     @property
     def time_left(self) -> float:
@@ -89,7 +90,7 @@ class Signals:
         self.wake()
         time.sleep(REACTION)
         with contextlib.suppress(RuntimeError):  # no threads left: the limit holds
-            threading.Thread(target=self.ignored, name="stop", daemon=True).start()
+            start_thread("stop", self.ignored)
         time.sleep(max(0.0, self.time_left))
         if not self.is_over:
             self._console.tell("error", NOT_STOPPED)

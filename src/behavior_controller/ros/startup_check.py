@@ -4,7 +4,6 @@ A master's entry proves nothing: it outlives its node. So the check connects to 
 each publisher and shakes hands, all at once and each bounded in time; all that is missing is
 reported together.
 """
-import threading
 import time
 from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
@@ -20,7 +19,7 @@ from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.tcpros import (
     Connection, Trouble, ask_master, STEP_LIMIT, open_publisher)
 from behavior_controller.ros.service_client import open_service
-from behavior_controller.ros.timeouts import Stopped
+from behavior_controller.ros.timeouts import Stopped, start_thread
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 
 PROBE_LIMIT = 3.0
@@ -155,8 +154,7 @@ def find_missing(offers: Sequence[Offer], wake: WakeUp,
         wake.emit()
 
     for offer in offers:
-        threading.Thread(target=probe, args=(offer,), daemon=True,
-                         name="probe " + offer.name).start()
+        start_thread("probe " + offer.name, probe, offer)
     deadline = time.monotonic() + PROBE_LIMIT
     while len(troubles) < len(offers) and time.monotonic() < deadline and not is_stopped():
         wake.wait(max(0.0, deadline - time.monotonic()))

@@ -22,6 +22,7 @@ from behavior_controller.robot.declarations import Interface, Topic
 from behavior_controller.ros.tcpros import Connection, MOST_BYTES, Trouble, open_publisher
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.speech_action_client import SpeechActionClient
+from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import TYPES, not_published, resolved, type_mismatch
 from behavior_controller.text import clean
 
@@ -84,7 +85,7 @@ class Link:
         """Whether its newest message could not be used."""
         self.has_tried = False
         """Whether an attempt to connect has ended."""
-        threading.Thread(target=self._work, daemon=True, name="topic " + latch.name).start()
+        start_thread("topic " + latch.name, self._work)
 
     def end(self) -> None:
         """Close the connection and end the thread."""
@@ -379,7 +380,7 @@ class RosTopics(Topics):
         for topic, latch in self.latches.items():
             DIRECTORY.subscribe(latch.name, topic.type)
         rospy.on_shutdown(DIRECTORY.sign_off)
-        threading.Thread(target=self._keep_up, daemon=True, name="publishers of topics").start()
+        start_thread("publishers of topics", self._keep_up)
 
     def _keep_up(self) -> None:
         """Follow the master's list of publishers; without a master, the links reconnect by

@@ -17,6 +17,7 @@ import time
 import urllib.parse
 import xmlrpc.client
 from concurrent.futures import Future, TimeoutError as FutureTimeout
+from functools import partial
 from typing import Any, Dict, List, NoReturn, Optional, Tuple
 
 import msgspec
@@ -26,6 +27,7 @@ import rospy
 
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.robot.gateway import Cause
+from behavior_controller.ros.timeouts import begin
 from behavior_controller.text import clean
 
 CONNECT_LIMIT = 4.0
@@ -138,7 +140,9 @@ def ask(uri: str, method: str, *arguments: Any, seconds: float = CONNECT_LIMIT,
     connection, fault = Connection(), NO_ANSWER
     origin: Optional[BaseException] = None
     try:
-        return _checked(method, _called(connection, uri, method, arguments, seconds))
+        answer = _called(connection, uri, method, arguments, seconds)
+        code, _, value = msgspec.convert(answer, Tuple[int, Any, Any])
+        return msgspec.convert(value if code == 1 else None, ANSWERS[method])
     except Trouble as trouble:
         why, origin = str(trouble), trouble.__cause__
     except OSError as error:
@@ -175,13 +179,6 @@ def _called(connection: "Connection", uri: str, method: str, arguments: Tuple[An
     return xmlrpc.client.loads(bytes(body))[0][0]
 
 
-def _checked(method: str, answer: Any) -> Any:
-    """Return the value in an answer of ROS: code, message, value. Raises msgspec.ValidationError.
-    """
-    code, _, value = msgspec.convert(answer, Tuple[int, Any, Any])
-    return msgspec.convert(value if code == 1 else None, ANSWERS[method])
-
-
 def ask_master(method: str, *arguments: Any, seconds: float = CONNECT_LIMIT) -> Any:
     """Call ``method`` of the ROS master, as ``ask`` does."""
     return ask(rosgraph.get_master_uri(), method, *arguments, seconds=seconds,
@@ -192,26 +189,22 @@ def _addresses(host: str, seconds: float) -> List[Any]:
     """Return what ``getaddrinfo`` returns. Raises OSError, also if no name server has answered in
     ``seconds``."""
     with contextlib.suppress(socket.gaierror):  # it is a name
-        return socket.getaddrinfo(host, None, type=socket.SOCK_STREAM, flags=socket.AI_NUMERICHOST)
+        return _look_up(host, socket.AI_NUMERICHOST)
     try:
         with _lookups_lock:
             lookup = _lookups.get(host)
             if lookup is None or lookup.done():
-                lookup = Future()
-                threading.Thread(target=_look_up, args=(host, lookup), daemon=True).start()
+                _, lookup = begin("lookup", partial(_look_up, host))
                 _lookups[host] = lookup
         return lookup.result(seconds)
     except FutureTimeout:
         raise OSError(f"no name server has told the address of {host} in {seconds:g} s")
     except RuntimeError:  # no thread is left
-        return socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        return _look_up(host)
 
 
-def _look_up(host: str, lookup: "Future[List[Any]]") -> None:
-    try:
-        lookup.set_result(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM))
-    except Exception as error:  # raised again where it is awaited
-        lookup.set_exception(error)
+def _look_up(host: str, flags: int = 0) -> List[Any]:
+    return socket.getaddrinfo(host, None, type=socket.SOCK_STREAM, flags=flags)
 
 
 _lookups: Dict[str, "Future[List[Any]]"] = {}

@@ -21,6 +21,7 @@ from behavior_controller.ros.tcpros import CHUNK, Connection, Trouble, STEP_LIMI
 from behavior_controller.ros.master import DIRECTORY
 from behavior_controller.ros.service_client import open_service
 from behavior_controller.ros.subscriber import Latch, RosTopics
+from behavior_controller.ros.timeouts import start_thread
 from behavior_controller.ros.types import resolved
 
 CHECK_EVERY = 0.25
@@ -107,13 +108,11 @@ class Monitor:
         for offer in added:
             # a subscriber has no address to connect to
             if not isinstance(offer, (Topic, Publication)):
-                threading.Thread(target=self._watch, args=(offer,), daemon=True,
-                                 name="monitor " + offer.name).start()
+                start_thread("monitor " + offer.name, self._watch, offer)
 
     def start(self) -> None:
         """Start monitoring topics and the master."""
-        threading.Thread(target=self._check_all, daemon=True,
-                         name="monitor topics and master").start()
+        start_thread("monitor topics and master", self._check_all)
 
     def close(self) -> None:
         """Let the threads end; does not wait for them."""
