@@ -106,27 +106,12 @@ REQUESTED = "external shutdown request"
 """The beginning of rospy's reason when another node or the master asked this node to end."""
 
 
-def main(argv: List[str]) -> int:
-    """Run the node and return its exit code."""
+def run() -> NoReturn:
+    """Run the node, and end the process with its exit code."""
     block_signals()
     console = Console()
-    signals = Signals(console)
-    arguments = rospy.myargv(argv)[1:]
-    if arguments:
-        code = _explain(arguments)
-    else:
-        node = _Node(argv, console, signals)
-        code = node.run()
-        node.close()
-    signals.is_over = True
-    console.drain(LAST_LINES)
-    return code
-
-
-def run() -> NoReturn:
-    """Run the node, and end the process with its exit code at once: threads that still wait for a
-    hung peer must not hold it."""
-    os._exit(main(sys.argv))
+    node = _Node(console, Signals(console))
+    node.end(node.run())
 
 
 def _explain(arguments: List[str]) -> int:
@@ -160,8 +145,7 @@ def _part_from_ros() -> None:
 class _Node:
     """The node from its start to its end."""
 
-    def __init__(self, argv: List[str], console: Console, signals: Signals):
-        self._argv = argv
+    def __init__(self, console: Console, signals: Signals):
         self._console = console
         self._signals = signals
         self._is_stopped = signals.stop_requested.is_set
@@ -195,10 +179,7 @@ class _Node:
     def _stop_beside(self) -> None:
         """End the node without the tick thread if a leaf blocks it."""
         if self._run is not None and self._run.calm_beside():
-            self.close()
-            self._signals.is_over = True
-            self._console.drain(LAST_LINES)
-            os._exit(exit_codes.BROKEN)
+            self.end(exit_codes.BROKEN)
 
     def _carry_out(self) -> int:
         """Do the steps of the start, each of which raises its faults; run the mission and return
@@ -207,8 +188,11 @@ class _Node:
         Until all is known to be good, the node is not registered: a start that fails must not end a
         running node.
         """
+        arguments = rospy.myargv(sys.argv)[1:]
+        if arguments:
+            return _explain(arguments)
         console, wake = self._console, self._wake
-        words = split_arguments(self._argv)[0]
+        words = split_arguments(sys.argv)[0]
         faults = unread(words[1:])
         if faults:
             raise ConfigurationError(faults)
@@ -290,13 +274,17 @@ class _Node:
             self._console.report_internal_error(RuntimeError(reason))
         self._signals.request_stop()
 
-    def close(self) -> None:
-        """End recording and monitoring, within a time limit."""
+    def end(self, code: int) -> NoReturn:
+        """End recording and monitoring, within a time limit, and the process at once: threads that
+        still wait for a hung peer must not hold it."""
         self._console.drain(LAST_LINES)
         closers = self._run.closers() if self._run is not None else []
         limit = min(CLOSING, self._signals.time_left - LAST_LINES - RESERVE)
         with contextlib.suppress(RuntimeError):  # no threads left: the process ends anyway
             run_together(closers + [_part_from_ros], limit)
+        self._signals.is_over = True
+        self._console.drain(LAST_LINES)
+        os._exit(code)
 
 
 def _report_thread(console: Console, error: BaseException) -> None:
