@@ -355,7 +355,7 @@ class _Run:
         try:
             self._monitor.start()
             self._standstill.start()
-            self._signals.reload = self._reload
+            self._signals.reload = self._reload_by_signal
             return self.runner.run()
         # an internal error must not leave the robot in an arbitrary state
         except BaseException as error:
@@ -412,10 +412,8 @@ class _Run:
             return True, "the robot is asked for the safe state, and the node ends"
 
         def reload() -> Tuple[bool, str]:
-            if self._is_reading:
+            if not self._reload():
                 return False, "the files are still being read since the call before"
-            self._clock.post(self._reload)
-            self._wake.emit()
             return True, ("the files are read; a mission without mistakes follows when the pass is "
                           "over, and the log names every mistake")
 
@@ -424,10 +422,6 @@ class _Run:
             "pause": lambda: hold(self._held or PAUSED,
                                   "nothing new is begun once the robot has done what it does now"),
             "stop": stop, "reload": reload}
-
-    @property
-    def _is_reading(self) -> bool:
-        return self._reading is not None and self._reading.is_alive()
 
     def _running(self, plan: Mission) -> Running:
         """Return a plan in the runner's form."""
@@ -450,18 +444,22 @@ class _Run:
         self._monitor.include(robot.used({type(request) for request in robot.safe_state}, ()),
                               may_lack=True)
 
-    def _reload(self) -> None:
-        """Reload the files on a separate thread: a disk or the master may hang. On the signals'
-        thread."""
-        if self._is_reading:
+    def _reload_by_signal(self) -> None:
+        if not self._reload():
             self._console.tell(
                 "warning", "SIGHUP ignored: the files are still being read since the one before; "
                 "if that does not end, a disk or the master hangs")
-            return
+
+    def _reload(self) -> bool:
+        """Reload the files on a separate thread: a disk or the master may hang. Return False if it
+        still does so since the call before."""
+        if self._reading is not None and self._reading.is_alive():
+            return False
         try:
             self._reading = start_thread("reload", self._read_again)
         except RuntimeError as error:
             self._console.report_internal_error(error)
+        return True
 
     def _read_again(self) -> None:
         """Read the files; a valid mission follows the running one after its pass."""

@@ -40,12 +40,6 @@ class Missing(NamedTuple):
     offer: Offer
     trouble: Trouble
 
-    @property
-    def is_elsewhere(self) -> bool:
-        """Whether another robot may have it under another name or type: what hangs exists on this
-        robot."""
-        return self.trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED)
-
     def __str__(self) -> str:
         """Return a line for an operator."""
         offer, trouble = self
@@ -226,12 +220,14 @@ class StartUpCheck:
         """Raise ``NodesMissing`` if the robot is not the configured one.
 
         That is so if nothing exists that only the configured robot has, but something that only
-        another robot has.
+        another robot has. What hangs exists.
         """
-        if not any(absent.is_elsewhere for absent in self._needed(missing)):
+        if not self._needed(missing):
             return
         ours = _keys(self._interface.offers)
-        there = _keys(self._offers) - _keys(absent.offer for absent in missing)
+        there = _keys(self._offers) - _keys(
+            absent.offer for absent in missing
+            if absent.trouble.cause in (Cause.TYPE_MISMATCH, Cause.NOT_ADVERTISED))
         for name, interface in INTERFACES.items():
             if not there <= _keys(interface.offers):
                 continue
