@@ -60,8 +60,7 @@ def _validation_arguments() -> argparse.ArgumentParser:
     parser.add_argument("--palette", metavar="FILE", action="append", default=[],
                         help="a file with a TreeNodesModel: its node types are taken as stubs")
     parser.add_argument("--interface", metavar="ROBOT", choices=sorted(INTERFACES), default="",
-                        help="check for this robot, whatever the configuration says: "
-                             f"{', '.join(sorted(INTERFACES))}")
+                        help="check for this robot, whatever the configuration says: %(choices)s")
     parser.add_argument("--folder", action="store_true",
                         help="take trees that a file lacks from the other files in its folder")
     parser.add_argument("--ignore", metavar="CODE", action="append", default=[], type=_code,
