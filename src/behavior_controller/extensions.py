@@ -130,11 +130,8 @@ def raising(error: BaseException) -> Optional[str]:
 
 
 def _package_of(frame: FrameType) -> Optional[str]:
-    return _packages.get(_top(frame.f_globals.get("__name__", "")))
-
-
-def _top(module: str) -> str:
-    return module.partition(".")[0]
+    module = frame.f_globals.get("__name__", "")
+    return _packages.get(module.partition(".")[0])
 
 
 def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
@@ -153,7 +150,7 @@ def _loaded(package: str, folder: str, kind: str, name: str) -> Extension:
             hint = "; this module must not import leaves or phrases"
         raise BrokenExtension(
             package, f"{export} cannot be imported: {described(error)}{hint}") from error
-    _packages[_top(name)] = package
+    _packages[name.partition(".")[0]] = package
     extension = Extension(package, folder, module)
     for wanted, value in values.items():
         # a single record is a tuple too, of its fields

@@ -289,22 +289,21 @@ class Latch:
             if value is None:
                 return None
             self._bytes = data
-            self._keep(value)
-            self._ring(value)
+            self._take(value)
         reason, is_missed = self.ignoring
         if reason and is_missed(value):
             self._warn_ignored(reason, value, reason)
         return is_news
 
-    def _keep(self, value: Any) -> None:
+    def _take(self, value: Any) -> None:
         self._recent = self._topic.kept(self._recent, Sample(value, time.monotonic()))
+        self._ring(value)
 
     def hear(self, value: Any) -> None:
         """Use the action's result as the newest message. Any thread may call this."""
         with self._lock:
             self._bytes = None
-            self._keep(value)
-            self._ring(value)
+            self._take(value)
 
     def pass_over(self, header: Dict[str, str], data: bytes) -> None:
         """Report that the first message of a latching publisher is not used; a state is sent again.

@@ -222,7 +222,8 @@ class Monitor:
                 self._silent[topic] = last_arrival, silence + RECONNECT
                 latch.reconnect()
             return
-        is_well = silence <= patience(latch.count, latch.usual_gap)
+        has_rate = latch.count >= ENOUGH
+        is_well = silence <= (max(SILENCE, GAPS * latch.usual_gap) if has_rate else FIRST_SILENCE)
         if is_well:
             self._silent.pop(topic, None)
         else:
@@ -245,9 +246,3 @@ def _connect_to(offer: Offer) -> Callable[[Connection, float], object]:
                                                       persistent="1")
     uri = DIRECTORY.server(name, STEP_LIMIT)
     return lambda connection, limit: open_publisher(connection, uri, name + "/status", "_monitor")
-
-
-def patience(count: int, usual_gap: float) -> float:
-    """Return the seconds of silence that are normal for a topic with so many messages at that mean
-    distance."""
-    return FIRST_SILENCE if count < ENOUGH else max(SILENCE, GAPS * usual_gap)
