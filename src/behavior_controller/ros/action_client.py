@@ -177,14 +177,14 @@ class GoalThread(RequestThread):
 
     IDLE = ROUND
 
-    def __init__(self, name: str, action: Action):
+    def __init__(self, action: Action):
         self._action = action
         self._news = threading.Event()
         self._result: Union[Message, Trouble, None] = None
         self._job: Optional[Job] = None
         self._reported, self._reported_at = "", -math.inf
         self._client = ActionClient(action, self._end, self._report)
-        super().__init__(name, action)
+        super().__init__(action)
 
     def cut(self) -> bool:
         """Cancel the goal under way."""

@@ -366,10 +366,14 @@ class _Run:
             return exit_codes.BROKEN
         finally:
             self._standstill = None
-            if self._page:
-                console.tell("info", f"page of this run, closed now: {self._page}")
-            if self._record is not None and self._record.is_kept:
-                console.tell("info", f"record of this run: {self._record.path}")
+            self._tell_places("page of this run, closed now", "record of this run")
+
+    def _tell_places(self, page: str, record: str) -> None:
+        """Say where page and record are, if there are any, after these words."""
+        if self._page:
+            self._console.tell("info", f"{page}: {self._page}")
+        if self._record is not None and self._record.is_kept:
+            self._console.tell("info", f"{record}: {self._record.path}")
 
     def closers(self) -> List[Callable[[], None]]:
         """Return the functions that end the monitoring of the robot and of the mission; each may
@@ -378,7 +382,7 @@ class _Run:
 
     def open_watchers(self) -> None:
         """Open the monitoring, once for the whole run, and report where page and record are."""
-        chosen, tell, warn = self._plan.settings, self._console.tell, self._console.warn
+        chosen, warn = self._plan.settings, self._console.warn
         if self._record is not None:
             self._record.open()
         if chosen.groot2_port:
@@ -390,9 +394,7 @@ class _Run:
             self._watchers.append(page)
             if page.is_served:
                 self._page = _url(chosen.monitor_address, chosen.monitor_port)
-                tell("info", f"page: {self._page}")
-        if self._record is not None and self._record.is_kept:
-            tell("info", f"record: {self._record.path}")
+        self._tell_places("page", "record")
         if chosen.ros_interface:
             self._watchers.append(ros_interface.RosInterface(
                 self._board(), lambda: self._plan.offers, self._commands()))

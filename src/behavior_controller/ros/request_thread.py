@@ -14,6 +14,7 @@ from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, Request
 from behavior_controller.ros.tcpros import Trouble
 from behavior_controller.ros.timeouts import start_thread
+from behavior_controller.ros.types import resolved
 
 Done = Callable[[Union[Answer, Failure], float], None]
 
@@ -34,15 +35,14 @@ class RequestThread:
     IDLE: Optional[float] = None
     """Seconds between two calls of ``idle`` while there is no request; None: it is not called."""
 
-    def __init__(self, name: str, service: Service):
-        """``name`` is the resolved name of the service."""
-        self.name = name
+    def __init__(self, service: Service):
+        self.name = resolved(service)
         self.service = service
         self._jobs: "queue.SimpleQueue[Optional[Job]]" = queue.SimpleQueue()
         self._newest: Optional[Job] = None
         self.is_asked = False
         """Whether the request under way may have reached the server."""
-        start_thread(service.kind + " " + name, self._work)
+        start_thread(service.kind + " " + self.name, self._work)
 
     def carry(self, request: Request, done: Done, feedback: Callable[[str], None]) -> None:
         """Send ``request``; ``done`` and ``feedback`` are called on another thread."""

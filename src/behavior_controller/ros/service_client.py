@@ -124,9 +124,9 @@ def receive_response(service: Service, connection: Connection) -> genpy.Message:
 class ServiceThread(RequestThread):
     """A thread with one connection to one service, which ends with it when it is cut."""
 
-    def __init__(self, name: str, service: Service):
+    def __init__(self, service: Service):
         self._connection = Connection()
-        super().__init__(name, service)
+        super().__init__(service)
 
     def cut(self) -> bool:
         """Free the thread and the socket at once."""
@@ -186,7 +186,6 @@ THREADS: Dict[type, Type[RequestThread]] = {
 class _UnderWay(NamedTuple):
     """The resources of a call until it ends."""
 
-    service: Service
     thread: RequestThread
     timers: Tuple[Timer, ...]
     since: float
@@ -208,7 +207,6 @@ class RosGateway(Gateway):
         self._health = health or Health()
         self._clock = clock
         self._wake = wake
-        self._names = {service: resolved(service) for service in interface.services}
         self._spare: Dict[Service, List[RequestThread]] = defaultdict(list)
         self._under_way: Dict[Call, _UnderWay] = {}
 
@@ -216,24 +214,25 @@ class RosGateway(Gateway):
         """Send ``request``; the call ends with the answer, with a failure, or at the deadline of
         its service."""
         service = self._interface.service(type(request))
-        name, deadline = self._names[service], self.deadline(service)
+        deadline = self.deadline(service)
         call = Call(request, self._wake, lambda: self._give_up(call))
         try:
             thread = self._spare[service].pop() if self._spare[service] else self._thread(service)
         except RuntimeError as error:
-            call.finish(Failure(Cause.NOT_REACHABLE, f"no thread to ask with ({error})", name))
+            text = f"no thread to ask with ({error})"
+            call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
             return call
         after, health = self._clock.call_after, self._health
         timers = (
             after(deadline, lambda: self._expire(call)),
-            after(deadline * SLOW_SHARE, lambda: health.slow(name, deadline, service.kind)))
-        self._under_way[call] = _UnderWay(service, thread, timers, time.monotonic())
+            after(deadline * SLOW_SHARE, lambda: health.slow(thread.name, deadline, service.kind)))
+        self._under_way[call] = _UnderWay(thread, timers, time.monotonic())
         thread.carry(request, partial(self._hand_over, self._end, call),
                      partial(self._hand_over, self._report, call))
         return call
 
     def _thread(self, service: Service) -> RequestThread:
-        return THREADS[type(service)](self._names[service], service)
+        return THREADS[type(service)](service)
 
     def prepare(self, offers: Iterable[Offer]) -> None:
         """Connect to those of these that take longer to connect to than a service."""
@@ -269,7 +268,7 @@ class RosGateway(Gateway):
         """Finish ``call``, which was answered ``at`` that time, unless it was dropped meanwhile."""
         held = self._release(call)
         if held is not None:
-            self._spare[held.service].append(held.thread)
+            self._spare[held.thread.service].append(held.thread)
             self._finish(call, held, result, at)
 
     def _release(self, call: Call) -> Optional[_UnderWay]:
@@ -282,9 +281,9 @@ class RosGateway(Gateway):
     def _finish(self, call: Call, held: _UnderWay, result: Union[Answer, Failure],
                 at: float) -> None:
         """Finish ``call``, which ended ``at`` that time, and report it to the health."""
-        service, is_failure = held.service, isinstance(result, Failure)
-        self._health.ended(self._names[service], at - held.since, self.deadline(service),
-                           is_failure, service.kind)
+        thread, is_failure = held.thread, isinstance(result, Failure)
+        self._health.ended(thread.name, at - held.since, self.deadline(thread.service),
+                           is_failure, thread.service.kind)
         call.finish(result)
 
     def _give_up(self, call: Call) -> Optional[_UnderWay]:
@@ -292,14 +291,15 @@ class RosGateway(Gateway):
         """
         held = self._release(call)
         if held is not None and held.thread.cut():
-            self._spare[held.service].append(held.thread)
+            self._spare[held.thread.service].append(held.thread)
         return held
 
     def _expire(self, call: Call) -> None:
         """End ``call`` at its deadline."""
         held = self._give_up(call)
         if held is not None:
-            where = "" if held.thread.is_asked else ", still connecting: nothing was asked"
-            late = Failure(Cause.NO_ANSWER, waited(self.deadline(held.service)) + where,
-                           self._names[held.service])
+            thread = held.thread
+            where = "" if thread.is_asked else ", still connecting: nothing was asked"
+            text = waited(self.deadline(thread.service)) + where
+            late = Failure(Cause.NO_ANSWER, text, thread.name)
             self._finish(call, held, late, time.monotonic())
