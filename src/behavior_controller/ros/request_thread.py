@@ -33,7 +33,7 @@ class RequestThread:
     """A daemon thread that carries one request at a time."""
 
     IDLE: Optional[float] = None
-    """Seconds between two calls of ``idle`` while there is no request; None: it is not called."""
+    """Seconds between two calls of ``idle`` while there is no request; None: one call before it."""
 
     def __init__(self, service: Service):
         self.name = resolved(service)
@@ -73,11 +73,11 @@ class RequestThread:
 
     def _work(self) -> None:
         while True:
+            with contextlib.suppress(Exception):  # the request that meets it reports it
+                self.idle()
             try:
                 job = self._jobs.get(timeout=self.IDLE)
             except queue.Empty:
-                with contextlib.suppress(Exception):  # the request that meets it reports it
-                    self.idle()
                 continue
             if job is None:
                 self.close()

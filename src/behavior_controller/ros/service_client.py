@@ -36,9 +36,8 @@ The safe state has one second, in which the master may freeze. ``Monitor`` looks
 services without haste.
 """
 
-PREPARE = 0.05
-"""Seconds until a topic is registered that is published to, and between two looks for its
-subscribers."""
+ROUND = 0.05
+"""Seconds between two looks for the subscribers of a topic that is published to."""
 
 
 # ------------------------------------------------------------------------------- finding the server
@@ -154,27 +153,22 @@ class ServiceThread(RequestThread):
 class PublisherThread(RequestThread):
     """A thread that publishes to one topic."""
 
-    IDLE: Optional[float] = PREPARE
-    _publisher: Optional[rospy.Publisher] = None
+    _publisher: Any = None
 
     def idle(self) -> None:
         """Register the topic, so that its subscribers connect before the first message."""
-        self._registered()
-
-    def _registered(self) -> rospy.Publisher:
         if self._publisher is None:
             self._publisher = rospy.Publisher(self.name, TYPES[self.service], queue_size=10)
-            self.IDLE = None
-        return self._publisher
 
     def exchange(self, job: Job) -> Answer:
         """Publish, once there is a subscriber."""
         message = filled(TYPES[self.service](), self.service, job.request)
-        publisher, deadline = self._registered(), time.monotonic() + STEP_LIMIT
-        while not publisher.get_num_connections():
-            if job.cut.wait(PREPARE) or time.monotonic() > deadline:
+        self.idle()
+        deadline = time.monotonic() + STEP_LIMIT
+        while not self._publisher.get_num_connections():
+            if job.cut.wait(ROUND) or time.monotonic() > deadline:
                 raise Trouble(Cause.NOT_ADVERTISED, NO_SUBSCRIBER)
-        publisher.publish(message)
+        self._publisher.publish(message)
         return Answer()
 
 
