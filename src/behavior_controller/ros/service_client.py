@@ -211,7 +211,7 @@ class RosGateway(Gateway):
         deadline = self.deadline(service)
         call = Call(request, self._wake, lambda: self._give_up(call))
         try:
-            thread = self._spare[service].pop() if self._spare[service] else self._thread(service)
+            thread = self._thread(service)
         except RuntimeError as error:
             text = f"no thread to ask with ({error})"
             call.finish(Failure(Cause.NOT_REACHABLE, text, resolved(service)))
@@ -226,12 +226,14 @@ class RosGateway(Gateway):
         return call
 
     def _thread(self, service: Service) -> RequestThread:
-        return THREADS[type(service)](service)
+        """Take a spare thread, or make one."""
+        spare = self._spare[service]
+        return spare.pop() if spare else THREADS[type(service)](service)
 
     def prepare(self, offers: Iterable[Offer]) -> None:
         """Connect to those of these that take longer to connect to than a service."""
         for offer in offers:
-            if isinstance(offer, (Action, Publication)) and not self._spare[offer]:
+            if isinstance(offer, (Action, Publication)):
                 self._spare[offer].append(self._thread(offer))
 
     def _hand_over(self, callback: Callable[..., None], *arguments: Any) -> None:

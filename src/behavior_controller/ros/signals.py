@@ -55,7 +55,6 @@ class Signals:
         self._console = console
         self._has_terminal = _terminal_answers()
         self._outlives_terminal = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # ``nohup``
-
         # an ignored signal would never reach sigwait
         for number in TAKEN:
             signal.signal(number, signal.SIG_DFL)
