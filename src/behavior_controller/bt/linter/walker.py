@@ -9,7 +9,7 @@ from typing import Collection, List, Optional, Sequence
 from behavior_controller.bt.linter.calls import check_call, check_entries
 from behavior_controller.bt.linter.facts import MissionFacts
 from behavior_controller.bt.linter.nodes import Nodes
-from behavior_controller.bt.linter.palettes import check_models
+from behavior_controller.bt.linter.palette import check_models
 from behavior_controller.bt.linter.scripts import check_scripts
 from behavior_controller.bt.linter.structure import Trees
 from behavior_controller.bt.linter.warnings import check_node
