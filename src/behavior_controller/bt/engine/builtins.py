@@ -57,9 +57,14 @@ class SetBlackboard(SyncActionLeaf):
 
     def update(self) -> Result:
         """Write it."""
-        key, board = self._key(), self.blackboard
+        try:
+            # a number is the name that its text is
+            key = str(convert(self.get_input("output_key"), TEXT, {}))
+        except ValueFault as error:
+            raise NodeError(f"missing port [output_key]: {error}") from error
         if "value" not in self.attributes:
             raise NodeError("unordered_map::at: port [value] is missing")
+        board = self.blackboard
         value, origin, target = self.attributes["value"], TEXT, board.find(key)
         source = ports.reference(value, "value")
         if source is not None:
@@ -76,13 +81,6 @@ class SetBlackboard(SyncActionLeaf):
         board.set_any(key, value, origin)
         return SUCCESS
 
-    def _key(self) -> str:
-        try:
-            # a number is the name that its text is
-            return str(convert(self.get_input("output_key"), TEXT, {}))
-        except ValueFault as error:
-            raise NodeError(f"missing port [output_key]: {error}") from error
-
     @staticmethod
     def _converted(text: str, entry: Any) -> Any:
         # an entry that a script has made becomes empty, as in the library; since this write makes
@@ -92,8 +90,8 @@ class SetBlackboard(SyncActionLeaf):
         try:
             return entry.from_text(text)
         except ValueFault as fault:
-            raise NodeError(
-                f"Can't convert string [{text}] to type [{entry.type}]: {fault}") from fault
+            wrong = f"Can't convert string [{text}] to type [{entry.type}]: {fault}"
+            raise NodeError(wrong) from fault
 
 
 class UnsetBlackboard(SyncActionLeaf):
@@ -118,24 +116,12 @@ class Sleep(TimedAction):
         return self.begin(self.required("msec"))
 
 
-class WasEntryUpdated(SyncActionLeaf):
+class WasEntryUpdated(decorators.Watching, SyncActionLeaf):
     """SUCCESS if ``entry`` was written since this node's last tick, else FAILURE."""
 
-    seen = 0
-    key = ""
-
-    def configure(self) -> None:
-        """Find the entry's name."""
-        self.key = decorators.entry_key(self)
-
     def update(self) -> Result:
-        """Compare the entry's write counter."""
-        entry = self.blackboard.find(self.key)
-        if entry is None or entry.sequence == self.seen:
-            return FAILURE
-        self.seen = entry.sequence
-        self.services.changes += 1
-        return SUCCESS
+        """Look whether the entry was written."""
+        return SUCCESS if self.is_updated() else FAILURE
 
 
 def _in(name: str, type_name: str, default: Optional[str] = None, description: str = "",

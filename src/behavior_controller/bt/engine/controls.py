@@ -4,7 +4,7 @@ A control node stores RUNNING at the start of its tick. When it returns SKIPPED 
 therefore stays RUNNING, and its parent will halt it: that is the library's behaviour, recorded in
 its traces.
 """
-from typing import Any, List, Optional, Set
+from typing import Any, Optional, Set
 
 from py_trees import composites
 from py_trees.common import ParallelPolicy
@@ -370,57 +370,44 @@ class TryCatch(Control, composites.Composite):
     index = skipped = 0
     catching = False
 
-    @property
-    def _tries(self) -> List[Any]:
-        return self.children[:-1]
-
     def update(self) -> Result:
         """Tick the try block, or the catch child once the block has failed."""
         if self.status is IDLE:
             self.skipped = 0
             self.catching = False
         self.begin()
-        return self._catch() if self.catching else self._try()
-
-    def _try(self) -> Result:
-        tries = self._tries
-        while self.index < len(tries):
+        *tries, catch = self.children
+        while self.index < len(tries) and not self.catching:
             result = tries[self.index].execute()
             if result is RUNNING:
                 return RUNNING
             if result is FAILURE:
                 self.halt_children()
-                self.index = 0
                 self.catching = True
-                return self._catch()
-            self.index += 1
-            if result is SKIPPED:
+            elif result is SKIPPED:
                 self.skipped += 1
-        all_skipped = self.skipped == len(tries)
-        self._end()
-        return SKIPPED if all_skipped else SUCCESS
-
-    def _catch(self) -> Result:
-        if self.children[-1].execute() is RUNNING:
-            return RUNNING
-        self._end()
-        return FAILURE
-
-    def _end(self) -> None:
+            self.index += 1
+        result = SKIPPED if self.skipped == len(tries) else SUCCESS
+        if self.catching:
+            if catch.execute() is RUNNING:
+                return RUNNING
+            result = FAILURE
         self.halt_children()
-        self._clear()
+        self._start_anew()
+        return result
 
-    def _clear(self) -> None:
+    def _start_anew(self) -> None:
         self.index = self.skipped = 0
         self.catching = False
 
     def halt(self) -> None:
         """With ``catch_on_halt``, give the catch child one tick first."""
+        *tries, catch = self.children
         if (self.status is not IDLE and not self.catching
                 and self.input_or("catch_on_halt", False)):
-            for child in self._tries:
+            for child in tries:
                 halt_child(child)
-            if self.children[-1].execute() is RUNNING:
-                halt_child(self.children[-1])
-        self._clear()
+            if catch.execute() is RUNNING:
+                halt_child(catch)
+        self._start_anew()
         super().halt()

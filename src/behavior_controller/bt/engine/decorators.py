@@ -6,7 +6,7 @@ from py_trees import decorators
 from py_trees.common import BlackBoxLevel
 
 from behavior_controller.bt.engine.node import (
-    ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child)
+    ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child, run_script)
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.script.parser import Script, compile_script, to_bool
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
@@ -183,7 +183,7 @@ class Scripted:
 
     def run(self: Any) -> Any:
         """Run the script as it was read."""
-        return self.script.run(self.blackboard, self.services.enums)
+        return run_script(self.script, self, self.script_port)
 
 
 class Precondition(Scripted, Decorator):
@@ -320,27 +320,39 @@ class Loop(Decorator):
                         "std::vector<T>, or a string")
 
 
-class SkipUnlessUpdated(Decorator):
+class Watching:
+    """A node that watches ``entry``."""
+
+    seen = 0
+    key = ""
+
+    def configure(self: Any) -> None:
+        """Find the entry's name, written with or without braces."""
+        text = self.attributes.get("entry")
+        if not text:
+            raise ConfigureError(f"Missing port 'entry' in {self.name}")
+        self.key = ports.reference(text, "entry") or text
+
+    def is_updated(self: Any) -> bool:
+        """Return whether the entry was written since this was last true."""
+        entry = self.blackboard.find(self.key)
+        if entry is None or entry.sequence == self.seen:
+            return False
+        self.seen = entry.sequence
+        self.services.changes += 1
+        return True
+
+
+class SkipUnlessUpdated(Watching, Decorator):
     """The child if ``entry`` was written since this node's last tick, else SKIPPED."""
 
     otherwise: Result = SKIPPED
-    seen = 0
     child_runs = False
-    key = ""
-
-    def configure(self) -> None:
-        """Find the entry's name."""
-        self.key = entry_key(self)
 
     def update(self) -> Result:
-        """Go on with a running child, else compare the entry's write counter."""
-        if not self.child_runs:
-            entry = self.blackboard.find(self.key)
-            sequence = entry.sequence if entry is not None else None
-            if sequence is None or sequence == self.seen:
-                return self.otherwise
-            self.seen = sequence
-            self.services.changes += 1
+        """Go on with a running child, else look whether the entry was written."""
+        if not self.child_runs and not self.is_updated():
+            return self.otherwise
         result = self.decorated.execute()
         self.child_runs = result is RUNNING
         return result
@@ -368,12 +380,3 @@ class SubTree(Decorator):
         if self.status is IDLE:
             self.store(RUNNING)
         return self.tick_child()
-
-
-def entry_key(node: Node) -> str:
-    """Return the name of the entry that port ``entry`` of ``node`` means, written with or without
-    braces."""
-    text = node.attributes.get("entry")
-    if not text:
-        raise ConfigureError(f"Missing port 'entry' in {node.name}")
-    return ports.reference(text, "entry") or text

@@ -21,7 +21,7 @@ from behavior_controller.bt.engine.wakeup import WakeUp
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.blackboard import Blackboard
 from behavior_controller.bt.script.parser import Script, ScriptError, to_bool
-from behavior_controller.bt.registry import NodeSpec, Port, Role
+from behavior_controller.bt.registry import NodeSpec, Port
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Skipped
 from behavior_controller.errors import BehaviorControllerError
 from behavior_controller.text import clean
@@ -29,7 +29,9 @@ from behavior_controller.text import clean
 Result = Union[Status, Skipped]
 Observer = Callable[["Node", Status, Status], None]
 
-PRE_CONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
+_DECISIONS: Dict[str, Result] = {
+    "_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
+PRE_CONDITIONS = tuple(_DECISIONS)
 POST_CONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 
 
@@ -122,11 +124,11 @@ class Interception:
         status = node.status
         if status is IDLE:
             for attribute, script in self.conditions:
-                if to_bool(_run(script, node, attribute)) is not (attribute == "_while"):
+                if to_bool(run_script(script, node, attribute)) is not (attribute == "_while"):
                     return _DECISIONS[attribute]
         elif status is RUNNING:
             for attribute, script in self.conditions:
-                if attribute == "_while" and not to_bool(_run(script, node, attribute)):
+                if attribute == "_while" and not to_bool(run_script(script, node, attribute)):
                     node.halt_node()
                     return SKIPPED
         return None
@@ -134,12 +136,12 @@ class Interception:
     def run(self, node: "Node", *attributes: str) -> None:
         """Run the scripts of these post-conditions."""
         for attribute in attributes:
-            script = self.scripts.get(attribute)
-            if script is not None:
-                _run(script, node, attribute)
+            if attribute in self.scripts:
+                run_script(self.scripts[attribute], node, attribute)
 
 
-def _run(script: Script, node: "Node", attribute: str) -> Any:
+def run_script(script: Script, node: "Node", attribute: str) -> Any:
+    """Run a script of a node and return its value; what it raises knows its place in the file."""
     try:
         return script.run(node.blackboard, node.services.enums)
     except BehaviorControllerError as error:
@@ -150,18 +152,15 @@ def _run(script: Script, node: "Node", attribute: str) -> Any:
 
 
 def place_of(error: BehaviorControllerError) -> str:
-    """Return ``file:line:column`` of the node at which a tick failed; "" if the tree is not from a
-    file."""
-    node = error.node if isinstance(error, TickError) else None
-    cause = error.cause if isinstance(error, TickError) else error
-    element, attribute = (node.element if node is not None else None), None
+    """Return ``file:line:column`` of the node at which a tick failed, or of its script; "" if the
+    tree is not from a file."""
+    cause: Any = error
+    element, attribute = None, None
+    if isinstance(error, TickError):
+        cause, element = error.cause, getattr(error.node, "element", None)
     if isinstance(cause, BehaviorControllerError) and cause.origin:
         element, attribute = cause.origin
-    if element is None:
-        return ""
-    if attribute is None and node is not None and isinstance(cause, ScriptError):
-        attribute = next((port.name for port in node.spec.ports if port.role is Role.SCRIPT), None)
-    return "{}:{}:{}".format(clean(element.document.file), *element.place(attribute))
+    return "" if element is None else element.where(attribute)
 
 
 class Node(Behaviour):
@@ -287,9 +286,7 @@ class Node(Behaviour):
     def place_in_file(self) -> str:
         """Return ``file:line:column: `` as a message begins with it, or nothing if the node was not
         made from a file."""
-        if self.element is None:
-            return ""
-        return "{}:{}:{}: ".format(self.element.document.file, *self.element.place())
+        return "" if self.element is None else f"{self.element.where()}: "
 
     def reset(self) -> None:
         """Go back to IDLE; children and scripts are not touched."""
@@ -446,10 +443,6 @@ def label(node: Any) -> Tuple[str, str]:
     if node.full_path.rsplit("/", 1)[-1] == f"{node.name}::{node.uid}":
         return clean(node.name), f"#{node.uid}"
     return clean(node.name), f"({node.registration_id}) #{node.uid}"
-
-
-_DECISIONS: Dict[str, Result] = {
-    "_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
 
 
 def halt_child(child: Any) -> None:

@@ -13,7 +13,8 @@ from lxml import etree
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.loader.xml_repair import (
-    ATTRIBUTE, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, repaired, stray_text)
+    ATTRIBUTE, BEGINS, CHARACTER, MarkupFault, STARTS, TAG_NAME, TOKEN, diagnosis, repaired,
+    stray_text)
 from behavior_controller.ros_packages import package_folder
 from behavior_controller.errors import Fault, MissionError
 from behavior_controller.text import Unreadable, clean, decode, did_you_mean, read_bytes
@@ -21,6 +22,7 @@ from behavior_controller.text import Unreadable, clean, decode, did_you_mean, re
 LARGEST = 10_000_000  # bytes of one file; a tree of 100,000 nodes takes 3 to 10 million
 MOST_FILES = 500  # that one mission may include
 DEEPEST_INCLUDE = 50
+AS_UTF_8 = "save the file as UTF-8"
 EXPLICIT = ("Action", "Condition", "Control", "Decorator")
 _LONGEST = 300  # characters of a fault's text: names and values in it are as long as the file wants
 
@@ -112,15 +114,17 @@ class Document:
 
     def fault(self, fault: MarkupFault) -> Fault:
         """Return a fault of the markup with its place."""
-        return self.fault_between(fault.rule, fault.offset, fault.offset + 1, fault.text,
-                                  fault.hint)
+        end = fault.offset + 1
+        return self.fault_between(fault.rule, fault.offset, end, fault.text, fault.hint)
 
     def fault_between(self, rule: rules.LintRule, begin: int, end: int, text: str, hint: str = "",
                       is_warning: Optional[bool] = None) -> Fault:
         """Return a fault about the characters from ``begin`` to before ``end``."""
-        return Fault(self.file, *self.position(begin), clean(text, _LONGEST), clean(hint, _LONGEST),
-                     rule.is_warning if is_warning is None else is_warning, rule.code,
-                     *self.position(end))
+        text, hint = clean(text, _LONGEST), clean(hint, _LONGEST)
+        if is_warning is None:
+            is_warning = rule.is_warning
+        place, after = self.position(begin), self.position(end)
+        return Fault(self.file, *place, text, hint, is_warning, rule.code, *after)
 
     def stray_text(self, most: int) -> List[Fault]:
         """Return warnings of the first ``most`` texts that stand where only elements count."""
@@ -147,11 +151,10 @@ def parse(data: Union[str, bytes], file: str = "<text>") -> Document:
     text = document.text
     try:
         if not text.strip("\ufeff \t\r\n"):
-            raise MarkupFault(rules.EMPTY_FILE, "the file is empty", 0,
-                              "a mission begins with <root BTCPP_format=\"4\">")
+            raise MarkupFault(rules.EMPTY_FILE, "the file is empty", 0, BEGINS)
         if "\x00" in text:
-            raise MarkupFault(rules.NOT_TEXT, "a NUL character: the file is not UTF-8 text",
-                              text.index("\x00"), "save the file as UTF-8")
+            wrong = "a NUL character: the file is not UTF-8 text"
+            raise MarkupFault(rules.NOT_TEXT, wrong, text.index("\x00"), AS_UTF_8)
         with garbage_collection_paused():
             document.root = _parsed(repaired(text), document)
     except MarkupFault as fault:
@@ -169,9 +172,9 @@ def _decoded(data: bytes, file: str) -> str:
         # what comes before the first wrong byte is text, and says where it is
         before = Document(file, decode(data[:error.start], "ignore"))
         encoding = "UTF-16" if error.encoding.startswith("utf-16") else "UTF-8"
-        wrong = MarkupFault(rules.NOT_TEXT, f"byte 0x{data[error.start]:02x} is not {encoding}",
-                            len(before.text), "save the file as UTF-8")
-        raise MissionError([before.fault(wrong)]) from error
+        wrong = f"byte 0x{data[error.start]:02x} is not {encoding}"
+        fault = MarkupFault(rules.NOT_TEXT, wrong, len(before.text), AS_UTF_8)
+        raise MissionError([before.fault(fault)]) from error
 
 
 @contextlib.contextmanager
