@@ -76,7 +76,7 @@ class Flow:
              script: Optional[Script] = None) -> None:
         """Note that an entry is read."""
         key = self._used(tree, name)
-        at = script.facts.names[name] if script is not None else 0
+        at = script.facts.read[name] if script is not None else 0
         self.reads.setdefault(key, Access(key, element, attribute, at, script))
 
     def needs(self, tree: str) -> List[str]:
@@ -200,9 +200,9 @@ def _script(result: Flow, tree: str, element: Element, attribute: str, text: str
     except ScriptSyntaxError:
         return  # an empty one
     result.scripts.append(Use(tree, element, attribute, script, is_condition))
-    for name in sorted(script.read):
+    for name in sorted(script.facts.read):
         result.read(tree, name, element, attribute, script)
-    for name in sorted(script.written):
+    for name in sorted(script.facts.written):
         given = [assignment for assignment in script.facts.assignments if assignment.name == name]
         creates = any(assignment.sign == ":=" for assignment in given)
         result.write(tree, name, element, attribute, given[0].position, creates, touches=False)

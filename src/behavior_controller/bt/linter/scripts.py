@@ -56,7 +56,7 @@ class _Scripts:
         self.facts.warn(rule, use.element, text, hint, use.attribute, at)
 
     def _words(self, use: Use) -> bool:
-        for name, at in sorted(use.script.facts.names.items(), key=lambda item: item[1]):
+        for name, at in sorted(use.script.facts.read.items(), key=lambda item: item[1]):
             if name in WORDS and name not in self.written:
                 text = f"{name} means nothing in a script"
                 self._warn(rules.SCRIPT_WORD, use, text, WORDS[name], at)
@@ -72,7 +72,7 @@ class _Scripts:
                 if use.is_condition:
                     hint = "&& or || joins two conditions"
                 self._warn(rules.SCRIPT_NO_EFFECT, use, text, hint, statement.position)
-                for name in use.script.read:
+                for name in use.script.facts.read:
                     self.facts.excuse(use.tree, name)
                 return
 

@@ -6,7 +6,7 @@ running one too.
 """
 import re
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Set, Tuple
 
 from behavior_controller.bt.script import operators
 from behavior_controller.bt.engine.blackboard import Blackboard
@@ -75,7 +75,12 @@ class ScriptFacts(NamedTuple):
     assignments: List[Assignment]
     operations: List[Operation]
     prefixed: List[Tuple[str, Operand]]  # the signs before an operand, and that
-    names: Dict[str, int]  # the names that are read, and where first
+    read: Dict[str, int]  # the names that are read, and where first
+
+    @property
+    def written(self) -> Set[str]:
+        """The names of the entries that it assigns to."""
+        return {assignment.name for assignment in self.assignments if assignment.name}
 
 
 # what it is ("name", "integer", "real", "text", "end", or the operator itself), its text, its
@@ -150,18 +155,13 @@ _LITERALS: Dict[str, Callable[[str], Any]] = {
 
 
 class _ScriptParser:
-    """Recursive descent over the tokens of one script. ``read``, ``written`` and ``facts`` collect
-    what it does."""
+    """Recursive descent over the tokens of one script. ``facts`` collect what it does."""
 
     def __init__(self, text: str):
         self.tokens = _tokens(text)
         self.at = 0
         self.depth = 0
-        self.read: Set[str] = set()
-        self.written: Set[str] = set()
-        # the name that the operand read last is, if it is nothing more
-        self.bare: Optional[str] = None
-        self.last: Operand  # the operand read last
+        self.last: Operand  # the operand read last; a "name" is that and nothing more
         self.facts = ScriptFacts([], [], [], [], {})
         self._is_assignment: bool  # the expression read last
 
@@ -185,10 +185,9 @@ class _ScriptParser:
         whole = self.operation(0)
         kind = self.tokens[self.at][0]
         if kind in _ASSIGNMENTS:
-            whole = self._assignment(self.bare)
+            whole = self._assignment()
         else:
-            if self.bare is not None:
-                self.read.add(self.bare)
+            self._use()
             if kind == "?":
                 whole = self._choice(whole)
         self._is_assignment = kind in _ASSIGNMENTS
@@ -202,22 +201,21 @@ class _ScriptParser:
             raise ScriptSyntaxError(f"Nested too deeply at position {position}: at most {DEEPEST} "
                                     "levels are allowed", position)
 
-    def _assignment(self, name: Optional[str]) -> Evaluate:
-        position = self.last.position
-        sign, known = self._next()[0], len(self.facts.operations)
-        right = self.expression()
-        source, self.bare = self.bare, None
-        is_own = any(name in (operation.left.word, operation.right.word)
+    def _assignment(self) -> Evaluate:
+        target, known = self.last, len(self.facts.operations)
+        sign = self._next()[0]
+        right, value = self.expression(), self.last
+        name = target.word if target.kind == "name" else ""
+        is_own = any(name and name in (operation.left.word, operation.right.word)
                      for operation in self.facts.operations[known:])
-        self.facts.assignments.append(Assignment(name or "", sign, self.last, position, is_own))
-        if self.last.kind == "name":
-            self.last = self.last._replace(kind="")
-        if name is None:
+        self.facts.assignments.append(Assignment(name, sign, value, target.position, is_own))
+        if value.kind == "name":
+            self.last = value._replace(kind="")
+        if not name:
             return operators.no_entry
-        self.written.add(name)
         if sign not in (":=", "="):
-            self.read.add(name)
-        return operators.assigned(name, sign, right, source)
+            self.facts.read.setdefault(name, target.position)
+        return operators.assigned(name, sign, right, value.word if value.kind == "name" else None)
 
     def _choice(self, condition: Evaluate) -> Evaluate:
         """Return ``condition ? expression : …``; what follows the colon may be such a choice, but
@@ -228,9 +226,7 @@ class _ScriptParser:
             choices.append((condition, self.expression()))
             self._expect(":", " in ternary expression")
             condition = self.operation(0)
-            if self.bare is not None:
-                self.read.add(self.bare)
-        self.bare = None
+            self._use()
         self.last = self.last._replace(kind="")
         return operators.chosen(choices, condition)
 
@@ -262,11 +258,9 @@ class _ScriptParser:
         return apply(first, rest)
 
     def _use(self) -> None:
-        """Note that the operand read last, if it is a bare name, is an operand of something more.
-        """
-        if self.bare is not None:
-            self.read.add(self.bare)
-            self.bare = None
+        """Note that the value of the operand read last is used; of a name it is an entry's."""
+        if self.last.kind == "name":
+            self.facts.read.setdefault(self.last.word, self.last.position)
 
     def prefix(self) -> Evaluate:
         """Return ``-x``, ``~x``, ``!x`` (which may be stacked), or an operand."""
@@ -286,11 +280,8 @@ class _ScriptParser:
     def operand(self) -> Evaluate:
         """Return a literal, a name, or an expression in parentheses."""
         kind, text, position = self._next()
-        self.bare = None
         if kind == "name" and text not in ("true", "false"):
-            self.bare = text
             self.last = Operand("name", text, position)
-            self.facts.names.setdefault(text, position)
             return operators.value_of(text)
         if kind in _LITERALS:
             value = _LITERALS[kind](text)
@@ -329,13 +320,10 @@ def _kind(sign: str, left: Operand, right: Operand) -> str:
 
 @dataclass(frozen=True)
 class Script:
-    """A script ready to run. ``read`` and ``written`` are the names of entries that it uses,
-    ``facts`` what it does."""
+    """A script ready to run; ``facts`` are what it does."""
 
     text: str
     statements: List[Evaluate]
-    read: Set[str]
-    written: Set[str]
     facts: ScriptFacts
 
     def run(self, blackboard: Blackboard, enums: Enums) -> Any:
@@ -356,7 +344,6 @@ def compile_script(text: str, allow_empty: bool = False) -> Script:
     """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: an empty one fails
     when it runs."""
     if allow_empty and not text:
-        return Script(text, [], set(), set(), ScriptFacts([], [], [], [], {}))
+        return Script(text, [], ScriptFacts([], [], [], [], {}))
     parser = _ScriptParser(text)
-    statements = parser.script()
-    return Script(text, statements, parser.read, parser.written, parser.facts)
+    return Script(text, parser.script(), parser.facts)

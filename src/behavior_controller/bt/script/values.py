@@ -83,8 +83,8 @@ def _in_range(match: Any, low: int, high: int) -> int:
     value = int(digits) if len(digits) <= _MOST_DIGITS else 10 ** _MOST_DIGITS
     value = -value if sign else value
     if not low <= value <= high:
-        raise ValueFault(f"Value out of bound when converting [{shown(match.string)}] to integer: "
-                         f"{low} to {high} is allowed")
+        wrong = f"Value out of bound when converting [{shown(match.string)}] to integer"
+        raise ValueFault(f"{wrong}: {low} to {high} is allowed")
     return value
 
 
@@ -122,15 +122,15 @@ def whole_real(text: str) -> Optional[float]:
 
 def _boolean(text: str, _enums: Enums) -> bool:
     if text not in _BOOLEANS:
-        raise ValueFault(f"convertFromString(): invalid bool conversion of [{shown(text)}]; "
-                         "allowed: 0 1 true false")
+        wrong = f"convertFromString(): invalid bool conversion of [{shown(text)}]"
+        raise ValueFault(f"{wrong}; allowed: 0 1 true false")
     return _BOOLEANS[text]
 
 
 def _status(text: str, _enums: Enums) -> Any:
     if text not in BY_NAME:
-        raise ValueFault(
-            f"Cannot convert this to NodeStatus: {shown(text)}; allowed: {' '.join(BY_NAME)}")
+        wrong = f"Cannot convert this to NodeStatus: {shown(text)}"
+        raise ValueFault(f"{wrong}; allowed: {' '.join(BY_NAME)}")
     return BY_NAME[text]
 
 
@@ -139,18 +139,17 @@ def _enumerator(text: str, enums: Enums) -> int:
         return enums[text]
     number = whole_integer(text, *INT)
     if number is None:
-        raise ValueFault(f"Can't convert string [{shown(text)}] to an enum; known names: "
-                         f"{' '.join(enums) or 'none'}")
+        names = " ".join(enums) or "none"
+        raise ValueFault(f"Can't convert string [{shown(text)}] to an enum; known names: {names}")
     return number
 
 
-def _vector_reader(item: Callable[[str, Enums], Any],
-                   from_json: Callable[[Any], Any]) -> Callable[[str, Enums], Any]:
+def _vector_type(name: str, item: Callable[[str, Enums], Any], kind: type) -> ValueType:
     def read(text: str, enums: Enums) -> Any:
         if text.startswith("json:"):
-            return [from_json(value) for value in _json_array(text[5:])]
+            return [_json_item(value, kind) for value in _json_array(text[5:])]
         return [item(part, enums) for part in items_of(text)]
-    return read
+    return ValueType(name, read)
 
 
 def items_of(text: str) -> List[str]:
@@ -169,16 +168,14 @@ def _json_array(text: str) -> List[Any]:
     return value
 
 
-def _json_item(kind: type) -> Callable[[Any], Any]:
-    """Return a check of one item; a JSON number may lack the point that a real has here."""
-    def check(value: Any) -> Any:
-        if kind is float and type(value) is int:
-            return to_real(value)
-        if type(value) is not kind:
-            raise ValueFault(
-                f"the JSON item {shown(json.dumps(value))} is not of type {_JSON_NAMES[kind]}")
-        return to_int(value, *INT) if kind is int else value
-    return check
+def _json_item(value: Any, kind: type) -> Any:
+    """Check an item; a JSON number may lack the point that a real has here."""
+    if kind is float and type(value) is int:
+        return to_real(value)
+    if type(value) is not kind:
+        item = shown(json.dumps(value))
+        raise ValueFault(f"the JSON item {item} is not of type {_JSON_NAMES[kind]}")
+    return to_int(value, *INT) if kind is int else value
 
 
 _JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
@@ -251,10 +248,10 @@ TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_typ
     ValueType("bool", _boolean),
     ValueType("NodeStatus", _status, checked_at_load=False),
     ValueType("enum", _enumerator, checked_at_load=False),
-    ValueType("vec_int", _vector_reader(_integer_reader(*INT), _json_item(int))),
-    ValueType("vec_double", _vector_reader(real_from_text, _json_item(float))),
-    ValueType("vec_string", _vector_reader(lambda text, _enums: text, _json_item(str))),
-    ValueType("vec_bool", _vector_reader(_boolean, _json_item(bool))),
+    _vector_type("vec_int", _integer_reader(*INT), int),
+    _vector_type("vec_double", real_from_text, float),
+    _vector_type("vec_string", lambda text, _enums: text, str),
+    _vector_type("vec_bool", _boolean, bool),
     ValueType(ANY, None),
     ValueType(BT_ANY, None),
 ))
