@@ -11,6 +11,7 @@ from py_trees.common import ParallelPolicy
 
 from behavior_controller.bt.engine.node import Node, NodeError, Parent, Result, halt_child
 from behavior_controller.bt.engine import ports
+from behavior_controller.bt.registry import Port, Role
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
@@ -222,9 +223,19 @@ class _Side(Control, composites.Parallel):
         Control.halt(self)
 
 
+def _count(name: str, default: str, description: str, if_zero: str) -> Port:
+    return Port(name, "int", default=default, description=description, role=Role.CHILDREN,
+                if_zero=if_zero)
+
+
 class Parallel(_Side):
     """All children at once; ``success_count`` and ``failure_count`` decide, and are tested after
     every child."""
+
+    _if_zero = "is decided before any child has done its work"
+    PORTS = (
+        _count("success_count", "-1", "children that must succeed; -1 is all", _if_zero),
+        _count("failure_count", "1", "children that must fail to fail; -1 is all", _if_zero))
 
     def update(self) -> Result:
         """Tick every child that has not completed, until the thresholds decide."""
@@ -246,6 +257,9 @@ class Parallel(_Side):
 
 class ParallelAll(_Side):
     """All children to their end; FAILURE if at least ``max_failures`` of them failed."""
+
+    PORTS = (_count("max_failures", "1", "FAILURE if at least as many children fail",
+                    "waits for all children, and is then always FAILURE"),)
 
     def update(self) -> Result:
         """Tick every child that has not completed."""
@@ -367,6 +381,8 @@ class Switch(Control, composites.Composite):
 class TryCatch(Control, composites.Composite):
     """All children but the last in order; if one fails, the last one runs and the node fails."""
 
+    PORTS = (Port("catch_on_halt", "bool", default="false",
+                  description="tick the last child on a halt too"),)
     index = skipped = 0
     catching = False
 

@@ -1,6 +1,6 @@
 """The decorators of BehaviorTree.CPP v4 and the SubTree node: one child each."""
 from collections import deque
-from typing import Any, Deque, Optional
+from typing import Any, Deque, Optional, Tuple
 
 from py_trees import decorators
 from py_trees.common import BlackBoxLevel
@@ -8,7 +8,9 @@ from py_trees.common import BlackBoxLevel
 from behavior_controller.bt.engine.node import (
     ConfigureError, Node, NodeError, Parent, Result, Timed, halt_child, run_script)
 from behavior_controller.bt.engine import ports
+from behavior_controller.bt.registry import Direction, Port, Role
 from behavior_controller.bt.script.parser import Script, compile_script, to_bool
+from behavior_controller.bt.script.values import TEXT
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
@@ -86,14 +88,13 @@ class KeepRunningUntilFailure(Decorator):
 class Repeat(Decorator):
     """The child ``num_cycles`` times while it succeeds; -1: no limit."""
 
-    port = "num_cycles"
+    PORTS = (Port("num_cycles", "int", description="rounds; -1: no limit"),)
     goes_on_at = SUCCESS
     ends_at = FAILURE
-
     count = 0
 
     def _limit(self) -> int:
-        return self.required(self.port)
+        return self.required(self.PORTS[0].name)
 
     def update(self) -> Result:
         """Tick the child; yield after a round that was done at once, go on within the tick after a
@@ -136,7 +137,7 @@ class RetryUntilSuccessful(Repeat):
     """The child up to ``num_attempts`` times until it succeeds; -1: no limit. A failure reads the
     port again."""
 
-    port = "num_attempts"
+    PORTS = (Port("num_attempts", "int", description="attempts; -1: no limit"),)
     goes_on_at = FAILURE
     ends_at = SUCCESS
 
@@ -147,6 +148,8 @@ class RetryUntilSuccessful(Repeat):
 class RunOnce(Decorator):
     """The child once in the life of the tree; later ticks are SKIPPED or repeat the result."""
 
+    PORTS = (Port("then_skip", "bool", default="true",
+                  description="later ticks are SKIPPED, else they repeat the result"),)
     result: Optional[Result] = None
 
     def update(self) -> Result:
@@ -190,6 +193,8 @@ class Precondition(Scripted, Decorator):
     """The child if the script ``if`` is true, else the status ``else``. It is not evaluated again
     while the child runs."""
 
+    PORTS = (Port("if", TEXT, description="script that must be true", role=Role.SCRIPT),
+             Port("else", "NodeStatus", default="FAILURE", description="the result if it is not"))
     script_port, missing = "if", "parameter"
     latched = False
 
@@ -210,6 +215,8 @@ class Precondition(Scripted, Decorator):
 
 class Delay(Timed, Decorator):
     """The child after ``delay_msec``."""
+
+    PORTS = (Port("delay_msec", "uint", description="wait that long, in ms"),)
 
     def update(self) -> Result:
         """Start the timer, wait for it, then tick the child."""
@@ -233,6 +240,8 @@ class Delay(Timed, Decorator):
 class Timeout(Timed, Decorator):
     """The child for at most ``msec``, then it is halted and the node fails. 0: no limit."""
 
+    PORTS = (Port("msec", "uint",
+                  description="the longest time of the child, in ms; 0: no limit"),)
     active = False
 
     def update(self) -> Result:
@@ -323,6 +332,8 @@ class Loop(Decorator):
 class Watching:
     """A node that watches ``entry``."""
 
+    PORTS: Tuple[Port, ...] = (
+        Port("entry", "Any", description="the entry to watch", role=Role.WATCHED),)
     seen = 0
     key = ""
 
@@ -373,6 +384,8 @@ class SubTree(Decorator):
     """Another tree of the file in this place, with its own blackboard (BT.CPP section "SubTree").
     """
 
+    PORTS = (Port("_autoremap", "bool", default="false",
+                  description="entries of equal name are the parent's"),)
     blackbox_level = BlackBoxLevel.COMPONENT
 
     def update(self) -> Result:

@@ -29,9 +29,9 @@ from behavior_controller.text import clean
 Result = Union[Status, Skipped]
 Observer = Callable[["Node", Status, Status], None]
 
-_DECISIONS: Dict[str, Result] = {
+DECISIONS: Dict[str, Result] = {
     "_failureIf": FAILURE, "_successIf": SUCCESS, "_skipIf": SKIPPED, "_while": SKIPPED}
-PRE_CONDITIONS = tuple(_DECISIONS)
+PRE_CONDITIONS = tuple(DECISIONS)
 POST_CONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 
 
@@ -125,7 +125,7 @@ class Interception:
         if status is IDLE:
             for attribute, script in self.conditions:
                 if to_bool(run_script(script, node, attribute)) is not (attribute == "_while"):
-                    return _DECISIONS[attribute]
+                    return DECISIONS[attribute]
         elif status is RUNNING:
             for attribute, script in self.conditions:
                 if attribute == "_while" and not to_bool(run_script(script, node, attribute)):
@@ -171,6 +171,7 @@ class Node(Behaviour):
     the tree, ``uid`` the number in depth-first order from 1 (BT.CPP section "UIDs and paths").
     """
 
+    PORTS: Tuple[Port, ...] = ()
     status: Status
     element: Any = None
     """The ``document.Element`` that the node was made from, if it was made from a file."""

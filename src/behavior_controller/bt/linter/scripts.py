@@ -3,8 +3,8 @@ from typing import List, Optional, Set, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.linter.dataflow import Key, Use
-from behavior_controller.bt.linter.facts import MissionFacts
-from behavior_controller.bt.linter.kinds import NUMERAL, SOME_TEXT, Write, literal_kind
+from behavior_controller.bt.linter.facts import (
+    NUMERAL, SOME_TEXT, MissionFacts, Write, literal_kind)
 from behavior_controller.bt.script.parser import Operand, Operation
 from behavior_controller.text import did_you_mean
 
