@@ -182,6 +182,10 @@ class Registry:
         """Return the node type of that name, or None."""
         return self._specs.get(node_id)
 
+    def __getitem__(self, node_id: str) -> NodeSpec:
+        """Return the node type of a checked mission."""
+        return self._specs[node_id]
+
     def all(self) -> List[NodeSpec]:
         """Return every node type, in the order of registration."""
         return list(self._specs.values())

@@ -68,10 +68,12 @@ class Entry:
 
 class Blackboard:
     """The entries of one tree instance. A key that is remapped lives in the parent; ``@key`` lives
-    in the root."""
+    in the root. ``path`` is that of the SubTree, "" at the root."""
 
-    def __init__(self, parent: Optional["Blackboard"] = None):
+    def __init__(self, parent: Optional["Blackboard"] = None, path: str = ""):
         self.parent = parent
+        self.path = path
+        self.prefix = path and path + "/"  # of the paths of what is inside
         self._count: WriteCount = parent._count if parent is not None else WriteCount()
         self.local: Dict[str, Entry] = {}
         self.remapping: Dict[str, str] = {}

@@ -148,8 +148,7 @@ def flow(trees: Mapping[str, List[Element]], main: str, models: Mapping[str, Lis
             if element.tag == "SubTree":
                 _call(result, tree, element, models.get(element.attributes["ID"], []))
             else:
-                spec = registry.find(element.type_id)
-                assert spec is not None  # guaranteed by the check
+                spec = registry[element.type_id]
                 for port in spec.ports:
                     _port(result, tree, element, port, spec.kind is not Kind.ACTION)
             for name in CONDITIONS:

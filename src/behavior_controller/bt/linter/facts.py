@@ -65,9 +65,7 @@ class MissionFacts:
 
     def spec(self, element: Element) -> NodeSpec:
         """Return the node type of an element."""
-        spec = self.registry.find(element.type_id)
-        assert spec is not None  # guaranteed by the check
-        return spec
+        return self.registry[element.type_id]
 
 
 def outcomes(trees: Mapping[str, List[Element]], registry: Registry) -> Dict[int, int]:

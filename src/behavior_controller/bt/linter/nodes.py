@@ -3,7 +3,7 @@
 What depends on an instance (types of entries, paths of SubTrees) is found when the tree is built.
 """
 import re
-from typing import Callable, Dict, Optional
+from typing import Callable, Optional
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.engine import ports
@@ -50,7 +50,6 @@ class Nodes:
         # only when it makes a node is a warning
         self.is_used = True
         self._known = {spec.id: spec for spec in registry.all() if spec.kind is not Kind.SUBTREE}
-        self._scripts: Dict[str, Optional[ScriptSyntaxError]] = {}  # text -> what is wrong with it
 
     def check(self, element: Element) -> None:
         """Check a node."""
@@ -73,7 +72,8 @@ class Nodes:
     def fault_in_use(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
                      attribute: Optional[str] = None, at: int = 0) -> None:
         """Record a fault of an element that may not be in use."""
-        (self.fault if self.is_used else self.warn)(rule, element, text, hint, attribute, at)
+        report = self.fault if self.is_used else self.warn
+        report(rule, element, text, hint, attribute, at)
 
     def _identified(self, element: Element) -> Optional[NodeSpec]:
         """Return the node type that an element names; None if nothing more can be checked."""
@@ -171,10 +171,12 @@ class Nodes:
             is_cut_short(self.warn, element, port.name, port, port.literal or port.type)
 
     def _script(self, element: Element, name: str, text: str) -> None:
-        if text not in self._scripts:
-            self._scripts[text] = _script_fault(text)
-        wrong = self._scripts[text]
-        if wrong is not None:
+        try:
+            if len(text) > LONGEST_SCRIPT:
+                raise ScriptSyntaxError(
+                    f"it has {len(text)} characters; at most {LONGEST_SCRIPT} are allowed")
+            compile_script(text)
+        except ScriptSyntaxError as wrong:
             said = f"the script of {name} cannot be read: {wrong}"
             hint = wrong.hint or text
             self.fault_in_use(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
@@ -285,15 +287,3 @@ def _meant(text: str, port: Port, type_name: str) -> str:
 def condition_meant(name: str) -> str:
     """Return ``did you mean _…?`` if an attribute is a condition that lacks its underscore."""
     return did_you_mean("_" + name, CONDITIONS, likeness=0.8)
-
-
-def _script_fault(text: str) -> Optional[ScriptSyntaxError]:
-    """Return what is wrong with the text of a script, or None."""
-    try:
-        if len(text) > LONGEST_SCRIPT:
-            raise ScriptSyntaxError(
-                f"it has {len(text)} characters; at most {LONGEST_SCRIPT} are allowed")
-        compile_script(text)
-    except ScriptSyntaxError as error:
-        return error
-    return None

@@ -23,7 +23,7 @@ from behavior_controller.bt.engine import ports
 from behavior_controller.bt.engine.blackboard import Blackboard, Entry
 from behavior_controller.bt.loader.document import (
     Document, Element, garbage_collection_paused, parse, read, with_includes)
-from behavior_controller.bt.script.parser import Script, ScriptSyntaxError, compile_script
+from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.script.values import GENERIC, TEXT, ValueFault
 from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry
 from behavior_controller.errors import Fault, MissionError
@@ -62,7 +62,7 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     trees = checked or check(documents, registry, main_tree, strict)
     services = Services(clock or Clock(), wake or WakeUp(), enums or {})
     compiler = _Compiler(trees, registry, services, substitutions(substitutes or {}))
-    services.clients = Clients(trees.main, compiler.blackboards, registry)
+    services.clients = Clients(trees.main, registry)
     if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
         compiler.unfold(blackboard if blackboard is not None else Blackboard())
     is_linted = with_lint and not compiler.faults
@@ -72,13 +72,6 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
         raise MissionError(faults)
     sources = tuple(Source(document.file, document.text) for document in documents)
     return Tree(trees.main, compiler.nodes, compiler.blackboards, services, faults, sources)
-
-
-class _Place(NamedTuple):
-    """Where an element is to be made: on which blackboard, under which path."""
-
-    blackboard: Blackboard
-    prefix: str
 
 
 class _Use(NamedTuple):
@@ -114,7 +107,6 @@ class _Compiler:
         self.nodes: List[Node] = []
         self.blackboards: Dict[str, Blackboard] = {}
         self.faults: List[Fault] = []
-        self._scripts: Dict[str, Script] = {}
         self._defaults: Dict[str, Dict[str, str]] = {}  # node type -> its entries by default
         self._classes: Set[type] = set()  # of nodes
         self._deepest = 0
@@ -125,18 +117,18 @@ class _Compiler:
     def unfold(self, blackboard: Blackboard) -> None:
         """Make every node, parents before children, in document order."""
         self.blackboards[""] = blackboard
-        faulty, place = self.trees.findings.faulty, _Place(blackboard, "")
-        stack: List[Tuple[Element, Optional[Node], _Place, int]] = [
-            (child, None, place, 1) for child in self.trees.trees[self.trees.main].children]
+        faulty = self.trees.findings.faulty
+        stack: List[Tuple[Element, Optional[Node], Blackboard, int]] = [
+            (child, None, blackboard, 1) for child in self.trees.trees[self.trees.main].children]
         while stack:
-            element, parent, place, depth = stack.pop()
+            element, parent, blackboard, depth = stack.pop()
             if depth > self._deepest:
                 self._deepest = depth
                 if depth > DEEPEST:
                     text = f"the mission unfolds to more than {DEEPEST} levels"
                     self.faults.append(element.fault(rules.TOO_LARGE, text))
                     break
-            node = None if id(element) in faulty else self._node(element, parent, place)
+            node = None if id(element) in faulty else self._node(element, parent, blackboard)
             children = element.children
             if node is None:
                 # it cannot be made, but its content may have mistakes too
@@ -146,27 +138,29 @@ class _Compiler:
             else:
                 parent, depth = node, depth + 1
                 if element.tag == "SubTree":
-                    place, children = self._enter(element, place, node)
+                    blackboard = self._enter(element, blackboard, node)
+                    children = self.trees.trees[element.attributes["ID"]].children
             for child in reversed(children):
-                stack.append((child, parent, place, depth))
+                stack.append((child, parent, blackboard, depth))
         self.faults += dict.fromkeys(self._blamed(*clash) for clash in self._clashes)
         needed = 1000 + _FRAMES_PER_LEVEL * self._deepest
         if sys.getrecursionlimit() < needed:
             sys.setrecursionlimit(needed)
 
-    def _node(self, element: Element, parent: Optional[Node], place: _Place) -> Optional[Node]:
+    def _node(self, element: Element, parent: Optional[Node],
+              blackboard: Blackboard) -> Optional[Node]:
         """Make the node of an element; None, with a fault, if it cannot be made."""
         uid, type_id = len(self.nodes) + 1, element.type_id
         own_id = element.attributes.get("ID", "") if type_id == "SubTree" else type_id
         name = element.attributes.get("name", own_id)
-        path = place.prefix + name
+        path = blackboard.prefix + name
         if name == own_id:
             path = f"{path}::{uid}"
         spec, node = self._made(type_id, name, path, element)
         if node is None:
             return None
         node.element, node.uid, node.registration_id, node.full_path = element, uid, type_id, path
-        node.blackboard, node.services = place.blackboard, self.services
+        node.blackboard, node.services = blackboard, self.services
         node.spec, node.attributes = spec, element.attributes
         defaults = self._defaults.get(spec.id)
         if defaults is None:
@@ -181,8 +175,7 @@ class _Compiler:
 
     def _made(self, type_id: str, name: str, path: str,
               element: Element) -> Tuple[NodeSpec, Optional[Node]]:
-        spec = self.registry.find(type_id)
-        assert spec is not None  # guaranteed by the checks
+        spec = self.registry[type_id]
         if self.substitutes.rules:
             target = self.substitutes.target(name, type_id, path)
             config = self.substitutes.configs.get(target or "")
@@ -224,7 +217,7 @@ class _Compiler:
                 if attribute in known:
                     ports.declare(text, known[attribute], node.blackboard)
                 elif attribute in CONDITIONS:
-                    scripts[attribute] = self._script(text)
+                    scripts[attribute] = compile_script(text)
             attribute, rule = None, rules.NODE_REFUSES
             if scripts:
                 interception = node.intercepted()
@@ -274,34 +267,24 @@ class _Compiler:
                     if use.type not in GENERIC + (TEXT,):
                         yield use
 
-    def _script(self, text: str) -> Script:
-        script = self._scripts.get(text)
-        if script is None:
-            script = self._scripts[text] = compile_script(text)
-        return script
-
-    def _enter(self, element: Element, place: _Place, node: Node) -> Tuple[_Place, List[Element]]:
-        """Return where the contents of a SubTree are to be made, and what they are."""
+    def _enter(self, element: Element, outer: Blackboard, node: Node) -> Blackboard:
+        """Return the blackboard of what is inside a SubTree."""
         tree_id = element.attributes["ID"]
-        path = place.prefix + element.attributes.get("name", f"{tree_id}::{node.uid}")
+        path = outer.prefix + element.attributes.get("name", f"{tree_id}::{node.uid}")
         if path in self.blackboards:
-            text = f"two SubTrees have the same path {path}"
+            wrong = f"two SubTrees have the same path {path}"
             hint = "give them different names, or none"
-            self.faults.append(element.fault(rules.SAME_PATH, text, hint, "name"))
-        inner = Blackboard(place.blackboard)
-        self.blackboards[path] = inner
-        self._remap(element, tree_id, inner)
-        return _Place(inner, path + "/"), self.trees.trees[tree_id].children
-
-    def _remap(self, element: Element, tree_id: str, inner: Blackboard) -> None:
+            self.faults.append(element.fault(rules.SAME_PATH, wrong, hint, "name"))
+        inner = self.blackboards[path] = Blackboard(outer, path)
         autoremap = remaps_all(element)
         model = () if autoremap else self.trees.models.get(tree_id, ())
         for name, text in given(element, model).items():
-            outer = None if text is None else ports.subtree_reference(text, name)
-            if outer is not None:
-                inner.add_remapping(name, outer)
+            entry = None if text is None else ports.subtree_reference(text, name)
+            if entry is not None:
+                inner.add_remapping(name, entry)
             elif text is not None:
                 value_type, value = ports.subtree_literal(text)
                 inner.set(name, value, value_type)
                 self._numbers[id(inner.local[name])] = element, name
         inner.autoremap = autoremap  # not before the literals have found their place here
+        return inner

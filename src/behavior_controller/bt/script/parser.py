@@ -4,6 +4,7 @@ section 11).
 Nothing of Python can be reached from a script. Reading one takes time in proportion to its length,
 running one too.
 """
+import functools
 import re
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, NamedTuple, Set, Tuple
@@ -320,7 +321,7 @@ def _kind(sign: str, left: Operand, right: Operand) -> str:
 
 @dataclass(frozen=True)
 class Script:
-    """A script ready to run; ``facts`` are what it does."""
+    """A script ready to run; ``facts`` are what it does. Nodes with the same text share it."""
 
     text: str
     statements: List[Evaluate]
@@ -340,6 +341,7 @@ class Script:
         return value
 
 
+@functools.lru_cache(maxsize=1000)
 def compile_script(text: str, allow_empty: bool = False) -> Script:
     """Return ``text`` as a Script. Raises ScriptSyntaxError. ``allow_empty``: an empty one fails
     when it runs."""
