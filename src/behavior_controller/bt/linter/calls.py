@@ -65,7 +65,7 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
         hint = near or f"the tree {called} has {has}"
     else:
         return False
-    facts.warn(rule, call, text, hint, name)
+    facts.report(rule, call, text, hint, name)
     if outer is not None:
         facts.excuse(tree, outer)
     return True
@@ -78,7 +78,7 @@ def _check_result(facts: MissionFacts, call: Element, name: str, text: str, tree
     if text.isidentifier() and key in facts.flow.own and key not in facts.flow.reads:
         lost = f"{name}=\"{text}\" is the text {text}: what the tree {called} writes there is lost"
         hint = f"the entry is written {{{text}}}"
-        facts.warn(rules.BRACES_FORGOTTEN, call, lost, hint, name)
+        facts.report(rules.BRACES_FORGOTTEN, call, lost, hint, name)
         facts.excuse(tree, text)
 
 
@@ -93,7 +93,7 @@ def _tell_forgotten(facts: MissionFacts, call: Element, name: str, tree: str) ->
     elif facts.defaults.written_by(name) or near:
         hint = f"{hint}; {near}"
     text = f"the tree {called} needs the entry {name}, which this call does not give"
-    facts.warn(rules.SUBTREE_PORT_MISSING, call, text, hint)
+    facts.report(rules.SUBTREE_PORT_MISSING, call, text, hint)
 
 
 def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, called: str) -> None:
@@ -102,9 +102,9 @@ def _check_literal(facts: MissionFacts, call: Element, name: str, text: str, cal
     if port is None or ports.subtree_literal(text)[0] != TEXT:
         return
     wrong = ports.literal_fault(text, port, {})
-    if not is_cut_short(facts.warn, call, name, port, port.type) and wrong is not None:
+    if not is_cut_short(facts.report, call, name, port, port.type) and wrong is not None:
         refused = f"{name}=\"{text}\" cannot be of type {port.type}, as the port {port.name} there"
-        facts.warn(rules.WRONG_LITERAL, call, refused, wrong, name)
+        facts.report(rules.WRONG_LITERAL, call, refused, wrong, name, as_warning=True)
 
 
 def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, tree: str) -> None:
@@ -117,7 +117,7 @@ def _check_remapped(facts: MissionFacts, call: Element, name: str, outer: str, t
     if near:
         facts.excuse(tree, outer)
         text = f"the entry {outer} is named nowhere else"
-        facts.warn(rules.ENTRY_MISSPELT, call, text, f"did you mean {near}?", name)
+        facts.report(rules.ENTRY_MISSPELT, call, text, f"did you mean {near}?", name)
 
 
 # --------------------------------------------------------------------- entries that are not written
@@ -158,7 +158,7 @@ def _check_written(facts: MissionFacts) -> None:
                              and flow.first((tree, other)) in read & written & created})
         if near:
             text = f"the entry {name} is written here, and read nowhere"
-            facts.warn(rules.ENTRY_MISSPELT, place.element, text, f"did you mean {near}?",
+            facts.report(rules.ENTRY_MISSPELT, place.element, text, f"did you mean {near}?",
                        place.attribute, place.at)
 
 
@@ -172,7 +172,7 @@ def _check_read(facts: MissionFacts, read: Access) -> None:
     if not hint and _is_like_a_text(read):
         hint = f"a text needs single quotes: '{name}'"
     text = f"the entry {name} is read here, but nothing writes it"
-    facts.warn(rules.NEVER_WRITTEN, read.element, text, hint, read.attribute, read.at)
+    facts.report(rules.NEVER_WRITTEN, read.element, text, hint, read.attribute, read.at)
 
 
 def _is_like_a_text(read: Access) -> bool:

@@ -1,5 +1,5 @@
-"""What is known of a mission without running it: how nodes can end, and what its entries hold: which
-values, and whether a text or a number, as far as the scripts and the texts of the file tell."""
+"""What is known of a mission without running it: how nodes can end, what its entries hold, and
+whether that is a text or a number, as far as the scripts and the texts of the file tell."""
 from typing import Collection, Dict, Iterator, List, Mapping, NamedTuple, Optional, Set, Tuple
 
 from behavior_controller.bt.linter.dataflow import EntryPlace, Flow, Key, Use, flow
@@ -28,7 +28,7 @@ class MissionFacts:
         self.trees = trees
         self.registry = registry
         self.findings = trees.findings
-        self.warn = trees.findings.warn
+        self.report = trees.findings.report
         self.elements = {tree: trees.trees[tree].below for tree in trees.used}
         self.ends = outcomes(self.elements, registry)
         self.flow: Flow = flow(self.elements, trees.main, trees.models, registry)

@@ -44,8 +44,7 @@ class Nodes:
     def __init__(self, registry: Registry, trees: Trees):
         self.registry = registry
         self.trees = trees
-        self.fault, self.warn = trees.fault, trees.warn
-        self.nearest = trees.nearest
+        self.report, self.nearest = trees.report, trees.nearest
         # the tree being checked is part of the mission; in any other, what BehaviorTree.CPP notices
         # only when it makes a node is a warning
         self.is_used = True
@@ -57,7 +56,7 @@ class Nodes:
         if spec is None:
             return
         if spec.warning:
-            self.warn(rules.NODE_TYPE_WARNING, element, spec.warning)
+            self.report(rules.NODE_TYPE_WARNING, element, spec.warning)
         if spec.refuses_explicit or spec.at_most_one:
             self._kinds_of_children(element, spec)
         if spec.names:
@@ -69,11 +68,10 @@ class Nodes:
             if name != "name":
                 self._attribute(element, spec, name, text)
 
-    def fault_in_use(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
-                     attribute: Optional[str] = None, at: int = 0) -> None:
+    def report_if_used(self, rule: rules.LintRule, element: Element, text: str, hint: str = "",
+                       attribute: Optional[str] = None, at: int = 0) -> None:
         """Record a fault of an element that may not be in use."""
-        report = self.fault if self.is_used else self.warn
-        report(rule, element, text, hint, attribute, at)
+        self.report(rule, element, text, hint, attribute, at, as_warning=not self.is_used)
 
     def _identified(self, element: Element) -> Optional[NodeSpec]:
         """Return the node type that an element names; None if nothing more can be checked."""
@@ -92,49 +90,49 @@ class Nodes:
         allowed = f"allowed: name=\"…\" with {', '.join(spec.names)}"
         if not argument(name):
             text = f"{spec.id} takes an argument in its name, which is not given"
-            self.fault_in_use(rules.NAME_ARGUMENT, element, text, allowed)
+            self.report_if_used(rules.NAME_ARGUMENT, element, text, allowed)
         elif argument(name) not in spec.names:
             text = f"the name of {spec.id} cannot be {name}"
-            self.fault_in_use(rules.NAME_ARGUMENT, element, text, allowed, "name")
+            self.report_if_used(rules.NAME_ARGUMENT, element, text, allowed, "name")
 
     def _unknown(self, element: Element, node_id: str) -> None:
         attribute = "ID" if element.tag in EXPLICIT else None
         if node_id == "BehaviorTree":
             text = "a <BehaviorTree> cannot stand inside another"
             hint = "call it with <SubTree ID=\"…\"/>"
-            self.fault_in_use(rules.TREE_IN_TREE, element, text, hint)
+            self.report_if_used(rules.TREE_IN_TREE, element, text, hint)
         elif node_id in self.trees.trees:
             text = f"{node_id} is a tree, not a node"
             hint = f"it is called with <SubTree ID=\"{node_id}\"/>"
-            self.fault(rules.TREE_AS_NODE, element, text, hint, attribute)
+            self.report(rules.TREE_AS_NODE, element, text, hint, attribute)
         else:
             hint = (ELSEWHERE.get(node_id)
                     or self.nearest(node_id, list(self._known) + ["SubTree"])
                     or "exportNodeModel prints every node type with its ports")
-            self.fault(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
+            self.report(rules.UNKNOWN_NODE, element, f"unknown node {node_id}", hint, attribute)
 
     def _kinds_of_children(self, element: Element, spec: NodeSpec) -> None:
         for child in element.children:
             if child.tag in EXPLICIT and child.type_id:
                 text = f"BehaviorTree.CPP refuses <{child.tag}> directly below {spec.id}"
-                self.fault(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
+                self.report(rules.EXPLICIT_IN_REACTIVE, child, text, f"write <{child.type_id}/>")
         if sum(child.tag == spec.at_most_one for child in element.children) > 1:
             text = f"a {spec.id} cannot have more than one {spec.at_most_one} child"
-            self.fault(rules.TWO_ASYNC, element, text)
+            self.report(rules.TWO_ASYNC, element, text)
 
     def _children(self, element: Element, spec: NodeSpec, fewest: int, most: int) -> None:
         count = len(element.children)
         if most == 0:
             text = f"{spec.id} is a leaf and cannot have children"
-            self.fault(rules.LEAF_CHILDREN, element, text)
+            self.report(rules.LEAF_CHILDREN, element, text)
         elif most == 1:
             text = f"{spec.id} has {count} children; a decorator must have exactly 1"
-            self.fault(rules.DECORATOR_CHILDREN, element, text, AROUND_THEM if count else "")
+            self.report(rules.DECORATOR_CHILDREN, element, text, AROUND_THEM if count else "")
         elif fewest > 1:
             text = f"{spec.id} must have at least {fewest} children: {spec.children}"
-            self.fault(rules.FEW_CHILDREN, element, text)
+            self.report(rules.FEW_CHILDREN, element, text)
         else:
-            self.fault(rules.NO_CHILD, element, f"{spec.id} has no child; it must have 1 or more")
+            self.report(rules.NO_CHILD, element, f"{spec.id} has no child; it must have 1 or more")
 
     def _attribute(self, element: Element, spec: NodeSpec, name: str, text: str) -> None:
         port = spec.port_named.get(name)
@@ -146,14 +144,14 @@ class Nodes:
             if element.tag not in EXPLICIT:
                 text = f"the attribute ID is not allowed in <{element.tag}>"
                 hint = "write name=\"…\" for the name of the node"
-                self.fault_in_use(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
+                self.report_if_used(rules.ID_NOT_ALLOWED, element, text, hint, "ID")
         elif is_port_name(name):
             hint = (_PORTS_ELSEWHERE.get((spec.id, name)) or condition_meant(name)
                     or self.nearest(name, spec.port_named, "its ports"))
             if spec.names:
                 hint = f"its argument is its name: {', '.join(spec.names)}"
             text = f"{spec.id} has no port {name}"
-            self.fault_in_use(rules.UNKNOWN_PORT, element, text, hint, name)
+            self.report_if_used(rules.UNKNOWN_PORT, element, text, hint, name)
 
     def _port(self, element: Element, port: Port, text: str) -> None:
         wrong = ports.literal_fault(text, port, {})
@@ -162,13 +160,13 @@ class Nodes:
             if inner.isidentifier() and (inner != text or port.type != "bool"):
                 wrong = f"{wrong}; an entry is written {{{inner}}}"
             text = f"port {port.name} of type {port.type} cannot be \"{text}\""
-            self.fault_in_use(rules.WRONG_LITERAL, element, text, wrong, port.name)
+            self.report_if_used(rules.WRONG_LITERAL, element, text, wrong, port.name)
         elif ports.reference(text, port.name) is not None:
             return
         elif port.role is Role.SCRIPT and text:
             self._script(element, port.name, text)
         else:
-            is_cut_short(self.warn, element, port.name, port, port.literal or port.type)
+            is_cut_short(self.report, element, port.name, port, port.literal or port.type)
 
     def _script(self, element: Element, name: str, text: str) -> None:
         try:
@@ -179,7 +177,7 @@ class Nodes:
         except ScriptSyntaxError as wrong:
             said = f"the script of {name} cannot be read: {wrong}"
             hint = wrong.hint or text
-            self.fault_in_use(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
+            self.report_if_used(rules.SCRIPT_SYNTAX, element, said, hint, name, wrong.position)
 
     def _subtree(self, element: Element) -> None:
         tree_id = element.attributes.get("ID", "")
@@ -188,14 +186,14 @@ class Nodes:
                 self._script(element, name, text)
             elif name in _SUBTREE_ELSEWHERE:
                 said = f"{name} means nothing in version 4"
-                self.warn(rules.SUBTREE_OLD, element, said, _SUBTREE_ELSEWHERE[name], name)
+                self.report(rules.SUBTREE_OLD, element, said, _SUBTREE_ELSEWHERE[name], name)
         if not tree_id:
             self.trees.report_no_id(element, "", "the ID is that of a <BehaviorTree>")
         else:
             self.trees.check_id(element, tree_id)
         if element.children:
             said = f"<SubTree ID=\"{tree_id}\"> cannot have children"
-            self.fault(rules.LEAF_CHILDREN, element, said)
+            self.report(rules.LEAF_CHILDREN, element, said)
         if id(element) not in self.trees.findings.faulty:
             self._call(element, tree_id)
 
@@ -205,11 +203,11 @@ class Nodes:
             if self.trees.is_complete:
                 hint = self.nearest(tree_id, self.trees.trees, "the trees")
                 text = f"there is no tree {tree_id}"
-                self.fault_in_use(rules.UNKNOWN_TREE, element, text, hint, "ID")
+                self.report_if_used(rules.UNKNOWN_TREE, element, text, hint, "ID")
         try:
             gets_all = remaps_all(element)
         except ValueFault as fault:
-            self.fault_in_use(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
+            self.report_if_used(rules.AUTOREMAP_VALUE, element, str(fault), attribute="_autoremap")
             return
         for port in self.trees.models.get(tree_id, ()):
             if not gets_all and port.default is None and port.name not in element.attributes:
@@ -228,17 +226,17 @@ class Nodes:
         hint = f"write {port.name}=\"{{{port.name}}}\""
         if other:
             text, hint = f"{text}; it has no port {other}", meant
-        self.fault_in_use(rules.MODEL_PORT_MISSING, element, text, hint, other)
+        self.report_if_used(rules.MODEL_PORT_MISSING, element, text, hint, other)
 
     def _unbraced(self, element: Element) -> None:
         for name, text in element.attributes.items():
             if is_port_name(name) and text.isidentifier() and text not in ("true", "false"):
                 said = f"{name}=\"{text}\" is the text {text} in version 4"
                 hint = f"the entry of that name is written {{{text}}}"
-                self.warn(rules.UNBRACED, element, said, hint, name)
+                self.report(rules.UNBRACED, element, said, hint, name)
 
 
-def is_cut_short(warn: Callable[..., None], element: Element, attribute: str, port: Port,
+def is_cut_short(report: Callable[..., None], element: Element, attribute: str, port: Port,
                  type_name: str) -> bool:
     """Warn of a number that ``port`` does not read to its end; return whether that was done."""
     text = element.attributes[attribute]
@@ -246,7 +244,7 @@ def is_cut_short(warn: Callable[..., None], element: Element, attribute: str, po
     if rest:
         read = f"{attribute}=\"{text}\" is read only up to \"{rest}\": as {_read(text, type_name)}"
         hint = _meant(text, port, type_name)
-        warn(rules.NUMBER_CUT_SHORT, element, read, hint, attribute)
+        report(rules.NUMBER_CUT_SHORT, element, read, hint, attribute)
     return bool(rest)
 
 

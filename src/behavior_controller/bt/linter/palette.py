@@ -137,12 +137,12 @@ def check_models(documents: Sequence[Document], registry: Registry, findings: Fi
         if spec is None:
             text = f"the palette has an unknown node {node_id}"
             hint = findings.nearest(node_id, known)
-            findings.warn(rules.PALETTE_UNKNOWN_NODE, model, text, hint, "ID")
+            findings.report(rules.PALETTE_UNKNOWN_NODE, model, text, hint, "ID")
             continue
         if model.tag != spec.kind.value:
             kind, ours = _with_article(model.tag), _with_article(spec.kind.value)
             text = f"the palette has {node_id} as {kind}; it is {ours}"
-            findings.warn(rules.PALETTE_KIND, model, text)
+            findings.report(rules.PALETTE_KIND, model, text)
         _check_ports(model, spec, findings)
 
 
@@ -159,8 +159,8 @@ def _check_ports(model: Element, spec: NodeSpec, findings: Findings) -> None:
         if port is None:
             text = f"the palette has an unknown port {name} of {spec.id}"
             hint = findings.nearest(name, spec.port_named, "its ports")
-            findings.warn(rules.PALETTE_PORT, element, text, hint, "name")
+            findings.report(rules.PALETTE_PORT, element, text, hint, "name")
         elif port.direction is not _DIRECTIONS[element.tag]:
             direction = f"is an {port.direction.value}, not an {element.tag}"
             text = f"the port {name} of {spec.id} {direction}"
-            findings.warn(rules.PALETTE_DIRECTION, element, text)
+            findings.report(rules.PALETTE_DIRECTION, element, text)

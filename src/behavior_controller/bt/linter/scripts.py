@@ -50,10 +50,10 @@ class _Scripts:
             if self.facts.kinds.emptied(place):
                 text = f"the entry {place.name} was made by a script: this text empties it"
                 hint = f"write it with a script: {place.name} := …"
-                self.facts.warn(rules.TEXT_EMPTIES, place.element, text, hint, place.attribute)
+                self.facts.report(rules.TEXT_EMPTIES, place.element, text, hint, place.attribute)
 
     def _warn(self, rule: rules.LintRule, use: Use, text: str, hint: str, at: int) -> None:
-        self.facts.warn(rule, use.element, text, hint, use.attribute, at)
+        self.facts.report(rule, use.element, text, hint, use.attribute, at)
 
     def _words(self, use: Use) -> bool:
         for name, at in sorted(use.script.facts.read.items(), key=lambda item: item[1]):

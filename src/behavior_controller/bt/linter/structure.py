@@ -2,7 +2,7 @@
 12.3).
 """
 import re
-from typing import Callable, Counter, Dict, Iterable, List, Optional, Tuple
+from typing import Counter, Dict, Iterable, List, Optional, Tuple
 
 from behavior_controller.bt.linter import rules
 from behavior_controller.bt.engine.node import POST_CONDITIONS, PRE_CONDITIONS
@@ -35,8 +35,7 @@ class Trees:
     def __init__(self, registry: Registry, tolerated: str):
         self.registry = registry
         self.findings = Findings()
-        self.fault, self.warn = self.findings.fault, self.findings.warn
-        self.nearest = self.findings.nearest
+        self.report, self.nearest = self.findings.report, self.findings.nearest
         self.trees: Dict[str, Element] = {}
         # every <BehaviorTree>, also those that another replaces
         self.bodies: List[Tuple[str, Element]] = []
@@ -55,11 +54,6 @@ class Trees:
         """What is found so far, in the order of the files."""
         return self.findings.all(self._file)
 
-    @property
-    def errors(self) -> List[Fault]:
-        """The faults that keep the mission from loading."""
-        return [fault for fault in self.faults if not fault.is_warning]
-
     def add(self, document: Document) -> None:
         """Collect the trees and models of one file."""
         root = document.root
@@ -68,14 +62,14 @@ class Trees:
         self.is_complete = self.is_complete and not document.faults
         if root.tag != "root":
             text = f"the first element is <{root.tag}>; it must be <root>"
-            self.fault(rules.WRONG_ROOT, root, text)
+            self.report(rules.WRONG_ROOT, root, text)
             return
         self._format(root)
         warnings = self.findings.warnings
         warnings.extend(document.stray_text(MOST_FAULTS - len(warnings)))
         models = [child for child in root.children if child.tag == "TreeNodesModel"]
         for extra in models[1:]:
-            self.fault(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")
+            self.report(rules.TWO_MODELS, extra, "a file may hold only one <TreeNodesModel>")
         for child in root.children:
             if child.tag == "BehaviorTree":
                 self._tree(child, root)
@@ -84,7 +78,7 @@ class Trees:
             elif child.tag not in _BELOW_ROOT:
                 text = f"<{child.tag}> below <root> is ignored"
                 hint = self.nearest(child.tag, _BELOW_ROOT)
-                self.warn(rules.IGNORED_BELOW_ROOT, child, text, hint)
+                self.report(rules.IGNORED_BELOW_ROOT, child, text, hint)
         for model in models:
             self._models(model)
 
@@ -92,10 +86,10 @@ class Trees:
         version = root.attributes.get("BTCPP_format")
         if version is None:
             text, hint = "<root> lacks BTCPP_format=\"4\"", "the file is read as version 4"
-            self.warn(rules.FORMAT_MISSING, root, text, hint)
+            self.report(rules.FORMAT_MISSING, root, text, hint)
         elif version != "4":
             text = f"BTCPP_format is {version}; the file is read as version 4"
-            self.warn(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
+            self.report(rules.OTHER_FORMAT, root, text, attribute="BTCPP_format")
 
     def _tree(self, tree: Element, root: Element) -> None:
         tree_id = tree.attributes.get("ID", "")
@@ -103,7 +97,7 @@ class Trees:
             if len(root.children) > 1:
                 text = "<BehaviorTree> lacks the attribute ID"
                 hint = "only a file with nothing else may go without"
-                self.fault(rules.TREE_WITHOUT_ID, tree, text, *_instead_of_id(tree, hint))
+                self.report(rules.TREE_WITHOUT_ID, tree, text, *_instead_of_id(tree, hint))
             tree_id = f"BehaviorTree_{len(self.trees) + 1}"
         else:
             self.check_id(tree, tree_id)
@@ -111,18 +105,18 @@ class Trees:
             first = self.trees[tree_id]
             text = (f"the tree {tree_id} is defined again; this one is used, not that "
                     f"of {first.document.file}:{first.place()[0]}")
-            self.warn(rules.TREE_TWICE, tree, text, attribute="ID")
+            self.report(rules.TREE_TWICE, tree, text, attribute="ID")
         count = len(tree.children)
         if count != 1:
             text = f"<BehaviorTree ID=\"{tree_id}\"> has {count} children; it must have exactly 1"
-            self.fault(rules.TREE_CHILDREN, tree, text, AROUND_THEM if count else "")
+            self.report(rules.TREE_CHILDREN, tree, text, AROUND_THEM if count else "")
         self.trees[tree_id] = tree
         self.bodies.append((tree_id, tree))
 
     def report_no_id(self, element: Element, where: str = "", hint: str = "") -> None:
         """Findings that an element lacks the attribute ID."""
         text = f"<{element.tag}>{where} lacks the attribute ID"
-        self.fault(rules.ID_MISSING, element, text, *_instead_of_id(element, hint))
+        self.report(rules.ID_MISSING, element, text, *_instead_of_id(element, hint))
 
     def check_id(self, element: Element, tree_id: str) -> None:
         """Check the ID of a <BehaviorTree> or <SubTree>."""
@@ -130,18 +124,18 @@ class Trees:
         contains = f"the ID {tree_id} contains {' and '.join(map(repr, bad))}"
         if tree_id in ("Root", "root"):
             text = f"{tree_id} is a reserved name; a tree cannot be called so"
-            self.fault(rules.RESERVED_ID, element, text, attribute="ID")
+            self.report(rules.RESERVED_ID, element, text, attribute="ID")
         elif self.registry.find(tree_id) is not None:
             text = f"{tree_id} is the name of a node type; a tree cannot be called so"
             is_call = element.tag == "SubTree"
             hint = f"a node of that type is written <{tree_id}/>" if is_call else ""
-            self.fault(rules.ID_OF_A_NODE, element, text, hint, "ID")
+            self.report(rules.ID_OF_A_NODE, element, text, hint, "ID")
         elif not set(bad) <= set(self._tolerated):
             text = f"{contains}; not allowed are blanks and {_SIGNS}"
-            self.fault(rules.ID_LETTERS, element, text, attribute="ID")
+            self.report(rules.ID_LETTERS, element, text, attribute="ID")
         elif bad and element.tag == "BehaviorTree":
             text = f"{contains}; BehaviorTree.CPP 4.10 refuses such a name"
-            self.warn(rules.ID_BLANKS, element, text, attribute="ID")
+            self.report(rules.ID_BLANKS, element, text, attribute="ID")
 
     # --------------------------------------------------------------------------------------- models
 
@@ -170,7 +164,7 @@ class Trees:
             wrong = f"the name of a port cannot contain blanks or {_SIGNS}: {name}"
         else:
             return True
-        self.fault(rules.MODEL_PORT_NAME, port, wrong, attribute="name")
+        self.report(rules.MODEL_PORT_NAME, port, wrong, attribute="name")
         return False
 
     # ---------------------------------------------------------------------- the calls between trees
@@ -191,7 +185,7 @@ class Trees:
         if named:
             text, attribute = f"there is no tree {named} to execute", "main_tree_to_execute"
             hint = self.nearest(named, self.trees, "the trees")
-            self.fault(rules.MAIN_TREE_UNKNOWN, root, text, hint, None if wanted else attribute)
+            self.report(rules.MAIN_TREE_UNKNOWN, root, text, hint, None if wanted else attribute)
             return ""
         called = {call.attributes.get("ID") for calls in self.calls.values() for call in calls}
         free = [tree_id for tree_id in self.trees if tree_id not in called]
@@ -202,11 +196,11 @@ class Trees:
         if free:
             why = f"these trees are called by no other: {', '.join(free[:10])}"
         if root.tag == "root" and not self.trees:
-            self.fault(rules.NO_TREE, root, "the file has no <BehaviorTree>")
+            self.report(rules.NO_TREE, root, "the file has no <BehaviorTree>")
         elif root.tag == "root":
             text = f"main_tree_to_execute is not given, and {why}"
             hint = "name the main tree in <root main_tree_to_execute=\"…\">"
-            self.fault(rules.MAIN_TREE_MISSING, root, text, hint)
+            self.report(rules.MAIN_TREE_MISSING, root, text, hint)
         return ""
 
     def check_calls(self) -> None:
@@ -215,16 +209,16 @@ class Trees:
         main = self.main
         sizes: Counter[str] = Counter()
         for start in [main] if main else list(self.trees):
-            self._unfold(start, sizes, self.fault)
+            self._unfold(start, sizes, is_used=True)
         self.used = dict(sizes)
         if sizes[main] > MOST_NODES:
             size = "a billion or more" if sizes[main] >= _MANY else str(sizes[main])
             text = f"the mission unfolds to {size} nodes; at most {MOST_NODES} are allowed"
-            self.fault(rules.TOO_LARGE, self.trees[main], text, "call fewer SubTrees")
+            self.report(rules.TOO_LARGE, self.trees[main], text, "call fewer SubTrees")
         for start in self.trees:
-            self._unfold(start, sizes, self.warn)
+            self._unfold(start, sizes, is_used=False)
 
-    def _unfold(self, start: str, sizes: Counter[str], complain: Callable[..., None]) -> None:
+    def _unfold(self, start: str, sizes: Counter[str], is_used: bool) -> None:
         """Go through what ``start`` calls, depth first; ``sizes`` gets the number of nodes of each
         tree, unfolded."""
         path: List[str] = []
@@ -236,11 +230,11 @@ class Trees:
                 del opened[path.pop()]
                 inner = sum(sizes[call.attributes.get("ID", "")] for call in self.calls[tree_id])
                 sizes[tree_id] = min(len(self.trees[tree_id].below) + inner, _MANY)
-            elif tree_id in opened:
+            elif tree_id in opened and call is not None:
                 begin = opened[tree_id]
                 shown = path[begin:begin + 8] + ["…"] * (len(path) > begin + 8) + [tree_id]
                 text = f"the tree {tree_id} contains itself: {' > '.join(shown)}"
-                complain(rules.TREE_CIRCLE, call, text, attribute="ID")
+                self.report(rules.TREE_CIRCLE, call, text, attribute="ID", as_warning=not is_used)
             elif tree_id in self.calls and tree_id not in sizes:
                 opened[tree_id] = len(path)
                 path.append(tree_id)
@@ -254,7 +248,7 @@ class Trees:
         for tree_id, tree in self.trees.items():
             if tree.document is document and tree_id not in self.used:
                 text, hint = f"the tree {tree_id} is not used", f"the main tree is {self.main}"
-                self.warn(rules.TREE_UNUSED, tree, text, hint)
+                self.report(rules.TREE_UNUSED, tree, text, hint)
 
 
 def _instead_of_id(element: Element, otherwise: str) -> Tuple[str, Optional[str]]:

@@ -28,7 +28,7 @@ _ODD_BRACES = re.compile(r"^\{[^{}]*$|^[^{}]*\}$|\$\{|\{=?[A-Za-z_@][A-Za-z0-9_]
 
 def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
     """Apply the rules to a node of ``tree``."""
-    spec, warn = facts.spec(element), facts.warn
+    spec, report = facts.spec(element), facts.report
     check_ignored(facts, element)
     for port in spec.ports:
         if port.name in element.attributes:
@@ -37,12 +37,12 @@ def check_node(facts: MissionFacts, element: Element, tree: str) -> None:
             _check_missing(facts, element, spec, port)
     if element.tag in EXPLICIT and element.tag != spec.kind.value:
         kind = f"{spec.id} is of kind {spec.kind.value}, not {element.tag}"
-        warn(rules.KIND_MISMATCH, element, f"<{element.tag} ID=\"{spec.id}\">: {kind}")
+        report(rules.KIND_MISMATCH, element, f"<{element.tag} ID=\"{spec.id}\">: {kind}")
     count = len(element.children)
     if spec.child_counts and count not in spec.child_counts:
         allowed = " or ".join(map(str, spec.child_counts))
         text = f"{spec.id} has {count} children; it must have {allowed}"
-        warn(rules.CHILD_COUNT, element, text, f"{spec.children}; it {WILL_FAIL}")
+        report(rules.CHILD_COUNT, element, text, f"{spec.children}; it {WILL_FAIL}")
     if spec.next_after:
         _check_chain(facts, element, spec)
     if spec.repeats_on:
@@ -60,10 +60,10 @@ def check_ignored(facts: MissionFacts, element: Element) -> bool:
             continue
         near = did_you_mean(name, CONDITIONS + ("_autoremap",))
         if name != "_autoremap" and near:
-            facts.warn(rules.CONDITION_MISSPELT, element, f"{name} is ignored", near, name)
+            facts.report(rules.CONDITION_MISSPELT, element, f"{name} is ignored", near, name)
         elif name == "_autoremap" and element.tag != "SubTree":
             text = "_autoremap means something only on a <SubTree>"
-            facts.warn(rules.AUTOREMAP_MISPLACED, element, text, attribute=name)
+            facts.report(rules.AUTOREMAP_MISPLACED, element, text, attribute=name)
     return len(facts.findings.warnings) > before
 
 
@@ -72,16 +72,16 @@ def check_ignored(facts: MissionFacts, element: Element) -> bool:
 
 def _check_port(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port,
                 tree: str) -> None:
-    text, warn = element.attributes[port.name], facts.warn
+    text, report = element.attributes[port.name], facts.report
     is_literal = ports.reference(text, port.name) is None
     if port.type == "NodeStatus" and text not in BY_NAME and is_literal:
         wrong, hint = f"{port.name}=\"{text}\" is not a status", f"allowed: {' '.join(BY_NAME)}"
-        warn(rules.STATUS_UNKNOWN, element, wrong, hint, port.name)
+        report(rules.STATUS_UNKNOWN, element, wrong, hint, port.name)
     elif port.role is Role.CHILDREN:
         _check_count(facts, element, port, text)
     elif port.role is Role.WATCHED and is_literal and set(text) & set("{}$"):
         hint = f"write {port.name}=\"{{{text.strip('{}$ ')}}}\""
-        warn(rules.BRACES_ODD, element, f"{port.name}=\"{text}\" names no entry", hint, port.name)
+        report(rules.BRACES_ODD, element, f"{port.name}=\"{text}\" names no entry", hint, port.name)
     elif port.role is Role.CASE:
         _check_case(facts, element, spec, port, tree)
     elif port.role in (Role.WRITES, Role.NAMES):
@@ -91,19 +91,19 @@ def _check_port(facts: MissionFacts, element: Element, spec: NodeSpec, port: Por
         if port.role is Role.CHOICE and is_literal and not is_odd:
             wrong = f"{port.name} compares the text {text}, which never changes"
             hint = f"an entry is written {{{text}}}"
-            warn(rules.SWITCH_VARIABLE, element, wrong, hint, port.name)
+            report(rules.SWITCH_VARIABLE, element, wrong, hint, port.name)
 
 
 def _check_missing(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port) -> None:
     if port.direction is not Direction.OUT and port.default is None and not port.is_optional:
         text = f"{spec.id} needs the port {port.name}, which is not given"
-        facts.warn(rules.PORT_MISSING, element, text, f"it {WILL_FAIL}")
+        facts.report(rules.PORT_MISSING, element, text, f"it {WILL_FAIL}")
     name = element.attributes.get("name", spec.id)
     has_digit = any(letter.isdigit() for letter in name)
     if port.names and name not in port.names + (spec.id,) and has_digit:
         allowed = f"{spec.id} allows the names {' and '.join(port.names)}"
         text = f"the name {name} has no effect; {allowed}"
-        facts.warn(rules.NAME_CHOOSES_NOTHING, element, text, spec.description, "name")
+        facts.report(rules.NAME_CHOOSES_NOTHING, element, text, spec.description, "name")
 
 
 def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: str) -> bool:
@@ -125,7 +125,7 @@ def check_braces(facts: MissionFacts, element: Element, attribute: str, tree: st
         wrong, hint = f"is the entry called \"{key}\"", f"write {{{inner}}}"
     else:
         return False
-    facts.warn(rule, element, f"{attribute}=\"{text}\" {wrong}", hint, attribute)
+    facts.report(rule, element, f"{attribute}=\"{text}\" {wrong}", hint, attribute)
     return True
 
 
@@ -135,7 +135,7 @@ def _check_name(facts: MissionFacts, element: Element, port: Port, tree: str) ->
     if key is not None and facts.kinds.is_number(tree, key):
         text = f"{port.name}=\"{{{key}}}\" is the entry whose name {key} holds, which is a number"
         hint = f"the entry itself is written {port.name}=\"{key}\""
-        facts.warn(rules.NAME_IS_NUMBER, element, text, hint, port.name)
+        facts.report(rules.NAME_IS_NUMBER, element, text, hint, port.name)
 
 
 def _check_case(facts: MissionFacts, element: Element, spec: NodeSpec, port: Port,
@@ -160,17 +160,17 @@ def _check_case(facts: MissionFacts, element: Element, spec: NodeSpec, port: Por
         hint = "write the number"
     else:
         return
-    facts.warn(rules.SWITCH_CASE, element, wrong, hint, port.name)
+    facts.report(rules.SWITCH_CASE, element, wrong, hint, port.name)
 
 
 def _check_count(facts: MissionFacts, element: Element, port: Port, text: str) -> None:
     name, count = port.name, len(element.children)
     if text.isdigit() and int(text[:9]) > count:
         wrong = f"{name}=\"{text}\", but there are only {count} children"
-        facts.warn(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
+        facts.report(rules.COUNT_TOO_HIGH, element, wrong, f"it {WILL_FAIL}", name)
     elif text == "0":
         wrong = f"{name}=\"0\" {port.if_zero}"
-        facts.warn(rules.COUNT_ZERO, element, wrong, "-1 is all children", name)
+        facts.report(rules.COUNT_ZERO, element, wrong, "-1 is all children", name)
 
 
 # ----------------------------------------------------------------------------------------- children
@@ -190,12 +190,12 @@ def _check_chain(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     for child, following in zip(children, children[1:]):
         if not facts.ends[id(child)] & wanted:
             text = f"{_called(following)} is never reached: {_called(child)} before it never {what}"
-            facts.warn(rules.NEVER_REACHED, following, text)
+            facts.report(rules.NEVER_REACHED, following, text)
             break
     # the first of a Sequence may follow the failure of what is before the Sequence
     for child in children[1:] if is_sequence else children[:1]:
         if facts.spec(child).is_recovery:
-            facts.warn(rules.RECOVERY_MISPLACED, child, child.type_id + " " + wrong, hint)
+            facts.report(rules.RECOVERY_MISPLACED, child, child.type_id + " " + wrong, hint)
 
 
 def _check_repeat(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
@@ -203,12 +203,12 @@ def _check_repeat(facts: MissionFacts, element: Element, spec: NodeSpec) -> None
     repeats, ends, _, _ = _REPEATS[spec.repeats_on]
     if not facts.ends[id(child)] & spec.repeats_on:
         text = f"{spec.id} never {repeats}: {_called(child)} never {ends}"
-        facts.warn(rules.NEVER_REPEATS, element, text)
+        facts.report(rules.NEVER_REPEATS, element, text)
     elif rounds == "-1":
         _check_pause(facts, element, spec)
     if rounds == "0" or (rounds[:1] == "-" and rounds[1:].isdigit() and rounds != "-1"):
         text = f"{spec.rounds}=\"{rounds}\": the child is never run"
-        facts.warn(rules.NEVER_RUN, element, text, "-1: no limit", spec.rounds)
+        facts.report(rules.NEVER_RUN, element, text, "-1: no limit", spec.rounds)
 
 
 def _check_pause(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
@@ -221,12 +221,12 @@ def _check_pause(facts: MissionFacts, element: Element, spec: NodeSpec) -> None:
     if not all(_is_instant(facts.spec(element)) for element in inside):
         return
     if not asks:
-        facts.warn(rules.NEVER_WAITS, element, f"{spec.id} {endlessly}", hint, spec.rounds)
+        facts.report(rules.NEVER_WAITS, element, f"{spec.id} {endlessly}", hint, spec.rounds)
     elif goes_on:
         called = _called(asks[0])
         text = f"{spec.id} never ends and never pauses if {called} fails at once"
         hint = f"give {spec.rounds} a limit, and put a Delay around {called}"
-        facts.warn(rules.RETRIES_FOR_EVER, element, text, hint, spec.rounds)
+        facts.report(rules.RETRIES_FOR_EVER, element, text, hint, spec.rounds)
 
 
 def _is_instant(spec: NodeSpec) -> bool:
@@ -253,7 +253,7 @@ def _check_reactive(facts: MissionFacts, element: Element, spec: NodeSpec) -> No
             if _ends_after(facts, child, leaf) & goes_on:
                 text = (f"{leaf.type_id} succeeds and is done again, at every tick of {spec.id} "
                         "while a later child runs")
-                facts.warn(rules.DONE_AGAIN, leaf, text, f"put it before {spec.id}")
+                facts.report(rules.DONE_AGAIN, leaf, text, f"put it before {spec.id}")
                 return
 
 
