@@ -46,21 +46,21 @@ def _not_permitted(sign: str, left: Any, right: Any) -> ScriptError:
     return ScriptError(f"Operation not permitted: [{sign}] on {_kind(left)} and {_kind(right)}")
 
 
-def _reals(sign: str, left: Any, right: Any) -> Tuple[float, float]:
-    if not is_number(left) or not is_number(right):
-        raise _not_permitted(sign, left, right)
-    return to_real(left), to_real(right)
-
-
-def _arithmetic(sign: str, apply: Callable[[float, float], float]) -> Operate:
+def _on_numbers(sign: str, apply: Operate, converted: Callable[[Any], Any] = to_real,
+                refused: str = "") -> Operate:
+    """Return an operator on numbers, which are ``converted`` first; if they cannot be, a message
+    begins with ``refused``."""
     def operate(left: Any, right: Any) -> float:
-        if type(left) is not float or type(right) is not float:
-            left, right = _reals(sign, left, right)
-        return apply(left, right)
+        if not is_number(left) or not is_number(right):
+            raise _not_permitted(sign, left, right)
+        try:
+            return float(apply(converted(left), converted(right)))
+        except ValueFault as fault:
+            raise ScriptError(f"{refused}{fault}") from fault
     return operate
 
 
-_sum = _arithmetic("+", operator.add)
+_sum = _on_numbers("+", operator.add)
 
 
 def _add(left: Any, right: Any) -> Any:
@@ -91,34 +91,24 @@ def _concatenate(left: Any, right: Any) -> Any:
     raise _not_permitted("..", left, right)
 
 
-def _bitwise(sign: str, apply: Callable[[int, int], int]) -> Operate:
-    def operate(left: Any, right: Any) -> float:
-        _reals(sign, left, right)
-        try:
-            return float(apply(values.to_int(left), values.to_int(right)))
-        except ValueFault as fault:
-            raise ScriptError("Binary operators are not allowed if one of the operands is not an "
-                              f"integer: {fault}") from fault
-    return operate
+def _bits(value: Any) -> int:
+    return values.to_int(to_real(value))  # one that is no real is refused too
 
 
-def _logic(sign: str, decide: Callable[[List[bool]], bool]) -> Operate:
-    def operate(left: Any, right: Any) -> float:
-        if not is_number(left) or not is_number(right):
-            raise _not_permitted(sign, left, right)
-        try:
-            return float(decide([to_bool(left), to_bool(right)]))
-        except ValueFault as fault:
-            raise ScriptError("Logic operators are not allowed if one of the operands is not "
-                              f"castable to bool: {fault}") from fault
-    return operate
-
-
+_NO_INTEGER = "Binary operators are not allowed if one of the operands is not an integer: "
+_NO_TRUTH = "Logic operators are not allowed if one of the operands is not castable to bool: "
 _OPERATE: Dict[str, Operate] = {
-    "+": _add, "-": _arithmetic("-", operator.sub), "*": _arithmetic("*", operator.mul),
-    "/": _arithmetic("/", _quotient), "..": _concatenate, "&": _bitwise("&", operator.and_),
-    "|": _bitwise("|", operator.or_), "^": _bitwise("^", operator.xor), "&&": _logic("&&", all),
-    "||": _logic("||", any)}
+    "+": _add,
+    "-": _on_numbers("-", operator.sub),
+    "*": _on_numbers("*", operator.mul),
+    "/": _on_numbers("/", _quotient),
+    "..": _concatenate,
+    "&": _on_numbers("&", operator.and_, _bits, _NO_INTEGER),
+    "|": _on_numbers("|", operator.or_, _bits, _NO_INTEGER),
+    "^": _on_numbers("^", operator.xor, _bits, _NO_INTEGER),
+    "&&": _on_numbers("&&", operator.and_, to_bool, _NO_TRUTH),
+    "||": _on_numbers("||", operator.or_, to_bool, _NO_TRUTH),
+}
 
 
 def folded(first: Evaluate, rest: Rest) -> Evaluate:

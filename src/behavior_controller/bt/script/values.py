@@ -69,13 +69,11 @@ def shown(text: str, longest: int = 80) -> str:
     return line if len(text) <= longest else line[:longest] + "…"
 
 
-def _integer_reader(low: int, high: int) -> Callable[[str, Enums], int]:
-    def read(text: str, _enums: Enums) -> int:
-        match = _INTEGER.match(text)
-        if match is None or (low == 0 and match.group(1)):
-            raise ValueFault(f"Can't convert string [{shown(text)}] to integer")
-        return _in_range(match, low, high)
-    return read
+def _integer(text: str, _enums: Enums, low: int, high: int) -> int:
+    match = _INTEGER.match(text)
+    if match is None or (low == 0 and match.group(1)):
+        raise ValueFault(f"Can't convert string [{shown(text)}] to integer")
+    return _in_range(match, low, high)
 
 
 def _in_range(match: Any, low: int, high: int) -> int:
@@ -182,7 +180,7 @@ _JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
 
 
 def _integer_type(name: str, low: int, high: int) -> ValueType:
-    return ValueType(name, _integer_reader(low, high), (low, high), number=_INTEGER)
+    return ValueType(name, partial(_integer, low=low, high=high), (low, high), number=_INTEGER)
 
 
 class _Types(Dict[str, ValueType]):
@@ -248,7 +246,7 @@ TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_typ
     ValueType("bool", _boolean),
     ValueType("NodeStatus", _status, checked_at_load=False),
     ValueType("enum", _enumerator, checked_at_load=False),
-    _vector_type("vec_int", _integer_reader(*INT), int),
+    _vector_type("vec_int", partial(_integer, low=INT[0], high=INT[1]), int),
     _vector_type("vec_double", real_from_text, float),
     _vector_type("vec_string", lambda text, _enums: text, str),
     _vector_type("vec_bool", _boolean, bool),
