@@ -9,13 +9,13 @@ from typing import Any, Optional, Set
 from py_trees import composites
 from py_trees.common import ParallelPolicy
 
-from behavior_controller.bt.engine.node import Node, NodeError, Parent, Result, halt_child
+from behavior_controller.bt.engine.node import NodeError, Parent, Result, halt_child
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.registry import Port, Role
 from behavior_controller.bt.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
-class Control(Parent):
+class Control(Parent, composites.Composite):
     """A node with one or more children."""
 
     def others_halted(self, kept: int) -> None:
@@ -35,11 +35,6 @@ class Control(Parent):
     def current_child(self) -> Any:
         """The last child that is not INVALID, or None (py_trees)."""
         return next((child for child in reversed(self.children) if child.status is not IDLE), None)
-
-    def tip(self) -> Any:
-        """Return the deepest node that was active (py_trees)."""
-        child = self.current_child
-        return Node.tip(self) if child is None else child.tip()
 
 
 class _InOrder(Control):
@@ -258,8 +253,8 @@ class Parallel(_Side):
 class ParallelAll(_Side):
     """All children to their end; FAILURE if at least ``max_failures`` of them failed."""
 
-    PORTS = (_count("max_failures", "1", "FAILURE if at least as many children fail",
-                    "waits for all children, and is then always FAILURE"),)
+    _if_zero = "waits for all children, and is then always FAILURE"
+    PORTS = (_count("max_failures", "1", "FAILURE if at least as many children fail", _if_zero),)
 
     def update(self) -> Result:
         """Tick every child that has not completed."""
@@ -275,7 +270,7 @@ class ParallelAll(_Side):
         return RUNNING
 
 
-class _Branches(Control, composites.Composite):
+class _Branches(Control):
     """The base of IfThenElse and WhileDoElse."""
 
     def require_two_or_three(self) -> None:
@@ -341,7 +336,7 @@ class WhileDoElse(_Branches):
         return RUNNING if result is RUNNING else self.finished(result)
 
 
-class Switch(Control, composites.Composite):
+class Switch(Control):
     """The child whose ``case_i`` equals ``variable``, else the last one."""
 
     def __init__(self, name: str, cases: int):
@@ -378,7 +373,7 @@ class Switch(Control, composites.Composite):
         super().halt()
 
 
-class TryCatch(Control, composites.Composite):
+class TryCatch(Control):
     """All children but the last in order; if one fails, the last one runs and the node fails."""
 
     PORTS = (Port("catch_on_halt", "bool", default="false",

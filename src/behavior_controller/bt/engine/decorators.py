@@ -41,10 +41,6 @@ class Decorator(Parent, decorators.Decorator):
             self.decorated.reset()
         return result
 
-    def tip(self) -> Any:
-        """Return the deepest node that was active (py_trees)."""
-        return Node.tip(self) if self.decorated.status is IDLE else self.decorated.tip()
-
 
 class Inverter(Decorator):
     """Exchanges SUCCESS and FAILURE."""

@@ -267,8 +267,7 @@ class Node(Behaviour):
             result = interception.after(self, result)
         if result is not SKIPPED and (result is not self.status or result is IDLE):
             self.store(result)
-        if result is RUNNING and self.is_instant and (
-                self.hook is None or not self.hook.is_holding):
+        if result is RUNNING and self.is_instant and not (self.hook and self.hook.is_holding):
             raise TickError(self, NodeError("SyncActionNode MUST never return RUNNING"))
         return result
 
@@ -278,8 +277,8 @@ class Node(Behaviour):
         old = self.status
         if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
             shown = "IDLE" if status is IDLE else repr(status)
-            raise TickError(self, NodeError(f"its rule returned {shown}; it must be RUNNING, "
-                                            "SUCCESS, FAILURE or SKIPPED"))
+            allowed = "it must be RUNNING, SUCCESS, FAILURE or SKIPPED"
+            raise TickError(self, NodeError(f"its rule returned {shown}; {allowed}"))
         self.status = status
         if self.observer is not None and old is not status:
             self.observer(self, old, status)
@@ -395,8 +394,9 @@ class Node(Behaviour):
 
     def _is_fixed(self, *_arguments: Any, **_named: Any) -> Any:
         """Raise NodeError."""
-        raise NodeError(f"{self.place_in_file()}the children of {self.full_path} are those of its "
-                        "file, which cannot be changed in the running tree; load another file")
+        where = f"{self.place_in_file()}the children of {self.full_path}"
+        raise NodeError(f"{where} are those of its file, which cannot be changed in the running "
+                        "tree; load another file")
 
     add_child = add_children = insert_child = prepend_child = replace_child = _is_fixed
     remove_child = remove_child_by_id = remove_all_children = _is_fixed

@@ -158,8 +158,9 @@ def _check_written(facts: MissionFacts) -> None:
                              and flow.first((tree, other)) in read & written & created})
         if near:
             text = f"the entry {name} is written here, and read nowhere"
-            facts.report(rules.ENTRY_MISSPELT, place.element, text, f"did you mean {near}?",
-                       place.attribute, place.at)
+            element, attribute, at = place.element, place.attribute, place.at
+            hint = f"did you mean {near}?"
+            facts.report(rules.ENTRY_MISSPELT, element, text, hint, attribute, at)
 
 
 def _check_read(facts: MissionFacts, read: Access) -> None:

@@ -38,8 +38,8 @@ class Findings:
         """
         faults = sorted(dict.fromkeys(self.errors + self.warnings), key=by_place)
         if self._unrecorded:
-            faults.append(Fault(file, 0, 0, f"{self._unrecorded} more faults are not shown",
-                                code=rules.TOO_LARGE.code))
+            text = f"{self._unrecorded} more faults are not shown"
+            faults.append(Fault(file, 0, 0, text, code=rules.TOO_LARGE.code))
         return faults
 
     def may_compare(self, number: int) -> bool:

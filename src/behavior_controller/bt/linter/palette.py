@@ -115,14 +115,16 @@ def _stub(model: Element, node_id: str) -> NodeSpec:
     # port, means the rest
     tells = any("optional" in port.attributes for port in elements)
     kind = _KINDS[model.tag]
-    return NodeSpec(node_id, kind, partial(_FACTORIES[kind]),
-                    tuple(_port(port, tells) for port in elements), is_stub=True)
+    ports = tuple(_port(port, tells) for port in elements)
+    return NodeSpec(node_id, kind, partial(_FACTORIES[kind]), ports, is_stub=True)
 
 
 def _port(port: Element, tells: bool) -> Port:
-    is_optional = not tells or port.attributes.get("optional") in ("true", "1")
-    return Port(port.attributes["name"], _OURS.get(port.attributes.get("type", ANY), ANY),
-                _DIRECTIONS[port.tag], port.attributes.get("default"), is_optional=is_optional)
+    given = port.attributes
+    is_optional = not tells or given.get("optional") in ("true", "1")
+    type_name = _OURS.get(given.get("type", ANY), ANY)
+    return Port(given["name"], type_name, _DIRECTIONS[port.tag], given.get("default"),
+                is_optional=is_optional)
 
 
 # ------------------------------------------------------------------------------------- stale models

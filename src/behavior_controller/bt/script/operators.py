@@ -262,8 +262,8 @@ def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Ev
     def evaluate(blackboard: Blackboard, enums: Enums) -> Any:
         entry = blackboard.find(name)
         if entry is None and sign != ":=":
-            raise ScriptError(f"The blackboard entry [{name}] doesn't exist, yet. If you want to "
-                              f"create a new one, use the operator [:=] instead of [{sign}]")
+            hint = f"If you want to create a new one, use the operator [:=] instead of [{sign}]"
+            raise ScriptError(f"The blackboard entry [{name}] doesn't exist, yet. {hint}")
         entry = entry or blackboard.create(name)
         value = right(blackboard, enums)
         if value is None:

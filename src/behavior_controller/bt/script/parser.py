@@ -115,8 +115,8 @@ def _tokens(text: str) -> List[Token]:
             continue
         word = match.group()
         if kind == "wrong":
-            raise ScriptSyntaxError(f"Invalid token '{shown(word)}' at position {match.start()}",
-                                    match.start(), _HINTS.get(word[0], ""))
+            wrong = f"Invalid token '{shown(word)}' at position {match.start()}"
+            raise ScriptSyntaxError(wrong, match.start(), _HINTS.get(word[0], ""))
         tokens.append((word if kind == "operator" else str(kind), word, match.start()))
     tokens.append(("end", "", len(text)))
     return tokens
@@ -174,8 +174,9 @@ class _ScriptParser:
         while self.tokens[self.at][0] != "end":
             before, position = len(self.facts.assignments), self.tokens[self.at][2]
             statements.append(self.expression())
-            self.facts.statements.append(Statement(
-                position, self.last, self._is_assignment, len(self.facts.assignments) > before))
+            assigns = len(self.facts.assignments) > before
+            self.facts.statements.append(
+                Statement(position, self.last, self._is_assignment, assigns))
             while self.tokens[self.at][0] == ";":
                 self.at += 1
         return statements
@@ -199,8 +200,8 @@ class _ScriptParser:
         self.depth += 1
         if self.depth > DEEPEST:
             position = self.tokens[self.at][2]
-            raise ScriptSyntaxError(f"Nested too deeply at position {position}: at most {DEEPEST} "
-                                    "levels are allowed", position)
+            wrong = f"Nested too deeply at position {position}"
+            raise ScriptSyntaxError(f"{wrong}: at most {DEEPEST} levels are allowed", position)
 
     def _assignment(self) -> Evaluate:
         target, known = self.last, len(self.facts.operations)
@@ -291,8 +292,8 @@ class _ScriptParser:
         if kind != "(":
             # the end was not passed; before the first token is the end
             before = self.tokens[self.at - (1 if kind == "end" else 2)][0]
-            raise ScriptSyntaxError(f"Expected operand at position {position} (got "
-                                    f"'{shown(text)}')", position, _hint_between(before, kind))
+            wrong = f"Expected operand at position {position} (got '{shown(text)}')"
+            raise ScriptSyntaxError(wrong, position, _hint_between(before, kind))
         inner = self.expression()
         self._expect(")")
         return inner
@@ -300,8 +301,8 @@ class _ScriptParser:
     def _expect(self, sign: str, where: str = "") -> None:
         kind, text, position = self._next()
         if kind != sign:
-            raise ScriptSyntaxError(f"Parse error at position {position}: expected '{sign}'{where} "
-                                    f"(got '{shown(text)}')", position)
+            wrong = f"expected '{sign}'{where} (got '{shown(text)}')"
+            raise ScriptSyntaxError(f"Parse error at position {position}: {wrong}", position)
 
     def _next(self) -> Token:
         token = self.tokens[self.at]

@@ -229,8 +229,8 @@ def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], tex
         raise ValueFault(
             f"Can't convert string [{shown(text)}] to {name}: {described(error)}") from error
     if not isinstance(value, python):
-        raise ValueFault(f"the converter of {name} returned {value!r} for [{shown(text)}], which "
-                         f"is not a {python.__name__}")
+        wrong = f"the converter of {name} returned {value!r} for [{shown(text)}]"
+        raise ValueFault(f"{wrong}, which is not a {python.__name__}")
     return value
 
 
