@@ -81,8 +81,9 @@ class Flow:
 
     def needs(self, tree: str) -> List[str]:
         """Return the entries that ``tree`` reads, and that it leaves to its callers to write."""
-        return [name for name in sorted(self.used.get(tree, ())) if (tree, name) in self.reads
-                and (tree, name) not in self.own and is_port_name(name)]
+        names = filter(is_port_name, sorted(self.used.get(tree, ())))
+        keys = [(tree, name) for name in names]
+        return [key[1] for key in keys if key in self.reads and key not in self.own]
 
     def write(self, tree: str, name: str, element: Element, attribute: str, at: int = 0,
               creates: bool = True, touches: bool = True) -> None:
@@ -152,9 +153,9 @@ def flow(trees: Mapping[str, List[Element]], main: str, models: Mapping[str, Lis
                 for port in spec.ports:
                     _port(result, tree, element, port, spec.kind is not Kind.ACTION)
             for name in CONDITIONS:
-                if name in element.attributes:
-                    _script(result, tree, element, name, element.attributes[name],
-                            name in PRE_CONDITIONS)
+                text = element.attributes.get(name)
+                if text is not None:
+                    _script(result, tree, element, name, text, name in PRE_CONDITIONS)
     return result
 
 

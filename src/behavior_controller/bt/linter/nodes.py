@@ -42,7 +42,6 @@ class Nodes:
     """Checks the nodes of trees."""
 
     def __init__(self, registry: Registry, trees: Trees):
-        self.registry = registry
         self.trees = trees
         self.report, self.nearest = trees.report, trees.nearest
         # the tree being checked is part of the mission; in any other, what BehaviorTree.CPP notices

@@ -259,9 +259,9 @@ def _check_reactive(facts: MissionFacts, element: Element, spec: NodeSpec) -> No
 
 def _may_run(facts: MissionFacts, element: Element) -> bool:
     """Return whether a node is known to take time."""
-    specs = map(facts.spec, facts.inside(element))
-    return any(spec.kind in (Kind.ACTION, Kind.DECORATOR) and not spec.is_instant
-               and not spec.is_stub for spec in specs)
+    known = (spec for spec in map(facts.spec, facts.inside(element)) if not spec.is_stub)
+    kinds = Kind.ACTION, Kind.DECORATOR
+    return any(spec.kind in kinds and not spec.is_instant for spec in known)
 
 
 def _done_first(facts: MissionFacts, element: Element) -> Iterator[Element]:
@@ -288,12 +288,12 @@ def _done_first(facts: MissionFacts, element: Element) -> Iterator[Element]:
 def _does_more(facts: MissionFacts, leaf: Element, spec: NodeSpec) -> bool:
     """Return whether it matters that an action is done twice: it takes time, or goes on from what
     it wrote before."""
-    goes_on = any(port.direction is Direction.INOUT and port.role is not Role.WRITES
-                  for port in spec.ports)
-    assignments = [assignment for use in facts.flow.scripts if use.element is leaf
-                   for assignment in use.script.facts.assignments]
-    return not spec.is_instant or goes_on or any(
-        assignment.is_own or assignment.sign not in (":=", "=") for assignment in assignments)
+    if not spec.is_instant or any(port.direction is Direction.INOUT
+                                  and port.role is not Role.WRITES for port in spec.ports):
+        return True
+    scripts = [use.script for use in facts.flow.scripts if use.element is leaf]
+    return any(assignment.is_own or assignment.sign not in (":=", "=")
+               for script in scripts for assignment in script.facts.assignments)
 
 
 def _ends_after(facts: MissionFacts, element: Element, leaf: Element) -> int:

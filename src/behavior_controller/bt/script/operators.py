@@ -26,12 +26,10 @@ class ScriptError(BehaviorControllerError):
     """A script failed while it ran."""
 
 
-def _both_there(left: Any, right: Any, sign: str) -> None:
-    """Raise ScriptError if an operand of ``sign`` is empty."""
-    if left is None:
-        raise ScriptError(f"The left operand of the operator [{sign}] is not initialized")
-    if right is None:
-        raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+def _not_empty(value: Any, side: str, sign: str) -> None:
+    """Raise ScriptError if the operand of ``sign`` on this side is empty."""
+    if value is None:
+        raise ScriptError(f"The {side} operand of the operator [{sign}] is not initialized")
 
 
 def _kind(value: Any) -> str:
@@ -42,7 +40,8 @@ def _kind(value: Any) -> str:
 
 
 def _not_permitted(sign: str, left: Any, right: Any) -> ScriptError:
-    _both_there(left, right, sign)
+    _not_empty(left, "left", sign)
+    _not_empty(right, "right", sign)
     return ScriptError(f"Operation not permitted: [{sign}] on {_kind(left)} and {_kind(right)}")
 
 
@@ -159,7 +158,8 @@ _OF_NUMBERS = dict(_ORDER, **{
 def _holds(sign: str, left: Any, right: Any, enums: Enums) -> bool:
     if type(left) is float and type(right) is float:
         return _OF_NUMBERS[sign](left, right)
-    _both_there(left, right, sign)
+    _not_empty(left, "left", sign)
+    _not_empty(right, "right", sign)
     if isinstance(left, str) and isinstance(right, str):
         return _ORDER[sign](left, right)
     if isinstance(left, str) and is_number(right):
@@ -167,8 +167,8 @@ def _holds(sign: str, left: Any, right: Any, enums: Enums) -> bool:
     elif isinstance(right, str) and is_number(left):
         right = text_to_number(right, enums)
     if not is_number(left) or not is_number(right):
-        raise ScriptError(f"Can't mix different types in Comparison. Left operand {_kind(left)}, "
-                          f"right operand {_kind(right)}")
+        operands = f"Left operand {_kind(left)}, right operand {_kind(right)}"
+        raise ScriptError(f"Can't mix different types in Comparison. {operands}")
     return _OF_NUMBERS[sign](to_real(left), to_real(right))
 
 
@@ -190,8 +190,7 @@ def compared(first: Evaluate, rest: Rest) -> Evaluate:
 
 
 def _unary(sign: str, value: Any) -> float:
-    if value is None:
-        raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+    _not_empty(value, "right", sign)
     if not is_number(value):
         raise ScriptError(f"Invalid operator [{sign}] for {_kind(value)}")
     real = to_real(value)
@@ -218,8 +217,7 @@ def prefixed(signs: List[str], operand: Evaluate) -> Evaluate:
 
 
 def _is_chosen(value: Any) -> bool:
-    if value is None:
-        raise ScriptError("The left operand of the operator [?] is not initialized")
+    _not_empty(value, "left", "?")
     if isinstance(value, str):
         return leading_number(value) != 0.0
     if not is_number(value):
@@ -266,8 +264,7 @@ def assigned(name: str, sign: str, right: Evaluate, source: Optional[str]) -> Ev
             raise ScriptError(f"The blackboard entry [{name}] doesn't exist, yet. {hint}")
         entry = entry or blackboard.create(name)
         value = right(blackboard, enums)
-        if value is None:
-            raise ScriptError(f"The right operand of the operator [{sign}] is not initialized")
+        _not_empty(value, "right", sign)
         if sign in (":=", "="):
             origin = "" if source is None else _origin(source, blackboard, enums)
             _store(name, entry, value, enums, origin)
@@ -302,8 +299,8 @@ def _store(name: str, entry: Entry, value: Any, enums: Enums, origin: str) -> No
         else:
             entry.update(value, origin)
     except ValueFault as fault:
-        raise ScriptError(f"Error assigning a value to entry [{name}] with type [{entry.type}]: "
-                          f"{fault}") from fault
+        wrong = f"Error assigning a value to entry [{name}] with type [{entry.type}]"
+        raise ScriptError(f"{wrong}: {fault}") from fault
 
 
 def _store_text(name: str, entry: Entry, text: str, enums: Enums) -> None:
