@@ -24,9 +24,9 @@ SOME_TEXT = "some text"
 class MissionFacts:
     """The facts about a mission without errors, and the findings that its warnings are added to."""
 
-    def __init__(self, trees: Trees, registry: Registry, given: Collection[str]):
+    def __init__(self, trees: Trees, given: Collection[str]):
         self.trees = trees
-        self.registry = registry
+        self.registry = registry = trees.registry
         self.findings = trees.findings
         self.report = trees.findings.report
         self.elements = {tree: trees.trees[tree].below for tree in trees.used}

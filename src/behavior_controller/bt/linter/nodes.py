@@ -11,7 +11,7 @@ from behavior_controller.bt.script import values
 from behavior_controller.bt.loader.document import EXPLICIT, Element
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.script.values import ValueFault
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Registry, Role, argument
+from behavior_controller.bt.registry import Kind, NodeSpec, Port, Role, argument
 from behavior_controller.bt.linter.structure import (
     AROUND_THEM, CONDITIONS, Trees, is_port_name, remaps_all)
 from behavior_controller.text import did_you_mean
@@ -41,13 +41,14 @@ _SUBTREE_ELSEWHERE = {"__shared_blackboard": "version 4 ignores it: write _autor
 class Nodes:
     """Checks the nodes of trees."""
 
-    def __init__(self, registry: Registry, trees: Trees):
+    def __init__(self, trees: Trees):
         self.trees = trees
         self.report, self.nearest = trees.report, trees.nearest
         # the tree being checked is part of the mission; in any other, what BehaviorTree.CPP notices
         # only when it makes a node is a warning
         self.is_used = True
-        self._known = {spec.id: spec for spec in registry.all() if spec.kind is not Kind.SUBTREE}
+        self._known = {
+            spec.id: spec for spec in trees.registry.all() if spec.kind is not Kind.SUBTREE}
 
     def check(self, element: Element) -> None:
         """Check a node."""

@@ -21,18 +21,11 @@ from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Reg
 from behavior_controller.errors import Fault
 from behavior_controller.text import without_controls
 
-TYPE_NAMES = {"string": "std::string", "uint": "unsigned int", "int8": "signed char",
-              "uint8": "unsigned char", "int64": "long", "uint64": "unsigned long",
-              "any": "BT::AnyTypeAllowed", "Any": "BT::Any", "NodeStatus": "BT::NodeStatus",
-              "vec_int": "std::vector<int>", "vec_double": "std::vector<double>",
-              "vec_string": "std::vector<std::string>", "vec_bool": "std::vector<bool>"}
-"""Our names of types, and those that BehaviorTree.CPP writes."""
-
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 _FACTORIES = {Kind.ACTION: AlwaysSuccess, Kind.CONDITION: AlwaysSuccess, Kind.CONTROL: SequenceNode,
               Kind.DECORATOR: ForceSuccess}
-_OURS = {**{name: name for name in TYPES}, **{name: ours for ours, name in TYPE_NAMES.items()}}
+_TYPES = {name: kind.name for kind in TYPES.values() for name in (kind.name, kind.cpp_name)}
 
 
 def tree_nodes_model(specs: Iterable[NodeSpec], indent: str = "") -> str:
@@ -59,7 +52,7 @@ def _model(spec: NodeSpec) -> List[str]:
 def _written_port(port: Port) -> str:
     default = "" if port.default is None else f" default={quoteattr(port.default)}"
     direction = port.direction.value
-    type_name = quoteattr(TYPE_NAMES.get(port.type, port.type))
+    type_name = quoteattr(TYPES[port.type].cpp_name or port.type)
     start = f"<{direction} name={quoteattr(port.name)} type={type_name}{default}"
     return f"{start}>{escape(port.description)}</{direction}>" if port.description else start + "/>"
 
@@ -122,7 +115,7 @@ def _stub(model: Element, node_id: str) -> NodeSpec:
 def _port(port: Element, tells: bool) -> Port:
     given = port.attributes
     is_optional = not tells or given.get("optional") in ("true", "1")
-    type_name = _OURS.get(given.get("type", ANY), ANY)
+    type_name = _TYPES.get(given.get("type") or ANY, ANY)
     return Port(given["name"], type_name, _DIRECTIONS[port.tag], given.get("default"),
                 is_optional=is_optional)
 

@@ -45,19 +45,19 @@ class Trees:
         # the trees that are part of the mission, called ones first, with the number of their nodes,
         # unfolded; all trees where there is no main tree
         self.used: Dict[str, int] = {}
+        self.documents: List[Document] = []  # the mission file is the last
         self.is_complete = True  # False: a file is missing, and what it would define
         self._tolerated = tolerated
-        self._file = ""
 
     @property
     def faults(self) -> List[Fault]:
         """What is found so far, in the order of the files."""
-        return self.findings.all(self._file)
+        return self.findings.all(self.documents[-1].file)
 
     def add(self, document: Document) -> None:
         """Collect the trees and models of one file."""
         root = document.root
-        self._file = document.file
+        self.documents.append(document)
         self.findings.errors.extend(document.faults)
         self.is_complete = self.is_complete and not document.faults
         if root.tag != "root":
@@ -169,19 +169,19 @@ class Trees:
 
     # ---------------------------------------------------------------------- the calls between trees
 
-    def choose_main(self, document: Document, wanted: Optional[str], guess: bool) -> None:
+    def choose_main(self, wanted: Optional[str], guess: bool) -> None:
         """Find the calls and the main tree; ``guess``: it may be the only tree that no other calls.
         """
         self.calls = {tree_id: [element for element in tree.below if element.tag == "SubTree"]
                       for tree_id, tree in self.trees.items()}
-        self.main = self._main_tree(document, wanted, guess)
+        self.main = self._main_tree(wanted, guess)
 
-    def _main_tree(self, document: Document, wanted: Optional[str], guess: bool) -> str:
-        root = document.root
+    def _main_tree(self, wanted: Optional[str], guess: bool) -> str:
+        root = self.documents[-1].root
         named = wanted or root.attributes.get("main_tree_to_execute")
         if named in self.trees:
             return named
-        own = [tree_id for tree_id, tree in self.trees.items() if tree.document is document]
+        own = [tree_id for tree_id, tree in self.trees.items() if tree.document.root is root]
         if named:
             text, attribute = f"there is no tree {named} to execute", "main_tree_to_execute"
             hint = self.nearest(named, self.trees, "the trees")
@@ -242,11 +242,11 @@ class Trees:
                 waiting.extend((call.attributes.get("ID", ""), call)
                                for call in reversed(self.calls[tree_id]))
 
-    def check_unused(self, document: Document) -> None:
+    def check_unused(self) -> None:
         """Warn of trees of the mission file itself that the mission does not use; what is included
         is a library."""
         for tree_id, tree in self.trees.items():
-            if tree.document is document and tree_id not in self.used:
+            if tree.document is self.documents[-1] and tree_id not in self.used:
                 text, hint = f"the tree {tree_id} is not used", f"the main tree is {self.main}"
                 self.report(rules.TREE_UNUSED, tree, text, hint)
 

@@ -61,12 +61,12 @@ def build(documents: Sequence[Document], registry: Registry, clock: Optional[Clo
     """
     trees = checked or check(documents, registry, main_tree, strict)
     services = Services(clock or Clock(), wake or WakeUp(), enums or {})
-    compiler = _Compiler(trees, registry, services, substitutions(substitutes or {}))
+    compiler = _Compiler(trees, services, substitutions(substitutes or {}))
     services.clients = Clients(trees.main, registry)
     if trees.main and id(trees.trees[trees.main]) not in trees.findings.faulty:
         compiler.unfold(blackboard if blackboard is not None else Blackboard())
     is_linted = with_lint and not compiler.faults
-    checked_faults = lint(documents, trees, registry) if is_linted else trees.faults
+    checked_faults = lint(trees) if is_linted else trees.faults
     faults = sorted(dict.fromkeys(compiler.faults + checked_faults), key=by_place)
     if any(not fault.is_warning for fault in faults):
         raise MissionError(faults)
@@ -98,10 +98,9 @@ class _Use(NamedTuple):
 class _Compiler:
     """Makes the nodes of one mission and collects the faults that only their making shows."""
 
-    def __init__(self, trees: Trees, registry: Registry, services: Services,
-                 substitutes: Substitutions):
+    def __init__(self, trees: Trees, services: Services, substitutes: Substitutions):
         self.trees = trees
-        self.registry = registry
+        self.registry = trees.registry
         self.services = services
         self.substitutes = substitutes
         self.nodes: List[Node] = []

@@ -48,6 +48,7 @@ class ValueType(NamedTuple):
     checked_at_load: bool = True
     number: Optional["re.Pattern[str]"] = None
     python: Optional[type] = None  # the class of its values, if it is a PortType
+    cpp_name: str = ""  # in palettes, if BehaviorTree.CPP calls it otherwise
 
 
 _INTEGER = re.compile(r"(-?)0*([0-9]+)")  # the second group has no leading zero but the last digit
@@ -142,12 +143,13 @@ def _enumerator(text: str, enums: Enums) -> int:
     return number
 
 
-def _vector_type(name: str, item: Callable[[str, Enums], Any], kind: type) -> ValueType:
+def _vector_type(name: str, cpp_name: str, item: Callable[[str, Enums], Any],
+                 kind: type) -> ValueType:
     def read(text: str, enums: Enums) -> Any:
         if text.startswith("json:"):
             return [_json_item(value, kind) for value in _json_array(text[5:])]
         return [item(part, enums) for part in items_of(text)]
-    return ValueType(name, read)
+    return ValueType(name, read, cpp_name=cpp_name)
 
 
 def items_of(text: str) -> List[str]:
@@ -179,8 +181,9 @@ def _json_item(value: Any, kind: type) -> Any:
 _JSON_NAMES = {int: "integer", float: "number", str: "string", bool: "boolean"}
 
 
-def _integer_type(name: str, low: int, high: int) -> ValueType:
-    return ValueType(name, partial(_integer, low=low, high=high), (low, high), number=_INTEGER)
+def _integer_type(name: str, low: int, high: int, cpp_name: str = "") -> ValueType:
+    from_text = partial(_integer, low=low, high=high)
+    return ValueType(name, from_text, (low, high), number=_INTEGER, cpp_name=cpp_name)
 
 
 class _Types(Dict[str, ValueType]):
@@ -235,23 +238,23 @@ def _own(name: str, python: type, from_text: Optional[Callable[[str], Any]], tex
 
 
 TYPES: Dict[str, ValueType] = _Types((value_type.name, value_type) for value_type in (
-    ValueType(TEXT, lambda text, _enums: text),
+    ValueType(TEXT, lambda text, _enums: text, cpp_name="std::string"),
     _integer_type("int", *INT),
-    _integer_type("uint", 0, 2 ** 32 - 1),
-    _integer_type("int8", -2 ** 7, 2 ** 7 - 1),
-    _integer_type("uint8", 0, 2 ** 8 - 1),
-    _integer_type("int64", *INT64),
-    _integer_type("uint64", 0, 2 ** 64 - 1),
+    _integer_type("uint", 0, 2 ** 32 - 1, "unsigned int"),
+    _integer_type("int8", -2 ** 7, 2 ** 7 - 1, "signed char"),
+    _integer_type("uint8", 0, 2 ** 8 - 1, "unsigned char"),
+    _integer_type("int64", *INT64, "long"),
+    _integer_type("uint64", 0, 2 ** 64 - 1, "unsigned long"),
     ValueType("double", real_from_text, number=_REAL),
     ValueType("bool", _boolean),
-    ValueType("NodeStatus", _status, checked_at_load=False),
+    ValueType("NodeStatus", _status, checked_at_load=False, cpp_name="BT::NodeStatus"),
     ValueType("enum", _enumerator, checked_at_load=False),
-    _vector_type("vec_int", partial(_integer, low=INT[0], high=INT[1]), int),
-    _vector_type("vec_double", real_from_text, float),
-    _vector_type("vec_string", lambda text, _enums: text, str),
-    _vector_type("vec_bool", _boolean, bool),
-    ValueType(ANY, None),
-    ValueType(BT_ANY, None),
+    _vector_type("vec_int", "std::vector<int>", partial(_integer, low=INT[0], high=INT[1]), int),
+    _vector_type("vec_double", "std::vector<double>", real_from_text, float),
+    _vector_type("vec_string", "std::vector<std::string>", lambda text, _enums: text, str),
+    _vector_type("vec_bool", "std::vector<bool>", _boolean, bool),
+    ValueType(ANY, None, cpp_name="BT::AnyTypeAllowed"),
+    ValueType(BT_ANY, None, cpp_name="BT::Any"),
 ))
 
 
