@@ -188,7 +188,7 @@ def circle(length):
             for number in range(length)), 'BTCPP_format="4" main_tree_to_execute="T0"')
 
 
-ELEVEN = "".join(tree(LEAF, "T{}".format(number)) for number in range(11))
+MANY = "".join(tree(LEAF, "T{}".format(number)) for number in range(21))
 MODEL = tree(LEAF, "S") + model('<input_port name="who"/><input_port name="where"/>')
 
 

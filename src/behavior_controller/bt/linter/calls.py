@@ -11,6 +11,7 @@ from behavior_controller.bt.linter.warnings import check_braces, check_ignored
 from behavior_controller.bt.engine import ports
 from behavior_controller.bt.loader.document import Element
 from behavior_controller.bt.script.values import TEXT
+from behavior_controller.text import first_names
 
 
 def check_call(facts: MissionFacts, call: Element, tree: str) -> None:
@@ -60,7 +61,7 @@ def _check_unused(facts: MissionFacts, call: Element, name: str, outer: Optional
         rule, text = rules.MODEL_PORT_UNKNOWN, f"the model of {called} has no port {name}"
         hint = near or f"its ports: {', '.join(model)}"
     elif near or (outer is not None and facts.flow.is_known):
-        has = ", ".join((forgotten or sorted(known))[:10]) or "no entries"
+        has = first_names(forgotten or sorted(known)) or "no entries"
         rule, text = rules.SUBTREE_PORT_UNKNOWN, f"the tree {called} uses no entry {name}"
         hint = near or f"the tree {called} has {has}"
     else:

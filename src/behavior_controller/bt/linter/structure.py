@@ -11,6 +11,7 @@ from behavior_controller.bt.linter.findings import MOST_FAULTS, Findings
 from behavior_controller.bt.registry import Port, Registry
 from behavior_controller.bt.script.values import TYPES
 from behavior_controller.errors import Fault
+from behavior_controller.text import first_names
 
 _FORBIDDEN = re.compile(r"[\x00- \x7f<>&\"'/\\:*?|.]")  # in names
 _SIGNS = "any of <>&\"'/\\:*?|."
@@ -194,7 +195,7 @@ class Trees:
                 return choice[0]
         why = "each tree is called by another"
         if free:
-            why = f"these trees are called by no other: {', '.join(free[:10])}"
+            why = f"these trees are called by no other: {first_names(free)}"
         if root.tag == "root" and not self.trees:
             self.report(rules.NO_TREE, root, "the file has no <BehaviorTree>")
         elif root.tag == "root":
