@@ -13,8 +13,6 @@ from behavior_controller.bt.script.values import BT_ANY, TEXT, ValueFault, conve
 from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role
 from behavior_controller.bt.status import FAILURE, SUCCESS
 
-Factory = Any  # a class of nodes
-
 
 class AlwaysSuccess(SyncActionLeaf):
     """SUCCESS, always."""
@@ -141,7 +139,7 @@ _KINDS = ((controls.Control, Kind.CONTROL), (decorators.Decorator, Kind.DECORATO
           (TimedAction, Kind.ACTION))
 
 
-def _spec(factory: Factory, outcome: Optional[possible.Outcome] = None, node_id: str = "",
+def _spec(factory: Any, outcome: Optional[possible.Outcome] = None, node_id: str = "",
           is_instant: bool = True, **facts: Any) -> NodeSpec:
     """Return the node type of a class, with the first line of what it does."""
     kind = next(kind for base, kind in _KINDS if issubclass(factory, base))

@@ -115,7 +115,7 @@ class Trees:
         self.bodies.append((tree_id, tree))
 
     def report_no_id(self, element: Element, where: str = "", hint: str = "") -> None:
-        """Findings that an element lacks the attribute ID."""
+        """Report that an element lacks the attribute ID."""
         text = f"<{element.tag}>{where} lacks the attribute ID"
         self.report(rules.ID_MISSING, element, text, *_instead_of_id(element, hint))
 
