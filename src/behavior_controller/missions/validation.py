@@ -8,7 +8,7 @@ from typing import Any, Collection, Dict, Iterable, Iterator, List, Optional, Se
 from behavior_controller import folders, leaves
 from behavior_controller.config import knowledge_files, phrases, recovery_policy, settings
 from behavior_controller.bt.linter import rules
-from behavior_controller.bt.linter.palettes import (
+from behavior_controller.bt.linter.palette import (
     check_models, is_palette, models, stubs, used_types)
 from behavior_controller.bt.linter.findings import Findings, by_place
 from behavior_controller.bt.loader.document import Document, read, with_includes
