@@ -101,7 +101,7 @@ def test_the_policy_is_read_by_the_words_at_its_head():
     class Failing:
         registration_id, spec = "Navigate", None
 
-    policy = reference.Policy(
+    policy = reference.PolicyTable(
         "budget 3 60 # at most\nNavigate refused 2 1.5 skip\n* * 0 0 skip # the rest\n")
     from behavior_controller.robot.gateway import Cause
     assert (policy.most, policy.seconds) == (3, 60.0)
@@ -113,5 +113,5 @@ def test_the_policy_is_read_by_the_words_at_its_head():
 
 
 def test_no_row_says_nothing_of_itself():
-    assert inspect.getdoc(reference.Recovering) and len({spec.id for spec in reference.ROWS
+    assert inspect.getdoc(reference.RecoveryTask) and len({spec.id for spec in reference.ROWS
                                                          }) == len(reference.ROWS)

@@ -154,6 +154,6 @@ def _entry_of(node: Duty, port: str) -> str:
 def label(node: Any) -> str:
     """Return what a tester calls a node: its type, and its name if that says more."""
     name = node.registration_id
-    if isinstance(node, reference.Recovering) and node.remark:
+    if isinstance(node, reference.RecoveryTask) and node.remark:
         return f"{name} ({node.remark})"
     return name if node.name in (name, "") else f"{name} {node.name}"

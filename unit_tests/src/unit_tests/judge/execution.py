@@ -36,7 +36,7 @@ from unit_tests.judge.calls import Calls, Query, described
 from unit_tests.judge.comparison import Reports, WrittenEntries, decision, label
 from unit_tests.judge.facts import EARLY, Facts
 from unit_tests.judge.foreign import registry
-from unit_tests.judge.reference import SAFE, SAFE_STATE, Course, Duty
+from unit_tests.judge.reference import SAFE, SAFE_STATE, TaskContext, Duty
 from unit_tests.judge.signs import Signs
 from unit_tests.robot.options import ACTION
 
@@ -80,7 +80,7 @@ class Traversal:
         return next((place for place, (due, other) in pairs if due != other), None)
 
 
-class Execution(Course):
+class Execution(TaskContext):
     """One mission of a record, done again line by line. ``difference`` is the first one, and
     ``differs_at`` its time; empty: none."""
 
@@ -122,7 +122,7 @@ class Execution(Course):
         known = knowledge_files.read(*sources.knowledge) if sources.knowledge else None
         language = chosen.language if known is None else known.language
         spoken = phrases.load(language, chosen.scenario_specification)
-        super().__init__(chosen, spoken, known, reference.Policy(sources.policy.text))
+        super().__init__(chosen, spoken, known, reference.PolicyTable(sources.policy.text))
         self.clock = ManualClock()
         self.registry = registry()
         self.tree = build([parse(text, file) for file, text in sources.documents], self.registry,
@@ -400,7 +400,7 @@ class Execution(Course):
     def ask(self, node: Duty, request: Union[Request, type]) -> Query:
         """Return a request with its answer, if that has come; of a node without a row only the
         request's kind is known."""
-        if node.registration_id in TABLE and not isinstance(node, reference.Recovering):
+        if node.registration_id in TABLE and not isinstance(node, reference.RecoveryTask):
             self.reports.decided(node, reference.BEGINS)
         if isinstance(request, QueryKnowledge) and self.known is not None:
             answer = Answer(exhibits=self.knowledge[request.what])

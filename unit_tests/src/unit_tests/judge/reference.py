@@ -4,7 +4,7 @@ stores, when it holds.
 It is written from the documents, beside the controller's own leaves, and uses nothing of them.
 ``ROWS`` is the table. The steps of a row take the node, and are a generator if they may pause while
 the node goes on; they raise ``Fails``. Requests, messages and what is known of the robot come from
-a ``Course``.
+a ``TaskContext``.
 """
 import math
 import re
@@ -94,7 +94,7 @@ def _ports(text: str) -> Iterator[Port]:
 # ------------------------------------------------------------------------------ what a node goes by
 
 
-class Failed(NamedTuple):
+class TaskFailure(NamedTuple):
     """One failure of a node, with its number in the order of time."""
 
     number: int
@@ -128,17 +128,17 @@ FAILED_AGAIN = "failed too, after {} retries"
 SAFE = Decision("", "", "", "what was reached of the safe state is reported")
 
 
-class Course:
+class TaskContext:
     """What the nodes of a mission go by: configuration, phrases, knowledge, policy; failures. The
     requests, answers and messages are those of the execution that it is the base of."""
 
     def __init__(self, settings: Settings, phrases: Phrases, known: Optional[Knowledge],
-                 policy: "Policy"):
+                 policy: "PolicyTable"):
         self.settings, self.phrases, self.known, self.policy = settings, phrases, known, policy
         self.interface = settings.interface
         self.language = settings.language if known is None else known.language
         self.gone: Set[str] = set()  # services that are known to be gone
-        self.failures: Dict[int, Failed] = {}  # the newest of each node, by uid
+        self.failures: Dict[int, TaskFailure] = {}  # the newest of each node, by uid
         self.newest = 0
         # number of the failure for which the robot was left in the safe state last
         self.given_up = 0
@@ -180,7 +180,7 @@ class Course:
     def failed(self, node: "Duty", cause: Cause, resource: str) -> None:
         """Keep a failure for the recovery."""
         self.newest += 1
-        self.failures[node.uid] = Failed(self.newest, node, cause, resource)
+        self.failures[node.uid] = TaskFailure(self.newest, node, cause, resource)
 
     def begin_visit(self, board: Blackboard, at: float) -> None:
         """Forget the last visitor: answers and gazes from before do not count."""
@@ -366,7 +366,7 @@ def ask(node: Any, kind: type, rule: Callable[[Any], Any],
 # ------------------------------------------------------------------------------- signs of a visitor
 
 
-class Evidence(NamedTuple):
+class SignRule(NamedTuple):
     """When a message is the sign; ``wait``: seconds that the condition itself waits, None:
     ``conditionWait``."""
 
@@ -387,27 +387,27 @@ def _is_answer(course: Any, text: str) -> bool:
     return spoken(course.phrases, text) is not None
 
 
-EVIDENCE: Dict[str, Dict[Sense, Evidence]] = {
+EVIDENCE: Dict[str, Dict[Sense, SignRule]] = {
     "D5.4.3": {
-        Sense.VISITOR: Evidence(_has_face), Sense.PRESENCE: Evidence(_has_face, PRESENCE_WAIT),
-        Sense.GAZE: Evidence(
+        Sense.VISITOR: SignRule(_has_face), Sense.PRESENCE: SignRule(_has_face, PRESENCE_WAIT),
+        Sense.GAZE: SignRule(
             lambda course, status: bool(status == ("seeking", course.settings.gaze_value))),
-        Sense.UTTERANCE: Evidence(_is_answer)
+        Sense.UTTERANCE: SignRule(_is_answer)
     },
     "release-1.0": {
-        Sense.VISITOR: Evidence(_is("scanning", 2), math.inf),
-        Sense.PRESENCE: Evidence(_is("social", 2), PRESENCE_WAIT),
-        Sense.GAZE: Evidence(_is("seeking", 2), math.inf, _is("seeking", 3)),
-        Sense.UTTERANCE: Evidence(_is_answer, ANSWER_WAIT)
+        Sense.VISITOR: SignRule(_is("scanning", 2), math.inf),
+        Sense.PRESENCE: SignRule(_is("social", 2), PRESENCE_WAIT),
+        Sense.GAZE: SignRule(_is("seeking", 2), math.inf, _is("seeking", 3)),
+        Sense.UTTERANCE: SignRule(_is_answer, ANSWER_WAIT)
     }
 }
 """Sections 4.6 and table 4 of the document; the statuses of release 1.0's attention."""
 
-ENDING = Evidence(lambda course, text: is_error(text) or _is_answer(course, text))
+ENDING = SignRule(lambda course, text: is_error(text) or _is_answer(course, text))
 """What ends listening: an answer, or an error of the recognition."""
 
 
-def _look(node: Any, topic: Topic, evidence: Evidence, after: float) -> Optional[Sample]:
+def _look(node: Any, topic: Topic, evidence: SignRule, after: float) -> Optional[Sample]:
     """Return the message that is the sign, the newest one of a state, each one of events, if it
     came after what it answers."""
     course, now = node.course, node.clock.now()
@@ -435,7 +435,7 @@ def _listening(node: Any, topic: Topic, seconds: float) -> Iterator[bool]:
             yield True
 
 
-def _sense(node: Any, sense: Sense, evidence: Evidence, seconds: float,
+def _sense(node: Any, sense: Sense, evidence: SignRule, seconds: float,
            after: Callable[[], float]) -> Generator[None, None, Optional[Sample]]:
     """Return the message that is the sign; None: there was none in time."""
     topic = node.course.interface.evidence(sense).topic
@@ -515,7 +515,7 @@ def is_error(text: str) -> bool:
 # ----------------------------------------------------------------------------------------- recovery
 
 
-class Rule(NamedTuple):
+class PolicyRow(NamedTuple):
     """A line of the policy."""
 
     node: str
@@ -525,7 +525,7 @@ class Rule(NamedTuple):
     then: str
 
 
-class Policy:
+class PolicyTable:
     """The lines of recoveryPolicy.ini, by the number of their words."""
 
     def __init__(self, text: str):
@@ -533,20 +533,20 @@ class Policy:
         pairs = {words[0]: (float(words[1]), float(words[2])) for words in lines if len(words) == 3}
         self.most, self.seconds = int(pairs["budget"][0]), pairs["budget"][1]
         self.first_pause, self.longest_pause = pairs.get("pause", (10.0, 300.0))
-        self.rules = [Rule(words[0], words[1], int(words[2]), float(words[3]), words[4])
-                      for words in lines if len(words) == len(Rule._fields)]
+        self.rules = [PolicyRow(words[0], words[1], int(words[2]), float(words[3]), words[4])
+                      for words in lines if len(words) == len(PolicyRow._fields)]
 
-    def rule(self, node: Node, cause: Cause) -> Rule:
+    def rule(self, node: Node, cause: Cause) -> PolicyRow:
         """Return the first line that fits."""
         name = node.registration_id
         fitting = (rule for rule in self.rules
                    if rule.node in ("*", name) and rule.cause in ("*", cause.value))
-        rule = next(fitting, Rule(name, "*", 0, 0.0, "giveUp"))
+        rule = next(fitting, PolicyRow(name, "*", 0, 0.0, "giveUp"))
         is_needed = name in INDISPENSABLE or getattr(node.spec, "is_indispensable", False)
         return rule._replace(then="giveUp") if is_needed else rule
 
 
-class Recovering(Task):
+class RecoveryTask(Task):
     """HandleFallBack: does what the policy says about the newest failure of the nodes before it."""
 
     failed: Any = None  # the failure that it recovers from
@@ -603,7 +603,7 @@ class Recovering(Task):
             course.unrecovered.append((self._cause, self.failed.resource))
             raise Fails(self._cause)
 
-    def _take_up(self, failed: Failed) -> None:
+    def _take_up(self, failed: TaskFailure) -> None:
         course, policy, now = self.course, self.course.policy, self.clock.now()
         self.failed, self._cause, self._retries = failed, failed.cause, 0
         self._work: Any = None  # the node that is attempted
@@ -842,7 +842,7 @@ def _row(node_id: str, node: Callable[[str], Any], ports: str,
     """Return a row: a node type, the class of its nodes, the entries that they read and write, and
     their steps."""
     kind = Kind.CONDITION if node_id.startswith(("Is", "Has")) else Kind.ACTION
-    return Row(node_id, kind, node, (*_ports(ports), *more), is_recovery=node is Recovering,
+    return Row(node_id, kind, node, (*_ports(ports), *more), is_recovery=node is RecoveryTask,
                steps=steps)
 
 
@@ -888,8 +888,8 @@ ROWS: Tuple[Row, ...] = (
     # D5.4.3, table 4
     *(speech(name, name) for name in SPEECHES), *(speech(name, name, True) for name in QUESTIONS),
     *(_mode(name + "OvertAttentionMode", mode) for name, mode in MODES.items()),
-    *(_row(name, Recovering, "<exhibits <targetLocation =nextExhibit =leftOutExhibits",
-           Recovering.recover) for name in HANDLERS),
+    *(_row(name, RecoveryTask, "<exhibits <targetLocation =nextExhibit =leftOutExhibits",
+           RecoveryTask.recover) for name in HANDLERS),
     _asks("DescribeExhibitSpeech", Say, _describe, "<currentExhibit <description1 <description2",
           Port("part", TEXT, is_optional=True)),
     _asks("DisableAnimateBehavior", SetAnimation, lambda node: SetAnimation("disabled")),

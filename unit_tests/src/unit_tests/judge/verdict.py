@@ -64,17 +64,22 @@ class Case:
         self.witness = Witness(facts, self.executions)
 
     @property
-    def waiting_for(self) -> str:
-        """The node that has long waited for a sign of the visitor, which never came; empty: none.
-
-        A visitor comes after ``LONG_WAIT`` at the latest: a test that ends earlier is too short.
-        """
+    def longest_wait(self) -> Tuple[float, str]:
+        """The longest wait for a sign of the visitor that goes on at the end: its seconds and the
+        node; (0, ""): none, or something was due."""
         last = self.last
         if last is None or last.offset is None or self.overdue:
-            return ""
+            return 0.0, ""
         end = self.witness.end - last.offset
-        return next((search.node.registration_id for search in last.signs.waiting.values()
-                     if end - search.at > LONG_WAIT), "")
+        return max(((end - search.at, search.node.registration_id)
+                    for search in last.signs.waiting.values()), default=(0.0, ""))
+
+    @property
+    def waiting_for(self) -> str:
+        """The node that has waited for a sign for so long that a visitor would have come in any
+        case; empty: none."""
+        seconds, node = self.longest_wait
+        return node if seconds > LONG_WAIT else ""
 
     @property
     def overdue(self) -> str:
@@ -154,7 +159,7 @@ def _end(case: Case) -> Iterator[str]:
     finished, ending = facts.run.state.finished, "the controller " + _ending(facts.exit_code)
     outcomes = [event.outcome for _, event in of(facts.run.lines, PassFinished)]
     if case.has_timed_out and not case.is_out_of_time:
-        yield facts.cut_off + (f"; {case.last.under_way()} goes on" if case.last else "")
+        yield facts.cut_off + _going_on(case)
     elif facts.cut_off or facts.run.state.started is None:
         return
     elif finished is None:
@@ -167,6 +172,15 @@ def _end(case: Case) -> Iterator[str]:
     elif facts.exit_code != (exit_codes.SUCCESS if outcomes[-1] == "SUCCESS"
                              else exit_codes.FAILURE):
         yield f"the last pass ended with {outcomes[-1]}, and {ending}"
+
+
+def _going_on(case: Case) -> str:
+    """Return what the mission does at the end of a test that was too short."""
+    seconds, node = case.longest_wait
+    if node:
+        return (f"; {node} has waited {seconds:.0f} s for a sign of the visitor, who comes after "
+                f"{LONG_WAIT:g} s without a request (set testTimeout higher)")
+    return f"; {case.last.under_way()} goes on" if case.last else ""
 
 
 WHY = {exit_codes.WRONG_INPUT: " (a fault of its files or arguments)",
