@@ -65,7 +65,7 @@ class Extension(NamedTuple):
         for item in items:
             if not isinstance(item, kind):
                 raise self.broken(
-                    f"{reprlib.repr(item)} in {name} is not a {kind.__name__}", name)
+                    f"{reprlib.repr(getattr(item, 'name', item))} in {name} is not a {kind.__name__}", name)
             for field, wanted in kind.__annotations__.items():
                 value = getattr(item, field)
                 if wanted in PLAIN and not isinstance(value, PLAIN[wanted]):
