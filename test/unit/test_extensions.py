@@ -239,7 +239,8 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
     (LEAVES, RING + "from behavior_controller.robot.declarations import Evidence\n"
      "FixtureRing.own_evidence = Evidence('/bell')\n" + RINGS,
      ["own_evidence", "no Evidence", "(a/leaves.py:11)"]),
-    (LEAVES, RING + with_port("'n', 'float'"), ["type float (there are: ", " double ", "(a/leaves.py:"]),
+    (LEAVES, RING + with_port("'n', 'float'"), ["type float (there are: ", " double ",
+                                                  "(a/leaves.py:"]),
     (LEAVES, RING + with_port("'n', int"), ["type of the port n", "(a/leaves.py:10)"]),
     (LEAVES, RING + with_port("'n', 'int', default=5"), ["default of the port n", "(a/leaves.py:"]),
     (LEAVES, RING + with_port("'n', 'int', default='five'"), ["default is not of the type int",
