@@ -4,7 +4,8 @@ docs/architecture.md draws which room uses which; reading starts with those that
 """
 import sys
 
-NOT_SET_UP = "{}, for {}: build the workspace as the README says, and source its setup.bash"
+NOT_SET_UP = ("{}, for {}: build the workspace as the README says, and source its setup.bash; if "
+              "that is done, `catkin_find cssr_system` says what else is wrong with the workspace")
 """What is missing, and for which Python."""
 
 if sys.version_info < (3, 8):

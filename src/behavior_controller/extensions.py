@@ -64,8 +64,8 @@ class Extension(NamedTuple):
         items = getattr(self.module, name, ())
         for item in items:
             if not isinstance(item, kind):
-                raise self.broken(
-                    f"{reprlib.repr(item)} in {name} is not a {kind.__name__}", name)
+                shown = reprlib.repr(getattr(item, "name", item))
+                raise self.broken(f"{shown} in {name} is not a {kind.__name__}", name)
             for field, wanted in kind.__annotations__.items():
                 value = getattr(item, field)
                 if wanted in PLAIN and not isinstance(value, PLAIN[wanted]):

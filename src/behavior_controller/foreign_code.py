@@ -56,6 +56,12 @@ def _defined_at(owner: object) -> List[Tuple[str, int]]:
             if _is_foreign(code.co_filename)]
 
 
+def defined_at(owner: object) -> str:
+    """Return the place of a foreign function in brackets; of another one an empty text."""
+    places = _defined_at(owner)
+    return f" ({place(*places[0])})" if places else ""
+
+
 def _is_foreign(file: str) -> bool:
     """Return whether a file is neither this package's nor in Python's own library."""
     return not file.startswith(_OURS) and ("-packages" in file or not file.startswith(_PYTHONS_OWN))

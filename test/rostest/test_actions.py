@@ -185,7 +185,9 @@ class TestActions(unittest.TestCase):
         self.use(action("/turn/wrong", fields=lambda turn: ("a", "b")))
         self.assertEqual(self.ask(Turn(1)).cause, Cause.TYPE_MISMATCH)
         self.use(action("/turn/wrong", fields=lambda turn: ("a",)))
-        self.assertEqual((self.ask(Turn(1)).cause, server.goals), (Cause.TYPE_MISMATCH, []))
+        failure = self.ask(Turn(1))
+        self.assertEqual((failure.cause, server.goals), (Cause.TYPE_MISMATCH, []))
+        self.assertRegex(failure.message, r"test_actions\.py:\d+\)")  # of the declaration
 
     def test_a_message_is_sent_to_its_subscriber_and_without_one_it_is_a_failure(self):
         came, news = [], threading.Event()

@@ -19,7 +19,7 @@ REGISTRY = Registry(builtin_specs() + [
     NodeSpec("Old", Kind.ACTION, AlwaysSuccess, warning="Old is another spelling of Navigate"),
     NodeSpec("Typed", Kind.ACTION, AlwaysSuccess,
              (Port("number", "int"), Port("flag", "bool"), Port("list", "vec_int"),
-              Port("out", "double", Direction.OUT), Port("text", "string"))),
+              Port("out", "double", Direction.INOUT), Port("text", "string"))),
     NodeSpec("Attend", Kind.ACTION, AlwaysSuccess, names=("social", "seeking")),
 ])
 

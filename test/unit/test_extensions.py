@@ -111,8 +111,7 @@ def test_the_code_of_the_guide_is_a_package_with_its_test(tmp_path):
     sources = [tmp_path / "greeter" / "src"]
     code, text = run("exportNodeModel", packages=tmp_path, paths=sources)
     assert code == 0 and '<Condition ID="DoorbellRang"' in text
-    subprocess.check_call([sys.executable, "-c", "from greeter.moving import SERVICES"],
-                          env=environment(tmp_path, sources))
+    assert '<Decorator ID="EveryOther"' in text
     subprocess.check_call([sys.executable, "-c", "from greeter.moving import SERVICES"],
                           env=environment(tmp_path, sources))
     done = run_tests(tmp_path / "greeter", tmp_path, sources)
@@ -237,6 +236,11 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
      ["not a tuple of Port", "(a/leaves.py:10)"]),
     (LEAVES, RING + "FixtureRing.own_evidence = Say\n" + RINGS,
      ["own_evidence", "no Evidence", "(a/leaves.py:10)"]),
+    (LEAVES, RING + "from behavior_controller.robot.declarations import Evidence\n"
+     "FixtureRing.own_evidence = Evidence('/bell')\n" + RINGS,
+     ["own_evidence", "no Evidence", "(a/leaves.py:11)"]),
+    (LEAVES, RING + with_port("'n', 'float'"), ["type float (there are: ", " double ",
+                                                  "(a/leaves.py:"]),
     (LEAVES, RING + with_port("'n', int"), ["type of the port n", "(a/leaves.py:10)"]),
     (LEAVES, RING + with_port("'n', 'int', default=5"), ["default of the port n", "(a/leaves.py:"]),
     (LEAVES, RING + with_port("'n', 'int', default='five'"), ["default is not of the type int",
@@ -250,15 +254,24 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
      ["has no SERVICES", "but SERVICE ", "(a/leaves.py:9)"]),
     (INTERFACE, BELL + "SERVICES = (bell())", ["comma", "(a/leaves.py:9)"]),
     (INTERFACE, BELL + "SERVICES = (bell('bell'),)", ["begin with /", "(a/leaves.py:"]),
+    (INTERFACE, BELL + "SERVICES = (bell('/a bell'),)", ["begin with /", "(a/leaves.py:"]),
     (INTERFACE, BELL + "SERVICES = (bell(7),)", ["name of a Service is 7", "(a/leaves.py:9)"]),
     (INTERFACE, BELL + "SERVICES = (bell(type='textService'),)",
      ["'textService' is not package/Type", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(deadline='5'),)", ["no deadline", "(a/leaves.py:6)"]),
     (INTERFACE, BELL + "SERVICES = (bell(deadline=-5.0),)", ["-5.0 s", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(deadline=float('nan')),)", ["nan s", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(success='yes'),)", ["no success", "(a/leaves.py:6)"]),
     (INTERFACE, BELL + "SERVICES = (bell(absence=''),)", ["absence", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(request=Say),)",
      ["are both declared for Say", "(a/leaves.py:9)"]),
+    (INTERFACE, BELL + "class Say(Request):\n  text: str\nSERVICES = (bell(request=Say),)",
+     ["a request Say already", "rename that of /bell", "(a/leaves.py:11)"]),
+    (INTERFACE, BELL + "class B(Request):\n  x: 'Place'\nSERVICES = (bell(request=B),)",
+     ["cannot hold the fields of B", "'Place'", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "SERVICES = (bell(rehearsed='yes'),)", ["'yes'", "(a/leaves.py:5)"]),
+    (INTERFACE, BELL + "from behavior_controller.robot.declarations import Publication\n"
+     "SERVICES = (Publication(**vars(bell())),)", ["success is None", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "class B(Request):\n  x = 'y'\nSERVICES = (bell(request=B),)",
      ["B.x has no annotation", "(a/leaves.py:5)"]),
     (INTERFACE, BELL + "SERVICES = (bell(node='/bell'),)", ["'/bell' is not the name of a node"]),
@@ -267,7 +280,8 @@ def test_what_is_wrong_with_a_package_is_one_line(tmp_path, tool, export, module
                                                                  "deadline", "(a/leaves.py:11)"]),
     (INTERFACE, BELL + "TOPICS = (Topic('/b', 'b', 'std_msgs/String', 'str', str, 'x', False),)",
      ["values is 'str', and not a type", "(a/leaves.py:9)"]),
-    (INTERFACE, BELL + "TOPICS = (bell(),)", ["in TOPICS is not a Topic", "(a/leaves.py:9)"]),
+    (INTERFACE, BELL + "TOPICS = (bell(),)", ["'/bell' in TOPICS is not a Topic",
+                                              "(a/leaves.py:9)"]),
     (INTERFACE, BELL + "TOPICS = (Topic('/bell', 'bell'),)", ["'is_continuous'", "(a/leaves.py:9)"
                                                               ]),
     (INTERFACE, BELL + "TOPICS = (Topic('/b', 'b', 'std_msgs/String', str, 'read', 'x', False),)",

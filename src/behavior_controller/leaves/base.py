@@ -475,10 +475,12 @@ def leaf_spec(node_id: str, leaf: Type[MissionLeaf], description: str, ports: Tu
     factory: Callable[[str], MissionLeaf] = partial(leaf, **(arguments or {}))
     if choices:
         factory = partial(_chosen, leaf, choices)
-    if not isinstance(leaf.own_evidence, (Evidence, type(None))):
+    evidence = leaf.own_evidence
+    if evidence is not None and not (
+            isinstance(evidence, Evidence) and isinstance(evidence.topic, Topic)):
         raise ImportError(f"own_evidence of {leaf.__qualname__} is no Evidence: Evidence(TOPIC)"
                           " wraps a topic")
-    sign = leaf.sense if leaf.own_evidence is None else leaf.own_evidence.topic
+    sign = leaf.sense if evidence is None else evidence.topic
     return MissionSpec(node_id, kind, factory, (*leaf.PORTS, *ports), description,
                        names=tuple(choices or ()), is_instant=issubclass(leaf, InstantLeaf),
                        may_fail_at_once=issubclass(leaf, ServiceLeaf),

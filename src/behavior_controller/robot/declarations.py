@@ -240,7 +240,7 @@ class Interface:
     /overtAttention/mode that means mutual gaze; None: the configuration says it.
     ``has_knowledge_files``: files answer ``QueryKnowledge`` and hold the language and the phrases.
     ``tells_pressed``: the tablet's answer says which button was pressed. Raises ValueError if two
-    services carry out the same kind of request.
+    services carry out the same kind of request, or kinds of the same name.
     """
 
     name: str
@@ -254,12 +254,18 @@ class Interface:
 
     def __post_init__(self) -> None:
         self._by_request: Dict[type, Service] = {}
+        by_name: Dict[str, type] = {}
         deadlines: Dict[str, Service] = {}
         for service in self.services:
             other = self._by_request.setdefault(service.request, service)
             if other is not service:
                 raise ValueError(f"{other.name} and {service.name} are both declared for "
                                  f"{service.request.__name__}")
+            namesake = by_name.setdefault(service.request.__name__, service.request)
+            if namesake is not service.request:
+                raise ValueError(f"{namesake.__module__} has a request {namesake.__name__} "
+                                 "already, and records have its name alone: rename that of "
+                                 f"{service.name}")
             other = deadlines.setdefault(service.deadline_key, service)
             if other.deadline != service.deadline:
                 raise ValueError(f"{other.name} and {service.name} of the node {service.node} "

@@ -1,9 +1,13 @@
 """The robots that a configuration can choose from, by the name of their interface."""
+import math
 import re
 from typing import Dict
 
+import msgspec
+
 from behavior_controller import extensions
-from behavior_controller.robot.declarations import Action, Interface, Offer, Service, Topic
+from behavior_controller.robot.declarations import (
+    Action, Interface, Offer, Publication, Service, Topic)
 from behavior_controller.robot import d543, release_1_0
 from behavior_controller.robot.requests import Request
 
@@ -33,28 +37,42 @@ def _extended(robot: Interface) -> Interface:
 
 def _fault(offer: Offer) -> str:
     """Return what is wrong with a declaration of another package; empty: nothing."""
-    if not offer.name.startswith("/"):
-        return "its name does not begin with /"
+    if not re.fullmatch(r"/\w(/?\w)*", offer.name, re.ASCII):
+        return "its name has to begin with /, with letters, digits, _ and / after it"
     if not re.fullmatch(r"[a-z]\w*/\w+", offer.type):
         return f"its type {offer.type!r} is not package/Type"
     if not offer.absence:
         return "it does not say what the robot cannot do without it (absence)"
     if not offer.node.isidentifier():
         return f"its node {offer.node!r} is not the name of a node, without /"
+    if offer.rehearsed is not None and not callable(offer.rehearsed):
+        return f"{offer.rehearsed!r} is not a function for a rehearsal (rehearsed)"
     if isinstance(offer, Topic):
         if not isinstance(offer.value, type):
             return f"the kind of its values is {offer.value!r}, and not a type"
         return "" if callable(offer.read) else f"{offer.read!r} cannot read a message"
     if isinstance(offer, Action) and not callable(offer.feedback):
         return f"{offer.feedback!r} cannot read a feedback"
-    if offer.deadline <= 0.0:
-        return f"a deadline of {offer.deadline} s lets nothing end in time"
-    request = offer.request
+    if isinstance(offer, Publication) and offer.success is not None:
+        return "a message has no outcome: its success is None"
+    if not 0.0 < offer.deadline < math.inf:
+        return f"a deadline of {offer.deadline} s: it has to be more than 0 and finite"
+    return _request_fault(offer.request)
+
+
+def _request_fault(request: object) -> str:
+    """Return what is wrong with a class of requests of another package; empty: nothing."""
     if not (isinstance(request, type) and issubclass(request, Request)):
         return f"{request!r} is not a class of requests"
     loose = [name for name, value in vars(request).items()
              if not name.startswith("_") and isinstance(value, (str, int, float))]
-    return f"{request.__name__}.{loose[0]} has no annotation, so it is not a field" if loose else ""
+    if loose:
+        return f"{request.__name__}.{loose[0]} has no annotation, so it is not a field"
+    try:
+        msgspec.json.Decoder(request)
+    except Exception as error:  # an annotation may be anything
+        return f"a record cannot hold the fields of {request.__name__}: {error}"
+    return ""
 
 
 INTERFACES: Dict[str, Interface] = {

@@ -18,6 +18,7 @@ import genpy
 import rospy
 
 from behavior_controller.bt.engine.clock import Clock, Timer
+from behavior_controller.foreign_code import defined_at
 from behavior_controller.robot.gateway import (
     Call, Cause, Failure, Gateway, NO_SUBSCRIBER, result_of, waited)
 from behavior_controller.execution.health import Health, SLOW_SHARE
@@ -98,7 +99,8 @@ def encode(service: Service, request: Request) -> bytes:
     try:
         message(*values).serialize(buffer)
     except (genpy.SerializationError, struct.error, UnicodeError, TypeError) as error:
-        raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {service.type}: {error}")
+        raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {service.type}: {error}"
+                    f"{defined_at(service.fields)}")
     return struct.pack("<I", buffer.tell()) + buffer.getvalue()
 
 

@@ -9,7 +9,7 @@ import roslib.message
 import rospy
 
 from behavior_controller import extensions
-from behavior_controller.foreign_code import is_ctrl_c
+from behavior_controller.foreign_code import defined_at, is_ctrl_c
 from behavior_controller.robot.declarations import Action, Offer, Publication, Service, Topic
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.interfaces import DECLARED_BY, INTERFACES
@@ -106,7 +106,8 @@ def filled(message: Any, service: Service, request: Request) -> Any:
                                         {"now": rospy.get_rostime()})
         message.serialize(io.BytesIO())
     except (ValueError, TypeError, struct.error, genpy.MessageException) as error:
-        raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {message._type}: {error}")
+        raise Trouble(Cause.TYPE_MISMATCH, f"{request} cannot be sent as {message._type}: {error}"
+                    f"{defined_at(service.fields)}")
     return message
 
 

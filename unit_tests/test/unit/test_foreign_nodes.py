@@ -1,5 +1,6 @@
 """The judge of missions with nodes of another package: it takes their results and entries from the
 record, and judges what comes of them."""
+import dataclasses
 from types import ModuleType
 from unittest import mock
 
@@ -10,11 +11,14 @@ from behavior_controller import extensions, leaves
 from behavior_controller.bt.loader.document import parse
 from behavior_controller.bt.registry import Direction, Port
 from behavior_controller.config import settings
-from behavior_controller.execution.events import EntriesWritten, Tick
+from behavior_controller.execution.events import EntriesWritten, HealthChanged, Tick
 from behavior_controller.leaves.base import InstantAction, leaf_spec
+from behavior_controller.robot.declarations import Publication
+from behavior_controller.robot.requests import Say
 
 from unit_tests.judge.verdict import judge
 from unit_tests.rehearsal.play import Stage
+from unit_tests.robot.behaviour import SERVICES
 
 from plays import changed, facts
 
@@ -82,3 +86,31 @@ def test_what_comes_of_its_result_is_judged():
             return [replace(line, event=replace(line.event, changes=changes))]
         return [line]
     assert not judge(changed(of_test, failed)).passed
+
+
+CRASH = ("textToSpeech:1:crash",)
+
+
+@pytest.mark.parametrize("fault", [(), CRASH])
+def test_what_it_asks_of_a_node_that_no_test_simulates_is_judged_by_the_record(fault):
+    of_test = facts(fault)
+    without = of_test._replace(
+        journal=[line for line in of_test.journal if line.node != "textToSpeech"])
+    assert any("never got the request" in text for text in judge(without).objections)
+    with mock.patch.dict(SERVICES):
+        del SERVICES[Say]
+        verdict = judge(without)
+    assert verdict.objections == () and "only witness: textToSpeech" in str(verdict)
+
+
+def test_a_message_without_a_subscriber_need_not_be_noticed_by_the_monitor():
+    unnoticed = changed(facts(CRASH), lambda line: [] if isinstance(line.event, HealthChanged)
+                        else [line])
+    assert any("that was not noticed" in text for text in judge(unnoticed).objections)
+    interface = unnoticed.world.settings.interface
+    say = interface.service(Say)
+    fields = {field.name: getattr(say, field.name) for field in dataclasses.fields(say)}
+    services = tuple(Publication(**fields) if service is say else service
+                     for service in interface.services)
+    with mock.patch.object(interface, "services", services):
+        assert not any("not noticed" in text for text in judge(unnoticed).objections)

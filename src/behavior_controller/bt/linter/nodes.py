@@ -11,7 +11,7 @@ from behavior_controller.bt.script import values
 from behavior_controller.bt.loader.document import EXPLICIT, Element
 from behavior_controller.bt.script.parser import ScriptSyntaxError, compile_script
 from behavior_controller.bt.script.values import ValueFault
-from behavior_controller.bt.registry import Kind, NodeSpec, Port, Role, argument
+from behavior_controller.bt.registry import Direction, Kind, NodeSpec, Port, Role, argument
 from behavior_controller.bt.linter.structure import (
     AROUND_THEM, CONDITIONS, Trees, is_port_name, remaps_all)
 from behavior_controller.text import did_you_mean
@@ -163,6 +163,10 @@ class Nodes:
             self.report_if_used(rules.WRONG_LITERAL, element, text, wrong, port.name)
         elif ports.reference(text, port.name) is not None:
             return
+        elif port.direction is Direction.OUT:
+            self.warn(rules.OUTPUT_IS_TEXT, element,
+                      f"{element.type_id} cannot write its port {port.name} to the text \"{text}\"",
+                      f"an entry is written {{{port.name}}}", port.name)
         elif port.role is Role.SCRIPT and text:
             self._script(element, port.name, text)
         else:

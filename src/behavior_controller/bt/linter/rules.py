@@ -103,6 +103,7 @@ SAME_PATH = error("Two SubTrees side by side have the same name.")
 UNKNOWN_PORT = error("The node type has no port of this name.")
 WRONG_LITERAL = error("The text cannot be a value of the port's type.")
 NUMBER_CUT_SHORT = warning("Only the beginning of the text is read as a number.")
+OUTPUT_IS_TEXT = warning("What a node writes needs an entry, and the port has a fixed text.")
 PORT_MISSING = warning("A port that the node needs is not given.")
 NAME_ARGUMENT = error("The name of the node is its argument, and is missing or none that it takes.")
 NAME_CHOOSES_NOTHING = warning(

@@ -248,9 +248,9 @@ def _praise(case: Case) -> Iterator[str]:
         if case.waiting_for:
             reason = case.waiting_for + " waited for a sign of the visitor that never came"
         yield f"at last {reason}: {facts.cut_off}"
-    if facts.real:
+    if case.witness.only_recorded:
         yield "not simulated, so that the record is the only witness: " + ", ".join(
-            sorted(facts.real))
+            case.witness.only_recorded)
 
 
 def reached(facts: Facts) -> Set[str]:

@@ -2,8 +2,8 @@
 needs its witness.
 
 Nothing is excused that the journal does not show: a failed call needs its fault, a node that is
-away its crash, a wait without an end the silence of its topic. What a real node was asked and said
-has the record as its only witness.
+away its crash, a wait without an end the silence of its topic. What a real node or one of another
+package was asked and said has the record as its only witness.
 """
 import itertools
 import math
@@ -11,7 +11,7 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tu
 
 from behavior_controller.execution.events import HealthChanged
 from behavior_controller.execution.health import GONE
-from behavior_controller.robot.declarations import Action, Service
+from behavior_controller.robot.declarations import Action, Publication, Service, Topic
 from behavior_controller.robot.gateway import Cause
 from behavior_controller.robot.requests import Answer, Prompt
 
@@ -64,6 +64,19 @@ class Witness:
         for service in self._interface.services:
             self.pairs += self._pair(service)
         self.pairs.sort(key=lambda pair: pair.time)
+        self._in_journal = {line.resource for line in facts.journal}
+
+    @property
+    def only_recorded(self) -> List[str]:
+        """The nodes whose requests have the record as their only witness."""
+        asked = {pair.service.node for pair in self.pairs if not self._is_witnessed(pair.service)}
+        return sorted(self._facts.real | asked)
+
+    def _is_witnessed(self, service: Service) -> bool:
+        """Return whether the service's node writes the journal: a play simulates the nodes of other
+        packages, a test does not."""
+        is_simulated = service.request in SERVICES or service.name in self._in_journal
+        return is_simulated and service.node not in self._facts.real
 
     def _pair(self, service: Service) -> Iterator[Pair]:
         """Yield the requests to a service, each with its line: the next one while it was under way.
@@ -105,7 +118,7 @@ class Witness:
         asker = "the beginning"
         for pair in self.pairs:
             asker = pair.query.asker if pair.query is not None else asker
-            if pair.service.node not in self._facts.real:
+            if self._is_witnessed(pair.service):
                 yield from self._of_pair(pair, asker)
         yield from self._of_health()
         for execution in self._executions:
@@ -223,12 +236,15 @@ class Witness:
         """Object to services that were taken for gone, and to a loss that was not noticed."""
         test, changes = self._facts.test, [
             (time, event) for time, event in of(self._facts.run.lines, HealthChanged)
-            if event.kind == "service" and event.respect == GONE and not event.is_well]
+            if event.kind != Topic.kind and event.respect == GONE and not event.is_well]
+        witnessed = {service.name for service in self._interface.services
+                     if self._is_witnessed(service)}.difference(test.absent_services)
         for time, event in changes:
-            is_known = event.node in self._facts.real or event.name in test.absent_services
-            if not is_known and not self._is_away(event.node, time):
+            if event.name in witnessed and not self._is_away(event.node, time):
                 yield f"{event.name} was taken for gone, and /{event.node} was running"
-        for query in (pair.query for pair in self.pairs if pair.query is not None):
+        for service, query, _ in self.pairs:
+            if query is None or isinstance(service, Publication):  # subscribers are not monitored
+                continue
             at = query.answered
             if at is None or at > self._facts.run.lines[-1].time - self._late:
                 continue
