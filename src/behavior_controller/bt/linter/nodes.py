@@ -164,9 +164,9 @@ class Nodes:
         elif ports.reference(text, port.name) is not None:
             return
         elif port.direction is Direction.OUT:
-            self.warn(rules.OUTPUT_IS_TEXT, element,
-                      f"{element.type_id} cannot write its port {port.name} to the text \"{text}\"",
-                      f"an entry is written {{{port.name}}}", port.name)
+            text = f"{element.type_id} cannot write its port {port.name} to the text \"{text}\""
+            hint = f"an entry is written {{{port.name}}}"
+            self.report(rules.OUTPUT_IS_TEXT, element, text, hint, port.name)
         elif port.role is Role.SCRIPT and text:
             self._script(element, port.name, text)
         else:
