@@ -230,7 +230,7 @@ def test_card_and_robot_line_say_what_is_so(situation, monkeypatch, browser):  #
         if now.kind in ("wait", "asleep", "paused"):
             assert abs(float(re.search(r"(\d+) s more", seen["elapsed"])[1]) - left) <= 2.0
         line = card_line(now, played.rig.clock.now())
-        assert now.kind in ("idle", "ended") or now.what in line
+        assert all(words in line for words in (now.where, now.what, now.waits_for, now.next))
         assert robot.instruction in robot.text
         assert browser.execute_script("return byId('visits-list').childElementCount") == len(
             played.run.visits)

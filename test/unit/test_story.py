@@ -24,7 +24,7 @@ from behavior_controller.execution.state import (
     BROKEN_OFF, LEFT, LEFT_OUT, COMPLETED, UNDER_WAY, Reason)
 from behavior_controller.leaves.attention import IsMutualGazeDiscovered, IsVisitorDiscovered
 from behavior_controller.monitoring.moment import card
-from behavior_controller.monitoring.parts import card_line
+from behavior_controller.monitoring.parts import ENDED, IDLE, card_line
 from behavior_controller.monitoring.story import (
     KINDS, Story, stop_name, how_it_ended, ordinal, safe_state, why as in_words, why_failed)
 from behavior_controller.text import Source
@@ -37,7 +37,9 @@ HAS_LEFT = in_words(Reason(LEFT))
 
 
 def now_of(state, at):
-    return card_line(card(state), at)
+    """Return the card's line; if nothing is done, only where that is."""
+    now = card(state)
+    return card_line(now, at) if now.kind not in (IDLE, ENDED) else now.where
 
 
 class Teller:
@@ -284,8 +286,8 @@ def test_the_step_under_way_with_its_time_and_its_limit():
     teller.run(visitor, is_stopped=lambda: len(teller.now) > 4)
     assert [DATA.findall(now) for now in teller.now[:3]] == [["0"], ["1", "0", "15"],
                                                              ["1", "0", "10"]]
-    # visitor, exhibit, seconds of at most so many
-    assert DATA.findall(teller.now[4]) == ["1", "1", "2", "1", "1", "4", "180"]
+    # visitor, exhibit, seconds of at most so many, and whose answer is waited for
+    assert DATA.findall(teller.now[4]) == ["1", "1", "2", "1", "1", "4", "180", service_of(GoTo)]
     visit = teller.story.state.visit
     shown = visit.stops[0]
     assert (visit.outcome, shown.why, shown.state) == ("", visit.why, BROKEN_OFF) and visit.why
@@ -304,8 +306,8 @@ def test_a_retry_is_told_as_it_goes_on_and_when_it_is_done():
         "failure warning Navigate /robotNavigation/set_goal", "recovery info Navigate 1 2",
         "recovery info Navigate 2 2 /robotNavigation/set_goal"]
     data = list(map(DATA.findall, teller.now))
-    # visitor, exhibit, where it drives, attempt, seconds
-    assert ["1", "1", "2", "1", "1", "3", "3", "0", "180"] in data
+    # visitor, exhibit, where it drives, attempt, seconds, service
+    assert ["1", "1", "2", "1", "1", "3", "3", "0", "180", service_of(GoTo)] in data
     assert data[-1][:7] == ["1", "1", "2", "1", "1", "3", "3"]
 
 
@@ -494,8 +496,8 @@ def test_a_leaf_without_words_is_told_by_its_name(monkeypatch):
         rig.gateway.calls[0].finish(Answer())
 
     gists = list(map(gist, teller.run(robot).sentences))
-    assert DATA.findall(teller.now[0]) == ["WelcomeSpeech", "0", "60"
-                                           ] and "notice info WelcomeSpeech WelcomeSpeech" in gists
+    assert DATA.findall(teller.now[0]) == ["WelcomeSpeech", "0", "60", service_of(Say)]
+    assert "notice info WelcomeSpeech WelcomeSpeech" in gists
 
 
 def test_the_robot_s_requests_have_words_for_leaves_of_any_package():
@@ -762,7 +764,8 @@ def test_what_is_no_news_has_no_sentence(before, event):
     ([START, ARRIVED, PassFinished(1, "SUCCESS", 1.0)], ""), ([begins(), START], ""),
     ([begins(), RUN], ""),
     ([START, PassFinished(1, "FAILURE", 1.0), Paused(BUSY, "/go_node")],
-     "waiting for /go_node to return, 58 s; failed last: refused, busy (/go)"),
+     "waiting for /go_node to return, 58 s; failed last: refused, busy (/go) · "
+     "next: the next visit"),
     ([START, PassFinished(1, "FAILURE", 1.0), Paused(BUSY, "/go_node"), PassStarted(2, 1.0)], ""),
     ([begins(), RunFinished("stopped", 0)], ""),
     ([START, begins(), PassFinished(1, "SUCCESS", 1.0)], ""), ([begins(), leaf()], ""),
