@@ -800,6 +800,7 @@ def asked(request):
 @pytest.mark.parametrize("events, text", [
     ([], "attention is off"), ([START], "attention is off"), ([RUN], "attention is off"),
     ([RunFinished("-", 0)], "attention is off"), ([asked(Say("Hello"))], "attention is off"),
+    ([asked(SetAttention("disabled"))], "attention is off"),
     ([asked(SetAttention("social"))], ""), ([asked(GoTo(Location(1.0, 2.0, 3.0)))], "")])
 def test_the_safe_state_is_known_until_the_robot_is_asked_for_what_ends_it(events, text):
     assert safe_state(story_of(SafeStateReported((HEAD, ), 0.1), *events).state) == text

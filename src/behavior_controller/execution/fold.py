@@ -20,7 +20,8 @@ from behavior_controller.execution.state import (
     SILENT_VISITOR, STOPPED, UNCLEAR, UNDER_WAY, Course, Exchange, Fact, LeafFailure,
     NodeResult, Reason, RecoveryRound, Robot, Stop, State, Step, Visit)
 from behavior_controller.robot.gateway import Cause, Failure
-from behavior_controller.robot.requests import Answer, GoTo, SetAnimation, SetAttention, SetPose
+from behavior_controller.robot.requests import (
+    Answer, GoTo, Request, SetAnimation, SetAttention, SetPose)
 from behavior_controller.text import clean
 
 KEPT = 50
@@ -417,9 +418,15 @@ def _asked(state: State, event: Asked) -> State:
         robot = replace(state.robot, goal=event.request.goal, goal_name=name, place=None,
                         is_lost=False)
         state = replace(state, robot=robot)
-    if event.request.switches or isinstance(event.request, GoTo):
+    if _ends_safe_state(event.request):
         state = replace(state, safe_state=None)
     return replace(state, exchanges=state.exchanges + (exchange,))
+
+
+def _ends_safe_state(request: Request) -> bool:
+    if isinstance(request, (SetAttention, SetAnimation)):
+        return request.state != "disabled"
+    return isinstance(request, GoTo)
 
 
 def _answered(state: State, event: Answered) -> State:
