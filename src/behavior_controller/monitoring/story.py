@@ -74,23 +74,30 @@ def sentences(before: State, event: Event, after: State) -> Tuple[Sentence, ...]
 # ----------------------------------------------------------------------------------------- phrases
 
 
-def cause(failure: Failure) -> str:
-    """Return why something failed."""
+OF_ROS = (Cause.REFUSED, Cause.HANDLER_EXCEPTION, Cause.NO_ANSWER, Cause.CONNECTION_LOST,
+          Cause.NOT_REACHABLE, Cause.NOT_ADVERTISED, Cause.TYPE_MISMATCH)
+"""The causes of a failure whose message has addresses, types or names of fields."""
+
+
+def cause(failure: Failure, is_short: bool = False) -> str:
+    """Return why something failed; in short, without what ROS says of it."""
     message = clean(" ".join(failure.message.split()))
     if failure.cause is Cause.CONDITION_FALSE:
         return message.partition(";")[0]  # what follows tells of messages of the topic
+    if is_short and failure.cause in OF_ROS:
+        message = ""
     resource = f" ({clean(failure.resource)})" if failure.resource else ""
-    return f"{failure.cause.text}, {message}{resource}"
+    return ", ".join(filter(None, (failure.cause.text, message))) + resource
 
 
-def why_failed(node: str, failure: Failure, tries: int = 1) -> str:
+def why_failed(node: str, failure: Failure, tries: int = 1, is_short: bool = False) -> str:
     """Return what failed, how often if that was tried again, and why; of a condition, what it has
     not seen or heard.
     """
     if failure.cause is Cause.CONDITION_FALSE:
         return cause(failure) or f"{node} failed"
     often = f" {tries} times" if tries > 1 else ""
-    return clean(f"{node} failed{often}: {cause(failure)}")
+    return clean(f"{node} failed{often}: {cause(failure, is_short)}")
 
 
 def why(reason: Optional[Reason]) -> str:
@@ -101,7 +108,8 @@ def why(reason: Optional[Reason]) -> str:
     if reason.kind == NOTICED:
         text = clean(reason.text)
     elif reason.failure is not None:
-        text = why_failed(reason.node, reason.failure, reason.tries)
+        # the sentence about the failure itself has the detail
+        text = why_failed(reason.node, reason.failure, reason.tries, is_short=True)
     if reason.policy:
         text = clean(f"{reason.policy}; {text}")
     if reason.blind is not None:
