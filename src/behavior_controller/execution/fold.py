@@ -79,6 +79,7 @@ def _run_finished(state: State, event: RunFinished) -> State:
         stopped, came = Reason(STOPPED), state.visit.arrived or state.visit.began
         state = _change_visit(_end_stop(state, stopped), why=stopped, ended=state.at,
                               seconds=state.at - came, waited=came - state.visit.began)
+        state = replace(state, outcomes={**state.outcomes, "": 1})
         state = _conclude(state, state.visits[-1])
     return replace(_end_steps(state, lambda step: True), finished=event, held={})
 

@@ -184,11 +184,14 @@ def how_it_ended(visit: Visit) -> str:
 
 
 def counted(outcomes: Dict[str, int]) -> str:
-    """Return how many visits there were, and how many of them failed."""
+    """Return how many visits there were, and how many of them failed; an empty outcome is that of
+    a visit that was stopped.
+    """
     number, failed = sum(outcomes.values()), outcomes.get("FAILURE", 0)
     if not number:
         return "no visit completed"
-    return f"{number} visit{'' if number == 1 else 's'}, {failed or 'none'} failed"
+    text = f"{number} visit{'' if number == 1 else 's'}, {failed or 'none'} failed"
+    return text + ", the last one was stopped" if "" in outcomes else text
 
 
 def title(mission: str) -> str:
@@ -270,6 +273,10 @@ def _run_started(before: State, event: RunStarted, after: State) -> Iterator[Sen
 
 
 def _run_finished(before: State, event: RunFinished, after: State) -> Iterator[Sentence]:
+    for visit in after.concluded(Visit):
+        if visit.arrived is not None:
+            yield _sentence(after, "visit", "warning",
+                            f"visitor {visit.number}: {how_it_ended(visit)}")
     yield _sentence(after, "notice", "info", f"ends: {event.outcome} (exit code {event.exit_code})")
 
 
@@ -321,6 +328,8 @@ def _recovering(before: State, event: Recovering, after: State) -> Iterator[Sent
 
 def _recovered(before: State, event: Recovered, after: State) -> Iterator[Sentence]:
     stop, incident = next(after.concluded(Stop), None), _incident(before, event.failure, event.path)
+    if stop is not None and incident < stop.began:
+        incident = 0.0  # an entry of its own: that of the trouble stands far above
     text = why(why_recovered(before, event) if stop is None else stop.why)
     if stop is not None and event.outcome == SKIPPED:
         yield _sentence(after, "stop", "warning", f"{stop_name(stop)}, is left out: {text}", 0,
@@ -362,7 +371,10 @@ def _paused(before: State, event: Paused, after: State) -> Iterator[Sentence]:
 def _safe_state_reported(before: State, event: SafeStateReported,
                          after: State) -> Iterator[Sentence]:
     is_reached = all(part.failure is None for part in event.parts)
-    yield _sentence(after, "notice", "info" if is_reached else "warning", safe_state(after))
+    failed = [recovery.failures[-1] for recovery in before.recoveries if recovery.failures]
+    incident = _incident(before, failed[-1].failure, failed[-1].path) if failed else 0.0
+    yield _sentence(after, "notice", "info" if is_reached else "warning", safe_state(after),
+                    incident=incident)
 
 
 def _health_changed(before: State, event: HealthChanged, after: State) -> Iterator[Sentence]:

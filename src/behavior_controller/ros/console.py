@@ -140,7 +140,8 @@ class Console:
     def _log_event(self, at: float, event: Event, is_verbose: bool) -> None:
         for sentence in self._story.take(at, event):
             self._log(sentence.severity, sentence.text)
-        if not isinstance(event, SafeStateReported):  # another event follows it, which may be the end
+        # another event follows that one, which may be the end
+        if not isinstance(event, SafeStateReported):
             self._log_robot(at, isinstance(event, RunFinished))
         if not is_verbose:
             return
