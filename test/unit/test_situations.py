@@ -155,6 +155,7 @@ def breakpoint_of_groot2():
     assert [event.is_held for event in rig.of(BreakpointChanged)] == [True]
     assert (played.card.kind, played.card.uid) == ("held", 3)
     assert "SayGoodByeSpeech" in played.card.what and played.card.since == 1000.0
+    assert "Groot2" in played.card.waits_for
     return played, ["nothing runs", "saying"]
 
 
@@ -326,6 +327,26 @@ def test_what_comes_next_is_said_if_it_is_certain(following, expected):
     played = ticked("<Sequence><Script code='x := 1'/><WelcomeSpeech/>{}</Sequence>".format(
         following), 1, lambda request: None)
     assert played.card.next == expected
+
+
+@pytest.mark.parametrize("mission, what_follows", [
+    ("<Sequence><Script code='x := 1'/><Fallback><WelcomeSpeech/><HandleFallBack/></Fallback>"
+     "</Sequence>", "the end of the visit"),
+    ("<Inverter><WelcomeSpeech/></Inverter>", "")])
+def test_after_the_last_step_the_visit_ends(mission, what_follows):
+    assert ticked(mission, 1, lambda request: None).card.next == what_follows
+
+
+def test_what_has_the_same_trouble_is_named_if_it_is_not_too_much():
+    played = ticked("<WelcomeSpeech/>", 1, lambda request: None)
+    for number, kind in enumerate(["service", "topic", "service", "service"]):
+        name = "/n{}/do".format(number)
+        played.report(FAILING, HealthChanged(kind, name, "", False, "failing", "", FAILING))
+        if number == 1:
+            assert played.robot.alive == "/n0/do and /n1/do are failing"
+    assert played.robot.alive == "3 services and 1 topic are failing"
+    assert played.robot.instruction == (
+        "Check /n0/do, /n1/do, /n2/do and /n3/do: they are failing")
 
 
 def test_a_robot_that_could_not_drive_home_is_to_be_fetched_until_it_drives():

@@ -4,6 +4,7 @@ A sentence is made from the model of the run before and after an event, and from
 record gives the same sentences as the run itself. All texts are safe to show, whatever they quote:
 see ``text.clean``.
 """
+import collections
 import os
 from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
@@ -144,10 +145,19 @@ def conditions(changes: Iterable[HealthChanged]) -> str:
     return "; ".join(map(_common_condition, alike.values()))
 
 
+MOST_NAMES = 3
+"""The most services and topics with the same trouble that are named."""
+
+
 def _common_condition(changes: List[HealthChanged]) -> str:
     if len(changes) == 1:
         return condition(changes[0])
-    return clean(f"{listed([change.name for change in changes])} are {changes[0].respect}")
+    names = listed([change.name for change in changes])
+    if len(changes) > MOST_NAMES:
+        kinds = collections.Counter(change.kind for change in changes)
+        names = listed([f"{number} {kind}{'s' if number > 1 else ''}"
+                        for kind, number in kinds.items()])
+    return clean(f"{names} are {changes[0].respect}")
 
 
 def listed(names: List[str]) -> str:
