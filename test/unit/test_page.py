@@ -15,6 +15,7 @@ import types
 import urllib.request
 
 import pytest
+from msgspec.structs import replace
 from tornado.iostream import IOStream
 
 from behavior_controller.execution.events import (HealthChanged, LeafFinished, Noticed,
@@ -683,6 +684,26 @@ def test_a_phone_shows_first_what_the_robot_does_and_what_is_wrong(show, browser
     browser.execute_script("scrollTo(0, document.body.scrollHeight)")  # the alarm stays in view
     bottom = browser.execute_script("return byId('alarms').getBoundingClientRect().bottom")
     assert 0 < bottom < 400
+
+
+IS_CUT = """
+return [...document.querySelectorAll(arguments[0])].map(one => one.scrollWidth > one.clientWidth || one.scrollHeight > one.clientHeight)"""
+
+
+@pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
+def test_what_is_wrong_and_what_came_of_it_are_not_cut(show, browser, screen, width, height):
+    rig = Rig(answer=lambda request: refusal(request)
+              if isinstance(request, PerformGesture) else NotImplemented)
+    shown = show(rig)
+    rig.mission.health.report(GONE, replace(
+        DEAD, consequence="until it is back, the robot cannot drive"))
+    screen(width, height)
+    open_page(browser, shown)
+    shown.run_until(is_second_text)
+    wait_until(lambda: "second text 1" in text(browser, "#now"))
+    assert browser.execute_script(IS_CUT, "#alarms li") == [False]
+    summaries = browser.execute_script(IS_CUT, "#transcript summary")
+    assert summaries and not any(summaries)
 
 
 def test_a_tree_of_many_levels_is_shown(show, browser):

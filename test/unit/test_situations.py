@@ -184,7 +184,7 @@ def stopped():
     played.rig.run(visitor_who("yes"), is_stopped=lambda: isinstance(played.asked, GoTo))
     assert played.card.kind == "ended" and "last pass" in played.card.what
     robot, visit = played.robot, played.run.visits[-1]
-    assert robot.safe == "safe state reached"
+    assert robot.safe == "safe state reached" and robot.is_well
     assert (robot.attention, robot.movement) == ("off", "off")
     assert robot.instruction == "Take the robot home" and "on the way to exhibit 1" in robot.place
     assert (visit.outcome, visit.why.kind) == ("", "stopped")

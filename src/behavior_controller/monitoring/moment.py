@@ -162,7 +162,7 @@ def _is_open(node: TreeNode) -> bool:
 def robot_line(state: State) -> RobotLine:
     """Return how the robot is."""
     robot, instruction = state.robot, _instruction(state)
-    return RobotLine(not robot.ill and not instruction, conditions(robot.ill) or _alive(state),
+    return RobotLine(not robot.ill, conditions(robot.ill) or _alive(state),
                      _attention(robot), _movement(robot), _place(robot), _safe(state), instruction)
 
 

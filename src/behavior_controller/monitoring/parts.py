@@ -29,7 +29,7 @@ class Card(Struct, frozen=True):
 class RobotLine(Struct, frozen=True):
     """How the robot is, and what a person has to do, if anything."""
 
-    is_well: bool
+    is_well: bool  # all that is used answers
     alive: str
     attention: str
     movement: str
