@@ -529,6 +529,9 @@ return {shown: shown.length, inside: shown.filter(one => inside(at(one), box)).l
   misplaced: shown.filter(one => parentItem(one) && (at(parentItem(one)).left >= at(one).left || at(parentItem(one)).top >= at(one).top)).length,
   letter_height: 13 * at(shown[0]).height / shown[0].firstChild.offsetHeight, tip: inside(at(document.querySelector(".tip")), box),
   has_map: byId("map").offsetHeight > 0}"""
+FOUND = """
+const row = document.querySelector(".match > .row").getBoundingClientRect(), box = byId("tree").getBoundingClientRect();
+return row.left >= box.left && row.right <= box.right && row.top >= box.top && row.bottom <= box.bottom"""
 FOCUSED = "return document.activeElement.querySelector('.name').innerText"
 
 
@@ -586,6 +589,10 @@ def test_a_graph_of_1000_nodes_is_there_at_once_and_stays_with_what_runs(show, b
     assert graph["tip"] and graph["has_map"] and graph["letter_height"] == 13
     print("a graph of 1,001 nodes: {:.0f} ms".format(took))
     assert took < 10000
+    browser.find_element("id", "whole").click()
+    assert browser.execute_script(GRAPH)["inside"] == 1001
+    press(browser, "/", "part 250")  # what is found can be read
+    assert browser.execute_script(FOUND) and browser.execute_script(GRAPH)["letter_height"] == 13
 
 
 def test_what_there_is_to_know_of_a_node_is_told_on_demand(show):
