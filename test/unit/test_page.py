@@ -420,6 +420,23 @@ def test_the_timeline_has_an_axis_waits_and_recoveries(show, browser):
         ]
         assert told and browser.execute_script(DRAWN, MARKS[kind]) == len(told)
     assert "recoveries" in browser.execute_script("return byId('lanes').textContent")
+    cut, scrolled = browser.execute_script("""
+        const edge = timeline.axis.getBoundingClientRect().bottom;
+        const cut = timeline.lanes.map(lane => lane.row.getBoundingClientRect()).filter(
+            row => row.top < edge - 1 && row.bottom > edge + 1);
+        return [cut.length, byId("lanes").scrollTop]""")
+    assert scrolled > 0 and not cut
+
+
+def test_a_step_with_many_words_ends_with_an_ellipsis_and_has_the_height_of_others(show, browser):
+    said = "many words about this exhibit " * 9
+    shown = show(one_leaf("<Navigate/>", lambda request: None))
+    open_page(browser, shown)
+    heights = [browser.execute_script(
+        "showNow(Object.assign({}, parts.now, {card: Object.assign({}, card, {what: arguments[0]})}));"
+        "return [byId('now').offsetHeight, getComputedStyle(byId('now')).webkitLineClamp]", words)
+        for words in ("driving", said)]
+    assert heights[0] == heights[1] and heights[0][1] == "2"
 
 
 def labels(browser):

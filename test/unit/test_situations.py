@@ -6,7 +6,7 @@ import types
 import urllib.request
 
 import pytest
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from behavior_controller.execution.events import (
     BreakpointChanged, HealthChanged, Line, PassStarted)
@@ -16,12 +16,12 @@ from behavior_controller.leaves.recovery import RETURN_LIMIT
 from behavior_controller.monitoring import board as board_module
 from behavior_controller.monitoring.groot2.breakpoints import BEFORE, BREAKPOINT, Hook, Hooks
 from behavior_controller.monitoring.moment import card, robot_line
-from behavior_controller.monitoring.parts import card_line
+from behavior_controller.monitoring.parts import RobotLine, card_line
 from behavior_controller.monitoring.record.recorder import (
     Entries, shown as tree_shown, traversed, written)
 from behavior_controller.robot.gateway import Cause, Failure
 from behavior_controller.robot.requests import Answer, GoTo, PerformGesture, Say, SetAttention
-from browser import reset_screen, set_screen
+from browser import SCREENS, reset_screen, set_screen
 from mission_rig import Rig, one_leaf, refusal, service_of, visitor_who
 from test_page import Show, Stop, browser, open_page, text, wait_until  # noqa: F401
 from test_story import refusing, walks_off
@@ -421,7 +421,34 @@ new PerformanceObserver(list => { for (const entry of list.getEntries()) {
 } }).observe({type: "layout-shift", buffered: true});"""
 
 
-@pytest.mark.parametrize("width, height", [(400, 800), (1280, 800)])
+HEADS = """
+const at = id => byId(id).getBoundingClientRect(), places = ids => ids.map(id => [at(id).left, at(id).top].map(Math.round));
+return arguments[0].map(robot => {
+  showRobot(robot);
+  return [document.querySelector("header").offsetHeight, places(["alive", "place", "attention", "movement", "instruction"]),
+          at("instruction").right <= innerWidth]})"""
+
+
+@pytest.mark.parametrize("width, height", SCREENS)
+def test_what_is_so_with_the_robot_moves_nothing(browser, width, height):  # noqa: F811
+    well = RobotLine(True, "all nodes in use answer", "off", "off", "at home")
+    lost = RobotLine(False, "/robotNavigation/set_goal is gone", "on (scanning)", "unknown",
+                     "last seen at Robot arm, on the way to Camera wall", "safe state reached",
+                     "Restart /robotNavigation; take the robot home")
+    unsafe = replace(lost, safe="safe state not reached: attention and lifelike movement may be on",
+                     alive="/animateBehaviour/set_activation and /overtAttention/set_mode are gone")
+    shown = Show(Rig())
+    set_screen(browser, width, height)
+    try:
+        open_page(browser, shown)
+        heads = browser.execute_script(HEADS, [asdict(robot) for robot in (well, lost, unsafe)])
+        assert heads[0] == heads[1] == heads[2] and heads[0][2]
+    finally:
+        reset_screen(browser)
+        shown.page.close()
+
+
+@pytest.mark.parametrize("width, height", [(400, 800), (800, 1180), (1280, 800)])
 def test_nothing_jumps_during_a_tour_with_failures(browser, width, height):  # noqa: F811
     rig = Rig(answer=refusing(PerformGesture))
     shown = Show(rig)
