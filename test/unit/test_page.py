@@ -433,7 +433,7 @@ def test_a_step_with_many_words_ends_with_an_ellipsis_and_has_the_height_of_othe
     shown = show(one_leaf("<Navigate/>", lambda request: None))
     open_page(browser, shown)
     heights = [browser.execute_script(
-        "showNow(Object.assign({}, parts.now, {card: Object.assign({}, card, {what: arguments[0]})}));"
+        "showNow({robot: parts.now.robot, card: Object.assign({}, card, {what: arguments[0]})});"
         "return [byId('now').offsetHeight, getComputedStyle(byId('now')).webkitLineClamp]", words)
         for words in ("driving", said)]
     assert heights[0] == heights[1] and heights[0][1] == "2"
