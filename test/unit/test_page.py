@@ -730,6 +730,19 @@ def test_what_is_wrong_and_what_came_of_it_are_not_cut(show, browser, screen, wi
     assert summaries and not any(summaries)
 
 
+def test_a_stop_that_is_broken_off_begins_with_its_name_on_a_phone(show, browser, screen):
+    shown = show(Rig(answer=lambda request: refusal(request)
+                     if isinstance(request, GoTo) else NotImplemented))
+    screen(400, 800)
+    open_page(browser, shown)
+    shown.rig.run(visitor_who("yes"))
+    wait_until(lambda: "broken off" in text(browser, "#stops"))
+    inside = browser.execute_script("""
+        const box = byId("stops").getBoundingClientRect(), last = byId("stops").lastChild.getBoundingClientRect();
+        return last.top >= box.top && last.bottom <= box.bottom && last.left >= box.left - 1""")
+    assert inside and text(browser, "#stops").startswith("✘ 1 exhibit 1: broken off")
+
+
 def test_a_tree_of_many_levels_is_shown(show, browser):
     shown = show(
         one_leaf("<Inverter>" * 1900 + "<WelcomeSpeech/>" + "</Inverter>" * 1900,
